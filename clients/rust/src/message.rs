@@ -1,0 +1,305 @@
+//! The message contract: what `infer` publishes to `fit`, and what `fit` publishes to local apps.
+//!
+//! Every type is `#[repr(C)]`, has no pointers, no padding and a fixed size, and is valid for all bit patterns, so that C and
+//! Python read it through a plain struct. Camera frame: x right, y down, z forward, metres; pixels are those of the original
+//! picture, pixel centres on integers; quaternions are xyzw. Times are CLOCK_MONOTONIC nanoseconds.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS};
+
+/// Most people in one message; further ones, lowest scores first, are left out.
+pub const MAX_PEOPLE: usize = 32;
+/// Bins of each appearance histogram (hue, saturation). XNect §5.1.
+pub const APPEARANCE_BINS: usize = 30;
+/// Bones whose local rotations a [`Body`] carries, in the order of [`HUMANOID_BONES`].
+pub const HUMANOID_BONE_COUNT: usize = 16;
+/// VRM / Unity humanoid names of [`Body::bone_rotations`].
+pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
+    "hips", "spine", "neck", "head", "rightUpperArm", "rightLowerArm", "rightHand", "leftUpperArm", "leftLowerArm",
+    "leftHand", "rightUpperLeg", "rightLowerLeg", "rightFoot", "leftUpperLeg", "leftLowerLeg", "leftFoot",
+];
+
+/// Bit of [`ObservationFrame::flags`] and [`BodyFrame::flags`]: the input has ended, this message holds no new people.
+pub const FLAG_END_OF_STREAM: u32 = 1;
+
+/// Pinhole camera of the original picture, pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapIntrinsicsV1")]
+#[repr(C)]
+pub struct Intrinsics {
+    /// Horizontal focal length.
+    pub fx: f32,
+    /// Vertical focal length.
+    pub fy: f32,
+    /// Principal point, u.
+    pub cx: f32,
+    /// Principal point, v.
+    pub cy: f32,
+}
+
+impl Intrinsics {
+    /// Square pixels, principal point in the centre, the given horizontal field of view.
+    pub fn from_horizontal_fov(width: u32, height: u32, fov_degrees: f32) -> Self {
+        let f = 0.5 * width as f32 / (0.5 * fov_degrees.to_radians()).tan();
+        Self { fx: f, fy: f, cx: 0.5 * (width as f32 - 1.0), cy: 0.5 * (height as f32 - 1.0) }
+    }
+
+    /// Pixel of a camera-space point (metres); meaningless for z ≤ 0.
+    pub fn project(&self, p: [f32; 3]) -> [f32; 2] {
+        [self.fx * p[0] / p[2] + self.cx, self.fy * p[1] / p[2] + self.cy]
+    }
+
+    /// Unit vector from the camera centre through a pixel.
+    pub fn ray(&self, u: f32, v: f32) -> [f32; 3] {
+        let (x, y) = ((u - self.cx) / self.fx, (v - self.cy) / self.fy);
+        let n = (x * x + y * y + 1.0).sqrt().recip();
+        [x * n, y * n, n]
+    }
+}
+
+/// Time spent on a frame in each stage of `infer`, microseconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("EdgecapStageTimesV1")]
+#[repr(C)]
+pub struct StageTimes {
+    /// Letterbox to the network's input.
+    pub preprocess_us: u32,
+    /// Stage I network.
+    pub stage1_us: u32,
+    /// Peaks, limbs, people.
+    pub association_us: u32,
+    /// Stage II network and appearance.
+    pub stage2_us: u32,
+}
+
+/// One person as seen in one frame: Stage II's output.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapObservationV1")]
+#[repr(C)]
+pub struct Observation {
+    /// Mean confidence of the joints that were seen, 0–1.
+    pub score: f32,
+    /// Evidence joints: u, v in pixels of the original picture, confidence 0–1. Confidence 0: not seen, u and v are 0.
+    pub joints2d: [[f32; 3]; EVIDENCE_JOINTS],
+    /// Body joints relative to the pelvis, camera axes, metres, of the person rescaled to
+    /// [`CANONICAL_STATURE`](crate::joints::CANONICAL_STATURE). Complete: unseen joints are filled in by Stage II.
+    pub joints3d: [[f32; 3]; BODY_JOINTS],
+    /// Hue histogram of the torso, sums to 1; all zero when the torso was not seen.
+    pub hue: [f32; APPEARANCE_BINS],
+    /// Saturation histogram of the torso, sums to 1; all zero when the torso was not seen.
+    pub saturation: [f32; APPEARANCE_BINS],
+}
+
+impl Default for Observation {
+    fn default() -> Self {
+        Self {
+            score: 0.0,
+            joints2d: [[0.0; 3]; EVIDENCE_JOINTS],
+            joints3d: [[0.0; 3]; BODY_JOINTS],
+            hue: [0.0; APPEARANCE_BINS],
+            saturation: [0.0; APPEARANCE_BINS],
+        }
+    }
+}
+
+/// Everyone seen in one frame: `infer` → `fit`.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapObservationFrameV1")]
+#[repr(C)]
+pub struct ObservationFrame {
+    /// Counts the frames of this input from 0; gaps are dropped frames.
+    pub sequence: u64,
+    /// When the picture was taken.
+    pub capture_ns: u64,
+    /// When this message was published.
+    pub publish_ns: u64,
+    /// Width of the original picture, pixels.
+    pub width: u32,
+    /// Height of the original picture, pixels.
+    pub height: u32,
+    /// Camera of the original picture.
+    pub intrinsics: Intrinsics,
+    /// Time spent per stage.
+    pub stage_times: StageTimes,
+    /// `FLAG_*` bits.
+    pub flags: u32,
+    /// People whose neck was not found and who were therefore left out.
+    pub without_neck: u32,
+    /// Valid entries of `people`.
+    pub count: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The people, by falling score.
+    pub people: [Observation; MAX_PEOPLE],
+}
+
+impl Default for ObservationFrame {
+    fn default() -> Self {
+        Self {
+            sequence: 0,
+            capture_ns: 0,
+            publish_ns: 0,
+            width: 0,
+            height: 0,
+            intrinsics: Intrinsics::default(),
+            stage_times: StageTimes::default(),
+            flags: 0,
+            without_neck: 0,
+            count: 0,
+            reserved: 0,
+            people: [Observation::default(); MAX_PEOPLE],
+        }
+    }
+}
+
+impl ObservationFrame {
+    /// The valid people.
+    pub fn people(&self) -> &[Observation] {
+        &self.people[..(self.count as usize).min(MAX_PEOPLE)]
+    }
+}
+
+/// How a track is doing; the value of [`Body::state`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u32)]
+pub enum BodyState {
+    /// Seen in this frame, identity not yet confirmed. Not published.
+    #[default]
+    Tentative = 0,
+    /// Seen in this frame.
+    Tracked = 1,
+    /// Not seen in this frame, extrapolated.
+    Predicted = 2,
+}
+
+/// Where a joint's position comes from; the values of [`Body::joint_states`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum JointState {
+    /// Filled in by motion alone: the person was not seen in this frame.
+    #[default]
+    Predicted = 0,
+    /// Filled in from the person's other joints.
+    Occluded = 1,
+    /// Seen in this frame.
+    Observed = 2,
+}
+
+/// One person with an identity: Stage III's output.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapBodyV1")]
+#[repr(C)]
+pub struct Body {
+    /// Identity, from 1, never reused while `fit` runs.
+    pub id: u32,
+    /// A [`BodyState`].
+    pub state: u32,
+    /// Overall confidence, 0–1.
+    pub score: f32,
+    /// Pelvis in camera space, metres.
+    pub position: [f32; 3],
+    /// Rotation of the pelvis from the skeleton's rest axes to camera axes, xyzw. Rest axes: x to the person's left, y up,
+    /// z to the front; an upright person who faces the camera has a half turn about x.
+    pub orientation: [f32; 4],
+    /// Pelvis velocity in camera space, metres per second.
+    pub velocity: [f32; 3],
+    /// Skeleton parameters: root translation (m), root rotation vector (rad), 23 joint angles (rad) in the order of
+    /// `models/skeleton.toml`.
+    pub angles: [f32; DOF],
+    /// Joints in camera space, metres.
+    pub joints3d: [[f32; 3]; BODY_JOINTS],
+    /// `joints3d` projected into the original picture, pixels.
+    pub joints2d: [[f32; 2]; BODY_JOINTS],
+    /// Probability that a joint is within 150 mm of the truth, 0–1.
+    pub confidence: [f32; BODY_JOINTS],
+    /// Stature, metres.
+    pub height: f32,
+    /// Length of the bone that ends in each joint, metres; 0 for the pelvis.
+    pub bone_lengths: [f32; BODY_JOINTS],
+    /// Local rotations for [`HUMANOID_BONES`], xyzw, from a T-pose with axes x left, y up, z front.
+    pub bone_rotations: [[f32; 4]; HUMANOID_BONE_COUNT],
+    /// A [`JointState`] per joint, then three zeros.
+    pub joint_states: [u8; BODY_JOINTS + 3],
+}
+
+impl Default for Body {
+    fn default() -> Self {
+        Self {
+            id: 0,
+            state: 0,
+            score: 0.0,
+            position: [0.0; 3],
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            velocity: [0.0; 3],
+            angles: [0.0; DOF],
+            joints3d: [[0.0; 3]; BODY_JOINTS],
+            joints2d: [[0.0; 2]; BODY_JOINTS],
+            confidence: [0.0; BODY_JOINTS],
+            height: 0.0,
+            bone_lengths: [0.0; BODY_JOINTS],
+            bone_rotations: [[0.0, 0.0, 0.0, 1.0]; HUMANOID_BONE_COUNT],
+            joint_states: [0; BODY_JOINTS + 3],
+        }
+    }
+}
+
+/// Everyone with an identity: `fit` → local apps.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapBodyFrameV1")]
+#[repr(C)]
+pub struct BodyFrame {
+    /// [`ObservationFrame::sequence`] of the newest frame behind this message.
+    pub sequence: u64,
+    /// When that picture was taken.
+    pub capture_ns: u64,
+    /// The time the bodies are given for; later than `capture_ns` when extrapolated.
+    pub pose_ns: u64,
+    /// When this message was published; minus `capture_ns` it is the latency of every body in it.
+    pub publish_ns: u64,
+    /// Width of the original picture, pixels.
+    pub width: u32,
+    /// Height of the original picture, pixels.
+    pub height: u32,
+    /// Camera of the original picture.
+    pub intrinsics: Intrinsics,
+    /// Time spent per stage of `infer` on that picture.
+    pub stage_times: StageTimes,
+    /// Identity and fit, microseconds.
+    pub fit_us: u32,
+    /// `FLAG_*` bits.
+    pub flags: u32,
+    /// Valid entries of `bodies`.
+    pub count: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The bodies, by rising id.
+    pub bodies: [Body; MAX_PEOPLE],
+}
+
+impl Default for BodyFrame {
+    fn default() -> Self {
+        Self {
+            sequence: 0,
+            capture_ns: 0,
+            pose_ns: 0,
+            publish_ns: 0,
+            width: 0,
+            height: 0,
+            intrinsics: Intrinsics::default(),
+            stage_times: StageTimes::default(),
+            fit_us: 0,
+            flags: 0,
+            count: 0,
+            reserved: 0,
+            bodies: [Body::default(); MAX_PEOPLE],
+        }
+    }
+}
+
+impl BodyFrame {
+    /// The valid bodies.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies[..(self.count as usize).min(MAX_PEOPLE)]
+    }
+}

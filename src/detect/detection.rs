@@ -1,0 +1,15 @@
+//! A person found in the maps.
+
+use crate::engine::HEAD3D_CHANNELS;
+use edgecap_client::joints::EVIDENCE_JOINTS;
+
+/// One person in the network's input, before lifting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    /// u, v in network input pixels, confidence 0–1 (0: not seen, u = v = 0).
+    pub joints: [[f32; 3]; EVIDENCE_JOINTS],
+    /// The 3D head's 63-vector at each seen joint's cell, zero elsewhere.
+    pub encodings: [[f32; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
+    /// Mean confidence of the seen joints.
+    pub score: f32,
+}

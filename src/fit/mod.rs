@@ -1,0 +1,1 @@
+//! Stage III: observations go in, bodies with identity and joint angles come out. XNect §5.

@@ -1,0 +1,14 @@
+//! Real-time 3D motion capture of everyone in front of one ordinary camera, on a CPU.
+//!
+//! The way of a frame: [`capture`] → [`engine`] (Stage I) → [`detect`] → [`lift`] (Stage II) → shared memory → [`fit`]
+//! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
+
+pub mod capture;
+pub mod commands;
+pub mod detect;
+pub mod engine;
+pub mod fit;
+pub mod lift;
+pub mod synth;
+
+pub use edgecap_client::{joints, message};

@@ -1,0 +1,3 @@
+//! The `edgecap` command.
+
+fn main() {}

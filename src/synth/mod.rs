@@ -1,0 +1,1 @@
+//! Synthetic scenes: moving people with exact truth.
