@@ -32,7 +32,11 @@ impl ConvShape {
     /// Multiply-accumulates for an input of `height` × `width`.
     pub fn macs(&self, height: usize, width: usize) -> u64 {
         let taps = self.kernel * self.kernel * (self.in_channels / self.groups) * self.out_channels;
-        let sites = if self.transposed { height * width } else { self.output_len(height) * self.output_len(width) };
+        let sites = if self.transposed {
+            height * width
+        } else {
+            self.output_len(height) * self.output_len(width)
+        };
         taps as u64 * sites as u64
     }
 

@@ -15,6 +15,9 @@ pub struct Letterbox {
 impl Letterbox {
     /// Input pixel → original pixel.
     pub fn to_original(&self, u: f32, v: f32) -> [f32; 2] {
-        [(u - self.offset_u) / self.scale, (v - self.offset_v) / self.scale]
+        [
+            (u - self.offset_u) / self.scale,
+            (v - self.offset_v) / self.scale,
+        ]
     }
 }

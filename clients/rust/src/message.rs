@@ -16,8 +16,22 @@ pub const APPEARANCE_BINS: usize = 30;
 pub const HUMANOID_BONE_COUNT: usize = 16;
 /// VRM / Unity humanoid names of [`Body::bone_rotations`].
 pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
-    "hips", "spine", "neck", "head", "rightUpperArm", "rightLowerArm", "rightHand", "leftUpperArm", "leftLowerArm",
-    "leftHand", "rightUpperLeg", "rightLowerLeg", "rightFoot", "leftUpperLeg", "leftLowerLeg", "leftFoot",
+    "hips",
+    "spine",
+    "neck",
+    "head",
+    "rightUpperArm",
+    "rightLowerArm",
+    "rightHand",
+    "leftUpperArm",
+    "leftLowerArm",
+    "leftHand",
+    "rightUpperLeg",
+    "rightLowerLeg",
+    "rightFoot",
+    "leftUpperLeg",
+    "leftLowerLeg",
+    "leftFoot",
 ];
 
 /// Bit of [`ObservationFrame::flags`] and [`BodyFrame::flags`]: the input has ended, this message holds no new people.
@@ -42,12 +56,20 @@ impl Intrinsics {
     /// Square pixels, principal point in the centre, the given horizontal field of view.
     pub fn from_horizontal_fov(width: u32, height: u32, fov_degrees: f32) -> Self {
         let f = 0.5 * width as f32 / (0.5 * fov_degrees.to_radians()).tan();
-        Self { fx: f, fy: f, cx: 0.5 * (width as f32 - 1.0), cy: 0.5 * (height as f32 - 1.0) }
+        Self {
+            fx: f,
+            fy: f,
+            cx: 0.5 * (width as f32 - 1.0),
+            cy: 0.5 * (height as f32 - 1.0),
+        }
     }
 
     /// Pixel of a camera-space point (metres); meaningless for z ≤ 0.
     pub fn project(&self, p: [f32; 3]) -> [f32; 2] {
-        [self.fx * p[0] / p[2] + self.cx, self.fy * p[1] / p[2] + self.cy]
+        [
+            self.fx * p[0] / p[2] + self.cx,
+            self.fy * p[1] / p[2] + self.cy,
+        ]
     }
 
     /// Unit vector from the camera centre through a pixel.
