@@ -18,6 +18,14 @@ pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     for (name, layer) in &spec.output {
         outputs.push((name.clone(), b.lookup(layer)?));
     }
+    for (_, v) in &outputs {
+        if let Some(reader) = b.nodes.iter().find(|n| n.inputs.contains(v) || n.residual == Some(*v)) {
+            return Err(b.error(
+                format!("output `{}` is also read by `{}`", b.values[*v].name, reader.name),
+                "end the network in layers that nothing reads",
+            ));
+        }
+    }
     if outputs.is_empty() {
         return Err(b.error("no output is named", "name at least one in `output`"));
     }
