@@ -269,6 +269,10 @@ fn main() {
             seconds: Vec::new(),
         });
     }
+    // A third argument keeps the layers whose line contains it, to profile one.
+    if let Some(pattern) = arguments.get(3) {
+        layers.retain(|layer| layer.label.contains(pattern.as_str()));
+    }
     let mut peaks = Vec::new();
     for _ in 0..rounds {
         // The peak is measured again in every round: the machine may be shared.
