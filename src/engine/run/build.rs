@@ -50,6 +50,24 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Channels of the picture as stored for int8: kernels read channels by fours; the fourth has weight 0.
+pub(super) const PICTURE_CHANNELS: usize = 4;
+
+/// The graph with the channels that values have in memory.
+pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
+    let mut stored = graph.clone();
+    let reads = |n: &&Node| n.inputs.contains(&Graph::INPUT);
+    if matches!(source, Source::Int8(..)) && graph.nodes.iter().filter(reads).all(takes_picture) {
+        stored.values[Graph::INPUT].channels = PICTURE_CHANNELS;
+    }
+    stored
+}
+
+/// Whether a node's weights can be given a fourth channel.
+fn takes_picture(node: &Node) -> bool {
+    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups == 1)
+}
+
 /// Builds every step; `shares` says into how many parts the rows of a step may be cut.
 pub(super) fn steps(
     graph: &Graph,
@@ -119,7 +137,7 @@ fn step(
                 return Err(missing());
             }
             check_sum(graph, node, scales)?;
-            let conv = int8(node, conv, scales, isa).map_err(refused)?;
+            let conv = int8(node, input.layout.channels, conv, scales, isa).map_err(refused)?;
             if is_map {
                 Kernel::Int8ToMap(conv)
             } else {
@@ -179,9 +197,11 @@ fn check_sum(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(),
 }
 
 /// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual and of
-/// the output are constants per output channel, so they are folded into the bias.
+/// the output are constants per output channel, so they are folded into the bias. `channels` of the input are stored, the last
+/// of which may be more than the network has: they get weight 0.
 fn int8(
     node: &Node,
+    channels: usize,
     conv: &QuantConv,
     scales: &[Option<Scale>],
     isa: Isa,
@@ -226,13 +246,33 @@ fn int8(
         },
     };
     let picture = node.inputs.contains(&Graph::INPUT);
-    let params = QConvParams {
-        shape: *shape,
-        weights: &conv.weight,
-        bias: &bias,
-        input_max: if picture { 255 } else { 127 },
-        epilogue,
-        algorithm: Algorithm::Direct,
+    let mut shape = *shape;
+    let mut weights = std::borrow::Cow::from(&conv.weight);
+    if channels > shape.in_channels {
+        weights = conv
+            .weight
+            .chunks_exact(shape.in_channels * taps)
+            .flat_map(|row| {
+                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels) * taps);
+                row.iter().copied().chain(zeros)
+            })
+            .collect();
+        shape.in_channels = channels;
+    }
+    let pack = |algorithm| {
+        let params = QConvParams {
+            shape,
+            weights: &weights,
+            bias: &bias,
+            input_max: if picture { 255 } else { 127 },
+            epilogue: epilogue.clone(),
+            algorithm,
+        };
+        QConv::new(isa, &params)
     };
-    QConv::new(isa, &params)
+    // Winograd refuses some weights. Which ones depends on the weights alone, so every machine takes the same way.
+    match pack(Algorithm::preferred(&shape)) {
+        Err(KernelError::Value(_)) => pack(Algorithm::Direct),
+        packed => packed,
+    }
 }
