@@ -200,36 +200,55 @@ unsafe fn transform_pixels<S: Simd>(
     pixel: impl Fn(usize, usize) -> *const u8,
 ) {
     let wide = 2 * S::LANES;
+    // SAFETY: every vector ends with or before the last channel, and rows of V hold at least `from + wide`.
+    unsafe {
+        if job.channels < wide {
+            transform_vector::<S>(job, tile, 0, |y, x| S::load_u8_h(pixel(y, x), job.channels));
+            return;
+        }
+        let mut first = 0;
+        while first < job.channels {
+            // The last vector begins early enough to end with the last channel; what it computes twice is the same.
+            let from = first.min(job.channels - wide);
+            transform_vector::<S>(job, tile, from, |y, x| {
+                S::load_u8_h(pixel(y, x).add(from), wide)
+            });
+            first += wide;
+        }
+    }
+}
+
+/// Transforms channels `from..from + 2 · LANES` of 6 × 6 pixels.
+///
+/// # Safety
+/// As [`run`]; `tile < plan.tiles`; a row of V holds `from + 2 · LANES` channels.
+#[inline(always)]
+unsafe fn transform_vector<S: Simd>(
+    job: &Job,
+    tile: usize,
+    from: usize,
+    load: impl Fn(usize, usize) -> S::H,
+) {
     let point = job.plan.tiles * job.plan.row;
-    let mut first = 0;
-    loop {
-        // The last vector begins early enough to end with the last channel; what it computes twice is the same.
-        let from = first.min(job.channels.saturating_sub(wide));
-        let n = (job.channels - from).min(wide);
-        // SAFETY: from + n <= channels, readable at every pixel; rows of V hold at least from + 2 · LANES.
-        unsafe {
-            let mut half = [[S::zero_h(); IN]; IN];
-            for x in 0..IN {
-                let mut column = [S::zero_h(); IN];
-                for y in 0..IN {
-                    column[y] = S::load_u8_h(pixel(y, x).add(from), n);
-                }
-                let column = b_transform::<S>(column);
-                for y in 0..IN {
-                    half[y][x] = column[y];
-                }
+    // SAFETY: the caller's contract.
+    unsafe {
+        let mut half = [[S::zero_h(); IN]; IN];
+        for x in 0..IN {
+            let mut column = [S::zero_h(); IN];
+            for y in 0..IN {
+                column[y] = load(y, x);
             }
-            let mut to = job.v(0, tile).add(from);
-            for row in half {
-                for value in b_transform::<S>(row) {
-                    S::store_h(value, to);
-                    to = to.wrapping_add(point);
-                }
+            let column = b_transform::<S>(column);
+            for y in 0..IN {
+                half[y][x] = column[y];
             }
         }
-        first += wide;
-        if first >= job.channels {
-            return;
+        let mut to = job.v(0, tile).add(from);
+        for row in half {
+            for value in b_transform::<S>(row) {
+                S::store_h(value, to);
+                to = to.wrapping_add(point);
+            }
         }
     }
 }
