@@ -1,0 +1,77 @@
+//! Exit codes of `sysexits.h`, and which error earns which.
+
+use edgecap_client::LinkError;
+
+use crate::capture::CaptureError;
+use crate::engine::ModelError;
+
+/// The command line was wrong.
+pub const USAGE: u8 = 64;
+/// The input's content was wrong.
+pub const DATA: u8 = 65;
+/// The input could not be opened.
+pub const NO_INPUT: u8 = 66;
+/// A device or service is not there or is taken.
+pub const UNAVAILABLE: u8 = 69;
+/// Our own fault.
+pub const SOFTWARE: u8 = 70;
+/// The output could not be created.
+pub const CANNOT_CREATE: u8 = 73;
+/// Reading or writing failed on the way.
+pub const IO: u8 = 74;
+/// A configuration file was wrong.
+pub const CONFIG: u8 = 78;
+
+/// An error that carries its exit code.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    /// The user asked for something that does not exist or does not go together.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self { code: USAGE, message: message.into() }
+    }
+
+    /// A result could not be written.
+    pub fn output(path: &std::path::Path, cause: &std::io::Error) -> Self {
+        let message = format!("cannot write {}: {cause}; choose a writable place", path.display());
+        Self { code: CANNOT_CREATE, message }
+    }
+
+    /// A configuration file is wrong.
+    pub fn config(message: impl Into<String>) -> Self {
+        Self { code: CONFIG, message: message.into() }
+    }
+
+    /// A child process failed and has already said why.
+    pub fn child(code: u8, message: impl Into<String>) -> Self {
+        Self { code, message: message.into() }
+    }
+}
+
+/// The exit code for an error: the first cause that knows one, else [`SOFTWARE`].
+pub fn code(error: &anyhow::Error) -> u8 {
+    error
+        .chain()
+        .find_map(|cause| {
+            if let Some(e) = cause.downcast_ref::<Failure>() {
+                return Some(e.code);
+            }
+            if let Some(e) = cause.downcast_ref::<CaptureError>() {
+                return Some(e.exit_code());
+            }
+            if let Some(e) = cause.downcast_ref::<ModelError>() {
+                return Some(e.exit_code());
+            }
+            match cause.downcast_ref::<LinkError>()? {
+                LinkError::Name(_) => Some(USAGE),
+                LinkError::Busy { .. } | LinkError::Incompatible { .. } => Some(UNAVAILABLE),
+                LinkError::SharedMemory { .. } => Some(IO),
+            }
+        })
+        .unwrap_or(SOFTWARE)
+}
