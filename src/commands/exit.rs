@@ -42,14 +42,24 @@ impl Failure {
         Self { code: CANNOT_CREATE, message }
     }
 
+    /// An input file's content is wrong.
+    pub fn data(message: impl Into<String>) -> Self {
+        Self { code: DATA, message: message.into() }
+    }
+
     /// A configuration file is wrong.
     pub fn config(message: impl Into<String>) -> Self {
         Self { code: CONFIG, message: message.into() }
     }
 
-    /// A child process failed and has already said why.
+    /// A child process failed.
     pub fn child(code: u8, message: impl Into<String>) -> Self {
         Self { code, message: message.into() }
+    }
+
+    /// A child process failed and has already said why.
+    pub fn silent(code: u8) -> Self {
+        Self { code, message: String::new() }
     }
 }
 
@@ -74,4 +84,9 @@ pub fn code(error: &anyhow::Error) -> u8 {
             }
         })
         .unwrap_or(SOFTWARE)
+}
+
+/// Whether the user has been told already.
+pub fn is_silent(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<Failure>().is_some_and(|f| f.message.is_empty())
 }
