@@ -4,6 +4,7 @@ use edgecap_client::LinkError;
 
 use crate::capture::CaptureError;
 use crate::engine::ModelError;
+use crate::fit::offline::OfflineError;
 
 /// The command line was wrong.
 pub const USAGE: u8 = 64;
@@ -19,6 +20,8 @@ pub const SOFTWARE: u8 = 70;
 pub const CANNOT_CREATE: u8 = 73;
 /// Reading or writing failed on the way.
 pub const IO: u8 = 74;
+/// Ended by the user: 128 + SIGINT, as shells have it.
+pub const INTERRUPTED: u8 = 130;
 /// A configuration file was wrong.
 pub const CONFIG: u8 = 78;
 
@@ -42,9 +45,15 @@ impl Failure {
         Self { code: CANNOT_CREATE, message }
     }
 
-    /// An input file's content is wrong.
-    pub fn data(message: impl Into<String>) -> Self {
-        Self { code: DATA, message: message.into() }
+    /// An input file cannot be opened.
+    pub fn no_input(path: &std::path::Path, cause: &std::io::Error) -> Self {
+        let message = format!("cannot open {}: {cause}; check the path and its permissions", path.display());
+        Self { code: NO_INPUT, message }
+    }
+
+    /// The user stopped the work before its result was whole.
+    pub fn stopped() -> Self {
+        Self { code: INTERRUPTED, message: "stopped before the end; nothing was written".to_owned() }
     }
 
     /// A configuration file is wrong.
@@ -76,6 +85,12 @@ pub fn code(error: &anyhow::Error) -> u8 {
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {
                 return Some(e.exit_code());
+            }
+            if let Some(e) = cause.downcast_ref::<OfflineError>() {
+                return Some(match e {
+                    OfflineError::Io { .. } => IO,
+                    OfflineError::Line { .. } => DATA,
+                });
             }
             match cause.downcast_ref::<LinkError>()? {
                 LinkError::Name(_) => Some(USAGE),

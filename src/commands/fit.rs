@@ -1,7 +1,7 @@
 //! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, or from a recorded file.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,8 @@ use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::stop::{self, Stop};
 use crate::capture::CameraModel;
-use crate::fit::offline::{BodyLine, ObservationLine};
+use crate::fit::bodies_line::write_bodies;
+use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};
 use crate::output::AtomicFile;
 
@@ -131,24 +132,21 @@ fn recorded(
     camera: Option<&Path>,
     stop: &Stop,
 ) -> anyhow::Result<()> {
-    let camera = CameraModel::read(camera)?;
-    let file = File::open(input).map_err(|e| {
-        crate::capture::CaptureError::open(input, &e)
-    })?;
+    let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
     let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
-    let mut out = Box::new(BodyFrame::default());
+    let camera = match camera {
+        Some(path) => CameraSource::Model(CameraModel::read(Some(path)).map_err(|e| Failure::config(e.to_string()))?),
+        None => CameraSource::Recorded,
+    };
+    let mut reader = ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
-    for (number, line) in BufReader::new(file).lines().enumerate() {
-        anyhow::ensure!(!stop.requested(), Failure::child(130, "stopped before the end; nothing was written"));
-        let line = line.map_err(|e| crate::capture::CaptureError::open(input, &e))?;
-        if line.trim().is_empty() {
-            continue;
+    let mut out = Box::new(BodyFrame::default());
+    while reader.read(&mut frame)? {
+        if stop.requested() {
+            return Err(Failure::stopped().into());
         }
-        ObservationLine::parse(&line, &camera, &mut frame)
-            .map_err(|e| Failure::data(format!("{}, line {}: {e}", input.display(), number + 1)))?;
         fitter.update(&frame, &mut out);
-        BodyLine::write(&out, &mut lines).map_err(|e| Failure::output(output, &e))?;
-        lines.write_all(b"\n").map_err(|e| Failure::output(output, &e))?;
+        write_bodies(&mut lines, &out).map_err(|e| Failure::output(output, &e))?;
     }
     lines.finish().map_err(|e| Failure::output(output, &e))?;
     Ok(())

@@ -94,8 +94,16 @@ struct Line<'a> {
     source: &'a str,
     width: u32,
     height: u32,
-    intrinsics: [f32; 4],
+    intrinsics: Camera,
     people: Vec<Person<'a>>,
+}
+
+#[derive(Serialize)]
+struct Camera {
+    fx: f32,
+    fy: f32,
+    cx: f32,
+    cy: f32,
 }
 
 #[derive(Serialize)]
@@ -163,7 +171,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                 source: &opened.label,
                 width: frame.width,
                 height: frame.height,
-                intrinsics: [intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy],
+                intrinsics: Camera { fx: intrinsics.fx, fy: intrinsics.fy, cx: intrinsics.cx, cy: intrinsics.cy },
                 people: seen.people.iter().map(Person::new).collect(),
             };
             serde_json::to_writer(&mut *file, &line).map_err(std::io::Error::from).map_err(|e| Failure::output(path, &e))?;

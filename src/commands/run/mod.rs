@@ -16,7 +16,7 @@ use super::exit::{self, Failure};
 use super::infer::EngineArgs;
 use super::input::{self, Chosen, InputArgs};
 use super::stop::Stop;
-use crate::fit::bodies_line::BodiesLine;
+use crate::fit::bodies_line::write_bodies;
 use crate::output::AtomicFile;
 use children::{Supervised, describe, stop_all};
 use overlay::OverlayWriter;
@@ -138,7 +138,7 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
         tally.count(frame);
         table.update(frame, tally.lost);
         if let Some((file, path)) = &mut jsonl {
-            BodiesLine(frame).write(&mut *file).map_err(|e| Failure::output(path, &e))?;
+            write_bodies(file, frame).map_err(|e| Failure::output(path, &e))?;
         }
         if let Some(o) = &overlay {
             o.push(frame);
