@@ -2,4 +2,7 @@
 //! [`BodyFrame`](crate::message::BodyFrame)s: identified, temporally stable, metric skeletons with joint angles.
 
 pub mod bodies_line;
+pub mod energy;
 pub mod offline;
+pub mod skeleton;
+pub mod solver;
