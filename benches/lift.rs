@@ -7,6 +7,7 @@ use edgecap::engine::HEAD3D_CHANNELS;
 use edgecap::joints::EVIDENCE_JOINTS;
 use edgecap::lift::{Encodings, INPUTS, Lifter, LinearLayer, OUTPUTS, Stage2Weights};
 use edgecap::message::Intrinsics;
+use edgecap_kernels::Isa;
 use std::hint::black_box;
 
 const WIDTHS: [usize; 6] = [INPUTS, 160, 256, 256, 128, OUTPUTS];
@@ -36,7 +37,8 @@ fn person(index: usize) -> Detection {
 }
 
 fn lift(c: &mut Criterion) {
-    let mut lifter = Lifter::new(&weights(), Encodings::Read);
+    let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
+    let mut lifter = Lifter::new(&weights(), Encodings::Read, isa).expect("the CPU has its tier");
     let letterbox = Letterbox {
         scale: 1.0,
         offset_u: 0.0,
@@ -53,12 +55,19 @@ fn lift(c: &mut Criterion) {
     for count in [1, 5, 10, 20] {
         let people: Vec<_> = (0..count).map(person).collect();
         let finite = |p: [[f32; 3]; 21]| p.as_flattened().iter().all(|v| v.is_finite());
-        assert!(lifter.lift_aligned(&people).all(finite));
+        assert!(
+            lifter
+                .lift_aligned(&people)
+                .is_ok_and(|mut p| p.all(finite))
+        );
         group.bench_with_input(BenchmarkId::new("network", count), &people, |b, p| {
-            b.iter(|| lifter.lift_aligned(black_box(p)).len());
+            b.iter(|| lifter.lift_aligned(black_box(p)).map(|p| p.len()));
         });
         group.bench_with_input(BenchmarkId::new("whole", count), &people, |b, p| {
-            b.iter(|| lifter.lift(black_box(p), &letterbox, &camera, &frame).len());
+            b.iter(|| {
+                let seen = lifter.lift(black_box(p), &letterbox, &camera, &frame);
+                seen.map(|o| o.len())
+            });
         });
     }
     group.finish();

@@ -8,6 +8,7 @@ use edgecap::lift::{
     Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
 };
 use edgecap::message::Intrinsics;
+use edgecap_kernels::Isa;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -99,10 +100,10 @@ fn batches_of_any_size_match_the_plain_formula() {
     let layers = random_layers(&mut rng);
     let weights = Stage2Weights::new(layers.clone()).unwrap();
     for encodings in [Encodings::Read, Encodings::Zero] {
-        let mut lifter = Lifter::new(&weights, encodings);
+        let mut lifter = Lifter::new(&weights, encodings, Isa::Scalar).unwrap();
         for count in [0, 1, 3, 4, 5, 8, 11] {
             let people: Vec<_> = (0..count).map(|_| random_detection(&mut rng)).collect();
-            let lifted: Vec<_> = lifter.lift_aligned(&people).collect();
+            let lifted: Vec<_> = lifter.lift_aligned(&people).unwrap().collect();
             assert_eq!(lifted.len(), count);
             for (d, joints) in people.iter().zip(lifted) {
                 let expected = plain(&layers, d, encodings == Encodings::Read);
@@ -123,8 +124,8 @@ fn size_and_place_in_the_network_input_do_not_matter() {
     for j in far.joints.iter_mut().filter(|j| j[2] > 0.0) {
         *j = [0.5 * j[0] + 31.0, 0.5 * j[1] - 7.0, j[2]];
     }
-    let mut lifter = Lifter::new(&weights, Encodings::Read);
-    let lifted: Vec<_> = lifter.lift_aligned(&[near, far]).collect();
+    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
+    let lifted: Vec<_> = lifter.lift_aligned(&[near, far]).unwrap().collect();
     for (a, b) in lifted[0]
         .as_flattened()
         .iter()
@@ -138,10 +139,11 @@ fn size_and_place_in_the_network_input_do_not_matter() {
 fn observations_are_in_original_pixels_and_camera_axes() {
     let mut rng = SmallRng::seed_from_u64(3);
     let weights = Stage2Weights::new(random_layers(&mut rng)).unwrap();
-    let mut lifter = Lifter::new(&weights, Encodings::Read);
+    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
     let d = random_detection(&mut rng);
     let aligned = lifter
         .lift_aligned(std::slice::from_ref(&d))
+        .unwrap()
         .next()
         .unwrap();
     let letterbox = Letterbox {
@@ -156,7 +158,9 @@ fn observations_are_in_original_pixels_and_camera_axes() {
         rgb: vec![128; 1920 * 1080 * 3],
         ..Default::default()
     };
-    let seen = lifter.lift(std::slice::from_ref(&d), &letterbox, &intrinsics, &frame)[0];
+    let seen = lifter
+        .lift(std::slice::from_ref(&d), &letterbox, &intrinsics, &frame)
+        .unwrap()[0];
     for (from, to) in d.joints.iter().zip(seen.joints2d) {
         assert_eq!(from[2], to[2]);
         if from[2] > 0.0 {
@@ -248,11 +252,21 @@ fn pytorch_gives_the_same_joints() {
         let d = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
         d.fold(0.0, f32::max)
     };
-    let mut lifter = Lifter::new(&weights, Encodings::Read);
-    let aligned = lifter.lift_aligned(&people).flatten().flatten().collect();
+    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
+    let aligned = lifter
+        .lift_aligned(&people)
+        .unwrap()
+        .flatten()
+        .flatten()
+        .collect();
     let error = worst(aligned, "aligned");
-    let mut blind = Lifter::new(&weights, Encodings::Zero);
-    let aligned = blind.lift_aligned(&people).flatten().flatten().collect();
+    let mut blind = Lifter::new(&weights, Encodings::Zero, Isa::detect().unwrap()).unwrap();
+    let aligned = blind
+        .lift_aligned(&people)
+        .unwrap()
+        .flatten()
+        .flatten()
+        .collect();
     let blind_error = worst(aligned, "aligned_without_encodings");
     // Only people with a neck: the reference turns by the neck's ray.
     let necks = people
@@ -270,7 +284,9 @@ fn pytorch_gives_the_same_joints() {
         offset_u: 0.0,
         offset_v: 0.0,
     };
-    let seen = lifter.lift(&people, &letterbox, &intrinsics, &Frame::default());
+    let seen = lifter
+        .lift(&people, &letterbox, &intrinsics, &Frame::default())
+        .unwrap();
     let expected = floats("camera");
     let mut camera_error = 0.0_f32;
     for (o, e) in seen.iter().zip(expected.chunks_exact(OUTPUTS)).take(necks) {

@@ -39,14 +39,13 @@ pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) ->
             let bin = |x: f32| ((x * APPEARANCE_BINS as f32) as usize).min(APPEARANCE_BINS - 1);
             saturation[bin(s)] += 1.0;
             hue[bin(h)] += chroma;
-            for vote in &mut hue {
-                *vote += GREY_VOTE / APPEARANCE_BINS as f32;
-            }
             pixels += 1.0;
         }
     }
-    let votes: f32 = hue.iter().sum();
-    if pixels > 0.0 && votes > 0.0 {
+    if pixels > 0.0 {
+        let grey = pixels * GREY_VOTE / APPEARANCE_BINS as f32;
+        hue.iter_mut().for_each(|v| *v += grey);
+        let votes: f32 = hue.iter().sum();
         hue.iter_mut().for_each(|v| *v /= votes);
         saturation.iter_mut().for_each(|v| *v /= pixels);
     }

@@ -1,8 +1,10 @@
-//! What can be wrong with Stage II's weights.
+//! What can be wrong with Stage II.
+
+use edgecap_kernels::KernelError;
 
 use super::weights::OUTPUTS;
 
-/// Stage II cannot be built from these weights.
+/// Stage II cannot be built or run.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LiftError {
     /// A layer does not fit the one before it, or itself.
@@ -34,4 +36,7 @@ pub enum LiftError {
         /// Counted from 1.
         index: usize,
     },
+    /// A kernel cannot be built or run.
+    #[error("stage II: {0}")]
+    Kernel(#[from] KernelError),
 }

@@ -2,9 +2,10 @@
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK};
 use edgecap_client::message::{Intrinsics, Observation};
+use edgecap_kernels::Isa;
 
 use super::weights::{INPUTS, OUTPUTS};
-use super::{Stage2Weights, appearance, input, mlp::Mlp, view};
+use super::{LiftError, Stage2Weights, appearance, input, mlp::Mlp, view};
 use crate::capture::{Frame, Letterbox};
 use crate::detect::Detection;
 
@@ -25,54 +26,60 @@ pub struct Lifter {
     mlp: Mlp,
     encodings: Encodings,
     input: Vec<f32>,
-    output: Vec<f32>,
     observations: Vec<Observation>,
 }
 
 impl Lifter {
-    /// A lifter with these weights.
-    pub fn new(weights: &Stage2Weights, encodings: Encodings) -> Self {
-        Self {
-            mlp: Mlp::new(weights),
+    /// A lifter with these weights, computing with the kernels of `isa`.
+    ///
+    /// # Errors
+    /// When the CPU lacks `isa`.
+    pub fn new(weights: &Stage2Weights, encodings: Encodings, isa: Isa) -> Result<Self, LiftError> {
+        Ok(Self {
+            mlp: Mlp::new(weights, isa)?,
             encodings,
             input: Vec::new(),
-            output: Vec::new(),
             observations: Vec::new(),
-        }
+        })
     }
 
     /// Stage II's raw output for every detection: body joints relative to the pelvis, metres at canonical stature, **view-aligned**
     /// (z along the ray through the neck).
+    ///
+    /// # Errors
+    /// When a kernel refuses its tensors, which would be a fault of this program.
     pub fn lift_aligned(
         &mut self,
         detections: &[Detection],
-    ) -> impl ExactSizeIterator<Item = [[f32; 3]; BODY_JOINTS]> {
+    ) -> Result<impl ExactSizeIterator<Item = [[f32; 3]; BODY_JOINTS]>, LiftError> {
         self.input.resize(detections.len() * INPUTS, 0.0);
-        self.output.resize(detections.len() * OUTPUTS, 0.0);
         let read = self.encodings == Encodings::Read;
         for (d, row) in detections.iter().zip(self.input.chunks_exact_mut(INPUTS)) {
             input::fill(d, read, row);
         }
-        self.mlp.run(&self.input, &mut self.output);
-        self.output.chunks_exact(OUTPUTS).map(|row| {
+        let output = self.mlp.run(detections.len(), &self.input)?;
+        Ok(output.chunks_exact(OUTPUTS).map(|row| {
             let mut joints = [[0.0; 3]; BODY_JOINTS];
             joints.as_flattened_mut().copy_from_slice(row);
             joints
-        })
+        }))
     }
 
     /// One observation per detection, in the same order. `letterbox` says where `frame` lies in the network's input, and
     /// `intrinsics` is the camera of `frame`.
+    ///
+    /// # Errors
+    /// As [`lift_aligned`](Self::lift_aligned).
     pub fn lift(
         &mut self,
         detections: &[Detection],
         letterbox: &Letterbox,
         intrinsics: &Intrinsics,
         frame: &Frame,
-    ) -> &[Observation] {
+    ) -> Result<&[Observation], LiftError> {
         let mut observations = std::mem::take(&mut self.observations);
         observations.clear();
-        let lifted = self.lift_aligned(detections);
+        let lifted = self.lift_aligned(detections)?;
         for (d, aligned) in detections.iter().zip(lifted) {
             let joints2d = original(d, letterbox);
             let [u, v] = anchor(&joints2d);
@@ -87,7 +94,7 @@ impl Lifter {
             });
         }
         self.observations = observations;
-        &self.observations
+        Ok(&self.observations)
     }
 }
 
