@@ -51,6 +51,11 @@ impl Failure {
         Self { code: NO_INPUT, message }
     }
 
+    /// An input file's content is wrong.
+    pub fn data(message: impl Into<String>) -> Self {
+        Self { code: DATA, message: message.into() }
+    }
+
     /// The user stopped the work before its result was whole.
     pub fn stopped() -> Self {
         Self { code: INTERRUPTED, message: "stopped before the end; nothing was written".to_owned() }

@@ -140,8 +140,10 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     if let Some(pid) = args.supervisor {
         stop::with_supervisor(pid)?;
     }
-    let opened = input::open(&args.input)?;
-    let mut source = opened.source;
+    let chosen = input::choose(&args.input);
+    let camera = input::camera_model(&args.input, &chosen)?;
+    let mut source = chosen.open(&args.input)?;
+    let label = chosen.spec.to_string();
     let mut jsonl = match &args.jsonl {
         Some(path) => Some((AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?, path)),
         None => None,
@@ -150,9 +152,9 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Failure::output(folder, &e))?;
     }
     let publishes = args.input.name.is_some() || (args.jsonl.is_none() && args.overlay.is_none());
-    let publisher = if publishes { Some(Publisher::<ObservationFrame>::open(&opened.name)?) } else { None };
+    let publisher = if publishes { Some(Publisher::<ObservationFrame>::open(&chosen.name)?) } else { None };
     let mut pipeline = args.engine.pipeline()?;
-    tracing::info!(source = %opened.label, name = %opened.name, engine = %pipeline.describe(), "infer starts");
+    tracing::info!(source = %label, name = %chosen.name, engine = %pipeline.describe(), "infer starts");
 
     if let (Some(p), true) = (&publisher, args.wait_for_reader) {
         wait_until(&stop, || p.subscriber_count() > 0);
@@ -162,13 +164,13 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let mut cleaned = Instant::now();
     let mut last_sequence = 0;
     while !stop.requested() && source.next_into(&mut frame)? {
-        let intrinsics = opened.camera.intrinsics(frame.width, frame.height);
+        let intrinsics = camera.intrinsics(frame.width, frame.height);
         let seen = pipeline.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
                 frame: frame.sequence,
                 time_ns: frame.time_ns,
-                source: &opened.label,
+                source: &label,
                 width: frame.width,
                 height: frame.height,
                 intrinsics: Camera { fx: intrinsics.fx, fy: intrinsics.fy, cx: intrinsics.cx, cy: intrinsics.cy },
