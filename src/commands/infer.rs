@@ -163,7 +163,17 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let mut message = Box::new(ObservationFrame::default());
     let mut cleaned = Instant::now();
     let mut last_sequence = 0;
-    while !stop.requested() && source.next_into(&mut frame)? {
+    while !stop.requested() {
+        match source.next_into(&mut frame) {
+            Ok(true) => {}
+            Ok(false) => break,
+            // One bad picture among many does not end the work.
+            Err(e) if e.is_skippable() && source.frame_count() != Some(1) => {
+                tracing::warn!("{e}; skipped");
+                continue;
+            }
+            Err(e) => return Err(e.into()),
+        }
         let intrinsics = camera.intrinsics(frame.width, frame.height);
         let seen = pipeline.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {

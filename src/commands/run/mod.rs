@@ -117,7 +117,7 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     };
     let bodies = Subscriber::<BodyFrame>::open(&chosen.name)?;
     let mut table = Table::new();
-    table.say(&format!("edgecap: {} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)", chosen.spec, chosen.name));
+    table.say(&format!("{} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)", chosen.spec, chosen.name));
 
     let mut fit = Supervised::start("fit", args.fit_args(&chosen))?;
     let mut infer = match Supervised::start("infer", args.infer_args(&chosen)) {
