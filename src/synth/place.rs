@@ -148,7 +148,7 @@ impl Finish {
             8 | 9 => Paint::Bricks(dice.range(0.07, 0.25)),
             10 => Paint::Tiles(dice.range(0.15, 0.6)),
             11 => Paint::Planks(dice.range(0.1, 0.3)),
-            12 => Paint::Collage(dice.range(0.4, 1.6)),
+            12 => Paint::Collage(dice.range(1.2, 3.0)),
             _ => Paint::Blotches(dice.range(0.3, 1.2)),
         };
         if matches!(paint, Paint::Collage(_) | Paint::Blotches(_)) {
@@ -258,9 +258,9 @@ impl Finish {
                     let r = |n: i32| cell(t.x, t.y, k + n);
                     let lo = Vec2::new(0.4 * r(0), 0.4 * r(1));
                     let hi = Vec2::new(0.6 + 0.4 * r(2), 0.6 + 0.4 * r(3));
-                    if r(4) < 0.45 && f.cmpgt(lo).all() && f.cmplt(hi).all() {
-                        let tint = Vec3::new(r(5), r(6), r(7));
-                        c = self.b.lerp(tint * tint, 0.8) * (0.5 + fractal(p3 / (0.15 * s), 2, seed ^ 3));
+                    if r(4) < 0.3 && f.cmpgt(lo).all() && f.cmplt(hi).all() {
+                        let tint = Vec3::splat(r(5)).lerp(Vec3::new(r(5), r(6), r(7)), r(8));
+                        c = self.b.lerp(tint * tint, 0.7) * (0.5 + fractal(p3 / (0.15 * s), 2, seed ^ 3));
                     }
                 }
                 c
@@ -354,7 +354,7 @@ impl Place {
         }
         // cupboards, shelves, sofas, tables, plants near the walls
         for _ in 0..dice.below(7) {
-            let along_side = dice.chance(0.4);
+            let along_side = dice.chance(0.6);
             let deep = dice.range(0.15, 0.45);
             let foot = if along_side {
                 let x = if dice.chance(0.5) { left + deep } else { right - deep };

@@ -23,7 +23,7 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
     }
     .min(people);
     let fov = dice.range(36.0, 88.0);
-    let tall = (size.1 as f32 * 0.17).ln() + dice.unit() * (1.0f32 / 0.17).ln();
+    let tall = (size.1 as f32 * 0.19).ln() + 0.5 * (dice.unit() + dice.unit()) * (1.15f32 / 0.19).ln();
     let tall = tall.exp(); // stature of the first person in pixels
     let high = if dice.chance(0.75) { dice.range(0.9, 2.2) } else { dice.range(0.4, 3.2) };
     let eye = Vec3::new(0.0, high, 0.0);
@@ -90,14 +90,25 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
         scene.people.push(person);
         stances.push(Stance { person: scene.people.len() - 1, pose, place: spot, heading });
     }
-    // something in front of somebody
-    if !stances.is_empty() && dice.chance(0.45) {
-        for _ in 0..1 + dice.below(2) {
-            let of = stances[dice.below(stances.len())].place;
-            let t = dice.range(0.55, 0.85);
-            let foot = Vec3::new(of.x * t + dice.range(-0.5, 0.5), 0.0, of.z * t);
-            if spots.iter().all(|s| s.distance(foot) > 0.75) && foot.z < -1.0 {
-                Place::furnish(&mut scene.place.things, dice, foot);
+    // something in front of somebody, low or slim or to the side, so that part of them stays in sight
+    if !stances.is_empty() && dice.chance(0.4) {
+        let of = stances[dice.below(stances.len())].place;
+        let t = dice.range(0.55, 0.85);
+        let low = dice.chance(0.6);
+        let aside = if low { dice.range(-0.5, 0.5) } else { dice.sign() * dice.range(0.2, 0.6) };
+        let foot = Vec3::new(of.x * t + aside, 0.0, of.z * t);
+        if spots.iter().all(|s| s.distance(foot) > 0.75) && foot.z < -1.0 {
+            let before = scene.place.things.len();
+            Place::furnish(&mut scene.place.things, dice, foot);
+            for thing in &mut scene.place.things[before..] {
+                if let Form::Block { centre, half, .. } = &mut thing.form
+                    && low
+                    && centre.y + half.y > 1.0
+                {
+                    let scale = 1.0 / (centre.y + half.y);
+                    centre.y *= scale;
+                    half.y *= scale;
+                }
             }
         }
     }
