@@ -283,7 +283,7 @@ impl Finish {
 impl Place {
     /// A random place that leaves the middle of the view free for people.
     pub fn random(dice: &mut Dice, eye: Vec3) -> Self {
-        if dice.chance(0.6) { Self::indoors(dice, eye) } else { Self::outdoors(dice) }
+        if dice.chance(0.6) { Self::indoors(dice, eye) } else { Self::outdoors(dice, near) }
     }
 
     /// A room with furniture along its walls.
@@ -451,8 +451,8 @@ impl Place {
         }
     }
 
-    /// Open air: ground, sky, trees or houses.
-    pub fn outdoors(dice: &mut Dice) -> Self {
+    /// Open air: ground, sky, trees or houses, mostly behind `near`.
+    pub fn outdoors(dice: &mut Dice, near: f32) -> Self {
         let green = |dice: &mut Dice| {
             linear(Vec3::new(dice.range(0.15, 0.5), dice.range(0.32, 0.6), dice.range(0.08, 0.3)))
         };
@@ -481,7 +481,7 @@ impl Place {
             }
         };
         let mut things = Vec::new();
-        let far = dice.range(9.0, 30.0);
+        let far = near * 1.5 + dice.range(4.0, 25.0);
         if dice.chance(0.5) {
             // a row of houses
             let mut x = -30.0;
@@ -506,7 +506,7 @@ impl Place {
         }
         for _ in 0..dice.below(9) {
             // trees and bushes
-            let z = -dice.range(5.0, 24.0);
+            let z = -near * dice.range(0.8, 1.2) - dice.range(1.0, 18.0);
             let foot = Vec3::new(dice.range(-0.9, 0.9) * z.abs(), 0.0, z);
             let leaf = green(dice);
             if dice.chance(0.7) {
@@ -534,7 +534,7 @@ impl Place {
             // fence or wall
             let finish = Finish::wall(dice);
             let h = dice.range(0.4, 1.2);
-            let z = -dice.range(5.0, 12.0);
+            let z = -near - dice.range(1.5, 8.0);
             things.push(Thing {
                 form: Form::Block { centre: Vec3::new(0.0, h, z), half: Vec3::new(20.0, h, 0.1), turn: dice.range(-0.2, 0.2) },
                 finish,
@@ -542,7 +542,7 @@ impl Place {
             });
         }
         for _ in 0..dice.below(3) {
-            let z = -dice.range(3.5, 10.0);
+            let z = -near - dice.range(0.3, 6.0);
             let foot = Vec3::new(dice.range(-0.6, 0.6) * z.abs(), 0.0, z);
             Self::furnish(&mut things, dice, foot);
         }
