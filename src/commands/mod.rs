@@ -9,6 +9,7 @@ mod model;
 mod pipeline;
 mod run;
 mod stop;
+mod synth;
 
 use clap::{Parser, Subcommand};
 
@@ -30,6 +31,8 @@ enum Verb {
     Infer(infer::InferArgs),
     /// Observations in, bodies out
     Fit(fit::FitArgs),
+    /// Render synthetic people with exact truth
+    Synth(synth::SynthArgs),
     /// Import, inspect, verify and run models
     Model(model::ModelArgs),
 }
@@ -49,6 +52,7 @@ pub fn main() -> u8 {
         Verb::Run(args) => run::run(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
+        Verb::Synth(args) => synth::synth(args),
         Verb::Model(args) => model::model(args),
     };
     match done {
