@@ -1,6 +1,7 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
 mod clock;
+mod eval;
 mod exit;
 mod fit;
 mod infer;
@@ -33,6 +34,8 @@ enum Verb {
     Fit(fit::FitArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
+    /// Measure predictions against ground truth
+    Eval(eval::EvalArgs),
     /// Import, inspect, verify and run models
     Model(model::ModelArgs),
 }
@@ -53,6 +56,7 @@ pub fn main() -> u8 {
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
         Verb::Synth(args) => synth::synth(args),
+        Verb::Eval(args) => eval::eval(args),
         Verb::Model(args) => model::model(args),
     };
     match done {

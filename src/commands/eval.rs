@@ -1,0 +1,98 @@
+//! `edgecap eval`: predictions and ground truth in, a table and JSON out.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use crate::eval::{EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet};
+
+/// Options of `edgecap eval`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct EvalArgs {
+    /// Predictions: the JSON lines that `infer --jsonl` or `run --jsonl` wrote
+    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    pub predictions: Vec<PathBuf>,
+    /// Ground truth; several files of one kind count as one set
+    #[arg(
+        long,
+        value_name = "FILE",
+        num_args = 1..,
+        required_unless_present = "no_people"
+    )]
+    pub truth: Vec<PathBuf>,
+    /// How the truth is written
+    #[arg(long, value_enum, default_value = "auto")]
+    pub format: Format,
+    /// Part of a truth that has parts, such as 'test'
+    #[arg(long, value_name = "NAME")]
+    pub split: Option<String>,
+    /// There is nobody in any of the pictures: everybody predicted is wrong
+    #[arg(long, conflicts_with = "truth")]
+    pub no_people: bool,
+    /// Points that count in OKS
+    #[arg(long, value_enum, default_value = "shared")]
+    pub joints: JointSet,
+    /// Fewest labelled joints of a person who is missed when not found
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub min_joints: usize,
+    /// Least height of such a person, in pixels of the network's 512x320 input
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    pub min_height: f64,
+    /// Write every figure as JSON; '-' for standard output, in place of the table
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// When a file cannot be read, is not what it should be, or no prediction belongs to the truth.
+pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
+    let mut predictions = Predictions::default();
+    for path in &args.predictions {
+        predictions.append(Predictions::read(path)?);
+    }
+    let report = if args.no_people {
+        Report {
+            quiet: Some(quiet(&predictions)),
+            ..Report::default()
+        }
+    } else {
+        let mut truth = TruthSet::default();
+        for path in &args.truth {
+            let more = TruthSet::read(path, args.format, args.split.as_deref())?;
+            truth.append(more, &path.display().to_string())?;
+        }
+        let options = EvalOptions {
+            joints: args.joints,
+            min_joints: args.min_joints,
+            min_height: args.min_height,
+        };
+        evaluate(&predictions, &truth, &options)?
+    };
+    let to_stdout = args.json.as_deref().is_some_and(|p| p.as_os_str() == "-");
+    if let Some(path) = &args.json {
+        let mut text = serde_json::to_string_pretty(&report)?;
+        text.push('\n');
+        if to_stdout {
+            return Ok(std::io::stdout().write_all(text.as_bytes())?);
+        }
+        write_whole(path, &text)
+            .with_context(|| format!("cannot write {}; check the folder", path.display()))?;
+    }
+    write!(std::io::stdout(), "{report}")?;
+    Ok(())
+}
+
+/// Writes beside `path`, then renames: nobody reads half a file.
+fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<()> {
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => std::path::Path::new("."),
+    };
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.persist(path)?;
+    Ok(())
+}
