@@ -61,12 +61,31 @@ pub struct Thing {
 /// Form of a [`Thing`].
 #[derive(Debug, Clone, Copy)]
 pub enum Form {
-    /// Box about a centre, half sizes, turned about y (radians).
-    Block { centre: Vec3, half: Vec3, turn: f32 },
-    /// Upright cylinder: foot, height, radius.
-    Post { foot: Vec3, height: f32, radius: f32 },
+    /// Box.
+    Block {
+        /// Its centre.
+        centre: Vec3,
+        /// Half sizes.
+        half: Vec3,
+        /// Angle about y, radians.
+        turn: f32,
+    },
+    /// Upright cylinder.
+    Post {
+        /// Centre of its lower end.
+        foot: Vec3,
+        /// Its height.
+        height: f32,
+        /// Its radius.
+        radius: f32,
+    },
     /// Ellipsoid with a bumpy look: foliage, balls, cushions.
-    Ball { centre: Vec3, radii: Vec3 },
+    Ball {
+        /// Its centre.
+        centre: Vec3,
+        /// Half axes.
+        radii: Vec3,
+    },
 }
 
 /// A whole place: floor, optional walls, things, sky.
@@ -281,16 +300,17 @@ impl Finish {
 }
 
 impl Place {
-    /// A random place that leaves the middle of the view free for people.
-    pub fn random(dice: &mut Dice, eye: Vec3) -> Self {
-        if dice.chance(0.6) { Self::indoors(dice, eye) } else { Self::outdoors(dice, near) }
+    /// A random place for people who stand `near` metres in front of a camera at `eye`.
+    pub fn random(dice: &mut Dice, eye: Vec3, near: f32) -> Self {
+        if dice.chance(0.6) { Self::indoors(dice, eye, near) } else { Self::outdoors(dice, near) }
     }
 
-    /// A room with furniture along its walls.
-    pub fn indoors(dice: &mut Dice, eye: Vec3) -> Self {
-        let back = -dice.range(4.0, 11.0);
-        let left = -dice.range(2.0, 6.0);
-        let right = dice.range(2.0, 6.0);
+    /// A room with furniture along its walls, the back wall behind `near`.
+    pub fn indoors(dice: &mut Dice, eye: Vec3, near: f32) -> Self {
+        let back = -near - dice.range(0.8, 5.0);
+        let wide = if dice.chance(0.7) { 0.75 * near } else { 0.0 };
+        let left = -dice.range(2.0, 6.0).max(wide);
+        let right = dice.range(2.0, 6.0).max(wide);
         let height = dice.range(2.4, 4.2).max(eye.y + 0.3);
         let floor = match dice.below(6) {
             0 | 1 => Finish::wood(dice),

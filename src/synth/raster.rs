@@ -1,6 +1,6 @@
 //! Posed surfaces go in, a depth and identity buffer comes out.
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 /// Nearest surface drawn, mm-exact in depth.
 pub const NEAR: f32 = 0.12;

@@ -144,13 +144,13 @@ impl Light {
 impl Sensor {
     /// A random camera, from clean to a cheap one in the dark.
     pub fn random(dice: &mut Dice) -> Self {
-        let dark = dice.chance(0.15);
+        let dark = dice.chance(0.08);
         Self {
-            brightness: if dark { dice.range(0.16, 0.3) } else { dice.range(0.33, 0.58) },
+            brightness: if dark { dice.range(0.22, 0.36) } else { dice.range(0.42, 0.66) },
             contrast: dice.range(0.85, 1.25),
             saturation: dice.range(0.65, 1.2),
             tint: Vec3::new(dice.range(0.92, 1.08), 1.0, dice.range(0.90, 1.10)),
-            blur: dice.pick(&[0.0, 0.3, 0.45, 0.6, 0.8, 1.1]),
+            blur: dice.pick(&[0.0, 0.0, 0.3, 0.4, 0.5, 0.6, 0.9]),
             noise: if dark { dice.range(0.01, 0.04) } else { dice.range(0.002, 0.018) },
             vignette: dice.range(0.0, 0.35),
             quality: 60 + dice.below(35) as u8,

@@ -32,18 +32,9 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
     let row = dice.range(-0.14, 0.14) * size.1 as f32;
     let pitch = ((high - 0.9).atan2(near) - (row / focal).atan()).to_degrees() + 2.0 * dice.normal();
     let camera = Camera::new(size, fov, eye, pitch.clamp(-25.0, 50.0), 0.0, 2.5 * dice.normal());
-    let mut place = Place::random(dice, eye);
+    let place = Place::random(dice, eye, near);
     let light = Light::random(dice, place.room.is_some());
     let sensor = Sensor::random(dice);
-    if let Some(room) = &mut place.room {
-        // Walls must stand behind the people.
-        room.back = room.back.min(-near - dice.range(0.7, 3.0));
-        let wide = near * 0.5 * size.0 as f32 / focal;
-        if dice.chance(0.7) {
-            room.sides = [room.sides[0].min(-wide), room.sides[1].max(wide)];
-        }
-    }
-
     let mut spots: Vec<Vec3> = Vec::new();
     let mut scene = Scene { camera, place, light, sensor, people: Vec::new(), seed: dice.bits() };
     let mut stances = Vec::new();
