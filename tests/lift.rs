@@ -159,7 +159,7 @@ fn observations_are_in_original_pixels_and_camera_axes() {
         ..Default::default()
     };
     let seen = lifter
-        .lift(std::slice::from_ref(&d), &frame, &letterbox, &intrinsics,)
+        .lift(std::slice::from_ref(&d), &frame, &letterbox, &intrinsics)
         .unwrap()[0];
     for (from, to) in d.joints.iter().zip(seen.joints2d) {
         assert_eq!(from[2], to[2]);

@@ -4,7 +4,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
-use crate::eval::{EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet};
+use crate::eval::{
+    EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet,
+};
 use crate::output::AtomicFile;
 
 /// Options of `edgecap eval`.
