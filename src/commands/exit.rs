@@ -119,7 +119,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(e.exit_code());
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {
-                return Some(e.exit_code());
+                return Some(model_code(e));
             }
             if let Some(e) = cause.downcast_ref::<OfflineError>() {
                 return Some(match e {
@@ -141,4 +141,13 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
     error
         .downcast_ref::<Failure>()
         .is_some_and(|f| f.message.is_empty())
+}
+
+fn model_code(error: &ModelError) -> u8 {
+    match error {
+        ModelError::Io { action: "read", .. } | ModelError::NotShipped => NO_INPUT,
+        ModelError::Io { .. } => CANNOT_CREATE,
+        ModelError::NoRange(_) => USAGE,
+        _ => DATA,
+    }
 }

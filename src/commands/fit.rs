@@ -39,6 +39,9 @@ pub struct FitArgs {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Every frame is a picture of its own: no motion between frames
+    #[arg(long)]
+    stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
     rate: Option<u16>,
@@ -56,7 +59,8 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     if let Some(pid) = args.supervisor {
         stop::with_supervisor(pid)?;
     }
-    let config = read_config(args.config.as_deref())?;
+    let mut config = read_config(args.config.as_deref())?;
+    config.stills |= args.stills;
     let mut fitter = Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?;
     match (&args.input, &args.jsonl) {
         (Some(input), Some(output)) => recorded(&mut fitter, input, output, args.camera.as_deref(), &stop),

@@ -83,6 +83,14 @@ impl Chosen {
         !self.is_camera
     }
 
+    /// Whether it is a photo or a folder of photos.
+    pub fn is_stills(&self) -> bool {
+        const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
+        let InputSpec::Path(path) = &self.spec else { return false };
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        path.is_dir() || extension.is_some_and(|e| PHOTOS.contains(&e.as_str()))
+    }
+
     /// Whether it can be read a second time.
     pub fn can_reopen(&self) -> bool {
         !self.is_camera && self.spec != InputSpec::Stdin

@@ -5,7 +5,6 @@ mod overlay;
 mod table;
 
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -59,6 +58,9 @@ impl RunArgs {
 
     fn fit_args(&self, chosen: &Chosen) -> Vec<OsString> {
         let mut args: Vec<OsString> = vec!["--name".into(), chosen.name.clone().into()];
+        if chosen.is_stills() && self.input.fps.is_none() {
+            args.push("--stills".into());
+        }
         if let Some(rate) = self.rate {
             args.extend(["--rate".into(), rate.to_string().into()]);
         }
