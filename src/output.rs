@@ -30,7 +30,10 @@ impl AtomicFile {
         let made = (!folder.exists()).then(|| folder.to_owned());
         fs::create_dir_all(folder)?;
         if path.is_dir() {
-            return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+            return Err(io::Error::new(
+                io::ErrorKind::IsADirectory,
+                "it is a folder",
+            ));
         }
         // Temporary files are private by default; results are as readable as any file the user makes.
         let file = tempfile::Builder::new()
@@ -38,7 +41,11 @@ impl AtomicFile {
             .suffix(".part")
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
-        Ok(Self { writer: Some(BufWriter::new(file)), path: path.to_owned(), made })
+        Ok(Self {
+            writer: Some(BufWriter::new(file)),
+            path: path.to_owned(),
+            made,
+        })
     }
 
     /// Gives the file its name, replacing an older one.
@@ -47,7 +54,9 @@ impl AtomicFile {
     /// If the disk is full or the rename fails.
     pub fn finish(mut self) -> io::Result<()> {
         if let Some(writer) = self.writer.take() {
-            let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
+            let file = writer
+                .into_inner()
+                .map_err(io::IntoInnerError::into_error)?;
             file.persist(&self.path).map_err(|e| e.error)?;
             self.made = None;
         }
@@ -55,7 +64,9 @@ impl AtomicFile {
     }
 
     fn inner(&mut self) -> io::Result<&mut BufWriter<NamedTempFile>> {
-        self.writer.as_mut().ok_or_else(|| io::ErrorKind::NotConnected.into())
+        self.writer
+            .as_mut()
+            .ok_or_else(|| io::ErrorKind::NotConnected.into())
     }
 }
 
@@ -107,6 +118,9 @@ mod tests {
         file.write_all(b"new").unwrap();
         drop(file);
         assert_eq!(fs::read_to_string(&old).unwrap(), "old");
-        assert!(AtomicFile::create(folder.path()).is_err(), "a folder is no file");
+        assert!(
+            AtomicFile::create(folder.path()).is_err(),
+            "a folder is no file"
+        );
     }
 }

@@ -1,11 +1,13 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-
-use crate::eval::{EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet};
+use super::exit::Failure;
+use crate::eval::{
+    EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet,
+};
+use crate::output::AtomicFile;
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
@@ -51,7 +53,7 @@ pub struct EvalArgs {
 pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
     let mut predictions = Predictions::default();
     for path in &args.predictions {
-        predictions.append(Predictions::read(path)?);
+        predictions.append(Predictions::read(path).map_err(coded)?);
     }
     let report = if args.no_people {
         Report {
@@ -61,15 +63,17 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
     } else {
         let mut truth = TruthSet::default();
         for path in &args.truth {
-            let more = TruthSet::read(path, args.format, args.split.as_deref())?;
-            truth.append(more, &path.display().to_string())?;
+            let more = TruthSet::read(path, args.format, args.split.as_deref()).map_err(coded)?;
+            truth
+                .append(more, &path.display().to_string())
+                .map_err(coded)?;
         }
         let options = EvalOptions {
             joints: args.joints,
             min_joints: args.min_joints,
             min_height: args.min_height,
         };
-        evaluate(&predictions, &truth, &options)?
+        evaluate(&predictions, &truth, &options).map_err(coded)?
     };
     let to_stdout = args.json.as_deref().is_some_and(|p| p.as_os_str() == "-");
     if let Some(path) = &args.json {
@@ -78,21 +82,22 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         if to_stdout {
             return Ok(std::io::stdout().write_all(text.as_bytes())?);
         }
-        write_whole(path, &text)
-            .with_context(|| format!("cannot write {}; check the folder", path.display()))?;
+        write(path, &text).map_err(|e| Failure::output(path, &e))?;
     }
     write!(std::io::stdout(), "{report}")?;
     Ok(())
 }
 
-/// Writes beside `path`, then renames: nobody reads half a file.
-fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<()> {
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => std::path::Path::new("."),
-    };
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+/// Gives an error of the measures its exit code.
+fn coded(error: EvalError) -> anyhow::Error {
+    match error {
+        EvalError::Read { path, source } => Failure::no_input(&path, &source).into(),
+        other => Failure::data(other.to_string()).into(),
+    }
+}
+
+fn write(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
     file.write_all(text.as_bytes())?;
-    file.persist(path)?;
-    Ok(())
+    file.finish()
 }

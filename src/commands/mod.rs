@@ -7,6 +7,8 @@ mod fit;
 mod infer;
 mod input;
 mod model;
+mod npz;
+mod picture;
 mod pipeline;
 mod run;
 mod stop;

@@ -66,7 +66,11 @@ pub struct Posed {
 /// Limits of the skeleton, degrees: SPEC §5.
 fn within(p: &Pose) -> Pose {
     let mut q = *p;
-    q.spine = [p.spine[0].clamp(-30.0, 60.0), p.spine[1].clamp(-35.0, 35.0), p.spine[2].clamp(-45.0, 45.0)];
+    q.spine = [
+        p.spine[0].clamp(-30.0, 60.0),
+        p.spine[1].clamp(-35.0, 35.0),
+        p.spine[2].clamp(-45.0, 45.0),
+    ];
     q.neck = [p.neck[0].clamp(-50.0, 60.0), p.neck[1].clamp(-70.0, 70.0)];
     for a in &mut q.arms {
         a.flex = a.flex.clamp(-60.0, 180.0);
@@ -120,7 +124,12 @@ impl Pose {
 impl Arm {
     /// From flexion, abduction, twist, elbow.
     pub const fn new(flex: f32, abduct: f32, twist: f32, elbow: f32) -> Self {
-        Self { flex, abduct, twist, elbow }
+        Self {
+            flex,
+            abduct,
+            twist,
+            elbow,
+        }
     }
 
     /// Between two arms.
@@ -137,7 +146,13 @@ impl Arm {
 impl Leg {
     /// From flexion, abduction, knee, ankle.
     pub const fn new(flex: f32, abduct: f32, knee: f32, ankle: f32) -> Self {
-        Self { flex, abduct, rotate: 0.0, knee, ankle }
+        Self {
+            flex,
+            abduct,
+            rotate: 0.0,
+            knee,
+            ankle,
+        }
     }
 
     /// Between two legs.
@@ -159,8 +174,12 @@ impl Posed {
         let rad = f32::to_radians;
         let about = |p: Vec3, d: f32| Quat::from_axis_angle(p, rad(d));
         let mut local = [Quat::IDENTITY; BONES];
-        local[0] = about(Vec3::Y, heading + pose.lean[2]) * about(Vec3::X, pose.lean[0]) * about(Vec3::Z, -pose.lean[1]);
-        local[1] = about(Vec3::Y, pose.spine[2]) * about(Vec3::X, pose.spine[0]) * about(Vec3::Z, -pose.spine[1]);
+        local[0] = about(Vec3::Y, heading + pose.lean[2])
+            * about(Vec3::X, pose.lean[0])
+            * about(Vec3::Z, -pose.lean[1]);
+        local[1] = about(Vec3::Y, pose.spine[2])
+            * about(Vec3::X, pose.spine[0])
+            * about(Vec3::Z, -pose.spine[1]);
         local[2] = about(Vec3::Y, pose.neck[1]) * about(Vec3::X, pose.neck[0]);
         for (side, s) in [(0, -1.0f32), (1, 1.0)] {
             let (a, l) = (pose.arms[side], pose.legs[side]);
@@ -172,7 +191,9 @@ impl Posed {
             let hang = Quat::from_rotation_z(-s * REST_ARM);
             local[arm + 1] = local[arm].inverse() * upper * about(Vec3::Y, -s * a.twist) * hang;
             local[arm + 2] = hang.inverse() * about(Vec3::X, -a.elbow) * hang;
-            local[leg] = about(Vec3::X, -l.flex) * about(Vec3::Z, s * l.abduct) * about(Vec3::Y, s * l.rotate);
+            local[leg] = about(Vec3::X, -l.flex)
+                * about(Vec3::Z, s * l.abduct)
+                * about(Vec3::Y, s * l.rotate);
             local[leg + 1] = about(Vec3::X, l.knee);
             local[leg + 2] = about(Vec3::X, -l.ankle);
         }
@@ -197,13 +218,22 @@ impl Posed {
             .map(|p| (at[b] + turn[b] * (p - ankle)).y)
         });
         // Kneeling and crawling put other joints on the floor.
-        let others = [(9usize, 0.055), (12, 0.055), (3, 0.05), (6, 0.05), (17, 0.02), (18, 0.02), (14, 0.09), (16, 0.10)]
-            .iter()
-            .map(|&(j, r)| {
-                let b = JOINT_BONE[j];
-                (at[b] + turn[b] * (shape.joints[j] - shape.pivot(b))).y - r
-            })
-            .collect::<Vec<_>>();
+        let others = [
+            (9usize, 0.055),
+            (12, 0.055),
+            (3, 0.05),
+            (6, 0.05),
+            (17, 0.02),
+            (18, 0.02),
+            (14, 0.09),
+            (16, 0.10),
+        ]
+        .iter()
+        .map(|&(j, r)| {
+            let b = JOINT_BONE[j];
+            (at[b] + turn[b] * (shape.joints[j] - shape.pivot(b))).y - r
+        })
+        .collect::<Vec<_>>();
         let lowest = sole.chain(others).fold(f32::MAX, f32::min);
         let stand = -lowest;
         let height = if pose.seat > 0.0 {
