@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
 
-use super::clock::monotonic_ns;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::stop::{self, Stop};
-use crate::capture::CameraModel;
+use crate::capture::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::bodies_line::write_bodies;
 use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};
@@ -138,9 +137,11 @@ fn recorded(
 ) -> anyhow::Result<()> {
     let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
     let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
-    let camera = match camera {
-        Some(path) => CameraSource::Model(CameraModel::read(Some(path)).map_err(|e| Failure::config(e.to_string()))?),
-        None => CameraSource::Recorded,
+    let given = camera.map(CameraFile::read).transpose()?;
+    let for_frame = |width, height| given.clone().unwrap_or_default().for_frame(width, height);
+    let camera = match &given {
+        Some(_) => CameraSource::Given(&for_frame),
+        None => CameraSource::Recorded { fov_degrees: DEFAULT_FOV },
     };
     let mut reader = ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());

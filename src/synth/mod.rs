@@ -7,6 +7,7 @@
 pub mod acts;
 pub mod camera;
 pub mod clip;
+pub mod demo;
 pub mod director;
 pub mod flesh;
 pub mod gait;
