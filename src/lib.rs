@@ -9,6 +9,7 @@ pub mod detect;
 pub mod engine;
 pub mod fit;
 pub mod lift;
+pub mod overlay;
 pub mod synth;
 
 pub use edgecap_client::{joints, message};
