@@ -11,7 +11,6 @@ pub mod engine;
 pub mod eval;
 pub mod fit;
 pub mod lift;
-pub mod output;
 pub mod overlay;
 pub mod synth;
 

@@ -232,7 +232,8 @@ impl CameraStream for V4l2Stream {
             frame.time_ns = filled
                 .time_ns
                 .filter(|t| t.abs_diff(now) < MAX_AGE_NS)
-                .unwrap_or(now);
+                // Some drivers stamp the end of a picture that they still expect.
+                .map_or(now, |t| t.min(now));
             let sequence = filled.sequence;
             let decoded = self.decoder.decode(self.stream.bytes(&filled), frame);
             self.stream.queue(filled)?;
