@@ -18,8 +18,6 @@ use crate::synth::{Truth, TruthFrame};
 
 /// Frames rendered before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;
-/// Quality of the pictures of a clip: noise and edges of the imitated camera are in the picture already.
-const CLIP_QUALITY: u8 = 80;
 
 /// File type of single pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -60,6 +58,9 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
+    /// JPEG quality; default: that of the imitated camera, 60 for a clip.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pub quality: Option<u8>,
     /// File type of single pictures.
     #[arg(long, value_enum, default_value_t = PictureFormat::Jpg)]
     pub format: PictureFormat,
@@ -133,7 +134,7 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         .map(|k| -> anyhow::Result<TruthFrame> {
             let mut shot = shot(k);
             let (ending, bytes) = match args.format {
-                PictureFormat::Jpg => ("jpg", jpeg(&shot.frame, shot.quality)?),
+                PictureFormat::Jpg => ("jpg", jpeg(&shot.frame, args.quality.unwrap_or(shot.quality))?),
                 PictureFormat::Png => ("png", png(&shot.frame)?),
             };
             let name = format!("{k:06}.{ending}");
@@ -172,7 +173,7 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
             .into_par_iter()
             .map(|k| {
                 let shot = shot(k);
-                Ok((jpeg(&shot.frame, CLIP_QUALITY)?, shot.truth))
+                Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
         for (picture, known) in batch {

@@ -30,9 +30,10 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
     let mut dice = Dice::new(seed, 0);
     let dice = &mut dice;
     let eye = Vec3::new(0.0, dice.range(1.3, 1.75), 0.0);
-    let camera = Camera::new(size, dice.range(58.0, 66.0), eye, dice.range(6.0, 11.0), 0.0, dice.range(-0.8, 0.8));
+    let camera = Camera::new(size, dice.range(53.0, 58.0), eye, dice.range(6.0, 9.5), 0.0, dice.range(-0.8, 0.8));
     let spread = 0.5 * size.0 as f32 / camera.lens.fx;
     let mut place = Place::indoors(dice, eye, 6.2);
+    place.grain = 0.0;
     if let Some(room) = &mut place.room {
         room.sides = [-6.0, 6.0];
     }
@@ -47,7 +48,7 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
     let wood = |dice: &mut Dice| {
         let v = dice.range(0.12, 0.4);
         let a = Vec3::new(v, v * 0.72, v * 0.48);
-        Finish { paint: Paint::Planks(0.12), a, b: a * 0.6, seed: dice.bits() as u32 }
+        Finish { paint: Paint::Planks(0.3), a, b: a * 0.85, seed: dice.bits() as u32 }
     };
     let (front, top, bench) = (wood(dice), wood(dice), wood(dice));
     if people > 3 {
@@ -67,8 +68,8 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
         brightness: dice.range(0.48, 0.6),
         contrast: 1.05,
         saturation: 0.95,
-        blur: 0.4,
-        noise: 0.005,
+        blur: 0.45,
+        noise: 0.0012,
         vignette: 0.15,
         ..Sensor::random(dice)
     };

@@ -93,7 +93,8 @@ impl State {
 
     fn next(&mut self, script: &[Task]) {
         self.task = (self.task + 1) % script.len();
-        self.since = 0.0;
+        // The step under way still adds its own length: the new task starts at 0.
+        self.since = -STEP;
         self.begun = self.at;
     }
 
