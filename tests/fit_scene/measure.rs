@@ -280,8 +280,8 @@ fn observed(frame: &ObservationFrame, slot: usize, truth: &Truth) -> [DVec3; BOD
     )
 }
 
-/// Body of every truth: nearest in the picture, within half a metre at the person's distance.
-fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
+/// Body of every truth: nearest in the picture, within 0.3 m at the person's distance.
+pub fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
     let bodies = out.bodies();
     let mut costs = Vec::new();
     for truth in truths {
@@ -297,7 +297,7 @@ fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
             costs.push(if m.n > 0.0 { m.get() } else { f64::INFINITY });
         }
     }
-    assign(&costs, truths.len(), bodies.len(), 0.5)
+    assign(&costs, truths.len(), bodies.len(), 0.3)
 }
 
 /// Best assignment of identities to people over the whole scene.
