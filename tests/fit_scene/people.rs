@@ -433,7 +433,8 @@ pub fn ten() -> Vec<Person> {
     (0..10u64)
         .map(|i| {
             let z = 4.0 + 1.5 * (i / 5) as f64;
-            let x = ((i % 5) as f64 - 2.0) * 0.26 * z;
+            // The back row looks through the gaps of the front row.
+            let x = ((i % 5) as f64 - 2.25 + 0.5 * (i / 5) as f64) * 0.26 * z;
             let legs = walk(0.0, 1.0, &[(x, z), (x + 0.3, z + 0.3), (x, z)]);
             Person::new(40 + i, legs, activities[i as usize % 5])
         })
