@@ -136,8 +136,8 @@ impl Default for OneEuroConfig {
     fn default() -> Self {
         Self {
             enabled: true,
-            min_cutoff: 6.0,
-            beta: 6.0,
+            min_cutoff: 4.0,
+            beta: 4.0,
             derivative_cutoff: 2.0,
         }
     }

@@ -44,6 +44,8 @@ pub struct Report {
     pub lag3: [Mean; 31],
     /// |Δz| / z of the root.
     pub depth: Mean,
+    /// The same had the height been known.
+    pub depth_known: Mean,
     /// Root error in space, metres.
     pub root: Mean,
     /// Bodies whose root is near no truth.
@@ -192,6 +194,8 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
                     report
                         .depth
                         .add((f64::from(body.position[2]) - z).abs() / z);
+                    let known = f64::from(body.position[2]) * truth.height / f64::from(body.height);
+                    report.depth_known.add((known - z).abs() / z);
                     let place = DVec3::from(body.position.map(f64::from));
                     report.root.add((place - truth.joints[PELVIS]).length());
                 }
@@ -366,7 +370,7 @@ fn check_finite(out: &BodyFrame, report: &mut Report) {
 /// One line of figures.
 pub fn line(name: &str, r: &Report) -> String {
     format!(
-        "{name:<26} II {:5.1}  III {:5.1} (seen {:5.1} hidden {:5.1} missed {:5.1}) mm  jitter {:5.1} → {:4.1} (truth {:3.1})  lag {:+.1}  depth {:4.1} %  root {:4.0} mm  slide {:.2} → {:.2}  switches {} IDF1 {:.3} ids {} false {} beyond {:.1}°",
+        "{name:<26} II {:5.1}  III {:5.1} (seen {:5.1} hidden {:5.1} missed {:5.1}) mm  jitter {:5.1} → {:4.1} (truth {:3.1})  lag {:+.1}  depth {:4.1} % ({:3.1} % known)  root {:4.0} mm  slide {:.2} → {:.2}  switches {} IDF1 {:.3} ids {} false {} beyond {:.1}°",
         1e3 * r.mpjpe2(),
         1e3 * r.mpjpe3(),
         1e3 * all(&r.stage3, Some(0)),
@@ -377,6 +381,7 @@ pub fn line(name: &str, r: &Report) -> String {
         r.jitter_truth.get(),
         Report::lag_frames(&r.lag3) - Report::lag_frames(&r.lag2),
         100.0 * r.depth.get(),
+        100.0 * r.depth_known.get(),
         1e3 * r.root.get(),
         r.sliding2.get(),
         r.sliding3.get(),
