@@ -120,6 +120,7 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
     let mut pairs: BTreeMap<(usize, u32), u64> = BTreeMap::new();
     let mut last_id: BTreeMap<usize, u32> = BTreeMap::new();
     let mut ids = std::collections::BTreeSet::new();
+    let mut stood: BTreeMap<(usize, usize), (u64, DVec3, Option<DVec3>)> = BTreeMap::new();
     let (mut truth_count, mut body_count) = (0u64, 0u64);
     for f in 0..frames {
         let (frame, truths) = scene.next();
@@ -231,20 +232,21 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
             let (_, after) = scene.people[truth.person].at(time + 0.1);
             for ankle in [10, 13] {
                 let still = (after[ankle] - before[ankle]).length() < 0.004;
-                let series = &past3[&truth.person];
-                let n = series.len();
-                if still
-                    && n >= 2
-                    && let (Some(a), Some(b)) = (series[n - 1], series[n - 2])
+                if !still {
+                    continue;
+                }
+                // In space: Stage II's joints hang on the true pelvis, ours on our own.
+                let place = DVec3::from(body.position.map(f64::from)) * truth.height
+                    / f64::from(body.height);
+                let now3 = place + stage3[ankle];
+                let now2 = stage2.map(|s| truth.joints[PELVIS] + s[ankle]);
+                let key = (truth.person, ankle);
+                if let Some((then, p3, p2)) = stood.insert(key, (f, now3, now2))
+                    && then + 1 == f
                 {
-                    report
-                        .sliding3
-                        .add((a[ankle] - b[ankle]).length() * scene.fps);
-                    let series = &past2[&truth.person];
-                    if let (Some(a), Some(b)) = (series[n - 1], series[n - 2]) {
-                        report
-                            .sliding2
-                            .add((a[ankle] - b[ankle]).length() * scene.fps);
+                    report.sliding3.add((now3 - p3).length() * scene.fps);
+                    if let (Some(a), Some(b)) = (now2, p2) {
+                        report.sliding2.add((a - b).length() * scene.fps);
                     }
                 }
             }
