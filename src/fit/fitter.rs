@@ -34,6 +34,8 @@ const DOUBLE: f64 = 0.22;
 const DOUBTFUL: f64 = 1.5;
 /// … who was seen this recently (seconds) starts nobody new.
 const DOUBTFUL_TIME: f64 = 0.3;
+/// Share of the threshold for people without identity: chance must not confirm anybody.
+const NEWCOMER: f64 = 0.6;
 /// Observations that a newcomer without looks waits for them, while there is somebody to recognise.
 const WAIT_FOR_LOOKS: u32 = 20;
 /// Seconds without being seen after which somebody may turn up under another name.
@@ -137,10 +139,15 @@ impl Fitter {
         self.counters
     }
 
+    /// Tracks held in memory: present ones, with and without identity, and those remembered after they left.
+    pub fn remembered(&self) -> usize {
+        self.present.len() + self.gone.len()
+    }
+
     /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.
     /// `publish_ns` and `fit_us` are left to whoever publishes.
     ///
-    /// A frame older than the newest changes nothing and yields the newest bodies; a step back of more than half a second
+    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of more than half a second
     /// starts over with nobody present (identities are never given again). An end of stream without people changes nothing.
     pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
         let ended = frame.flags & FLAG_END_OF_STREAM != 0;
@@ -202,7 +209,7 @@ impl Fitter {
             return Some(STEP[0]);
         }
         let (now, before) = (frame.capture_ns, last.capture_ns);
-        if now < before {
+        if now <= before {
             if before - now <= RESTART_NS && frame.sequence <= last.sequence {
                 return None;
             }
@@ -274,7 +281,8 @@ impl Fitter {
                     ));
                 }
             }
-            let pairs = assign(&costs, tracks.len(), free.len(), config.threshold);
+            let limit = config.threshold * if known { 1.0 } else { NEWCOMER };
+            let pairs = assign(&costs, tracks.len(), free.len(), limit);
             for (row, pair) in pairs.iter().enumerate() {
                 if let Some(column) = pair {
                     matches[free[*column]] = Match::Track(tracks[row]);

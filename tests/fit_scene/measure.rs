@@ -334,7 +334,7 @@ fn dedup<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
         .collect()
 }
 
-fn limits(out: &BodyFrame, report: &mut Report) {
+pub fn limits(out: &BodyFrame, report: &mut Report) {
     for body in out.bodies() {
         for (k, dof) in Skeleton::builtin().angles().iter().enumerate() {
             let a = f64::from(body.angles[6 + k]);
