@@ -11,7 +11,7 @@ pub mod engine;
 pub mod eval;
 pub mod fit;
 pub mod lift;
-pub mod output;
+pub mod overlay;
 pub mod synth;
 
 pub use edgecap_client::{joints, message};

@@ -3,6 +3,7 @@
 //! [`open`] turns an [`InputSpec`] into a [`Source`]; [`Resizer`] turns its frames into the network's input.
 
 mod avi;
+pub mod camera;
 mod error;
 mod exif;
 mod ffmpeg;
@@ -19,6 +20,7 @@ mod y4m;
 mod yuv;
 
 pub use avi::{AviReader, AviWriter};
+pub use camera::{CameraFile, CameraInfo, CameraSource, DEFAULT_FOV, list_cameras, monotonic_ns};
 pub use error::CaptureError;
 pub use exif::Orientation;
 pub use ffmpeg::{Ffmpeg, FfmpegSource};

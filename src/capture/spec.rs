@@ -3,12 +3,13 @@
 use std::convert::Infallible;
 use std::fmt;
 use std::fs::{File, FileType};
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
-use std::os::unix::fs::FileTypeExt;
+use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::avi::{AviReader, is_avi};
+use super::camera::{CameraSource, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
@@ -17,6 +18,8 @@ use super::y4m::{self, Y4mReader};
 
 /// Bytes read at once from files and pipes.
 const BUFFER_BYTES: usize = 1 << 18;
+/// Major number of V4L2 device files on Linux.
+const VIDEO_MAJOR: u32 = 81;
 
 /// An input by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -99,11 +102,23 @@ pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, C
 
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
-    let kind = std::fs::metadata(path).map_err(io)?.file_type();
+    let meta = match std::fs::metadata(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound && path.starts_with("/dev") => {
+            return Err(no_such_camera(path));
+        }
+        other => other.map_err(io)?,
+    };
+    let kind = meta.file_type();
     if kind.is_dir() {
         return Ok(Box::new(PhotoSource::folder(path, options.fps)?));
     }
     if kind.is_char_device() {
+        if libc::major(meta.rdev()) != VIDEO_MAJOR {
+            return Err(CaptureError::data(
+                name_of(path),
+                "expected a picture, a film or a camera, found a device that is no camera; see /dev/video*",
+            ));
+        }
         return open_camera(Some(path), options);
     }
     if is_pipe(kind) {
@@ -111,6 +126,24 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         return Ok(Box::new(Y4mReader::new(pipe, name_of(path), None)?));
     }
     open_file(path)
+}
+
+/// A device file that is not there, with those that are.
+fn no_such_camera(path: &Path) -> CaptureError {
+    let others: Vec<String> = list_cameras()
+        .unwrap_or_default()
+        .iter()
+        .map(|c| format!("{} ({})", c.path.display(), c.name))
+        .collect();
+    let remedy = if others.is_empty() {
+        "plug a camera in".into()
+    } else {
+        format!("there is {}", others.join(", "))
+    };
+    CaptureError::Unavailable {
+        what: name_of(path),
+        reason: format!("expected a camera, found no such device; {remedy}"),
+    }
 }
 
 /// A named pipe can be read once, from front to back: it carries YUV4MPEG2, like standard input.
@@ -176,11 +209,8 @@ fn is_film(head: &[u8], path: &Path) -> bool {
 }
 
 fn open_camera(
-    _path: Option<&Path>,
-    _options: &OpenOptions,
+    path: Option<&Path>,
+    options: &OpenOptions,
 ) -> Result<Box<dyn Source>, CaptureError> {
-    Err(CaptureError::Unavailable {
-        what: "camera".into(),
-        reason: "x".into(),
-    })
+    Ok(Box::new(CameraSource::open(path, options)?))
 }

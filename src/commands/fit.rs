@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
 
-use super::clock::monotonic_ns;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::stop::{self, Stop};
-use crate::capture::CameraModel;
+use crate::capture::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::bodies_line::write_bodies;
 use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};
@@ -81,6 +80,7 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
     let mut out = Box::new(BodyFrame::default());
     let mut cleaned = Instant::now();
     let mut next_tick = Instant::now();
+    let mut fit_us = 0;
     while !stop.requested() {
         let patience = match period {
             Some(_) => next_tick.saturating_duration_since(Instant::now()),
@@ -94,7 +94,8 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
                 fitter.update(&frame, &mut out);
             }
             out.flags = frame.flags;
-            out.fit_us = start.elapsed().as_micros() as u32;
+            fit_us = start.elapsed().as_micros() as u32;
+            out.fit_us = fit_us;
             // A file's clock is not ours to extrapolate on.
             if period.is_none() || ended || frame.flags & FLAG_FILE_TIME != 0 {
                 publish(&bodies, &mut out)?;
@@ -105,6 +106,7 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
         {
             if out.width > 0 && out.flags & FLAG_FILE_TIME == 0 {
                 fitter.predict(monotonic_ns(), &mut out);
+                out.fit_us = fit_us;
                 publish(&bodies, &mut out)?;
             }
             next_tick = (next_tick + period).max(Instant::now());
@@ -138,9 +140,11 @@ fn recorded(
 ) -> anyhow::Result<()> {
     let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
     let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
-    let camera = match camera {
-        Some(path) => CameraSource::Model(CameraModel::read(Some(path)).map_err(|e| Failure::config(e.to_string()))?),
-        None => CameraSource::Recorded,
+    let given = camera.map(CameraFile::read).transpose()?;
+    let for_frame = |width, height| given.clone().unwrap_or_default().for_frame(width, height);
+    let camera = match &given {
+        Some(_) => CameraSource::Given(&for_frame),
+        None => CameraSource::Recorded { fov_degrees: DEFAULT_FOV },
     };
     let mut reader = ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());

@@ -141,7 +141,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         stop::with_supervisor(pid)?;
     }
     let chosen = input::choose(&args.input);
-    let camera = input::camera_model(&args.input, &chosen)?;
+    let camera = input::camera_file(&args.input, &chosen)?;
     let mut source = chosen.open(&args.input)?;
     let label = chosen.spec.to_string();
     let mut jsonl = match &args.jsonl {
@@ -174,7 +174,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             }
             Err(e) => return Err(e.into()),
         }
-        let intrinsics = camera.intrinsics(frame.width, frame.height);
+        let intrinsics = camera.for_frame(frame.width, frame.height).map_err(Failure::config)?;
         let seen = pipeline.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
@@ -203,7 +203,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             for (slot, o) in message.people.iter_mut().zip(seen.people) {
                 *slot = *o;
             }
-            message.publish_ns = super::clock::monotonic_ns();
+            message.publish_ns = crate::capture::monotonic_ns();
             p.publish(&message)?;
             if cleaned.elapsed() > CLEAN_UP_EVERY {
                 p.clean_up();
@@ -212,8 +212,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         }
         if let Some(folder) = &args.overlay {
             let path = folder.join(format!("{:06}.png", frame.sequence));
-            overlay::draw_observations(&mut frame, seen.people);
-            overlay::write_png(&frame, &path).map_err(|e| Failure::output(&path, &e))?;
+            overlay::draw(&mut frame, seen.people);
+            overlay::write_png(&frame, &path)?;
         }
         last_sequence = frame.sequence;
     }
@@ -224,7 +224,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         message.sequence = last_sequence;
         message.flags |= FLAG_END_OF_STREAM;
         message.count = 0;
-        message.publish_ns = super::clock::monotonic_ns();
+        message.publish_ns = crate::capture::monotonic_ns();
         p.publish(&message)?;
         // Messages still in a reader's buffer live in this process's memory.
         wait_until(&stop, || p.subscriber_count() == 0);

@@ -5,8 +5,7 @@ use std::ffi::OsString;
 use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
-use super::exit::Failure;
-use crate::capture::{self, CameraModel, InputSpec, OpenOptions, Source};
+use crate::capture::{self, CameraFile, InputSpec, OpenOptions, Source};
 use crate::synth::demo;
 
 /// Stream name of a camera or pipe when the user gives none.
@@ -115,7 +114,7 @@ impl Chosen {
 pub fn choose(args: &InputArgs) -> Chosen {
     let spec = match &args.input {
         Some(text) => text.parse().unwrap_or_else(|never: Infallible| match never {}),
-        None if capture::list_cameras().is_empty() => InputSpec::Demo,
+        None if capture::list_cameras().is_ok_and(|cameras| cameras.is_empty()) => InputSpec::Demo,
         None => InputSpec::FirstCamera,
     };
     let is_camera = match &spec {
@@ -134,15 +133,16 @@ pub fn choose(args: &InputArgs) -> Chosen {
     Chosen { spec, name, is_camera }
 }
 
-/// The camera model that the arguments name.
+/// The camera that the arguments name.
 ///
 /// # Errors
 /// If its file is wrong.
-pub fn camera_model(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraModel> {
-    if args.camera.is_none() && chosen.spec == InputSpec::Demo {
-        return Ok(demo::camera());
-    }
-    CameraModel::read(args.camera.as_deref()).map_err(|e| Failure::config(e.to_string()).into())
+pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFile> {
+    Ok(match &args.camera {
+        Some(path) => CameraFile::read(path)?,
+        None if chosen.spec == InputSpec::Demo => demo::camera(),
+        None => CameraFile::default(),
+    })
 }
 
 fn service_name(stem: &str) -> String {

@@ -1,6 +1,5 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
-mod clock;
 mod eval;
 mod exit;
 mod fit;

@@ -26,7 +26,6 @@ pub struct PipelineOptions<'a> {
 }
 
 /// Letterbox, Stage I, association and Stage II, with their buffers.
-#[derive(Debug)]
 pub struct Pipeline {
     engine: Engine,
     associator: Associator,

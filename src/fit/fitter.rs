@@ -78,6 +78,7 @@ struct Header {
     intrinsics: Intrinsics,
     stage_times: crate::message::StageTimes,
     flags: u32,
+    frame_total: u32,
 }
 
 impl Fitter {
@@ -429,7 +430,7 @@ impl Fitter {
         out.stage_times = header.stage_times;
         out.fit_us = 0;
         out.flags = header.flags;
-        out.reserved = 0;
+        out.frame_total = header.frame_total;
         out.count = known.len() as u32;
         for (body, track) in out.bodies.iter_mut().zip(&known) {
             self.write_body(track, ahead, &header.intrinsics, body);
@@ -500,6 +501,7 @@ impl Header {
             intrinsics: usable_camera(frame),
             stage_times: frame.stage_times,
             flags: frame.flags,
+            frame_total: frame.frame_total,
         }
     }
 }

@@ -4,7 +4,11 @@
 //! skeleton ([`pose`], [`gait`], [`poses`]), dressed ([`outfit`]), put into procedural rooms and streets ([`place`]), lit
 //! ([`render`]) and photographed ([`sensor`]); [`measure`] writes down what is true ([`truth`]).
 
+pub mod acts;
 pub mod camera;
+pub mod clip;
+pub mod demo;
+pub mod director;
 pub mod flesh;
 pub mod gait;
 pub mod measure;
@@ -19,6 +23,7 @@ pub mod render;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
+pub mod shoot;
 pub mod stills;
 pub mod truth;
 

@@ -99,6 +99,8 @@ pub struct Place {
     pub things: Vec<Thing>,
     /// Sky colours: horizon, zenith.
     pub sky: [Vec3; 2],
+    /// Strength of the finest texture; costs bytes in compressed clips.
+    pub grain: f32,
     /// Strength of clouds.
     pub clouds: f32,
     /// Colour of far hills.
@@ -471,6 +473,7 @@ impl Place {
             }),
             things,
             sky: [Vec3::ONE; 2],
+            grain: 0.12,
             clouds: 0.0,
             hills: Vec3::ONE,
             seed: dice.bits() as u32,
@@ -741,10 +744,8 @@ impl Place {
             floor,
             room: None,
             things,
-            sky: [
-                horizon,
-                Vec3::new(0.55, 0.6, 0.65).lerp(Vec3::new(0.12, 0.28, 0.65), blue),
-            ],
+            sky: [horizon, Vec3::new(0.55, 0.6, 0.65).lerp(Vec3::new(0.12, 0.28, 0.65), blue)],
+            grain: 0.12,
             clouds: dice.unit(),
             hills: green(dice).lerp(Vec3::new(0.4, 0.5, 0.6), dice.range(0.2, 0.8)),
             seed: dice.bits() as u32,
@@ -852,7 +853,7 @@ impl Place {
         }
         match finish {
             Some((finish, q)) => {
-                let grain = if hit.t < 12.0 { 0.12 } else { 0.0 };
+                let grain = if hit.t < 12.0 { self.grain } else { 0.0 };
                 (hit.albedo, hit.glows) = finish.at(q, grain);
                 let p = from + dir * hit.t;
                 if let Some(room) = &self.room

@@ -64,6 +64,16 @@ impl Epilogue {
         }
     }
 
+    /// The epilogue for accumulators that are `factor` times as large.
+    pub(super) fn divided_by(&self, factor: &[i32]) -> Self {
+        let mut epilogue = self.clone();
+        let (Epilogue::U8 { scale, .. } | Epilogue::F32 { scale }) = &mut epilogue;
+        for (scale, &factor) in scale.iter_mut().zip(factor) {
+            *scale = (f64::from(*scale) / f64::from(factor)) as f32;
+        }
+        epilogue
+    }
+
     pub(super) fn check(&self, out_channels: usize) -> Result<(), KernelError> {
         check_length("output scales", out_channels, self.scale().len())?;
         let all = self.scale().iter().copied().chain(self.residual_scale());
@@ -75,6 +85,14 @@ impl Epilogue {
             }
         }
         Ok(())
+    }
+
+    /// Whether the result is clamped to 0..=127 and no value before clamping can leave ±2³¹, as |acc| ≤ 2³¹.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn is_narrow(&self) -> bool {
+        let residual = self.residual_scale().unwrap_or(0.0).abs() * 255.0;
+        let all_small = self.scale().iter().all(|scale| scale.abs() <= 0.5);
+        matches!(self, Epilogue::U8 { max: 127, .. }) && all_small && residual <= 1e9
     }
 
     /// The formula of [`Epilogue::U8`] for one accumulator.
