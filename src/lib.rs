@@ -11,6 +11,7 @@ pub mod engine;
 pub mod eval;
 pub mod fit;
 pub mod lift;
+pub mod output;
 pub mod overlay;
 pub mod synth;
 
