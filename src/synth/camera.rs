@@ -48,7 +48,11 @@ impl Camera {
 
     /// Direction of a pixel in world axes, scaled so that its camera-space z is 1.
     pub fn ray(&self, u: f32, v: f32) -> Vec3 {
-        let d = Vec3::new((u - self.lens.cx) / self.lens.fx, (v - self.lens.cy) / self.lens.fy, 1.0);
+        let d = Vec3::new(
+            (u - self.lens.cx) / self.lens.fx,
+            (v - self.lens.cy) / self.lens.fy,
+            1.0,
+        );
         self.axes.transpose() * d
     }
 }

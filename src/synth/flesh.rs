@@ -11,7 +11,11 @@ enum Solid {
     /// Two spheres and the cone between them.
     Cone { a: Vec3, b: Vec3, ra: f32, rb: f32 },
     /// Ellipsoid turned by a rotation.
-    Egg { centre: Vec3, radii: Vec3, turn: Quat },
+    Egg {
+        centre: Vec3,
+        radii: Vec3,
+        turn: Quat,
+    },
     /// Stacked ellipses: height, half width, half depth, centre z; heights rise.
     Stack(Vec<[f32; 4]>),
 }
@@ -43,11 +47,21 @@ impl Part {
             Solid::Egg { centre, radii, .. } => (*centre, radii.max_element()),
             Solid::Stack(rows) => {
                 let (lo, hi) = (rows[0][0], rows[rows.len() - 1][0]);
-                let wide = rows.iter().map(|r| r[1].max(r[2] + r[3].abs())).fold(0.0, f32::max);
+                let wide = rows
+                    .iter()
+                    .map(|r| r[1].max(r[2] + r[3].abs()))
+                    .fold(0.0, f32::max);
                 (Vec3::new(0.0, 0.5 * (lo + hi), 0.0), 0.5 * (hi - lo) + wide)
             }
         };
-        Self { solid, soft, matter, bone, centre, reach }
+        Self {
+            solid,
+            soft,
+            matter,
+            bone,
+            centre,
+            reach,
+        }
     }
 
     /// Signed distance (approximate for ellipsoids and stacks), negative inside.
@@ -59,7 +73,11 @@ impl Part {
                 // The radius eases in and out: straight cones look like pipes.
                 p.distance(*a + axis * t) - (ra + (rb - ra) * t)
             }
-            Solid::Egg { centre, radii, turn } => ellipsoid(turn.inverse() * (p - *centre), *radii),
+            Solid::Egg {
+                centre,
+                radii,
+                turn,
+            } => ellipsoid(turn.inverse() * (p - *centre), *radii),
             Solid::Stack(rows) => {
                 let (lo, hi) = (rows[0][0], rows[rows.len() - 1][0]);
                 let y = p.y.clamp(lo, hi);
@@ -87,13 +105,21 @@ impl Part {
 fn ellipsoid(p: Vec3, r: Vec3) -> f32 {
     let k0 = (p / r).length();
     let k1 = (p / (r * r)).length();
-    if k1 < 1e-6 { -r.min_element() } else { k0 * (k0 - 1.0) / k1 }
+    if k1 < 1e-6 {
+        -r.min_element()
+    } else {
+        k0 * (k0 - 1.0) / k1
+    }
 }
 
 fn ellipse(x: f32, z: f32, w: f32, d: f32) -> f32 {
     let k0 = (x / w).hypot(z / d);
     let k1 = (x / (w * w)).hypot(z / (d * d));
-    if k1 < 1e-6 { -w.min(d) } else { k0 * (k0 - 1.0) / k1 }
+    if k1 < 1e-6 {
+        -w.min(d)
+    } else {
+        k0 * (k0 - 1.0) / k1
+    }
 }
 
 impl Flesh {
@@ -117,9 +143,24 @@ impl Flesh {
             [0.500, mix(0.094, 0.101), 0.066, -0.008],
             [0.520, mix(0.098, 0.106), 0.070, -0.009],
             [0.550, mix(0.095, 0.100), 0.067, -0.005],
-            [0.585, mix(0.088, 0.086) + 0.010 * belly, 0.060 + 0.020 * belly, 0.002 + 0.014 * belly],
-            [0.620, mix(0.083, 0.074) + 0.014 * belly, mix(0.058, 0.053) + 0.024 * belly, 0.003 + 0.018 * belly],
-            [0.665, mix(0.087, 0.077) + 0.010 * belly, mix(0.062, 0.056) + 0.014 * belly, 0.001 + 0.010 * belly],
+            [
+                0.585,
+                mix(0.088, 0.086) + 0.010 * belly,
+                0.060 + 0.020 * belly,
+                0.002 + 0.014 * belly,
+            ],
+            [
+                0.620,
+                mix(0.083, 0.074) + 0.014 * belly,
+                mix(0.058, 0.053) + 0.024 * belly,
+                0.003 + 0.018 * belly,
+            ],
+            [
+                0.665,
+                mix(0.087, 0.077) + 0.010 * belly,
+                mix(0.062, 0.056) + 0.014 * belly,
+                0.001 + 0.010 * belly,
+            ],
             [0.710, mix(0.096, 0.085), mix(0.067, 0.060), 0.001],
             [0.745, mix(0.101, 0.089), mix(0.067, 0.059), 0.000],
             [0.775, 0.90 * shoulder, 0.056, -0.004],
@@ -132,8 +173,11 @@ impl Flesh {
                 let p = at(0.0, r[0], r[3]);
                 [p.y, r[1] * u * fat + ease, r[2] * u * fat + ease, p.z]
             };
-            let mut rows: Vec<[f32; 4]> =
-                profile.iter().filter(|r| r[0] > from && r[0] < to).map(row).collect();
+            let mut rows: Vec<[f32; 4]> = profile
+                .iter()
+                .filter(|r| r[0] > from && r[0] < to)
+                .map(row)
+                .collect();
             // end exactly at the hem and the collar
             for (y, front) in [(from, true), (to, false)] {
                 let k = profile.partition_point(|r| r[0] < y);
@@ -142,21 +186,49 @@ impl Flesh {
                 }
                 let (a, b) = (profile[k - 1], profile[k]);
                 let t = (y - a[0]) / (b[0] - a[0]);
-                let r = row(&[y, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t, a[3] + (b[3] - a[3]) * t]);
-                if front { rows.insert(0, r) } else { rows.push(r) }
+                let r = row(&[
+                    y,
+                    a[1] + (b[1] - a[1]) * t,
+                    a[2] + (b[2] - a[2]) * t,
+                    a[3] + (b[3] - a[3]) * t,
+                ]);
+                if front {
+                    rows.insert(0, r)
+                } else {
+                    rows.push(r)
+                }
             }
             rows
         };
-        parts.push(Part::new(Solid::Stack(scaled(0.0, 1.0, 0.0)), 0.02 * u, Matter::Skin, Bone::Chest));
+        parts.push(Part::new(
+            Solid::Stack(scaled(0.0, 1.0, 0.0)),
+            0.02 * u,
+            Matter::Skin,
+            Bone::Chest,
+        ));
         if !outfit.bare_chest {
             let rows = scaled(outfit.hem, outfit.collar.min(0.83), outfit.top_ease);
-            parts.push(Part::new(Solid::Stack(rows), 0.015 * u, Matter::Top, Bone::Chest));
+            parts.push(Part::new(
+                Solid::Stack(rows),
+                0.015 * u,
+                Matter::Top,
+                Bone::Chest,
+            ));
         }
         let rows = scaled(0.0, outfit.hem.max(0.57), outfit.bottom_ease.min(0.012));
-        parts.push(Part::new(Solid::Stack(rows), 0.015 * u, Matter::Bottom, Bone::Pelvis));
+        parts.push(Part::new(
+            Solid::Stack(rows),
+            0.015 * u,
+            Matter::Bottom,
+            Bone::Pelvis,
+        ));
         let bust = outfit.top_ease * 0.5;
         for s in [-1.0, 1.0] {
-            let cover = if outfit.bare_chest { Matter::Skin } else { Matter::Top };
+            let cover = if outfit.bare_chest {
+                Matter::Skin
+            } else {
+                Matter::Top
+            };
             // chest and trapezius
             let r = mix(0.032, 0.034 + 0.006 * bulk) * u + bust;
             parts.push(Part::new(
@@ -201,13 +273,30 @@ impl Flesh {
             let [hip, kne, ank] = [0, 1, 2].map(|k| j[8 + 3 * side + k]);
             let (hand, toe) = (j[17 + side], j[19 + side]);
             let bones = if side == 0 {
-                [Bone::RUpperArm, Bone::RForearm, Bone::RHand, Bone::RThigh, Bone::RShin, Bone::RFoot, Bone::RClavicle]
+                [
+                    Bone::RUpperArm,
+                    Bone::RForearm,
+                    Bone::RHand,
+                    Bone::RThigh,
+                    Bone::RShin,
+                    Bone::RFoot,
+                    Bone::RClavicle,
+                ]
             } else {
-                [Bone::LUpperArm, Bone::LForearm, Bone::LHand, Bone::LThigh, Bone::LShin, Bone::LFoot, Bone::LClavicle]
+                [
+                    Bone::LUpperArm,
+                    Bone::LForearm,
+                    Bone::LHand,
+                    Bone::LThigh,
+                    Bone::LShin,
+                    Bone::LFoot,
+                    Bone::LClavicle,
+                ]
             };
-            let mut cone = |a: Vec3, b: Vec3, ra: f32, rb: f32, soft: f32, m: Matter, bone: Bone| {
-                parts.push(Part::new(Solid::Cone { a, b, ra, rb }, soft * u, m, bone));
-            };
+            let mut cone =
+                |a: Vec3, b: Vec3, ra: f32, rb: f32, soft: f32, m: Matter, bone: Bone| {
+                    parts.push(Part::new(Solid::Cone { a, b, ra, rb }, soft * u, m, bone));
+                };
             let arm_fem = 1.0 - 0.12 * fem;
             let (rs, rb, re, rf, rw) = (
                 0.0315 * limb * arm_fem,
@@ -218,7 +307,15 @@ impl Flesh {
             );
             let mid = sho.lerp(elb, 0.45);
             let fore = elb.lerp(wri, 0.25);
-            cone(sho + (elb - sho) * 0.04, mid, rs * 0.95, rb, 0.015, Matter::Skin, bones[0]);
+            cone(
+                sho + (elb - sho) * 0.04,
+                mid,
+                rs * 0.95,
+                rb,
+                0.015,
+                Matter::Skin,
+                bones[0],
+            );
             cone(mid, elb, rb, re, 0.015, Matter::Skin, bones[0]);
             cone(elb, fore, re * 0.98, rf, 0.015, Matter::Skin, bones[1]);
             cone(fore, wri, rf, rw, 0.012, Matter::Skin, bones[1]);
@@ -237,7 +334,15 @@ impl Flesh {
                 let upper = outfit.sleeve.min(1.0);
                 let end = sho.lerp(elb, upper);
                 let r_end = rs + (re - rs) * upper + e * (1.0 + 0.4 * (1.0 - upper));
-                cone(sho + (elb - sho) * 0.06, end, rs * 0.97 + 0.8 * e, r_end, 0.012, Matter::Top, bones[0]);
+                cone(
+                    sho + (elb - sho) * 0.06,
+                    end,
+                    rs * 0.97 + 0.8 * e,
+                    r_end,
+                    0.012,
+                    Matter::Top,
+                    bones[0],
+                );
                 cone(
                     sho + Vec3::new(-s * 0.022 * u, 0.004 * u, 0.0),
                     sho,
@@ -274,11 +379,21 @@ impl Flesh {
                 bones[2],
             ));
             let inward = turn * Vec3::new(-s, 0.0, 0.0);
-            for (z, length) in [(-0.014, 0.034), (-0.005, 0.041), (0.005, 0.043), (0.0145, 0.038)] {
+            for (z, length) in [
+                (-0.014, 0.034),
+                (-0.005, 0.041),
+                (0.005, 0.043),
+                (0.0145, 0.038),
+            ] {
                 let a = wri + along * 0.054 * u + Vec3::Z * z * u;
                 let b = a + (along * length * 0.92 + inward * length * 0.38) * u;
                 parts.push(Part::new(
-                    Solid::Cone { a, b, ra: 0.0062 * u, rb: 0.0052 * u },
+                    Solid::Cone {
+                        a,
+                        b,
+                        ra: 0.0062 * u,
+                        rb: 0.0052 * u,
+                    },
                     0.006 * u,
                     Matter::Skin,
                     bones[2],
@@ -297,9 +412,10 @@ impl Flesh {
                 bones[2],
             ));
 
-            let mut cone = |a: Vec3, b: Vec3, ra: f32, rb: f32, soft: f32, m: Matter, bone: Bone| {
-                parts.push(Part::new(Solid::Cone { a, b, ra, rb }, soft * u, m, bone));
-            };
+            let mut cone =
+                |a: Vec3, b: Vec3, ra: f32, rb: f32, soft: f32, m: Matter, bone: Bone| {
+                    parts.push(Part::new(Solid::Cone { a, b, ra, rb }, soft * u, m, bone));
+                };
             let leg_fem = 1.0 + 0.05 * fem;
             let (rt, rm, rk, rc, ra) = (
                 0.0500 * limb * leg_fem,
@@ -321,9 +437,25 @@ impl Flesh {
             if upper > 0.05 {
                 let r_top = rt + 0.5 * e;
                 if upper < 0.42 {
-                    cone(groin, hip.lerp(kne, upper), r_top, radius(0.3, rm), 0.01, Matter::Bottom, bones[3]);
+                    cone(
+                        groin,
+                        hip.lerp(kne, upper),
+                        r_top,
+                        radius(0.3, rm),
+                        0.01,
+                        Matter::Bottom,
+                        bones[3],
+                    );
                 } else {
-                    cone(groin, thigh, r_top, radius(0.42, rm), 0.01, Matter::Bottom, bones[3]);
+                    cone(
+                        groin,
+                        thigh,
+                        r_top,
+                        radius(0.42, rm),
+                        0.01,
+                        Matter::Bottom,
+                        bones[3],
+                    );
                     let t = (upper - 0.42) / 0.58;
                     cone(
                         thigh,
@@ -340,17 +472,65 @@ impl Flesh {
                 let lower = (outfit.trouser - 1.0).min(0.97);
                 let end = kne.lerp(ank, lower);
                 let mid = kne.lerp(ank, 0.28 * lower.min(1.0));
-                cone(kne, mid, radius(1.0, rk), radius(1.2, rc), 0.01, Matter::Bottom, bones[4]);
-                cone(mid, end, radius(1.2, rc), radius(1.0 + lower, rc + (ra - rc) * 0.8 * lower), 0.01, Matter::Bottom, bones[4]);
+                cone(
+                    kne,
+                    mid,
+                    radius(1.0, rk),
+                    radius(1.2, rc),
+                    0.01,
+                    Matter::Bottom,
+                    bones[4],
+                );
+                cone(
+                    mid,
+                    end,
+                    radius(1.2, rc),
+                    radius(1.0 + lower, rc + (ra - rc) * 0.8 * lower),
+                    0.01,
+                    Matter::Bottom,
+                    bones[4],
+                );
             }
             // shoe: heel, ball, toes, flat below
             let heel = Vec3::new(ank.x, 0.019 * u, ank.z - 0.020 * u);
             let tip = Vec3::new(toe.x, 0.0135 * u, toe.z + 0.006 * u);
             let ball = Vec3::new(ank.x + s * 0.006 * u, 0.016 * u, ank.z + 0.068 * u);
-            cone(ank, heel, ra * 1.1, 0.0215 * u, 0.012, Matter::Shoe, bones[5]);
-            cone(heel, ball, 0.0215 * u, 0.0235 * u, 0.012, Matter::Shoe, bones[5]);
-            cone(ank + Vec3::new(0.0, -0.004, 0.012) * u, ball, 0.020 * u, 0.0205 * u, 0.012, Matter::Shoe, bones[5]);
-            cone(ball, tip, 0.0235 * u, 0.0165 * u, 0.012, Matter::Shoe, bones[5]);
+            cone(
+                ank,
+                heel,
+                ra * 1.1,
+                0.0215 * u,
+                0.012,
+                Matter::Shoe,
+                bones[5],
+            );
+            cone(
+                heel,
+                ball,
+                0.0215 * u,
+                0.0235 * u,
+                0.012,
+                Matter::Shoe,
+                bones[5],
+            );
+            cone(
+                ank + Vec3::new(0.0, -0.004, 0.012) * u,
+                ball,
+                0.020 * u,
+                0.0205 * u,
+                0.012,
+                Matter::Shoe,
+                bones[5],
+            );
+            cone(
+                ball,
+                tip,
+                0.0235 * u,
+                0.0165 * u,
+                0.012,
+                Matter::Shoe,
+                bones[5],
+            );
         }
 
         if let Some(length) = outfit.skirt {
@@ -366,7 +546,12 @@ impl Flesh {
                 let p = at(0.0, r[0], r[3]);
                 [p.y, r[1] * u * fat, r[2] * u * fat, p.z]
             });
-            parts.push(Part::new(Solid::Stack(rows.to_vec()), 0.01 * u, Matter::Bottom, Bone::Pelvis));
+            parts.push(Part::new(
+                Solid::Stack(rows.to_vec()),
+                0.01 * u,
+                Matter::Bottom,
+                Bone::Pelvis,
+            ));
         }
         head(&mut parts, shape, outfit);
         if outfit.bag {
@@ -414,11 +599,37 @@ fn head(parts: &mut Vec<Part>, shape: &Shape, outfit: &Outfit) {
     let fem = shape.feminine;
     let at = |x: f32, y: f32, z: f32| shape.at(x, y, z);
     let mut cone = |a: Vec3, b: Vec3, ra: f32, rb: f32, soft: f32, m: Matter, bone: Bone| {
-        parts.push(Part::new(Solid::Cone { a, b, ra: ra * u, rb: rb * u }, soft * u, m, bone));
+        parts.push(Part::new(
+            Solid::Cone {
+                a,
+                b,
+                ra: ra * u,
+                rb: rb * u,
+            },
+            soft * u,
+            m,
+            bone,
+        ));
     };
     let neck = (0.0335 - 0.005 * fem + 0.003 * shape.muscle) * (1.0 + 0.12 * shape.bulk.max(0.0));
-    cone(at(0.0, 0.815, -0.006), at(0.0, 0.845, 0.0), neck * 1.1, neck, 0.02, Matter::Skin, Bone::Chest);
-    cone(at(0.0, 0.845, 0.0), at(0.0, 0.892, 0.012), neck, neck * 0.95, 0.015, Matter::Skin, Bone::Head);
+    cone(
+        at(0.0, 0.815, -0.006),
+        at(0.0, 0.845, 0.0),
+        neck * 1.1,
+        neck,
+        0.02,
+        Matter::Skin,
+        Bone::Chest,
+    );
+    cone(
+        at(0.0, 0.845, 0.0),
+        at(0.0, 0.892, 0.012),
+        neck,
+        neck * 0.95,
+        0.015,
+        Matter::Skin,
+        Bone::Head,
+    );
     let mut egg = |c: [f32; 3], r: [f32; 3], tilt: f32, soft: f32, m: Matter| {
         parts.push(Part::new(
             Solid::Egg {
@@ -432,48 +643,192 @@ fn head(parts: &mut Vec<Part>, shape: &Shape, outfit: &Outfit) {
         ));
     };
     let jaw = 1.0 + 0.10 * shape.bulk.max(0.0);
-    egg([0.0, 0.9385, 0.012], [0.0435, 0.0545, 0.0545], 0.0, 0.01, Matter::Skin);
-    egg([0.0, 0.9050, 0.030], [0.0350 * jaw, 0.0375, 0.0360], 0.15, 0.02, Matter::Skin);
-    egg([0.0, 0.8800, 0.046], [0.0165, 0.0120, 0.0140], 0.0, 0.015, Matter::Skin);
-    egg([0.0, 0.9150, 0.0665], [0.0072, 0.0160, 0.0095], -0.35, 0.006, Matter::Skin);
+    egg(
+        [0.0, 0.9385, 0.012],
+        [0.0435, 0.0545, 0.0545],
+        0.0,
+        0.01,
+        Matter::Skin,
+    );
+    egg(
+        [0.0, 0.9050, 0.030],
+        [0.0350 * jaw, 0.0375, 0.0360],
+        0.15,
+        0.02,
+        Matter::Skin,
+    );
+    egg(
+        [0.0, 0.8800, 0.046],
+        [0.0165, 0.0120, 0.0140],
+        0.0,
+        0.015,
+        Matter::Skin,
+    );
+    egg(
+        [0.0, 0.9150, 0.0665],
+        [0.0072, 0.0160, 0.0095],
+        -0.35,
+        0.006,
+        Matter::Skin,
+    );
     for s in [-1.0, 1.0] {
-        egg([s * 0.0440, 0.9200, 0.008], [0.0045, 0.0165, 0.0100], 0.2, 0.004, Matter::Skin);
+        egg(
+            [s * 0.0440, 0.9200, 0.008],
+            [0.0045, 0.0165, 0.0100],
+            0.2,
+            0.004,
+            Matter::Skin,
+        );
     }
     let h = Matter::Hair;
     match outfit.hair {
         Hair::Bald => {}
-        Hair::Short => egg([0.0, 0.9430, 0.0070], [0.0465, 0.0560, 0.0560], -0.25, 0.006, h),
+        Hair::Short => egg(
+            [0.0, 0.9430, 0.0070],
+            [0.0465, 0.0560, 0.0560],
+            -0.25,
+            0.006,
+            h,
+        ),
         Hair::Full => {
-            egg([0.0, 0.9470, 0.0060], [0.0500, 0.0590, 0.0600], -0.3, 0.006, h);
-            egg([0.0, 0.9050, -0.0210], [0.0400, 0.0350, 0.0280], 0.0, 0.01, h);
+            egg(
+                [0.0, 0.9470, 0.0060],
+                [0.0500, 0.0590, 0.0600],
+                -0.3,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9050, -0.0210],
+                [0.0400, 0.0350, 0.0280],
+                0.0,
+                0.01,
+                h,
+            );
         }
-        Hair::Afro => egg([0.0, 0.9560, -0.0020], [0.0640, 0.0680, 0.0660], -0.2, 0.006, h),
+        Hair::Afro => egg(
+            [0.0, 0.9560, -0.0020],
+            [0.0640, 0.0680, 0.0660],
+            -0.2,
+            0.006,
+            h,
+        ),
         Hair::Bob => {
-            egg([0.0, 0.9450, 0.0030], [0.0500, 0.0580, 0.0570], -0.3, 0.006, h);
-            egg([0.0, 0.9050, -0.0160], [0.0520, 0.0520, 0.0400], 0.0, 0.012, h);
+            egg(
+                [0.0, 0.9450, 0.0030],
+                [0.0500, 0.0580, 0.0570],
+                -0.3,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9050, -0.0160],
+                [0.0520, 0.0520, 0.0400],
+                0.0,
+                0.012,
+                h,
+            );
         }
         Hair::Long => {
-            egg([0.0, 0.9450, 0.0030], [0.0495, 0.0575, 0.0570], -0.3, 0.006, h);
-            egg([0.0, 0.8750, -0.0220], [0.0530, 0.0900, 0.0300], 0.12, 0.012, h);
-            egg([0.0, 0.8200, -0.0420], [0.0480, 0.0800, 0.0220], 0.05, 0.012, h);
+            egg(
+                [0.0, 0.9450, 0.0030],
+                [0.0495, 0.0575, 0.0570],
+                -0.3,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.8750, -0.0220],
+                [0.0530, 0.0900, 0.0300],
+                0.12,
+                0.012,
+                h,
+            );
+            egg(
+                [0.0, 0.8200, -0.0420],
+                [0.0480, 0.0800, 0.0220],
+                0.05,
+                0.012,
+                h,
+            );
         }
         Hair::Ponytail => {
-            egg([0.0, 0.9430, 0.0050], [0.0460, 0.0560, 0.0560], -0.25, 0.006, h);
-            egg([0.0, 0.9350, -0.0580], [0.0160, 0.0180, 0.0200], 0.0, 0.006, h);
-            egg([0.0, 0.8950, -0.0720], [0.0150, 0.0500, 0.0150], 0.15, 0.01, h);
+            egg(
+                [0.0, 0.9430, 0.0050],
+                [0.0460, 0.0560, 0.0560],
+                -0.25,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9350, -0.0580],
+                [0.0160, 0.0180, 0.0200],
+                0.0,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.8950, -0.0720],
+                [0.0150, 0.0500, 0.0150],
+                0.15,
+                0.01,
+                h,
+            );
         }
         Hair::Bun => {
-            egg([0.0, 0.9430, 0.0050], [0.0460, 0.0560, 0.0560], -0.25, 0.006, h);
-            egg([0.0, 0.9850, -0.0350], [0.0230, 0.0210, 0.0230], 0.0, 0.006, h);
+            egg(
+                [0.0, 0.9430, 0.0050],
+                [0.0460, 0.0560, 0.0560],
+                -0.25,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9850, -0.0350],
+                [0.0230, 0.0210, 0.0230],
+                0.0,
+                0.006,
+                h,
+            );
         }
         Hair::Cap => {
-            egg([0.0, 0.9080, -0.0160], [0.0420, 0.0380, 0.0330], 0.0, 0.006, h);
-            egg([0.0, 0.9600, 0.0120], [0.0480, 0.0440, 0.0585], -0.05, 0.004, Matter::Hat);
-            egg([0.0, 0.9590, 0.0770], [0.0380, 0.0045, 0.0360], 0.15, 0.004, Matter::Hat);
+            egg(
+                [0.0, 0.9080, -0.0160],
+                [0.0420, 0.0380, 0.0330],
+                0.0,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9600, 0.0120],
+                [0.0480, 0.0440, 0.0585],
+                -0.05,
+                0.004,
+                Matter::Hat,
+            );
+            egg(
+                [0.0, 0.9590, 0.0770],
+                [0.0380, 0.0045, 0.0360],
+                0.15,
+                0.004,
+                Matter::Hat,
+            );
         }
         Hair::Beanie => {
-            egg([0.0, 0.9080, -0.0160], [0.0420, 0.0380, 0.0330], 0.0, 0.006, h);
-            egg([0.0, 0.9620, 0.0080], [0.0485, 0.0530, 0.0590], -0.25, 0.004, Matter::Hat);
+            egg(
+                [0.0, 0.9080, -0.0160],
+                [0.0420, 0.0380, 0.0330],
+                0.0,
+                0.006,
+                h,
+            );
+            egg(
+                [0.0, 0.9620, 0.0080],
+                [0.0485, 0.0530, 0.0590],
+                -0.25,
+                0.004,
+                Matter::Hat,
+            );
         }
     }
 }

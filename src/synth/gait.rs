@@ -25,13 +25,17 @@ pub fn stride(shape: &Shape, speed: f32, phase: f32) -> Pose {
     let mut pose = Pose::default();
     for side in 0..2 {
         let p = (phase + 0.5 * side as f32).rem_euclid(1.0);
-        let flex = 0.22 * swing + swing * (tau * (p - 0.97)).cos() + run * 14.0 * bump(p, 0.85, 0.12);
+        let flex =
+            0.22 * swing + swing * (tau * (p - 0.97)).cos() + run * 14.0 * bump(p, 0.85, 0.12);
         let knee = 4.0
-            + effort.min(1.0) * (13.0 * bump(p, 0.13, 0.09) + (56.0 + 30.0 * run) * bump(p, 0.72, 0.125))
+            + effort.min(1.0)
+                * (13.0 * bump(p, 0.13, 0.09) + (56.0 + 30.0 * run) * bump(p, 0.72, 0.125))
             + run * 16.0;
         // pitch of the foot against the floor, toes up positive
         let foot = effort.min(1.0)
-            * (17.0 * bump(p, 0.99, 0.06) - 48.0 * bump(p, 0.63, 0.085) - 14.0 * bump(p, 0.76, 0.08));
+            * (17.0 * bump(p, 0.99, 0.06)
+                - 48.0 * bump(p, 0.63, 0.085)
+                - 14.0 * bump(p, 0.76, 0.08));
         let lean = 3.0 + 8.0 * run;
         pose.legs[side] = Leg {
             flex: flex + lean * 0.5,

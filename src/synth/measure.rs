@@ -5,7 +5,9 @@ use glam::Vec3;
 use super::raster::{NOBODY, TRIANGLE_BITS};
 use super::render::{Picture, SUPERSAMPLE};
 use super::scene::{Scene, Stance};
-use super::truth::{ABSENT, OCCLUDED, SELF_OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE};
+use super::truth::{
+    ABSENT, OCCLUDED, SELF_OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE,
+};
 use crate::joints::BODY_JOINTS;
 
 /// How deep a joint may lie under its own visible skin, metres, for a person of 1.70 m.
@@ -18,7 +20,13 @@ fn round(v: f32, digits: f32) -> f32 {
 }
 
 /// Truth about one frame.
-pub fn measure(scene: &Scene, stances: &[Stance], picture: &Picture, frame: u64, time_ns: u64) -> TruthFrame {
+pub fn measure(
+    scene: &Scene,
+    stances: &[Stance],
+    picture: &Picture,
+    frame: u64,
+    time_ns: u64,
+) -> TruthFrame {
     let camera = &scene.camera;
     let up = camera.axes * Vec3::Y;
     let people = stances
@@ -28,7 +36,10 @@ pub fn measure(scene: &Scene, stances: &[Stance], picture: &Picture, frame: u64,
         .map(|(k, stance)| {
             let person = &scene.people[stance.person];
             let joints3d: [[f32; 3]; BODY_JOINTS] = std::array::from_fn(|j| {
-                camera.to_camera(picture.posed[k].joints[j]).to_array().map(|v| round(v, 1e4))
+                camera
+                    .to_camera(picture.posed[k].joints[j])
+                    .to_array()
+                    .map(|v| round(v, 1e4))
             });
             let joints2d = joints3d.map(|p| camera.lens.project(p).map(|v| round(v, 10.0)));
             let tolerance = OWN_DEPTH * person.shape.stature / 1.70;
@@ -68,7 +79,10 @@ fn touches(b: [f32; 4], width: u32, height: u32) -> bool {
 fn visibility(picture: &Picture, person: u32, z: f32, at: [f32; 2], tolerance: f32) -> u8 {
     let s = &picture.samples;
     let scale = SUPERSAMPLE as f32;
-    let (x, y) = (((at[0] + 0.5) * scale).floor(), ((at[1] + 0.5) * scale).floor());
+    let (x, y) = (
+        ((at[0] + 0.5) * scale).floor(),
+        ((at[1] + 0.5) * scale).floor(),
+    );
     if z <= 0.1 || x < 0.0 || y < 0.0 || x >= s.width as f32 || y >= s.height as f32 {
         return ABSENT;
     }
@@ -76,7 +90,11 @@ fn visibility(picture: &Picture, person: u32, z: f32, at: [f32; 2], tolerance: f
     let surface = s.z[i];
     let own = s.who[i] != NOBODY && s.who[i] >> TRIANGLE_BITS == person;
     if own {
-        if surface > z - tolerance { VISIBLE } else { SELF_OCCLUDED }
+        if surface > z - tolerance {
+            VISIBLE
+        } else {
+            SELF_OCCLUDED
+        }
     } else if surface > z - HIDING_DEPTH {
         VISIBLE
     } else {

@@ -95,7 +95,13 @@ impl Mesh {
             for z in 0..BLOCK {
                 for y in 0..BLOCK {
                     for x in 0..BLOCK {
-                        quads(&mut mesh, &field, &vertex_of, *base + IVec3::new(x, y, z), index);
+                        quads(
+                            &mut mesh,
+                            &field,
+                            &vertex_of,
+                            *base + IVec3::new(x, y, z),
+                            index,
+                        );
                     }
                 }
             }
@@ -152,7 +158,13 @@ fn crossing(field: &[f32], c: IVec3, index: impl Fn(IVec3) -> usize) -> Option<V
 }
 
 /// Emits the quads of the three edges that start at a corner.
-fn quads(mesh: &mut Mesh, field: &[f32], vertex_of: &[u32], c: IVec3, index: impl Fn(IVec3) -> usize) {
+fn quads(
+    mesh: &mut Mesh,
+    field: &[f32],
+    vertex_of: &[u32],
+    c: IVec3,
+    index: impl Fn(IVec3) -> usize,
+) {
     let v0 = field[index(c)];
     if v0.is_nan() {
         return;
@@ -188,8 +200,16 @@ fn vertex(flesh: &Flesh, shape: &Shape, p: Vec3, near: &[u16], step: f32) -> Ver
     let d = |p: Vec3| flesh.distance(p, near);
     let gradient = |p: Vec3| {
         // four taps of a tetrahedron
-        let k = [Vec3::new(1.0, -1.0, -1.0), Vec3::new(-1.0, -1.0, 1.0), Vec3::new(-1.0, 1.0, -1.0), Vec3::ONE];
-        k.iter().map(|k| *k * d(p + *k * e)).sum::<Vec3>().normalize_or_zero()
+        let k = [
+            Vec3::new(1.0, -1.0, -1.0),
+            Vec3::new(-1.0, -1.0, 1.0),
+            Vec3::new(-1.0, 1.0, -1.0),
+            Vec3::ONE,
+        ];
+        k.iter()
+            .map(|k| *k * d(p + *k * e))
+            .sum::<Vec3>()
+            .normalize_or_zero()
     };
     let normal = gradient(p);
     let rest = p - normal * d(p).clamp(-step, step);
@@ -205,11 +225,23 @@ fn vertex(flesh: &Flesh, shape: &Shape, p: Vec3, near: &[u16], step: f32) -> Ver
         }
         gap[part.bone as usize] = gap[part.bone as usize].min(e);
     }
-    Vertex { rest, normal, openness, matter: first.matter, bone: first.bone, weights: weights(shape, rest, first, gap) }
+    Vertex {
+        rest,
+        normal,
+        openness,
+        matter: first.matter,
+        bone: first.bone,
+        weights: weights(shape, rest, first, gap),
+    }
 }
 
 /// Weights of the bones next to the nearest one: a soft change at every joint, nothing from limbs that only pass by.
-fn weights(shape: &Shape, p: Vec3, nearest: &super::flesh::Part, gap: [f32; BONES]) -> [(u8, f32); 4] {
+fn weights(
+    shape: &Shape,
+    p: Vec3,
+    nearest: &super::flesh::Part,
+    gap: [f32; BONES],
+) -> [(u8, f32); 4] {
     let u = shape.unit();
     let own = nearest.bone as usize;
     // Trunk and skirt hang on heights, not on distances: their parts overlap everywhere.
@@ -224,7 +256,10 @@ fn weights(shape: &Shape, p: Vec3, nearest: &super::flesh::Part, gap: [f32; BONE
     }
     if trunk {
         let y = shape.at(0.0, 0.0, 0.0).y;
-        let (low, high) = (shape.at(0.0, 0.575, 0.0).y - y, shape.at(0.0, 0.735, 0.0).y - y);
+        let (low, high) = (
+            shape.at(0.0, 0.575, 0.0).y - y,
+            shape.at(0.0, 0.735, 0.0).y - y,
+        );
         let t = super::noise::smoothstep(low, high, p.y);
         let sum = w[0] + w[1];
         let sum = if sum > 0.0 { sum } else { 1.0 };
@@ -234,7 +269,11 @@ fn weights(shape: &Shape, p: Vec3, nearest: &super::flesh::Part, gap: [f32; BONE
         let drop = ((shape.joints[8].y + 0.01 * u - p.y) / (0.06 * u)).clamp(0.0, 1.0);
         if drop > 0.0 {
             let left = super::noise::smoothstep(-0.05 * u, 0.05 * u, p.x);
-            let free = if nearest.matter == Matter::Bottom && p.y < shape.joints[8].y - 0.04 * u { 1.0 } else { 0.6 };
+            let free = if nearest.matter == Matter::Bottom && p.y < shape.joints[8].y - 0.04 * u {
+                1.0
+            } else {
+                0.6
+            };
             for (b, side) in [(Bone::LThigh, left), (Bone::RThigh, 1.0 - left)] {
                 w[b as usize] = w[b as usize].max(0.0) * 0.3 + drop * free * side;
             }
@@ -268,16 +307,32 @@ pub fn spot(shape: &Shape, p: Vec3, bone: Bone) -> Spot {
     let along = |a: Vec3, b: Vec3| (p - a).dot(b - a) / (b - a).length_squared();
     let chain = |k: usize| {
         let first = along(j[k], j[k + 1]);
-        if first < 1.0 { first } else { 1.0 + along(j[k + 1], j[k + 2]).max(0.0) }
+        if first < 1.0 {
+            first
+        } else {
+            1.0 + along(j[k + 1], j[k + 2]).max(0.0)
+        }
     };
     let on_arm = matches!(
         bone,
-        Bone::RClavicle | Bone::RUpperArm | Bone::RForearm | Bone::RHand
-            | Bone::LClavicle | Bone::LUpperArm | Bone::LForearm | Bone::LHand
+        Bone::RClavicle
+            | Bone::RUpperArm
+            | Bone::RForearm
+            | Bone::RHand
+            | Bone::LClavicle
+            | Bone::LUpperArm
+            | Bone::LForearm
+            | Bone::LHand
     );
     let on_leg = matches!(
         bone,
-        Bone::RThigh | Bone::RShin | Bone::RFoot | Bone::LThigh | Bone::LShin | Bone::LFoot | Bone::Pelvis
+        Bone::RThigh
+            | Bone::RShin
+            | Bone::RFoot
+            | Bone::LThigh
+            | Bone::LShin
+            | Bone::LFoot
+            | Bone::Pelvis
     );
     Spot {
         p,
@@ -285,5 +340,43 @@ pub fn spot(shape: &Shape, p: Vec3, bone: Bone) -> Spot {
         arm: on_arm.then(|| chain(2 + 3 * side)),
         leg: on_leg.then(|| chain(8 + 3 * side)),
         head: bone == Bone::Head,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+    use crate::synth::noise::Dice;
+
+    #[test]
+    fn surfaces_are_closed_and_face_outwards() {
+        for seed in 0..3 {
+            let mut dice = Dice::new(seed, 0);
+            let shape = Shape::random(&mut dice);
+            let outfit = Outfit::random(shape.feminine, &mut dice);
+            let mesh = Mesh::new(&shape, &outfit, 0.02);
+            assert!(mesh.triangles.len() > 3_000);
+            let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+            let mut volume = 0.0;
+            for t in &mesh.triangles {
+                for k in 0..3 {
+                    let (a, b) = (t[k], t[(k + 1) % 3]);
+                    *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+                }
+                let [a, b, c] = t.map(|i| mesh.vertices[i as usize].rest);
+                volume += a.dot(b.cross(c)) / 6.0;
+            }
+            let open = edges.values().filter(|n| **n != 0).count();
+            assert_eq!(open, 0, "{open} open edges of {}", edges.len());
+            // litres of a dressed person of 1.45–2.0 m
+            assert!((0.035..0.20).contains(&volume), "volume {volume} m³");
+            for v in &mesh.vertices {
+                assert!(v.rest.y > -0.02 && v.rest.y < shape.stature + 0.12);
+                let sum: f32 = v.weights.iter().map(|w| w.1).sum();
+                assert!((sum - 1.0).abs() < 1e-4);
+            }
+        }
     }
 }

@@ -16,7 +16,10 @@ fn mix(mut z: u64) -> u64 {
 impl Dice {
     /// Numbers for a seed and a stream: streams of one seed are independent.
     pub fn new(seed: u64, stream: u64) -> Self {
-        Self(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ mix(stream.wrapping_mul(0xd1b5_4a32_d192_ed03)))
+        Self(
+            mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15))
+                ^ mix(stream.wrapping_mul(0xd1b5_4a32_d192_ed03)),
+        )
     }
 
     /// 64 random bits.

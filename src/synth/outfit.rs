@@ -170,9 +170,11 @@ impl Cloth {
         let shade = 0.9 + 0.2 * value(p * 60.0, self.seed);
         let on = match self.print {
             Print::Plain => 0.0,
-            Print::Stripes(axis, n) => {
-                smoothstep(-0.25, 0.25, (p.dot(axis) * n * std::f32::consts::TAU).sin() - 0.2)
-            }
+            Print::Stripes(axis, n) => smoothstep(
+                -0.25,
+                0.25,
+                (p.dot(axis) * n * std::f32::consts::TAU).sin() - 0.2,
+            ),
             Print::Checks(n) => {
                 let band = |x: f32| smoothstep(-0.2, 0.2, (x * n * std::f32::consts::TAU).sin());
                 0.5 * (band(p.x + 0.5 * p.z) + band(p.y))
@@ -213,26 +215,58 @@ impl Outfit {
         let hair_colour = if dice.chance(0.16) {
             hsv(0.1, 0.06, dice.range(0.45, 0.9))
         } else if tone < 0.45 && dice.chance(0.5) {
-            hsv(dice.range(0.04, 0.11), dice.range(0.4, 0.7), dice.range(0.2, 0.75))
+            hsv(
+                dice.range(0.04, 0.11),
+                dice.range(0.4, 0.7),
+                dice.range(0.2, 0.75),
+            )
         } else {
-            hsv(dice.range(0.02, 0.1), dice.range(0.1, 0.5), dice.range(0.05, 0.25))
+            hsv(
+                dice.range(0.02, 0.1),
+                dice.range(0.1, 0.5),
+                dice.range(0.05, 0.25),
+            )
         };
         let hair = if feminine > 0.5 {
             dice.pick(&[
-                Hair::Long, Hair::Long, Hair::Long, Hair::Bob, Hair::Bob, Hair::Ponytail, Hair::Ponytail,
-                Hair::Bun, Hair::Full, Hair::Short, Hair::Cap, Hair::Afro, Hair::Beanie,
+                Hair::Long,
+                Hair::Long,
+                Hair::Long,
+                Hair::Bob,
+                Hair::Bob,
+                Hair::Ponytail,
+                Hair::Ponytail,
+                Hair::Bun,
+                Hair::Full,
+                Hair::Short,
+                Hair::Cap,
+                Hair::Afro,
+                Hair::Beanie,
             ])
         } else {
             dice.pick(&[
-                Hair::Short, Hair::Short, Hair::Short, Hair::Short, Hair::Full, Hair::Full, Hair::Bald,
-                Hair::Cap, Hair::Beanie, Hair::Afro, Hair::Bob,
+                Hair::Short,
+                Hair::Short,
+                Hair::Short,
+                Hair::Short,
+                Hair::Full,
+                Hair::Full,
+                Hair::Bald,
+                Hair::Cap,
+                Hair::Beanie,
+                Hair::Afro,
+                Hair::Bob,
             ])
         };
         let mut top = Cloth::random(dice);
         let mut bottom = Cloth::random(dice);
         if dice.chance(0.35) {
             // jeans
-            bottom.colour = hsv(dice.range(0.57, 0.64), dice.range(0.3, 0.7), dice.range(0.15, 0.6));
+            bottom.colour = hsv(
+                dice.range(0.57, 0.64),
+                dice.range(0.3, 0.7),
+                dice.range(0.15, 0.6),
+            );
             bottom.print = Print::Plain;
         } else if dice.chance(0.6) {
             bottom.print = Print::Plain;
@@ -269,11 +303,19 @@ impl Outfit {
             skin,
             hair_colour,
             hair,
-            beard: if feminine < 0.5 && dice.chance(0.35) { dice.range(0.3, 0.9) } else { 0.0 },
+            beard: if feminine < 0.5 && dice.chance(0.35) {
+                dice.range(0.3, 0.9)
+            } else {
+                0.0
+            },
             glasses: dice.chance(0.18),
             sleeve,
             trouser,
-            hem: if tucked { dice.range(0.575, 0.60) } else { dice.range(0.47, 0.555) },
+            hem: if tucked {
+                dice.range(0.575, 0.60)
+            } else {
+                dice.range(0.47, 0.555)
+            },
             collar: dice.range(0.815, 0.845),
             skirt,
             one_piece,
@@ -282,8 +324,16 @@ impl Outfit {
             top_ease: 0.004 + 0.024 * dice.unit() * dice.unit(),
             bottom_ease: 0.003 + 0.022 * loose,
             flare: dice.range(-0.2, 0.8) * loose,
-            sock: if dice.chance(0.3) { dice.range(1.3, 1.9) } else { 2.0 },
-            sock_colour: if dice.chance(0.6) { Vec3::splat(0.75) } else { Cloth::random(dice).colour },
+            sock: if dice.chance(0.3) {
+                dice.range(1.3, 1.9)
+            } else {
+                2.0
+            },
+            sock_colour: if dice.chance(0.6) {
+                Vec3::splat(0.75)
+            } else {
+                Cloth::random(dice).colour
+            },
             bag: dice.chance(0.08),
             top,
             bottom,
@@ -313,7 +363,9 @@ impl Outfit {
                 _ => 0.880,
             };
             let front = y > line + 0.76 * (z + 0.045) + 0.006 * (s.table.x.abs() / 0.04);
-            return if nearest == Matter::Hair && (front || z < 0.0) || (front && self.hair != Hair::Bald) {
+            return if nearest == Matter::Hair && (front || z < 0.0)
+                || (front && self.hair != Hair::Bald)
+            {
                 Matter::Hair
             } else {
                 Matter::Skin
@@ -324,8 +376,16 @@ impl Outfit {
         }
         let wave = 0.003 * (s.p.x * 40.0 + s.p.z * 31.0).sin();
         if let Some(a) = s.arm {
-            let covered = if self.sleeve < 0.0 { a < -0.12 } else { a < self.sleeve + 4.0 * wave };
-            return if covered && !self.bare_chest { Matter::Top } else { Matter::Skin };
+            let covered = if self.sleeve < 0.0 {
+                a < -0.12
+            } else {
+                a < self.sleeve + 4.0 * wave
+            };
+            return if covered && !self.bare_chest {
+                Matter::Top
+            } else {
+                Matter::Skin
+            };
         }
         if nearest == Matter::Bottom && self.skirt.is_some() {
             return Matter::Bottom;
@@ -333,10 +393,15 @@ impl Outfit {
         if let Some(l) = s.leg
             && y < self.hem + wave
         {
-            return if l < self.trouser + 4.0 * wave || y > 0.49 { Matter::Bottom } else { Matter::Skin };
+            return if l < self.trouser + 4.0 * wave || y > 0.49 {
+                Matter::Bottom
+            } else {
+                Matter::Skin
+            };
         }
         // A collar that is lower in front.
-        let collar = self.collar - 0.018 * smoothstep(0.0, 0.05, z) * (1.0 - (s.table.x / 0.05).powi(2)).max(0.0);
+        let collar = self.collar
+            - 0.018 * smoothstep(0.0, 0.05, z) * (1.0 - (s.table.x / 0.05).powi(2)).max(0.0);
         if y < self.hem + wave {
             Matter::Bottom
         } else if y < collar && !self.bare_chest {
@@ -358,7 +423,11 @@ impl Outfit {
             Matter::Hat | Matter::Bag => self.extra.at(s.p),
             Matter::Shoe => {
                 let sole = t.y < 0.008;
-                if sole { self.shoe.second * 0.8 } else { self.shoe.at(s.p) }
+                if sole {
+                    self.shoe.second * 0.8
+                } else {
+                    self.shoe.at(s.p)
+                }
             }
             Matter::Top => {
                 if let Some(inner) = self.open_front
@@ -376,7 +445,8 @@ impl Outfit {
                             && (t.y - 0.735).abs() < 0.035
                             && (t.x - 0.004).abs() < 0.048 =>
                     {
-                        let letters = value(Vec3::new(t.x * 160.0, t.y * 110.0, 0.0), self.top.seed);
+                        let letters =
+                            value(Vec3::new(t.x * 160.0, t.y * 110.0, 0.0), self.top.seed);
                         c.lerp(self.top.second, smoothstep(0.42, 0.5, letters))
                     }
                     Print::Halves if s.arm.is_some() || t.y > 0.72 => self.top.second,
@@ -389,7 +459,8 @@ impl Outfit {
                 if self.bottom.print == Print::Badge && t.x.abs() > 0.1 && t.z.abs() < 0.012 {
                     return self.bottom.second;
                 }
-                let belt = (t.y - self.hem.max(0.575)).abs() < 0.007 && self.hem > 0.57 && !self.one_piece;
+                let belt =
+                    (t.y - self.hem.max(0.575)).abs() < 0.007 && self.hem > 0.57 && !self.one_piece;
                 if belt { c * 0.35 } else { c }
             }
         }
@@ -410,22 +481,44 @@ impl Outfit {
             return c;
         }
         let x = t.x.abs();
-        let ellipse = |cx: f32, cy: f32, rx: f32, ry: f32| ((x - cx) / rx).powi(2) + ((t.y - cy) / ry).powi(2);
+        let ellipse = |cx: f32, cy: f32, rx: f32, ry: f32| {
+            ((x - cx) / rx).powi(2) + ((t.y - cy) / ry).powi(2)
+        };
         let paint = |c: &mut Vec3, d: f32, with: Vec3, strength: f32| {
             *c = c.lerp(with, strength * (1.0 - smoothstep(0.6, 1.3, d)));
         };
         // eye sockets lie in shade, then white, iris, brow, mouth, cheeks
         let shade = c * 0.62;
         paint(&mut c, ellipse(0.0175, 0.9345, 0.013, 0.0085), shade, 0.8);
-        paint(&mut c, ellipse(0.0175, 0.9335, 0.0085, 0.0036), Vec3::splat(0.55), 0.8);
-        paint(&mut c, ellipse(0.0175, 0.9335, 0.0042, 0.0042), Vec3::new(0.02, 0.015, 0.012), 1.0);
-        paint(&mut c, ellipse(0.0185, 0.9455, 0.0125, 0.0032), self.hair_colour * 0.6, 0.85);
+        paint(
+            &mut c,
+            ellipse(0.0175, 0.9335, 0.0085, 0.0036),
+            Vec3::splat(0.55),
+            0.8,
+        );
+        paint(
+            &mut c,
+            ellipse(0.0175, 0.9335, 0.0042, 0.0042),
+            Vec3::new(0.02, 0.015, 0.012),
+            1.0,
+        );
+        paint(
+            &mut c,
+            ellipse(0.0185, 0.9455, 0.0125, 0.0032),
+            self.hair_colour * 0.6,
+            0.85,
+        );
         let cheek = c * Vec3::new(1.08, 0.86, 0.84);
         paint(&mut c, ellipse(0.024, 0.912, 0.012, 0.011), cheek, 0.6);
         let lips = c * Vec3::new(0.82, 0.42, 0.42);
         paint(&mut c, ellipse(0.0, 0.8935, 0.0145, 0.0042), lips, 0.95);
         let nostril = c * 0.45;
-        paint(&mut c, ellipse(0.0055, 0.9065, 0.0035, 0.0024), nostril, 0.9);
+        paint(
+            &mut c,
+            ellipse(0.0055, 0.9065, 0.0035, 0.0024),
+            nostril,
+            0.9,
+        );
         if self.beard > 0.0 {
             let lower = 1.0 - smoothstep(0.897, 0.908, t.y - 0.35 * (x - 0.015).max(0.0));
             let mouth = smoothstep(0.8, 1.6, ellipse(0.0, 0.8935, 0.014, 0.005));

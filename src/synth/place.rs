@@ -140,7 +140,11 @@ pub struct Hit {
 }
 
 fn hue(dice: &mut Dice, saturation: f32, lo: f32, hi: f32) -> Vec3 {
-    let (h, s, v) = (dice.unit() * 6.0, saturation * dice.unit(), dice.range(lo, hi));
+    let (h, s, v) = (
+        dice.unit() * 6.0,
+        saturation * dice.unit(),
+        dice.range(lo, hi),
+    );
     let k = |n: f32| {
         let k = (n + h) % 6.0;
         v - v * s * k.min(4.0 - k).clamp(0.0, 1.0)
@@ -150,18 +154,31 @@ fn hue(dice: &mut Dice, saturation: f32, lo: f32, hi: f32) -> Vec3 {
 
 impl Finish {
     fn new(paint: Paint, a: Vec3, b: Vec3, dice: &mut Dice) -> Self {
-        Self { paint, a, b, seed: dice.bits() as u32 }
+        Self {
+            paint,
+            a,
+            b,
+            seed: dice.bits() as u32,
+        }
     }
 
     fn wood(dice: &mut Dice) -> Self {
         let v = dice.range(0.25, 0.85);
-        let a = linear(Vec3::new(v, v * dice.range(0.66, 0.85), v * dice.range(0.4, 0.68)));
+        let a = linear(Vec3::new(
+            v,
+            v * dice.range(0.66, 0.85),
+            v * dice.range(0.4, 0.68),
+        ));
         let width = dice.range(0.07, 0.2);
         Self::new(Paint::Planks(width), a, a * dice.range(0.5, 0.85), dice)
     }
 
     fn wall(dice: &mut Dice) -> Self {
-        let a = if dice.chance(0.65) { hue(dice, 0.18, 0.55, 0.95) } else { hue(dice, 0.55, 0.25, 0.85) };
+        let a = if dice.chance(0.65) {
+            hue(dice, 0.18, 0.55, 0.95)
+        } else {
+            hue(dice, 0.55, 0.25, 0.85)
+        };
         let b = a * dice.range(0.55, 0.95);
         let paint = match dice.below(14) {
             0..=6 => Paint::Plaster,
@@ -183,7 +200,11 @@ impl Finish {
         if dice.chance(0.4) {
             return Self::wood(dice);
         }
-        let a = if dice.chance(0.5) { hue(dice, 0.2, 0.08, 0.9) } else { hue(dice, 0.8, 0.2, 0.8) };
+        let a = if dice.chance(0.5) {
+            hue(dice, 0.2, 0.08, 0.9)
+        } else {
+            hue(dice, 0.8, 0.2, 0.8)
+        };
         let b = hue(dice, 0.6, 0.1, 0.9);
         let paint = match dice.below(12) {
             0..=5 => Paint::Plaster,
@@ -214,7 +235,11 @@ impl Finish {
                 let row = q.y / w;
                 let x = q.x / (w * 9.0) + 7.3 * cell(0.0, row, 1);
                 let tone = 0.7 + 0.6 * cell(x, row, 2);
-                let vein = fractal(Vec3::new(q.x * 3.0, q.y * 60.0, cell(x, row, 3) * 50.0), 2, seed);
+                let vein = fractal(
+                    Vec3::new(q.x * 3.0, q.y * 60.0, cell(x, row, 3) * 50.0),
+                    2,
+                    seed,
+                );
                 let joint = edge(row, 0.04) * edge(x, 0.006);
                 self.a.lerp(self.b, 0.55 * vein) * tone * (0.45 + 0.55 * joint)
             }
@@ -222,7 +247,11 @@ impl Finish {
                 let t = q / w;
                 let odd = (t.x.floor() as i32 + t.y.floor() as i32) & 1 == 1;
                 let joint = edge(t.x, 0.03) * edge(t.y, 0.03);
-                let ground = if matches!(self.paint, Paint::Chequers(_)) && odd { self.b } else { self.a };
+                let ground = if matches!(self.paint, Paint::Chequers(_)) && odd {
+                    self.b
+                } else {
+                    self.a
+                };
                 ground * (0.9 + 0.2 * cell(t.x, t.y, 4)) * stain * (0.6 + 0.4 * joint)
             }
             Paint::Bricks(h) => {
@@ -235,12 +264,19 @@ impl Finish {
             Paint::Rough(s) => {
                 let n = fractal(p3 / s, 3, seed);
                 let patch = fractal(p3 * 0.7, 3, seed ^ 9);
-                self.a.lerp(self.b, smoothstep(0.35, 0.7, 0.6 * n + 0.4 * patch)) * (0.65 + 0.7 * n)
+                self.a
+                    .lerp(self.b, smoothstep(0.35, 0.7, 0.6 * n + 0.4 * patch))
+                    * (0.65 + 0.7 * n)
             }
-            Paint::Bands(w) => self.a.lerp(self.b, smoothstep(0.45, 0.55, (q.x / w).fract().abs())) * stain,
+            Paint::Bands(w) => {
+                self.a
+                    .lerp(self.b, smoothstep(0.45, 0.55, (q.x / w).fract().abs()))
+                    * stain
+            }
             Paint::Blotches(s) => {
                 let n = fractal(p3 / s, 4, seed);
-                self.a.lerp(self.b, smoothstep(0.42, 0.58, n)) * (0.6 + 0.8 * fractal(p3 / s * 3.0, 2, seed ^ 5))
+                self.a.lerp(self.b, smoothstep(0.42, 0.58, n))
+                    * (0.6 + 0.8 * fractal(p3 / s * 3.0, 2, seed ^ 5))
             }
             Paint::Facade(w) => {
                 let t = Vec2::new(q.x / w, q.y / (w * 1.25));
@@ -281,20 +317,27 @@ impl Finish {
                     let hi = Vec2::new(0.6 + 0.4 * r(2), 0.6 + 0.4 * r(3));
                     if r(4) < 0.3 && f.cmpgt(lo).all() && f.cmplt(hi).all() {
                         let tint = Vec3::splat(r(5)).lerp(Vec3::new(r(5), r(6), r(7)), r(8));
-                        c = self.b.lerp(tint * tint, 0.7) * (0.5 + fractal(p3 / (0.15 * s), 2, seed ^ 3));
+                        c = self.b.lerp(tint * tint, 0.7)
+                            * (0.5 + fractal(p3 / (0.15 * s), 2, seed ^ 3));
                     }
                 }
                 c
             }
             Paint::Window => {
                 let f = q - q.floor();
-                let bar = (f.x - 0.5).abs() < 0.03 || (f.y - 0.5).abs() < 0.03 || f.min_element() < 0.05 || f.max_element() > 0.95;
+                let bar = (f.x - 0.5).abs() < 0.03
+                    || (f.y - 0.5).abs() < 0.03
+                    || f.min_element() < 0.05
+                    || f.max_element() > 0.95;
                 if bar {
                     return (self.b, false);
                 }
                 let n = fractal(Vec3::new(q.x * 3.0, q.y * 3.0, 1.0), 3, seed);
                 let tree = smoothstep(0.1, -0.1, f.y - 0.25 - 0.5 * n);
-                return ((self.a * 1.3).lerp(Vec3::new(0.10, 0.17, 0.06), tree * 0.8), true);
+                return (
+                    (self.a * 1.3).lerp(Vec3::new(0.10, 0.17, 0.06), tree * 0.8),
+                    true,
+                );
             }
         };
         (colour * fine, false)
@@ -304,7 +347,11 @@ impl Finish {
 impl Place {
     /// A random place for people who stand `near` metres in front of a camera at `eye`.
     pub fn random(dice: &mut Dice, eye: Vec3, near: f32) -> Self {
-        if dice.chance(0.6) { Self::indoors(dice, eye, near) } else { Self::outdoors(dice, near) }
+        if dice.chance(0.6) {
+            Self::indoors(dice, eye, near)
+        } else {
+            Self::outdoors(dice, near)
+        }
     }
 
     /// A room with furniture along its walls, the back wall behind `near`.
@@ -337,8 +384,17 @@ impl Place {
             }
         };
         let wall = Finish::wall(dice);
-        let side = if dice.chance(0.6) { wall } else { Finish::wall(dice) };
-        let ceiling = Finish::new(Paint::Plaster, Vec3::splat(dice.range(0.5, 0.85)), Vec3::ONE, dice);
+        let side = if dice.chance(0.6) {
+            wall
+        } else {
+            Finish::wall(dice)
+        };
+        let ceiling = Finish::new(
+            Paint::Plaster,
+            Vec3::splat(dice.range(0.5, 0.85)),
+            Vec3::ONE,
+            dice,
+        );
         let mut things = Vec::new();
         let free = |dice: &mut Dice, near_wall: f32| {
             let x = dice.range(left, right);
@@ -356,11 +412,19 @@ impl Place {
             } else {
                 let (a, b) = (hue(dice, 0.7, 0.1, 0.9), hue(dice, 0.7, 0.1, 0.9));
                 let s = dice.range(0.2, 0.6);
-                let paint = if dice.chance(0.5) { Paint::Collage(s) } else { Paint::Blotches(s) };
+                let paint = if dice.chance(0.5) {
+                    Paint::Collage(s)
+                } else {
+                    Paint::Blotches(s)
+                };
                 Finish::new(paint, a, b, dice)
             };
             things.push(Thing {
-                form: Form::Block { centre, half: Vec3::new(w, h, 0.02), turn: 0.0 },
+                form: Form::Block {
+                    centre,
+                    half: Vec3::new(w, h, 0.02),
+                    turn: 0.0,
+                },
                 finish,
                 solid: false,
             });
@@ -369,7 +433,11 @@ impl Place {
             let finish = Finish::object(dice);
             let x = dice.range(left + 0.5, right - 0.5);
             things.push(Thing {
-                form: Form::Block { centre: Vec3::new(x, 1.02, back), half: Vec3::new(0.45, 1.02, 0.04), turn: 0.0 },
+                form: Form::Block {
+                    centre: Vec3::new(x, 1.02, back),
+                    half: Vec3::new(0.45, 1.02, 0.04),
+                    turn: 0.0,
+                },
                 finish,
                 solid: false,
             });
@@ -379,7 +447,11 @@ impl Place {
             let along_side = dice.chance(0.6);
             let deep = dice.range(0.15, 0.45);
             let foot = if along_side {
-                let x = if dice.chance(0.5) { left + deep } else { right - deep };
+                let x = if dice.chance(0.5) {
+                    left + deep
+                } else {
+                    right - deep
+                };
                 Vec3::new(x, 0.0, dice.range(back, -1.8))
             } else {
                 free(dice, deep)
@@ -393,7 +465,11 @@ impl Place {
                 back,
                 height,
                 walls: [wall, side, ceiling],
-                skirting: if dice.chance(0.5) { Vec3::splat(0.8) } else { Finish::wood(dice).a },
+                skirting: if dice.chance(0.5) {
+                    Vec3::splat(0.8)
+                } else {
+                    Finish::wood(dice).a
+                },
             }),
             things,
             sky: [Vec3::ONE; 2],
@@ -406,25 +482,45 @@ impl Place {
 
     /// Adds one piece of furniture.
     pub fn furnish(things: &mut Vec<Thing>, dice: &mut Dice, foot: Vec3) {
-        let turn = if dice.chance(0.6) { 0.0 } else { dice.range(-0.6, 0.6) };
+        let turn = if dice.chance(0.6) {
+            0.0
+        } else {
+            dice.range(-0.6, 0.6)
+        };
         let mut block = |offset: Vec3, half: Vec3, finish: Finish| {
             let spun = Vec3::new(
                 offset.x * turn.cos() + offset.z * turn.sin(),
                 offset.y,
                 offset.z * turn.cos() - offset.x * turn.sin(),
             );
-            things.push(Thing { form: Form::Block { centre: foot + spun, half, turn }, finish, solid: true });
+            things.push(Thing {
+                form: Form::Block {
+                    centre: foot + spun,
+                    half,
+                    turn,
+                },
+                finish,
+                solid: true,
+            });
         };
         match dice.below(7) {
             0 | 1 => {
                 // cupboard or shelf
-                let half = Vec3::new(dice.range(0.25, 0.7), dice.range(0.3, 1.05), dice.range(0.15, 0.32));
+                let half = Vec3::new(
+                    dice.range(0.25, 0.7),
+                    dice.range(0.3, 1.05),
+                    dice.range(0.15, 0.32),
+                );
                 let finish = Finish::object(dice);
                 block(Vec3::Y * half.y, half, finish);
             }
             2 | 3 => {
                 // table
-                let (w, d, h) = (dice.range(0.35, 0.9), dice.range(0.25, 0.45), dice.range(0.42, 0.9));
+                let (w, d, h) = (
+                    dice.range(0.35, 0.9),
+                    dice.range(0.25, 0.45),
+                    dice.range(0.42, 0.9),
+                );
                 let top = Finish::object(dice);
                 let leg = Finish::object(dice);
                 block(Vec3::Y * h, Vec3::new(w, 0.02, d), top);
@@ -452,24 +548,57 @@ impl Place {
                 // plant
                 let finish = Finish::object(dice);
                 things.push(Thing {
-                    form: Form::Post { foot, height: 0.35, radius: dice.range(0.12, 0.2) },
+                    form: Form::Post {
+                        foot,
+                        height: 0.35,
+                        radius: dice.range(0.12, 0.2),
+                    },
                     finish,
                     solid: true,
                 });
                 let h = dice.range(0.6, 1.5);
-                let green = linear(Vec3::new(dice.range(0.1, 0.4), dice.range(0.3, 0.6), dice.range(0.05, 0.3)));
+                let green = linear(Vec3::new(
+                    dice.range(0.1, 0.4),
+                    dice.range(0.3, 0.6),
+                    dice.range(0.05, 0.3),
+                ));
                 for _ in 0..4 {
-                    let c = foot + Vec3::new(dice.range(-0.2, 0.2), h * dice.range(0.5, 1.0), dice.range(-0.2, 0.2));
-                    let r = Vec3::new(dice.range(0.12, 0.3), dice.range(0.15, 0.35), dice.range(0.12, 0.3));
+                    let c = foot
+                        + Vec3::new(
+                            dice.range(-0.2, 0.2),
+                            h * dice.range(0.5, 1.0),
+                            dice.range(-0.2, 0.2),
+                        );
+                    let r = Vec3::new(
+                        dice.range(0.12, 0.3),
+                        dice.range(0.15, 0.35),
+                        dice.range(0.12, 0.3),
+                    );
                     let finish = Finish::new(Paint::Blotches(0.05), green, green * 0.3, dice);
-                    things.push(Thing { form: Form::Ball { centre: c, radii: r }, finish, solid: true });
+                    things.push(Thing {
+                        form: Form::Ball {
+                            centre: c,
+                            radii: r,
+                        },
+                        finish,
+                        solid: true,
+                    });
                 }
             }
             _ => {
                 // pillar, lamp, bin
                 let finish = Finish::object(dice);
-                let (height, radius) = dice.pick(&[(2.5, 0.16), (1.6, 0.03), (0.7, 0.2), (1.1, 0.05)]);
-                things.push(Thing { form: Form::Post { foot, height, radius }, finish, solid: true });
+                let (height, radius) =
+                    dice.pick(&[(2.5, 0.16), (1.6, 0.03), (0.7, 0.2), (1.1, 0.05)]);
+                things.push(Thing {
+                    form: Form::Post {
+                        foot,
+                        height,
+                        radius,
+                    },
+                    finish,
+                    solid: true,
+                });
             }
         }
     }
@@ -477,7 +606,11 @@ impl Place {
     /// Open air: ground, sky, trees or houses, mostly behind `near`.
     pub fn outdoors(dice: &mut Dice, near: f32) -> Self {
         let green = |dice: &mut Dice| {
-            linear(Vec3::new(dice.range(0.15, 0.5), dice.range(0.32, 0.6), dice.range(0.08, 0.3)))
+            linear(Vec3::new(
+                dice.range(0.15, 0.5),
+                dice.range(0.32, 0.6),
+                dice.range(0.08, 0.3),
+            ))
         };
         let floor = match dice.below(6) {
             0 | 1 => {
@@ -520,7 +653,11 @@ impl Place {
                 let finish = Finish::new(paint, a, a * 0.6, dice);
                 let z = -far - dice.range(0.0, 6.0);
                 things.push(Thing {
-                    form: Form::Block { centre: Vec3::new(x + w, h, z - 3.0), half: Vec3::new(w, h, 3.0), turn: 0.0 },
+                    form: Form::Block {
+                        centre: Vec3::new(x + w, h, z - 3.0),
+                        half: Vec3::new(w, h, 3.0),
+                        turn: 0.0,
+                    },
                     finish,
                     solid: true,
                 });
@@ -537,19 +674,46 @@ impl Place {
                 let bark = linear(Vec3::new(0.35, 0.27, 0.2)) * dice.range(0.5, 1.4);
                 let radius = dice.range(0.06, 0.25);
                 let finish = Finish::new(Paint::Rough(0.05), bark, bark * 0.4, dice);
-                things.push(Thing { form: Form::Post { foot, height: h + 1.0, radius }, finish, solid: true });
+                things.push(Thing {
+                    form: Form::Post {
+                        foot,
+                        height: h + 1.0,
+                        radius,
+                    },
+                    finish,
+                    solid: true,
+                });
                 for _ in 0..6 {
                     let r = dice.range(0.6, 1.6);
-                    let c = foot + Vec3::new(dice.range(-1.2, 1.2), h + dice.range(0.3, 2.5), dice.range(-1.0, 1.0));
+                    let c = foot
+                        + Vec3::new(
+                            dice.range(-1.2, 1.2),
+                            h + dice.range(0.3, 2.5),
+                            dice.range(-1.0, 1.0),
+                        );
                     let finish = Finish::new(Paint::Blotches(0.3), leaf, leaf * 0.15, dice);
-                    things.push(Thing { form: Form::Ball { centre: c, radii: Vec3::new(r, 0.8 * r, r) }, finish, solid: true });
+                    things.push(Thing {
+                        form: Form::Ball {
+                            centre: c,
+                            radii: Vec3::new(r, 0.8 * r, r),
+                        },
+                        finish,
+                        solid: true,
+                    });
                 }
             } else {
                 for _ in 0..4 {
                     let r = dice.range(0.3, 0.8);
                     let c = foot + Vec3::new(dice.range(-1.0, 1.0), 0.6 * r, dice.range(-0.4, 0.4));
                     let finish = Finish::new(Paint::Blotches(0.12), leaf, leaf * 0.2, dice);
-                    things.push(Thing { form: Form::Ball { centre: c, radii: Vec3::splat(r) }, finish, solid: true });
+                    things.push(Thing {
+                        form: Form::Ball {
+                            centre: c,
+                            radii: Vec3::splat(r),
+                        },
+                        finish,
+                        solid: true,
+                    });
                 }
             }
         }
@@ -559,7 +723,11 @@ impl Place {
             let h = dice.range(0.4, 1.2);
             let z = -near - dice.range(1.5, 8.0);
             things.push(Thing {
-                form: Form::Block { centre: Vec3::new(0.0, h, z), half: Vec3::new(20.0, h, 0.1), turn: dice.range(-0.2, 0.2) },
+                form: Form::Block {
+                    centre: Vec3::new(0.0, h, z),
+                    half: Vec3::new(20.0, h, 0.1),
+                    turn: dice.range(-0.2, 0.2),
+                },
                 finish,
                 solid: true,
             });
@@ -570,12 +738,16 @@ impl Place {
             Self::furnish(&mut things, dice, foot);
         }
         let blue = dice.unit();
-        let horizon = Vec3::new(0.80, 0.85, 0.90).lerp(Vec3::new(0.95, 0.85, 0.75), dice.unit() * 0.4);
+        let horizon =
+            Vec3::new(0.80, 0.85, 0.90).lerp(Vec3::new(0.95, 0.85, 0.75), dice.unit() * 0.4);
         Self {
             floor,
             room: None,
             things,
-            sky: [horizon, Vec3::new(0.55, 0.6, 0.65).lerp(Vec3::new(0.12, 0.28, 0.65), blue)],
+            sky: [
+                horizon,
+                Vec3::new(0.55, 0.6, 0.65).lerp(Vec3::new(0.12, 0.28, 0.65), blue),
+            ],
             grain: 0.12,
             clouds: dice.unit(),
             hills: green(dice).lerp(Vec3::new(0.4, 0.5, 0.6), dice.range(0.2, 0.8)),
@@ -584,7 +756,13 @@ impl Place {
     }
 
     /// First thing a ray meets (`solid` things only when `shadow`); always hits something unless `shadow`.
-    fn nearest(&self, from: Vec3, dir: Vec3, limit: f32, shadow: bool) -> Option<(f32, usize, Vec3)> {
+    fn nearest(
+        &self,
+        from: Vec3,
+        dir: Vec3,
+        limit: f32,
+        shadow: bool,
+    ) -> Option<(f32, usize, Vec3)> {
         let mut best: Option<(f32, usize, Vec3)> = None;
         for (k, thing) in self.things.iter().enumerate() {
             if (shadow && !thing.solid) || thing.form.misses(from, dir) {
@@ -608,7 +786,13 @@ impl Place {
 
     /// What a ray sees.
     pub fn look(&self, from: Vec3, dir: Vec3) -> Hit {
-        let mut hit = Hit { t: f32::MAX, normal: Vec3::Y, albedo: Vec3::ZERO, glows: false, thing: None };
+        let mut hit = Hit {
+            t: f32::MAX,
+            normal: Vec3::Y,
+            albedo: Vec3::ZERO,
+            glows: false,
+            thing: None,
+        };
         let mut finish: Option<(&Finish, Vec2)> = None;
         let mut plane = |t: f32, n: Vec3, f: &'static dyn Fn(Vec3) -> Vec2, paint| {
             if t > 1e-3 && t < hit.t {
@@ -618,26 +802,56 @@ impl Place {
             }
         };
         if dir.y < 0.0 {
-            plane(-from.y / dir.y, Vec3::Y, &|p| Vec2::new(p.x, p.z), &self.floor);
+            plane(
+                -from.y / dir.y,
+                Vec3::Y,
+                &|p| Vec2::new(p.x, p.z),
+                &self.floor,
+            );
         }
         if let Some(room) = &self.room {
             if dir.y > 0.0 {
-                plane((room.height - from.y) / dir.y, Vec3::NEG_Y, &|p| Vec2::new(p.x, p.z), &room.walls[2]);
+                plane(
+                    (room.height - from.y) / dir.y,
+                    Vec3::NEG_Y,
+                    &|p| Vec2::new(p.x, p.z),
+                    &room.walls[2],
+                );
             }
             if dir.z < 0.0 {
-                plane((room.back - from.z) / dir.z, Vec3::Z, &|p| Vec2::new(p.x, p.y), &room.walls[0]);
+                plane(
+                    (room.back - from.z) / dir.z,
+                    Vec3::Z,
+                    &|p| Vec2::new(p.x, p.y),
+                    &room.walls[0],
+                );
             }
             if dir.x < 0.0 {
-                plane((room.sides[0] - from.x) / dir.x, Vec3::X, &|p| Vec2::new(p.z, p.y), &room.walls[1]);
+                plane(
+                    (room.sides[0] - from.x) / dir.x,
+                    Vec3::X,
+                    &|p| Vec2::new(p.z, p.y),
+                    &room.walls[1],
+                );
             }
             if dir.x > 0.0 {
-                plane((room.sides[1] - from.x) / dir.x, Vec3::NEG_X, &|p| Vec2::new(p.z, p.y), &room.walls[1]);
+                plane(
+                    (room.sides[1] - from.x) / dir.x,
+                    Vec3::NEG_X,
+                    &|p| Vec2::new(p.z, p.y),
+                    &room.walls[1],
+                );
             }
         }
         if let Some((t, k, n)) = self.nearest(from, dir, hit.t, false) {
             let thing = &self.things[k];
             let p = from + dir * t;
-            hit = Hit { t, normal: n, thing: Some(k), ..hit };
+            hit = Hit {
+                t,
+                normal: n,
+                thing: Some(k),
+                ..hit
+            };
             finish = Some((&thing.finish, thing.form.chart(p, n)));
         }
         match finish {
@@ -658,8 +872,13 @@ impl Place {
                     // leaves: bumps that break the outline's shading
                     let q = (p - centre) / radii * 5.0;
                     let seed = self.things[k].finish.seed;
-                    let bump = Vec3::new(value(q * 1.7, seed), value(q * 1.7, seed ^ 1), value(q * 1.7, seed ^ 2));
-                    hit.normal = (hit.normal + (bump - Vec3::splat(0.5)) * 1.6).normalize_or(Vec3::Y);
+                    let bump = Vec3::new(
+                        value(q * 1.7, seed),
+                        value(q * 1.7, seed ^ 1),
+                        value(q * 1.7, seed ^ 2),
+                    );
+                    hit.normal =
+                        (hit.normal + (bump - Vec3::splat(0.5)) * 1.6).normalize_or(Vec3::Y);
                 }
                 if self.room.is_none() {
                     // haze
@@ -678,10 +897,17 @@ impl Place {
                 let azimuth = d.x.atan2(-d.z);
                 let ridge = 0.10 * fractal(Vec3::new(azimuth * 4.0, 0.0, 0.0), 4, self.seed ^ 77);
                 if d.y < ridge {
-                    let tree = fractal(Vec3::new(azimuth * 60.0, d.y * 60.0, 0.0), 3, self.seed ^ 5);
+                    let tree =
+                        fractal(Vec3::new(azimuth * 60.0, d.y * 60.0, 0.0), 3, self.seed ^ 5);
                     c = self.hills * (0.5 + 0.9 * tree);
                 }
-                Hit { t: 1e4, normal: Vec3::Y, albedo: c, glows: true, thing: None }
+                Hit {
+                    t: 1e4,
+                    normal: Vec3::Y,
+                    albedo: c,
+                    glows: true,
+                    thing: None,
+                }
             }
         }
     }
@@ -692,9 +918,14 @@ impl Form {
     fn misses(&self, from: Vec3, dir: Vec3) -> bool {
         let (centre, reach2) = match *self {
             Form::Block { centre, half, .. } => (centre, half.length_squared()),
-            Form::Post { foot, height, radius } => {
-                (foot + Vec3::Y * (0.5 * height), 0.25 * height * height + radius * radius)
-            }
+            Form::Post {
+                foot,
+                height,
+                radius,
+            } => (
+                foot + Vec3::Y * (0.5 * height),
+                0.25 * height * height + radius * radius,
+            ),
             Form::Ball { centre, radii } => (centre, radii.max_element().powi(2)),
         };
         let to = centre - from;
@@ -722,7 +953,11 @@ impl Form {
                 n[axis] = -d[axis].signum();
                 Some((near, Vec3::new(n.x * c + n.z * s, n.y, n.z * c - n.x * s)))
             }
-            Form::Post { foot, height, radius } => {
+            Form::Post {
+                foot,
+                height,
+                radius,
+            } => {
                 let (ox, oz) = (from.x - foot.x, from.z - foot.z);
                 let a = dir.x * dir.x + dir.z * dir.z;
                 let b = ox * dir.x + oz * dir.z;
@@ -733,7 +968,10 @@ impl Form {
                     let t = (-b - disc.sqrt()) / a;
                     let y = from.y + dir.y * t - foot.y;
                     if t > 1e-3 && t < limit && y > 0.0 && y < height {
-                        best = Some((t, Vec3::new((ox + dir.x * t) / radius, 0.0, (oz + dir.z * t) / radius)));
+                        best = Some((
+                            t,
+                            Vec3::new((ox + dir.x * t) / radius, 0.0, (oz + dir.z * t) / radius),
+                        ));
                     }
                 }
                 let t = (foot.y + height - from.y) / dir.y;

@@ -66,7 +66,11 @@ pub struct Posed {
 /// Limits of the skeleton, degrees: SPEC §5.
 fn within(p: &Pose) -> Pose {
     let mut q = *p;
-    q.spine = [p.spine[0].clamp(-30.0, 60.0), p.spine[1].clamp(-35.0, 35.0), p.spine[2].clamp(-45.0, 45.0)];
+    q.spine = [
+        p.spine[0].clamp(-30.0, 60.0),
+        p.spine[1].clamp(-35.0, 35.0),
+        p.spine[2].clamp(-45.0, 45.0),
+    ];
     q.neck = [p.neck[0].clamp(-50.0, 60.0), p.neck[1].clamp(-70.0, 70.0)];
     for a in &mut q.arms {
         a.flex = a.flex.clamp(-60.0, 180.0);
@@ -120,7 +124,12 @@ impl Pose {
 impl Arm {
     /// From flexion, abduction, twist, elbow.
     pub const fn new(flex: f32, abduct: f32, twist: f32, elbow: f32) -> Self {
-        Self { flex, abduct, twist, elbow }
+        Self {
+            flex,
+            abduct,
+            twist,
+            elbow,
+        }
     }
 
     /// Between two arms.
@@ -137,7 +146,13 @@ impl Arm {
 impl Leg {
     /// From flexion, abduction, knee, ankle.
     pub const fn new(flex: f32, abduct: f32, knee: f32, ankle: f32) -> Self {
-        Self { flex, abduct, rotate: 0.0, knee, ankle }
+        Self {
+            flex,
+            abduct,
+            rotate: 0.0,
+            knee,
+            ankle,
+        }
     }
 
     /// Between two legs.
@@ -159,8 +174,12 @@ impl Posed {
         let rad = f32::to_radians;
         let about = |p: Vec3, d: f32| Quat::from_axis_angle(p, rad(d));
         let mut local = [Quat::IDENTITY; BONES];
-        local[0] = about(Vec3::Y, heading + pose.lean[2]) * about(Vec3::X, pose.lean[0]) * about(Vec3::Z, -pose.lean[1]);
-        local[1] = about(Vec3::Y, pose.spine[2]) * about(Vec3::X, pose.spine[0]) * about(Vec3::Z, -pose.spine[1]);
+        local[0] = about(Vec3::Y, heading + pose.lean[2])
+            * about(Vec3::X, pose.lean[0])
+            * about(Vec3::Z, -pose.lean[1]);
+        local[1] = about(Vec3::Y, pose.spine[2])
+            * about(Vec3::X, pose.spine[0])
+            * about(Vec3::Z, -pose.spine[1]);
         local[2] = about(Vec3::Y, pose.neck[1]) * about(Vec3::X, pose.neck[0]);
         for (side, s) in [(0, -1.0f32), (1, 1.0)] {
             let (a, l) = (pose.arms[side], pose.legs[side]);
@@ -172,7 +191,9 @@ impl Posed {
             let hang = Quat::from_rotation_z(-s * REST_ARM);
             local[arm + 1] = local[arm].inverse() * upper * about(Vec3::Y, -s * a.twist) * hang;
             local[arm + 2] = hang.inverse() * about(Vec3::X, -a.elbow) * hang;
-            local[leg] = about(Vec3::X, -l.flex) * about(Vec3::Z, s * l.abduct) * about(Vec3::Y, s * l.rotate);
+            local[leg] = about(Vec3::X, -l.flex)
+                * about(Vec3::Z, s * l.abduct)
+                * about(Vec3::Y, s * l.rotate);
             local[leg + 1] = about(Vec3::X, l.knee);
             local[leg + 2] = about(Vec3::X, -l.ankle);
         }
@@ -197,13 +218,22 @@ impl Posed {
             .map(|p| (at[b] + turn[b] * (p - ankle)).y)
         });
         // Kneeling and crawling put other joints on the floor.
-        let others = [(9usize, 0.055), (12, 0.055), (3, 0.05), (6, 0.05), (17, 0.02), (18, 0.02), (14, 0.09), (16, 0.10)]
-            .iter()
-            .map(|&(j, r)| {
-                let b = JOINT_BONE[j];
-                (at[b] + turn[b] * (shape.joints[j] - shape.pivot(b))).y - r
-            })
-            .collect::<Vec<_>>();
+        let others = [
+            (9usize, 0.055),
+            (12, 0.055),
+            (3, 0.05),
+            (6, 0.05),
+            (17, 0.02),
+            (18, 0.02),
+            (14, 0.09),
+            (16, 0.10),
+        ]
+        .iter()
+        .map(|&(j, r)| {
+            let b = JOINT_BONE[j];
+            (at[b] + turn[b] * (shape.joints[j] - shape.pivot(b))).y - r
+        })
+        .collect::<Vec<_>>();
         let lowest = sole.chain(others).fold(f32::MAX, f32::min);
         let stand = -lowest;
         let height = if pose.seat > 0.0 {
@@ -222,5 +252,95 @@ impl Posed {
         });
         debug_assert_eq!(BONE_PIVOT[0], PELVIS);
         Self { turn, at, joints }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::noise::Dice;
+
+    fn standing(pose: Pose, heading: f32) -> Posed {
+        let shape = Shape::new(1.75, 0.0, 0.0, 0.0, &mut Dice::new(1, 1));
+        Posed::new(&shape, &pose, Vec3::ZERO, heading)
+    }
+
+    #[test]
+    fn a_person_at_rest_stands_on_the_floor() {
+        let b = standing(Pose::default(), 0.0);
+        assert!(
+            (b.joints[0].y - 1.75).abs() < 0.02,
+            "crown at {}",
+            b.joints[0].y
+        );
+        for side in [2, 5] {
+            assert!(
+                b.joints[side].y > b.joints[side + 1].y
+                    && b.joints[side + 1].y > b.joints[side + 2].y
+            );
+        }
+        assert!(b.joints[10].y > 0.03 && b.joints[10].y < 0.12);
+        // x points to the person's left, z to the front
+        assert!(b.joints[5].x > 0.1 && b.joints[2].x < -0.1 && b.joints[19].z > b.joints[10].z);
+    }
+
+    #[test]
+    fn angles_move_limbs_the_right_way() {
+        let mut pose = Pose::default();
+        pose.arms[1] = Arm::new(90.0, 0.0, 0.0, 0.0);
+        pose.arms[0] = Arm::new(0.0, 90.0, 0.0, 0.0);
+        pose.legs[0] = Leg::new(90.0, 0.0, 90.0, 0.0);
+        let b = standing(pose, 0.0);
+        assert!(
+            b.joints[7].z > b.joints[5].z + 0.4,
+            "the left arm points forwards"
+        );
+        assert!(
+            b.joints[4].x < b.joints[2].x - 0.4,
+            "the right arm points to the right"
+        );
+        assert!(
+            b.joints[9].z > b.joints[8].z + 0.3,
+            "the right knee is in front"
+        );
+        assert!(
+            b.joints[10].y < b.joints[9].y - 0.3,
+            "the right shin hangs down"
+        );
+        let elbow = standing(
+            Pose {
+                arms: [Arm::new(0.0, 0.0, 0.0, 90.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        assert!(
+            elbow.joints[4].z > elbow.joints[3].z + 0.2,
+            "elbows bend forwards"
+        );
+        let left = standing(Pose::default(), 90.0);
+        assert!(
+            left.joints[19].x > left.joints[10].x + 0.05,
+            "a heading of 90 degrees faces +x"
+        );
+    }
+
+    #[test]
+    fn limits_hold() {
+        let far = standing(
+            Pose {
+                legs: [Leg::new(0.0, 0.0, 400.0, 0.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        let most = standing(
+            Pose {
+                legs: [Leg::new(0.0, 0.0, 150.0, 0.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        assert!(far.joints[10].distance(most.joints[10]) < 1e-4);
     }
 }

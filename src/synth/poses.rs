@@ -15,20 +15,25 @@ pub fn gesture(dice: &mut Dice) -> Arm {
     let (a, b, c, e) = (j(0.0, 9.0), j(0.0, 8.0), j(0.0, 12.0), j(0.0, 12.0));
     let base = match dice.below(15) {
         0..=2 => Arm::new(4.0, 9.0, 0.0, 15.0),
-        3 => Arm::new(20.0, 12.0, 35.0, 85.0),      // forearm across the belly
-        4 => Arm::new(-22.0, 38.0, 62.0, 95.0),     // hand on the hip
-        5 => Arm::new(80.0, 10.0, 0.0, 20.0),       // pointing forwards
-        6 => Arm::new(5.0, 85.0, 0.0, 15.0),        // out to the side
-        7 => Arm::new(0.0, 160.0, 0.0, 20.0),       // up
-        8 => Arm::new(20.0, 70.0, -80.0, 100.0),    // greeting
-        9 => Arm::new(45.0, 18.0, 30.0, 140.0),     // telephone, hand at the face
-        10 => Arm::new(45.0, 8.0, 15.0, 75.0),      // carrying, reading
-        11 => Arm::new(150.0, 20.0, 0.0, 25.0),     // reaching up
-        12 => Arm::new(60.0, 25.0, 70.0, 100.0),    // arms crossed
-        13 => Arm::new(-40.0, 12.0, 0.0, 30.0),     // swinging back
-        _ => Arm::new(95.0, 60.0, 60.0, 120.0),     // hands behind the head
+        3 => Arm::new(20.0, 12.0, 35.0, 85.0), // forearm across the belly
+        4 => Arm::new(-22.0, 38.0, 62.0, 95.0), // hand on the hip
+        5 => Arm::new(80.0, 10.0, 0.0, 20.0),  // pointing forwards
+        6 => Arm::new(5.0, 85.0, 0.0, 15.0),   // out to the side
+        7 => Arm::new(0.0, 160.0, 0.0, 20.0),  // up
+        8 => Arm::new(20.0, 70.0, -80.0, 100.0), // greeting
+        9 => Arm::new(45.0, 18.0, 30.0, 140.0), // telephone, hand at the face
+        10 => Arm::new(45.0, 8.0, 15.0, 75.0), // carrying, reading
+        11 => Arm::new(150.0, 20.0, 0.0, 25.0), // reaching up
+        12 => Arm::new(60.0, 25.0, 70.0, 100.0), // arms crossed
+        13 => Arm::new(-40.0, 12.0, 0.0, 30.0), // swinging back
+        _ => Arm::new(95.0, 60.0, 60.0, 120.0), // hands behind the head
     };
-    Arm::new(base.flex + a, base.abduct + b, base.twist + c, base.elbow + e)
+    Arm::new(
+        base.flex + a,
+        base.abduct + b,
+        base.twist + c,
+        base.elbow + e,
+    )
 }
 
 fn legs(dice: &mut Dice, pose: &mut Pose) {
@@ -66,7 +71,12 @@ fn legs(dice: &mut Dice, pose: &mut Pose) {
         9 => {
             // kick
             let side = dice.below(2);
-            pose.legs[side] = Leg::new(dice.range(20.0, 100.0), spread, dice.range(0.0, 80.0), -20.0);
+            pose.legs[side] = Leg::new(
+                dice.range(20.0, 100.0),
+                spread,
+                dice.range(0.0, 80.0),
+                -20.0,
+            );
             pose.legs[1 - side] = Leg::new(2.0, 4.0, 8.0, 0.0);
             pose.lean[0] = -dice.range(0.0, 15.0);
             return;
@@ -75,14 +85,20 @@ fn legs(dice: &mut Dice, pose: &mut Pose) {
             // sitting on an unseen or seen seat
             let d = dice.range(75.0, 100.0);
             pose.seat = dice.range(0.47, 0.62);
-            pose.legs = [Leg::new(d, spread, dice.range(70.0, 100.0), 0.0), Leg::new(d - 4.0, spread, dice.range(70.0, 105.0), 0.0)];
+            pose.legs = [
+                Leg::new(d, spread, dice.range(70.0, 100.0), 0.0),
+                Leg::new(d - 4.0, spread, dice.range(70.0, 105.0), 0.0),
+            ];
             pose.spine[0] += dice.range(-5.0, 30.0);
         }
         12 => {
             // jump
             pose.hop = dice.range(0.05, 0.5);
             let d = dice.range(0.0, 70.0);
-            pose.legs = [Leg::new(d, spread * 1.5, d * 1.3, -30.0), Leg::new(d * 0.6, spread * 1.5, d, -30.0)];
+            pose.legs = [
+                Leg::new(d, spread * 1.5, d * 1.3, -30.0),
+                Leg::new(d * 0.6, spread * 1.5, d, -30.0),
+            ];
             return;
         }
         13 => {
@@ -101,7 +117,8 @@ fn legs(dice: &mut Dice, pose: &mut Pose) {
             // kneeling
             let side = dice.below(2);
             pose.legs[side] = Leg::new(90.0, 8.0, 90.0, 0.0);
-            pose.legs[1 - side] = Leg::new(dice.range(-5.0, 15.0), 5.0, dice.range(85.0, 110.0), -40.0);
+            pose.legs[1 - side] =
+                Leg::new(dice.range(-5.0, 15.0), 5.0, dice.range(85.0, 110.0), -40.0);
             return;
         }
         _ => {
@@ -139,7 +156,12 @@ fn collides(shape: &Shape, pose: &Pose) -> bool {
     };
     let j = &b.joints;
     for (elbow, wrist, hand) in [(3, 4, 17), (6, 7, 18)] {
-        for p in [j[elbow].lerp(j[wrist], 0.4), j[elbow].lerp(j[wrist], 0.75), j[wrist], j[hand]] {
+        for p in [
+            j[elbow].lerp(j[wrist], 0.4),
+            j[elbow].lerp(j[wrist], 0.75),
+            j[wrist],
+            j[hand],
+        ] {
             if capsule(p, j[14], j[1] - Vec3::Y * 0.02, 0.098 * u)
                 || capsule(p, j[16], j[0], 0.07 * u)
                 || capsule(p, j[8], j[9], 0.06 * u)
@@ -173,7 +195,11 @@ fn attempt(shape: &Shape, dice: &mut Dice) -> Pose {
     if dice.chance(0.28) {
         // walking or running, caught in mid-step
         let run = dice.chance(0.3);
-        let speed = if run { dice.range(2.2, 4.5) } else { dice.range(0.5, 1.8) };
+        let speed = if run {
+            dice.range(2.2, 4.5)
+        } else {
+            dice.range(0.5, 1.8)
+        };
         let mut walk = gait::stride(shape, speed, dice.unit());
         walk.neck = pose.neck;
         walk.spine[1] += pose.spine[1] * 0.5;
@@ -184,8 +210,18 @@ fn attempt(shape: &Shape, dice: &mut Dice) -> Pose {
     }
     legs(dice, &mut pose);
     let alike = dice.chance(0.3);
-    let right = if dice.chance(0.12) { any_arm(dice) } else { gesture(dice) };
-    let left = if alike { right } else if dice.chance(0.12) { any_arm(dice) } else { gesture(dice) };
+    let right = if dice.chance(0.12) {
+        any_arm(dice)
+    } else {
+        gesture(dice)
+    };
+    let left = if alike {
+        right
+    } else if dice.chance(0.12) {
+        any_arm(dice)
+    } else {
+        gesture(dice)
+    };
     pose.arms = [right, left];
     if dice.chance(0.2) {
         pose.arms[dice.below(2)] = HANG;
@@ -200,5 +236,10 @@ fn attempt(shape: &Shape, dice: &mut Dice) -> Pose {
 }
 
 fn any_arm(dice: &mut Dice) -> Arm {
-    Arm::new(dice.range(-45.0, 165.0), dice.range(-10.0, 120.0), dice.range(-70.0, 80.0), dice.range(0.0, 140.0))
+    Arm::new(
+        dice.range(-45.0, 165.0),
+        dice.range(-10.0, 120.0),
+        dice.range(-70.0, 80.0),
+        dice.range(0.0, 140.0),
+    )
 }

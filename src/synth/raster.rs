@@ -27,7 +27,12 @@ pub struct Buffer {
 impl Buffer {
     /// An empty buffer.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, z: vec![f32::INFINITY; width * height], who: vec![NOBODY; width * height] }
+        Self {
+            width,
+            height,
+            z: vec![f32::INFINITY; width * height],
+            who: vec![NOBODY; width * height],
+        }
     }
 
     /// Draws the triangles of one person. `points`: sample coordinates (centres on integers) and depth of its vertices.
@@ -44,7 +49,11 @@ impl Buffer {
                 continue;
             }
             let lo = a.min(b).min(c).ceil().max(Vec2::ZERO);
-            let hi = a.max(b).max(c).floor().min(Vec2::new(self.width as f32 - 1.0, self.height as f32 - 1.0));
+            let hi = a
+                .max(b)
+                .max(c)
+                .floor()
+                .min(Vec2::new(self.width as f32 - 1.0, self.height as f32 - 1.0));
             if lo.x > hi.x || lo.y > hi.y {
                 continue;
             }

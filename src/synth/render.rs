@@ -48,7 +48,10 @@ impl Backdrop {
     /// Looks at the place through every sample of the scene's camera.
     pub fn new(scene: &Scene) -> Self {
         let camera = &scene.camera;
-        let (w, h) = (camera.width as usize * SUPERSAMPLE, camera.height as usize * SUPERSAMPLE);
+        let (w, h) = (
+            camera.width as usize * SUPERSAMPLE,
+            camera.height as usize * SUPERSAMPLE,
+        );
         let n = w * h;
         let mut out = Self {
             z: Vec::with_capacity(n),
@@ -64,7 +67,8 @@ impl Backdrop {
                     -1.0
                 } else {
                     let p = camera.eye + dir * hit.t + hit.normal * 0.01;
-                    let lit = hit.normal.dot(scene.light.to_key) > 0.0 && !scene.place.shaded(p, scene.light.to_key);
+                    let lit = hit.normal.dot(scene.light.to_key) > 0.0
+                        && !scene.place.shaded(p, scene.light.to_key);
                     f32::from(u8::from(lit))
                 };
                 out.z.push(hit.t);
@@ -108,7 +112,12 @@ impl ShadowMap {
         }
         let span = (hi - lo).max_element().max(0.5);
         let scale = (SHADOW_SIZE - 4) as f32 / span;
-        let mut map = Self { axes, origin: lo, scale, buffer: Buffer::new(SHADOW_SIZE, SHADOW_SIZE) };
+        let mut map = Self {
+            axes,
+            origin: lo,
+            scale,
+            buffer: Buffer::new(SHADOW_SIZE, SHADOW_SIZE),
+        };
         for (k, (points, _)) in surfaces.iter().enumerate() {
             let seen: Vec<(Vec2, f32)> = points.iter().map(|p| map.place(*p)).collect();
             map.buffer.draw(k as u32, &seen, triangles[k]);
@@ -119,7 +128,10 @@ impl ShadowMap {
     /// Texel and depth; depth is offset to stay positive.
     fn place(&self, p: Vec3) -> (Vec2, f32) {
         let q = self.axes * p;
-        ((q.truncate() - self.origin) * self.scale + Vec2::splat(2.0), q.z + 100.0)
+        (
+            (q.truncate() - self.origin) * self.scale + Vec2::splat(2.0),
+            q.z + 100.0,
+        )
     }
 
     /// Share of the key light that reaches a point.
@@ -153,7 +165,10 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
     let (w, h) = (camera.width as usize, camera.height as usize);
     let (sw, sh) = (w * SUPERSAMPLE, h * SUPERSAMPLE);
     let ss = SUPERSAMPLE as f32;
-    let posed: Vec<Posed> = stances.iter().map(|s| scene.people[s.person].posed(s)).collect();
+    let posed: Vec<Posed> = stances
+        .iter()
+        .map(|s| scene.people[s.person].posed(s))
+        .collect();
     let surfaces: Vec<(Vec<Vec3>, Vec<Vec3>)> = stances
         .iter()
         .zip(&posed)
@@ -162,8 +177,10 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
             person.mesh.pose(p, &person.pivots)
         })
         .collect();
-    let triangles: Vec<&[[u32; 3]]> =
-        stances.iter().map(|s| scene.people[s.person].mesh.triangles.as_slice()).collect();
+    let triangles: Vec<&[[u32; 3]]> = stances
+        .iter()
+        .map(|s| scene.people[s.person].mesh.triangles.as_slice())
+        .collect();
 
     let mut samples = Buffer::new(sw, sh);
     samples.z.copy_from_slice(&backdrop.z);
@@ -173,7 +190,12 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
         let in_camera: Vec<Vec3> = points.iter().map(|p| camera.to_camera(*p)).collect();
         let on_screen: Vec<(Vec2, f32)> = in_camera
             .iter()
-            .map(|p| ((camera.project(*p) + Vec2::splat(0.5)) * ss - Vec2::splat(0.5), p.z))
+            .map(|p| {
+                (
+                    (camera.project(*p) + Vec2::splat(0.5)) * ss - Vec2::splat(0.5),
+                    p.z,
+                )
+            })
             .collect();
         let ahead = in_camera.iter().all(|p| p.z > super::raster::NEAR);
         boxes.push(ahead.then(|| {
@@ -196,7 +218,10 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
     }
 
     let shadows = ShadowMap::new(scene.light.to_key, &surfaces, &triangles);
-    let feet: Vec<Vec3> = posed.iter().flat_map(|p| [10, 13, 19, 20].map(|j| p.joints[j])).collect();
+    let feet: Vec<Vec3> = posed
+        .iter()
+        .flat_map(|p| [10, 13, 19, 20].map(|j| p.joints[j]))
+        .collect();
     let hips: Vec<Vec3> = posed.iter().map(|p| p.joints[14]).collect();
     let mut light = Vec::with_capacity(w * h);
     let share = 1.0 / (SUPERSAMPLE * SUPERSAMPLE) as f32;
@@ -217,7 +242,18 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
                         let k = (who >> TRIANGLE_BITS) as usize;
                         let t = triangles[k][(who & ((1 << TRIANGLE_BITS) - 1)) as usize];
                         let d = camera.axes * ray;
-                        person_light(scene, stances[k].person, t, &seen[k], &surfaces[k].1, d, p, &shadows, turn, ray)
+                        person_light(
+                            scene,
+                            stances[k].person,
+                            t,
+                            &seen[k],
+                            &surfaces[k].1,
+                            d,
+                            p,
+                            &shadows,
+                            turn,
+                            ray,
+                        )
                     };
                     // A single glint must not outshine its pixel.
                     sum += c.min(Vec3::splat(2.0));
@@ -226,7 +262,13 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
             light.push(sum * share);
         }
     }
-    Picture { light, samples, posed, boxes, shown }
+    Picture {
+        light,
+        samples,
+        posed,
+        boxes,
+        shown,
+    }
 }
 
 #[allow(clippy::too_many_arguments)] // one sample's whole context; a struct would only rename it
@@ -298,7 +340,11 @@ fn person_light(
     // barycentric coordinates of the sample's ray in the triangle
     let (wa, wb, wc) = (d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b)));
     let sum = wa + wb + wc;
-    let [wa, wb, wc] = if sum.abs() > 1e-12 { [wa / sum, wb / sum, wc / sum] } else { [1.0, 0.0, 0.0] };
+    let [wa, wb, wc] = if sum.abs() > 1e-12 {
+        [wa / sum, wb / sum, wc / sum]
+    } else {
+        [1.0, 0.0, 0.0]
+    };
     let v = t.map(|i| &person.mesh.vertices[i as usize]);
     let first = if wa >= wb && wa >= wc {
         v[0]
@@ -309,8 +355,9 @@ fn person_light(
     };
     let rest = v[0].rest * wa + v[1].rest * wb + v[2].rest * wc;
     let open = v[0].openness * wa + v[1].openness * wb + v[2].openness * wc;
-    let mut n = (normals[t[0] as usize] * wa + normals[t[1] as usize] * wb + normals[t[2] as usize] * wc)
-        .normalize_or(Vec3::Y);
+    let mut n =
+        (normals[t[0] as usize] * wa + normals[t[1] as usize] * wb + normals[t[2] as usize] * wc)
+            .normalize_or(Vec3::Y);
     let s = spot(&person.shape, rest, first.bone);
     let outfit = &person.outfit;
     let matter = outfit.matter(first.matter, &s);
@@ -325,9 +372,7 @@ fn person_light(
     if cloth > 0.0 {
         let seed = outfit.top.seed;
         let q = Vec3::new(rest.x * 22.0, rest.y * 11.0, rest.z * 22.0);
-        let bump = |k: u32| {
-            value(q, seed ^ k) - 0.5 + 0.5 * (value(q * 2.7, seed ^ (k + 9)) - 0.5)
-        };
+        let bump = |k: u32| value(q, seed ^ k) - 0.5 + 0.5 * (value(q * 2.7, seed ^ (k + 9)) - 0.5);
         n = (n + Vec3::new(bump(1), 0.6 * bump(2), bump(3)) * (1.1 * cloth)).normalize_or(n);
     }
     let l = &scene.light;

@@ -107,7 +107,13 @@ impl Person {
     pub fn new(id: u32, shape: Shape, outfit: Outfit, step: f32) -> Self {
         let mesh = Mesh::new(&shape, &outfit, step);
         let pivots = std::array::from_fn(|b| shape.pivot(b));
-        Self { id, shape, outfit, mesh, pivots }
+        Self {
+            id,
+            shape,
+            outfit,
+            mesh,
+            pivots,
+        }
     }
 
     /// Bones and joints in the world.
@@ -120,7 +126,11 @@ impl Light {
     /// Random light for a place.
     pub fn random(dice: &mut Dice, indoors: bool) -> Self {
         let azimuth = dice.range(0.0, std::f32::consts::TAU);
-        let height = if indoors { dice.range(0.7, 1.5) } else { dice.range(0.3, 1.3) };
+        let height = if indoors {
+            dice.range(0.7, 1.5)
+        } else {
+            dice.range(0.3, 1.3)
+        };
         let direction = |a: f32, h: f32| Vec3::new(a.cos() * h.cos(), h.sin(), a.sin() * h.cos());
         let warm = |dice: &mut Dice, amount: f32| {
             let w = dice.range(-amount, amount);
@@ -136,7 +146,11 @@ impl Light {
             ground: warm(dice, 0.1) * ambient * dice.range(0.45, 0.85),
             to_fill: direction(second, dice.range(0.1, 0.8)),
             fill: warm(dice, 0.15) * dice.range(0.0, 0.35),
-            softness: if indoors { dice.range(0.03, 0.15) } else { dice.range(0.01, 0.06) },
+            softness: if indoors {
+                dice.range(0.03, 0.15)
+            } else {
+                dice.range(0.01, 0.06)
+            },
         }
     }
 }
@@ -146,12 +160,20 @@ impl Sensor {
     pub fn random(dice: &mut Dice) -> Self {
         let dark = dice.chance(0.08);
         Self {
-            brightness: if dark { dice.range(0.22, 0.36) } else { dice.range(0.42, 0.66) },
+            brightness: if dark {
+                dice.range(0.22, 0.36)
+            } else {
+                dice.range(0.42, 0.66)
+            },
             contrast: dice.range(0.85, 1.25),
             saturation: dice.range(0.65, 1.2),
             tint: Vec3::new(dice.range(0.92, 1.08), 1.0, dice.range(0.90, 1.10)),
             blur: dice.pick(&[0.0, 0.0, 0.3, 0.4, 0.5, 0.6, 0.9]),
-            noise: if dark { dice.range(0.01, 0.04) } else { dice.range(0.002, 0.018) },
+            noise: if dark {
+                dice.range(0.01, 0.04)
+            } else {
+                dice.range(0.002, 0.018)
+            },
             vignette: dice.range(0.0, 0.35),
             quality: 60 + dice.below(35) as u8,
         }

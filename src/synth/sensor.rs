@@ -8,7 +8,13 @@ use crate::capture::Frame;
 
 /// Exposes, blurs, tints and adds noise. `level`: mean luminance to expose for (kept over a clip, so that the exposure does
 /// not flicker); `dice`: noise of this frame.
-pub fn develop(light: &[Vec3], size: (u32, u32), sensor: &Sensor, level: f32, dice: &mut Dice) -> Frame {
+pub fn develop(
+    light: &[Vec3],
+    size: (u32, u32),
+    sensor: &Sensor,
+    level: f32,
+    dice: &mut Dice,
+) -> Frame {
     let (w, h) = (size.0 as usize, size.1 as usize);
     let gain = sensor.brightness.powf(2.2) / level.max(1e-4);
     let blurred = blur(light, w, h, sensor.blur);
@@ -16,7 +22,10 @@ pub fn develop(light: &[Vec3], size: (u32, u32), sensor: &Sensor, level: f32, di
     // Noise of neighbouring pixels is alike after demosaicing: half of it is shared along the row.
     let mut last = Vec3::ZERO;
     for (i, c) in blurred.iter().enumerate() {
-        let (x, y) = ((i % w) as f32 / w as f32 - 0.5, (i / w) as f32 / h as f32 - 0.5);
+        let (x, y) = (
+            (i % w) as f32 / w as f32 - 0.5,
+            (i / w) as f32 / h as f32 - 0.5,
+        );
         let fall = 1.0 - sensor.vignette * (x * x + y * y) * 1.6;
         let c = *c * sensor.tint * (gain * fall);
         let grey = c.dot(Vec3::new(0.30, 0.59, 0.11));
@@ -36,13 +45,22 @@ pub fn develop(light: &[Vec3], size: (u32, u32), sensor: &Sensor, level: f32, di
             rgb.push((noisy.clamp(0.0, 1.0) * 255.0).round() as u8);
         }
     }
-    Frame { width: size.0, height: size.1, rgb, time_ns: 0, sequence: 0 }
+    Frame {
+        width: size.0,
+        height: size.1,
+        rgb,
+        time_ns: 0,
+        sequence: 0,
+    }
 }
 
 /// Mean luminance of linear light.
 pub fn mean_level(light: &[Vec3]) -> f32 {
     // Windows and sky must not drive the exposure: compress before averaging.
-    let sum: f32 = light.iter().map(|c| c.dot(Vec3::new(0.30, 0.59, 0.11)).max(0.0).powf(0.45)).sum();
+    let sum: f32 = light
+        .iter()
+        .map(|c| c.dot(Vec3::new(0.30, 0.59, 0.11)).max(0.0).powf(0.45))
+        .sum();
     (sum / light.len().max(1) as f32).powf(1.0 / 0.45)
 }
 
@@ -52,14 +70,20 @@ fn blur(light: &[Vec3], w: usize, h: usize, sigma: f32) -> Vec<Vec3> {
         return light.to_vec();
     }
     let reach = (3.0 * sigma).ceil() as i32;
-    let raw: Vec<f32> = (-reach..=reach).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
+    let raw: Vec<f32> = (-reach..=reach)
+        .map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp())
+        .collect();
     let total: f32 = raw.iter().sum();
-    let taps: Vec<(i32, f32)> = (-reach..=reach).zip(raw.iter().map(|v| v / total)).collect();
+    let taps: Vec<(i32, f32)> = (-reach..=reach)
+        .zip(raw.iter().map(|v| v / total))
+        .collect();
     let mut across = Vec::with_capacity(light.len());
     for y in 0..h {
         for x in 0..w as i32 {
             across.push(
-                taps.iter().map(|&(k, v)| light[y * w + (x + k).clamp(0, w as i32 - 1) as usize] * v).sum::<Vec3>(),
+                taps.iter()
+                    .map(|&(k, v)| light[y * w + (x + k).clamp(0, w as i32 - 1) as usize] * v)
+                    .sum::<Vec3>(),
             );
         }
     }
@@ -67,7 +91,9 @@ fn blur(light: &[Vec3], w: usize, h: usize, sigma: f32) -> Vec<Vec3> {
     for y in 0..h as i32 {
         for x in 0..w {
             out.push(
-                taps.iter().map(|&(k, v)| across[(y + k).clamp(0, h as i32 - 1) as usize * w + x] * v).sum::<Vec3>(),
+                taps.iter()
+                    .map(|&(k, v)| across[(y + k).clamp(0, h as i32 - 1) as usize * w + x] * v)
+                    .sum::<Vec3>(),
             );
         }
     }

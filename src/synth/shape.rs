@@ -79,8 +79,8 @@ impl Shape {
     pub fn new(stature: f32, feminine: f32, bulk: f32, muscle: f32, dice: &mut Dice) -> Self {
         let leg = 1.0 + 0.022 * dice.normal().clamp(-2.0, 2.0);
         let arm = 1.0 + 0.03 * dice.normal().clamp(-2.0, 2.0);
-        let shoulder =
-            (0.109 - 0.010 * feminine + 0.004 * muscle) * (1.0 + 0.04 * dice.normal().clamp(-2.0, 2.0));
+        let shoulder = (0.109 - 0.010 * feminine + 0.004 * muscle)
+            * (1.0 + 0.04 * dice.normal().clamp(-2.0, 2.0));
         let hip = 0.060 + 0.004 * feminine;
         let hip_y = 0.518 * leg;
         let pelvis_y = hip_y + 0.006;

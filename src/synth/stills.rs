@@ -23,30 +23,57 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
     }
     .min(people);
     let fov = dice.range(36.0, 88.0);
-    let tall = (size.1 as f32 * 0.19).ln() + 0.5 * (dice.unit() + dice.unit()) * (1.15f32 / 0.19).ln();
+    let tall =
+        (size.1 as f32 * 0.19).ln() + 0.5 * (dice.unit() + dice.unit()) * (1.15f32 / 0.19).ln();
     let tall = tall.exp(); // stature of the first person in pixels
-    let high = if dice.chance(0.75) { dice.range(0.9, 2.2) } else { dice.range(0.4, 3.2) };
+    let high = if dice.chance(0.75) {
+        dice.range(0.9, 2.2)
+    } else {
+        dice.range(0.4, 3.2)
+    };
     let eye = Vec3::new(0.0, high, 0.0);
     let focal = 0.5 * size.0 as f32 / (0.5 * fov.to_radians()).tan();
     let near = (focal * 1.7 / tall).clamp(1.5, 30.0);
     let row = dice.range(-0.14, 0.14) * size.1 as f32;
-    let pitch = ((high - 0.9).atan2(near) - (row / focal).atan()).to_degrees() + 2.0 * dice.normal();
-    let camera = Camera::new(size, fov, eye, pitch.clamp(-25.0, 50.0), 0.0, 2.5 * dice.normal());
+    let pitch =
+        ((high - 0.9).atan2(near) - (row / focal).atan()).to_degrees() + 2.0 * dice.normal();
+    let camera = Camera::new(
+        size,
+        fov,
+        eye,
+        pitch.clamp(-25.0, 50.0),
+        0.0,
+        2.5 * dice.normal(),
+    );
     let place = Place::random(dice, eye, near);
     let light = Light::random(dice, place.room.is_some());
     let sensor = Sensor::random(dice);
     let mut spots: Vec<Vec3> = Vec::new();
-    let mut scene = Scene { camera, place, light, sensor, people: Vec::new(), seed: dice.bits() };
+    let mut scene = Scene {
+        camera,
+        place,
+        light,
+        sensor,
+        people: Vec::new(),
+        seed: dice.bits(),
+    };
     let mut stances = Vec::new();
     let crowd = dice.chance(0.35);
     for k in 0..count {
         let mut found = None;
         for _ in 0..24 {
             let mut spot = if k > 0 && (crowd || dice.chance(0.35)) {
-                let (a, r) = (dice.range(0.0, std::f32::consts::TAU), dice.range(0.35, 1.0));
+                let (a, r) = (
+                    dice.range(0.0, std::f32::consts::TAU),
+                    dice.range(0.35, 1.0),
+                );
                 spots[dice.below(spots.len())] + Vec3::new(r * a.cos(), 0.0, r * a.sin())
             } else {
-                let far = if k == 0 { near } else { near * dice.range(-0.4, 0.75).exp() };
+                let far = if k == 0 {
+                    near
+                } else {
+                    near * dice.range(-0.4, 0.75).exp()
+                };
                 let u = dice.range(-0.46, 0.46);
                 Vec3::new(u * size.0 as f32 / focal * far, 0.0, -far)
             };
@@ -79,14 +106,23 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
             spot.y = dice.range(0.0, 0.6); // on a step
         }
         scene.people.push(person);
-        stances.push(Stance { person: scene.people.len() - 1, pose, place: spot, heading });
+        stances.push(Stance {
+            person: scene.people.len() - 1,
+            pose,
+            place: spot,
+            heading,
+        });
     }
     // something in front of somebody, low or slim or to the side, so that part of them stays in sight
     if !stances.is_empty() && dice.chance(0.4) {
         let of = stances[dice.below(stances.len())].place;
         let t = dice.range(0.55, 0.85);
         let low = dice.chance(0.6);
-        let aside = if low { dice.range(-0.5, 0.5) } else { dice.sign() * dice.range(0.2, 0.6) };
+        let aside = if low {
+            dice.range(-0.5, 0.5)
+        } else {
+            dice.sign() * dice.range(0.2, 0.6)
+        };
         let foot = Vec3::new(of.x * t + aside, 0.0, of.z * t);
         if spots.iter().all(|s| s.distance(foot) > 0.75) && foot.z < -1.0 {
             let before = scene.place.things.len();
@@ -108,19 +144,23 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
 
 /// Whether nothing solid stands where a person should.
 fn clear(place: &Place, at: Vec3) -> bool {
-    place.things.iter().filter(|t| t.solid).all(|t| match t.form {
-        Form::Block { centre, half, turn } => {
-            let (s, c) = turn.sin_cos();
-            let q = at - centre;
-            let (x, z) = (q.x * c - q.z * s, q.z * c + q.x * s);
-            x.abs() > half.x + 0.28 || z.abs() > half.z + 0.28 || centre.y - half.y > 2.1
-        }
-        Form::Post { foot, radius, .. } => (at - foot).length() > radius + 0.28,
-        Form::Ball { centre, radii } => {
-            let q = Vec3::new(at.x - centre.x, 0.0, at.z - centre.z);
-            q.length() > radii.max_element() + 0.25 || centre.y - radii.y > 2.0
-        }
-    })
+    place
+        .things
+        .iter()
+        .filter(|t| t.solid)
+        .all(|t| match t.form {
+            Form::Block { centre, half, turn } => {
+                let (s, c) = turn.sin_cos();
+                let q = at - centre;
+                let (x, z) = (q.x * c - q.z * s, q.z * c + q.x * s);
+                x.abs() > half.x + 0.28 || z.abs() > half.z + 0.28 || centre.y - half.y > 2.1
+            }
+            Form::Post { foot, radius, .. } => (at - foot).length() > radius + 0.28,
+            Form::Ball { centre, radii } => {
+                let q = Vec3::new(at.x - centre.x, 0.0, at.z - centre.z);
+                q.length() > radii.max_element() + 0.25 || centre.y - radii.y > 2.0
+            }
+        })
 }
 
 /// Puts a stool, box or bench under a seated person.

@@ -36,7 +36,9 @@ pub enum TruthError {
         source: std::io::Error,
     },
     /// It is no JSON of this layout.
-    #[error("expected an {FORMAT} file, but {path} does not parse: {source}; write it again with `edgecap synth`")]
+    #[error(
+        "expected an {FORMAT} file, but {path} does not parse: {source}; write it again with `edgecap synth`"
+    )]
     Parse {
         /// The file.
         path: String,
@@ -44,7 +46,9 @@ pub enum TruthError {
         source: serde_json::Error,
     },
     /// It is another format or version.
-    #[error("expected {FORMAT} version {VERSION}, found {format} version {version}; write it again with this edgecap's `synth`")]
+    #[error(
+        "expected {FORMAT} version {VERSION}, found {format} version {version}; write it again with this edgecap's `synth`"
+    )]
     Version {
         /// Found format.
         format: String,
@@ -132,7 +136,11 @@ impl TruthPerson {
 
     /// Whether at least `least` evidence joints can be seen or lie behind the own body.
     pub fn findable(&self, least: usize) -> bool {
-        self.visibility[..EVIDENCE_JOINTS].iter().filter(|v| matches!(**v, VISIBLE | SELF_OCCLUDED)).count() >= least
+        self.visibility[..EVIDENCE_JOINTS]
+            .iter()
+            .filter(|v| matches!(**v, VISIBLE | SELF_OCCLUDED))
+            .count()
+            >= least
     }
 }
 
@@ -140,16 +148,24 @@ impl Truth {
     /// Reads a truth file.
     pub fn load(path: &Path) -> Result<Self, TruthError> {
         let shown = || path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| TruthError::Io { path: shown(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| TruthError::Io {
+            path: shown(),
+            source,
+        })?;
         Self::parse(&text, &shown())
     }
 
     /// Parses the text of a truth file; `name` is for messages.
     pub fn parse(text: &str, name: &str) -> Result<Self, TruthError> {
-        let truth: Self = serde_json::from_str(text)
-            .map_err(|source| TruthError::Parse { path: name.to_owned(), source })?;
+        let truth: Self = serde_json::from_str(text).map_err(|source| TruthError::Parse {
+            path: name.to_owned(),
+            source,
+        })?;
         if truth.format != FORMAT || truth.version != VERSION {
-            return Err(TruthError::Version { format: truth.format, version: truth.version });
+            return Err(TruthError::Version {
+                format: truth.format,
+                version: truth.version,
+            });
         }
         Ok(truth)
     }
@@ -162,7 +178,9 @@ impl Truth {
         );
         for (k, frame) in self.frames.iter().enumerate() {
             out.push_str(if k == 0 { "\n" } else { ",\n" });
-            out.push_str(&serde_json::to_string(frame).expect("numbers and strings always serialise"));
+            out.push_str(
+                &serde_json::to_string(frame).expect("numbers and strings always serialise"),
+            );
         }
         out.push_str("\n]}\n");
         out
