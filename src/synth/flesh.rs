@@ -307,7 +307,15 @@ impl Flesh {
             );
             let mid = sho.lerp(elb, 0.45);
             let fore = elb.lerp(wri, 0.25);
-            cone(sho + (elb - sho) * 0.04, mid, rs * 0.95, rb, 0.015, Matter::Skin, bones[0]);
+            cone(
+                sho + (elb - sho) * 0.04,
+                mid,
+                rs * 0.95,
+                rb,
+                0.015,
+                Matter::Skin,
+                bones[0],
+            );
             cone(mid, elb, rb, re, 0.015, Matter::Skin, bones[0]);
             cone(elb, fore, re * 0.98, rf, 0.015, Matter::Skin, bones[1]);
             cone(fore, wri, rf, rw, 0.012, Matter::Skin, bones[1]);
@@ -326,7 +334,15 @@ impl Flesh {
                 let upper = outfit.sleeve.min(1.0);
                 let end = sho.lerp(elb, upper);
                 let r_end = rs + (re - rs) * upper + e * (1.0 + 0.4 * (1.0 - upper));
-                cone(sho + (elb - sho) * 0.06, end, rs * 0.97 + 0.8 * e, r_end, 0.012, Matter::Top, bones[0]);
+                cone(
+                    sho + (elb - sho) * 0.06,
+                    end,
+                    rs * 0.97 + 0.8 * e,
+                    r_end,
+                    0.012,
+                    Matter::Top,
+                    bones[0],
+                );
                 cone(
                     sho + Vec3::new(-s * 0.022 * u, 0.004 * u, 0.0),
                     sho,

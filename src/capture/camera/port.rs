@@ -68,9 +68,9 @@ impl V4l2Port {
                 reason: "expected a camera, found none; plug it in, or see which there are with `edgecap doctor`".into(),
             },
             Some(libc::ENOTTY) => unusable(device, "is no camera"),
-            _ => CaptureError::Io {
-                input: device,
-                source: error,
+            _ => CaptureError::Unavailable {
+                what: device,
+                reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
             },
         }
     }
