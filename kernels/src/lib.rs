@@ -1,9 +1,35 @@
 //! int8 and f32 kernels: packing, micro-kernels per instruction set, scalar reference beside them, run-time dispatch.
 //!
 //! No I/O, no threads, no dependencies.
+//!
+//! Every operation is built once (weights packed for one [`Isa`]), then run without allocating. `run` is safe and takes
+//! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and threads
+//! can each compute their [`Part`].
 
+mod algorithm;
 mod conv;
+mod conv_check;
+mod error;
+mod fconv;
+mod isa;
 mod layout;
+mod linear;
+mod part;
+mod phase;
+mod pool;
+mod qconv;
+mod scratch;
+mod tensor;
 
+pub use algorithm::Algorithm;
 pub use conv::ConvShape;
+pub use error::KernelError;
+pub use fconv::{FConv, FConvParams};
+pub use isa::{ISA_VARIABLE, Isa, IsaError};
 pub use layout::Layout;
+pub use linear::Linear;
+pub use part::Part;
+pub use pool::{MaxPool, PoolElement};
+pub use qconv::{Epilogue, OutElement, QConv, QConvParams};
+pub use scratch::Scratch;
+pub use tensor::{Element, Tensor, TensorMut};

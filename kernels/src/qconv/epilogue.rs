@@ -1,0 +1,126 @@
+//! What becomes of an i32 accumulator.
+
+use crate::KernelError;
+use crate::conv_check::check_length;
+use crate::tensor::Element;
+
+/// The last step of an int8 convolution, per output channel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Epilogue {
+    /// `clamp(rne(acc · scale + residual · residual_scale), 0, max)`; product and sum are each rounded to f32, never fused.
+    /// ReLU is the clamp at 0.
+    U8 {
+        /// One per output channel.
+        scale: Vec<f32>,
+        /// Largest output: 127 where a layer of ours reads it.
+        max: u8,
+        /// Scale of a u8 tensor that is added before rounding (ResNet); none when there is no such tensor.
+        residual_scale: Option<f32>,
+    },
+    /// `acc · scale`, without ReLU: the heads' last layers.
+    F32 {
+        /// One per output channel.
+        scale: Vec<f32>,
+    },
+}
+
+/// Element type an int8 convolution can put out: `u8` for [`Epilogue::U8`], `f32` for [`Epilogue::F32`].
+pub trait OutElement: Element {
+    /// Whether `epilogue` puts out this type.
+    #[doc(hidden)]
+    fn accepts(epilogue: &Epilogue) -> bool;
+
+    /// The epilogue's formula for one accumulator.
+    #[doc(hidden)]
+    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, residual: u8) -> Self;
+}
+
+impl OutElement for u8 {
+    fn accepts(epilogue: &Epilogue) -> bool {
+        matches!(epilogue, Epilogue::U8 { .. })
+    }
+
+    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, residual: u8) -> u8 {
+        let Epilogue::U8 {
+            scale,
+            max,
+            residual_scale,
+        } = epilogue
+        else {
+            unreachable!("checked by accepts");
+        };
+        let mut value = acc as f32 * scale[channel];
+        if let Some(residual_scale) = residual_scale {
+            value += f32::from(residual) * residual_scale;
+        }
+        // Clamping before rounding is the same, as both bounds are integers, and keeps every value convertible.
+        value.max(0.0).min(f32::from(*max)).round_ties_even() as u8
+    }
+}
+
+impl OutElement for f32 {
+    fn accepts(epilogue: &Epilogue) -> bool {
+        matches!(epilogue, Epilogue::F32 { .. })
+    }
+
+    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, _residual: u8) -> f32 {
+        let Epilogue::F32 { scale } = epilogue else {
+            unreachable!("checked by accepts");
+        };
+        acc as f32 * scale[channel]
+    }
+}
+
+impl Epilogue {
+    pub(super) fn scale(&self) -> &[f32] {
+        match self {
+            Epilogue::U8 { scale, .. } | Epilogue::F32 { scale } => scale,
+        }
+    }
+
+    pub(super) fn residual_scale(&self) -> Option<f32> {
+        match self {
+            Epilogue::U8 { residual_scale, .. } => *residual_scale,
+            Epilogue::F32 { .. } => None,
+        }
+    }
+
+    pub(super) fn check(&self, out_channels: usize) -> Result<(), KernelError> {
+        check_length("output scales", out_channels, self.scale().len())?;
+        let all = self.scale().iter().copied().chain(self.residual_scale());
+        for scale in all {
+            if !scale.is_finite() || scale.abs() > 1e20 {
+                return Err(KernelError::Value(format!(
+                    "expected finite output scales of reasonable size, found {scale}; calibrate again"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_element<O: OutElement>(&self) -> Result<(), KernelError> {
+        if O::accepts(self) {
+            return Ok(());
+        }
+        let expected = match self {
+            Epilogue::U8 { .. } => u8::NAME,
+            Epilogue::F32 { .. } => f32::NAME,
+        };
+        Err(KernelError::Tensor(format!(
+            "output: expected a buffer of {expected} for this epilogue, found {}; match the buffer to the epilogue",
+            O::NAME
+        )))
+    }
+
+    pub(super) fn check_residual(&self, given: bool) -> Result<(), KernelError> {
+        if given == self.residual_scale().is_some() {
+            return Ok(());
+        }
+        let text = if given {
+            "residual: expected none, as the epilogue has no residual scale, found one; set residual_scale"
+        } else {
+            "residual: expected a tensor, as the epilogue has a residual scale, found none; pass the tensor"
+        };
+        Err(KernelError::Tensor(text.to_owned()))
+    }
+}

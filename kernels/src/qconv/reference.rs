@@ -1,0 +1,62 @@
+//! The scalar int8 convolution: the specification that every other tier must equal bit for bit.
+
+use super::{OutElement, QConv};
+use crate::{Layout, Part};
+
+impl QConv {
+    /// # Safety
+    /// As [`QConv::run_part`].
+    pub(super) unsafe fn run_reference<O: OutElement>(
+        &self,
+        input: *const u8,
+        in_layout: &Layout,
+        residual: Option<(*const u8, &Layout)>,
+        output: *mut O,
+        out_layout: &Layout,
+        part: &Part,
+    ) {
+        let shape = &self.shape;
+        let depth = shape.in_channels / shape.groups;
+        let out_per_group = shape.out_channels / shape.groups;
+        for phase in &self.phases {
+            let rows = part
+                .rows
+                .clone()
+                .filter(|row| row % phase.out_step == phase.first_row);
+            for oy in rows {
+                let y = (oy / phase.out_step * phase.in_step) as isize;
+                for ox in (phase.first_column..out_layout.width).step_by(phase.out_step) {
+                    let x = (ox / phase.out_step * phase.in_step) as isize;
+                    let channels =
+                        part.groups.start * out_per_group..part.groups.end * out_per_group;
+                    for oc in channels {
+                        let first = oc / out_per_group * depth;
+                        let mut acc = self.bias[oc];
+                        for tap in &phase.taps {
+                            let at = in_layout.index(y + tap.dy, x + tap.dx) + first;
+                            for ic in 0..depth {
+                                // SAFETY: `check` proved that the input with its halo lies in the buffer, and taps reach
+                                // at most `input_halo()` pixels beyond the tensor; first + ic < in_channels.
+                                let value = unsafe { *input.add(at + ic) };
+                                let weight = self.weights[((oc * depth + ic) * shape.kernel
+                                    + tap.ky)
+                                    * shape.kernel
+                                    + tap.kx];
+                                acc += i32::from(value) * i32::from(weight);
+                            }
+                        }
+                        let at = |layout: &Layout| layout.index(oy as isize, ox as isize) + oc;
+                        let added = match residual {
+                            // SAFETY: (oy, ox, oc) lies in the residual, which has the output's size.
+                            Some((pointer, layout)) => unsafe { *pointer.add(at(layout)) },
+                            None => 0,
+                        };
+                        let value = O::finish(&self.epilogue, oc, acc, added);
+                        // SAFETY: (oy, ox, oc) lies in the output.
+                        unsafe { *output.add(at(out_layout)) = value };
+                    }
+                }
+            }
+        }
+    }
+}
