@@ -1,5 +1,7 @@
 //! f32 convolution with bias, optional residual and optional ReLU.
 
+#[cfg(target_arch = "x86_64")]
+mod direct;
 mod reference;
 
 use crate::conv_check::{check_length, check_shape, check_tensors};
@@ -31,8 +33,31 @@ pub struct FConv {
     relu: bool,
     residual: bool,
     phases: Vec<Phase>,
-    bias: Vec<f32>,
-    weights: Vec<f32>,
+    kernel: Kernel,
+}
+
+/// The packed form.
+#[derive(Debug, Clone)]
+enum Kernel {
+    /// The scalar reference on the weights as given.
+    Reference { weights: Vec<f32>, bias: Vec<f32> },
+    /// A direct kernel of a vector tier.
+    #[cfg(target_arch = "x86_64")]
+    Direct(direct::Direct),
+}
+
+impl Kernel {
+    fn new(isa: Isa, params: &FConvParams) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(direct) = direct::Direct::new(isa, params) {
+            return Kernel::Direct(direct);
+        }
+        let _ = isa;
+        Kernel::Reference {
+            weights: params.weights.to_vec(),
+            bias: params.bias.to_vec(),
+        }
+    }
 }
 
 impl FConv {
@@ -59,8 +84,7 @@ impl FConv {
             relu: params.relu,
             residual: params.residual,
             phases: Phase::of(shape),
-            bias: bias.to_vec(),
-            weights: weights.to_vec(),
+            kernel: Kernel::new(isa, params),
         })
     }
 
@@ -76,7 +100,11 @@ impl FConv {
 
     /// The kernel's name, for logs and benches.
     pub fn name(&self) -> &'static str {
-        "f32_direct__scalar"
+        match &self.kernel {
+            Kernel::Reference { .. } => "f32_direct__scalar",
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Direct(direct) => direct.name(),
+        }
     }
 
     /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
@@ -169,7 +197,31 @@ impl FConv {
         scratch: &mut Scratch,
     ) {
         assert!(scratch.len() >= self.scratch_bytes(in_layout), "scratch");
-        // SAFETY: the caller's contract is the reference's.
-        unsafe { self.run_reference(input, in_layout, residual, output, out_layout, part) }
+        let run = Run {
+            input,
+            in_layout,
+            residual,
+            output,
+            out_layout,
+            part,
+        };
+        // SAFETY: the caller's contract is the kernels'.
+        unsafe {
+            match &self.kernel {
+                Kernel::Reference { weights, bias } => self.run_reference(weights, bias, &run),
+                #[cfg(target_arch = "x86_64")]
+                Kernel::Direct(direct) => direct.run(self.relu, &run),
+            }
+        }
     }
+}
+
+/// The tensors of one run.
+struct Run<'a> {
+    input: *const f32,
+    in_layout: &'a Layout,
+    residual: Option<(*const f32, &'a Layout)>,
+    output: *mut f32,
+    out_layout: &'a Layout,
+    part: &'a Part,
 }

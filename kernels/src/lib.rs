@@ -9,17 +9,29 @@
 mod algorithm;
 mod conv;
 mod conv_check;
+#[cfg(target_arch = "x86_64")]
+mod direct;
 mod error;
 mod fconv;
 mod isa;
 mod layout;
 mod linear;
+#[cfg(target_arch = "x86_64")]
+mod packed;
 mod part;
 mod phase;
 mod pool;
 mod qconv;
 mod scratch;
+#[cfg(target_arch = "x86_64")]
+mod segments;
+#[cfg(target_arch = "x86_64")]
+mod simd;
 mod tensor;
+#[cfg(target_arch = "x86_64")]
+mod writers;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub use algorithm::Algorithm;
 pub use conv::ConvShape;

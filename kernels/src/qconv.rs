@@ -1,6 +1,9 @@
 //! int8 convolution: u8 activations in, u8 activations or f32 maps out.
 
+#[cfg(target_arch = "x86_64")]
+mod direct;
 mod epilogue;
+mod kernel;
 mod reference;
 
 pub use epilogue::{Epilogue, OutElement};
@@ -8,6 +11,7 @@ pub use epilogue::{Epilogue, OutElement};
 use crate::conv_check::{check_length, check_shape, check_tensors};
 use crate::phase::Phase;
 use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
+use kernel::{Kernel, Run};
 
 /// What an int8 convolution is made of.
 #[derive(Debug, Clone)]
@@ -36,8 +40,7 @@ pub struct QConv {
     algorithm: Algorithm,
     epilogue: Epilogue,
     phases: Vec<Phase>,
-    bias: Vec<i32>,
-    weights: Vec<i8>,
+    kernel: Kernel,
 }
 
 impl QConv {
@@ -68,8 +71,7 @@ impl QConv {
             algorithm: *algorithm,
             epilogue: epilogue.clone(),
             phases: Phase::of(shape),
-            bias: bias.to_vec(),
-            weights: weights.to_vec(),
+            kernel: Kernel::new(isa, params),
         })
     }
 
@@ -90,7 +92,7 @@ impl QConv {
 
     /// The kernel's name, for logs and benches.
     pub fn name(&self) -> &'static str {
-        "qs8_direct__scalar"
+        self.kernel.name()
     }
 
     /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
@@ -186,8 +188,16 @@ impl QConv {
     ) {
         assert!(scratch.len() >= self.scratch_bytes(in_layout), "scratch");
         assert!(self.epilogue.check_element::<O>().is_ok(), "element type");
-        // SAFETY: the caller's contract is the reference's.
-        unsafe { self.run_reference(input, in_layout, residual, output, out_layout, part) }
+        let run = Run {
+            input,
+            in_layout,
+            residual,
+            output: O::output(output),
+            out_layout,
+            part,
+        };
+        // SAFETY: the caller's contract.
+        unsafe { self.dispatch(&run) }
     }
 }
 

@@ -28,8 +28,17 @@ impl Scratch {
         self.lines.is_empty()
     }
 
-    /// The first byte, aligned to 64.
-    pub(crate) fn as_mut_ptr(&mut self) -> *mut u8 {
-        self.lines.as_mut_ptr().cast()
+    /// All bytes; the first is aligned to 64.
+    pub(crate) fn as_bytes(&self) -> &[u8] {
+        // SAFETY: a Line is 64 bytes without padding, so the vector's lines are `64 · lines.len()` initialised bytes.
+        unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.lines.len() * 64) }
+    }
+
+    /// All bytes; the first is aligned to 64.
+    pub(crate) fn as_mut_bytes(&mut self) -> &mut [u8] {
+        // SAFETY: a Line is 64 bytes without padding, so the vector's lines are `64 · lines.len()` initialised bytes.
+        unsafe {
+            std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.lines.len() * 64)
+        }
     }
 }

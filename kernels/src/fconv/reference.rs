@@ -1,20 +1,20 @@
 //! The scalar f32 convolution, summed in f32 in the order of taps and channels: the oracle of the other tiers.
 
-use super::FConv;
-use crate::{Layout, Part};
+use super::{FConv, Run};
+use crate::Layout;
 
 impl FConv {
     /// # Safety
     /// As [`FConv::run_part`].
-    pub(super) unsafe fn run_reference(
-        &self,
-        input: *const f32,
-        in_layout: &Layout,
-        residual: Option<(*const f32, &Layout)>,
-        output: *mut f32,
-        out_layout: &Layout,
-        part: &Part,
-    ) {
+    pub(super) unsafe fn run_reference(&self, weights: &[f32], bias: &[f32], run: &Run) {
+        let &Run {
+            input,
+            in_layout,
+            residual,
+            output,
+            out_layout,
+            part,
+        } = run;
         let shape = &self.shape;
         let depth = shape.in_channels / shape.groups;
         let out_per_group = shape.out_channels / shape.groups;
@@ -31,7 +31,7 @@ impl FConv {
                         part.groups.start * out_per_group..part.groups.end * out_per_group;
                     for oc in channels {
                         let first = oc / out_per_group * depth;
-                        let mut acc = self.bias[oc];
+                        let mut acc = bias[oc];
                         for tap in &phase.taps {
                             let at = in_layout.index(y + tap.dy, x + tap.dx) + first;
                             for ic in 0..depth {
@@ -39,7 +39,7 @@ impl FConv {
                                 // at most `input_halo()` pixels beyond the tensor; first + ic < in_channels.
                                 let value = unsafe { *input.add(at + ic) };
                                 acc += value
-                                    * self.weights[((oc * depth + ic) * shape.kernel + tap.ky)
+                                    * weights[((oc * depth + ic) * shape.kernel + tap.ky)
                                         * shape.kernel
                                         + tap.kx];
                             }

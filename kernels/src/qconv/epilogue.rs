@@ -26,48 +26,27 @@ pub enum Epilogue {
 
 /// Element type an int8 convolution can put out: `u8` for [`Epilogue::U8`], `f32` for [`Epilogue::F32`].
 pub trait OutElement: Element {
-    /// Whether `epilogue` puts out this type.
     #[doc(hidden)]
-    fn accepts(epilogue: &Epilogue) -> bool;
+    fn output(pointer: *mut Self) -> Output;
+}
 
-    /// The epilogue's formula for one accumulator.
-    #[doc(hidden)]
-    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, residual: u8) -> Self;
+/// Where the output begins.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy)]
+pub enum Output {
+    U8(*mut u8),
+    F32(*mut f32),
 }
 
 impl OutElement for u8 {
-    fn accepts(epilogue: &Epilogue) -> bool {
-        matches!(epilogue, Epilogue::U8 { .. })
-    }
-
-    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, residual: u8) -> u8 {
-        let Epilogue::U8 {
-            scale,
-            max,
-            residual_scale,
-        } = epilogue
-        else {
-            unreachable!("checked by accepts");
-        };
-        let mut value = acc as f32 * scale[channel];
-        if let Some(residual_scale) = residual_scale {
-            value += f32::from(residual) * residual_scale;
-        }
-        // Clamping before rounding is the same, as both bounds are integers, and keeps every value convertible.
-        value.max(0.0).min(f32::from(*max)).round_ties_even() as u8
+    fn output(pointer: *mut u8) -> Output {
+        Output::U8(pointer)
     }
 }
 
 impl OutElement for f32 {
-    fn accepts(epilogue: &Epilogue) -> bool {
-        matches!(epilogue, Epilogue::F32 { .. })
-    }
-
-    fn finish(epilogue: &Epilogue, channel: usize, acc: i32, _residual: u8) -> f32 {
-        let Epilogue::F32 { scale } = epilogue else {
-            unreachable!("checked by accepts");
-        };
-        acc as f32 * scale[channel]
+    fn output(pointer: *mut f32) -> Output {
+        Output::F32(pointer)
     }
 }
 
@@ -98,14 +77,37 @@ impl Epilogue {
         Ok(())
     }
 
-    pub(super) fn check_element<O: OutElement>(&self) -> Result<(), KernelError> {
-        if O::accepts(self) {
-            return Ok(());
+    /// The formula of [`Epilogue::U8`] for one accumulator.
+    pub(super) fn to_u8(&self, channel: usize, acc: i32, residual: u8) -> u8 {
+        let Epilogue::U8 {
+            scale,
+            max,
+            residual_scale,
+        } = self
+        else {
+            unreachable!("the element type was checked");
+        };
+        let mut value = acc as f32 * scale[channel];
+        if let Some(residual_scale) = residual_scale {
+            value += f32::from(residual) * residual_scale;
         }
+        // Clamping before rounding is the same, as both bounds are integers, and keeps every value convertible.
+        value.max(0.0).min(f32::from(*max)).round_ties_even() as u8
+    }
+
+    /// The formula of [`Epilogue::F32`] for one accumulator.
+    pub(super) fn to_f32(&self, channel: usize, acc: i32) -> f32 {
+        acc as f32 * self.scale()[channel]
+    }
+
+    pub(super) fn check_element<O: OutElement>(&self) -> Result<(), KernelError> {
         let expected = match self {
             Epilogue::U8 { .. } => u8::NAME,
             Epilogue::F32 { .. } => f32::NAME,
         };
+        if expected == O::NAME {
+            return Ok(());
+        }
         Err(KernelError::Tensor(format!(
             "output: expected a buffer of {expected} for this epilogue, found {}; match the buffer to the epilogue",
             O::NAME

@@ -1,20 +1,22 @@
 //! The scalar int8 convolution: the specification that every other tier must equal bit for bit.
 
-use super::{OutElement, QConv};
-use crate::{Layout, Part};
+use super::QConv;
+use super::epilogue::Output;
+use super::kernel::Run;
+use crate::Layout;
 
 impl QConv {
     /// # Safety
     /// As [`QConv::run_part`].
-    pub(super) unsafe fn run_reference<O: OutElement>(
-        &self,
-        input: *const u8,
-        in_layout: &Layout,
-        residual: Option<(*const u8, &Layout)>,
-        output: *mut O,
-        out_layout: &Layout,
-        part: &Part,
-    ) {
+    pub(super) unsafe fn run_reference(&self, weights: &[i8], bias: &[i32], run: &Run) {
+        let &Run {
+            input,
+            in_layout,
+            residual,
+            output,
+            out_layout,
+            part,
+        } = run;
         let shape = &self.shape;
         let depth = shape.in_channels / shape.groups;
         let out_per_group = shape.out_channels / shape.groups;
@@ -31,15 +33,14 @@ impl QConv {
                         part.groups.start * out_per_group..part.groups.end * out_per_group;
                     for oc in channels {
                         let first = oc / out_per_group * depth;
-                        let mut acc = self.bias[oc];
+                        let mut acc = bias[oc];
                         for tap in &phase.taps {
                             let at = in_layout.index(y + tap.dy, x + tap.dx) + first;
                             for ic in 0..depth {
                                 // SAFETY: `check` proved that the input with its halo lies in the buffer, and taps reach
                                 // at most `input_halo()` pixels beyond the tensor; first + ic < in_channels.
                                 let value = unsafe { *input.add(at + ic) };
-                                let weight = self.weights[((oc * depth + ic) * shape.kernel
-                                    + tap.ky)
+                                let weight = weights[((oc * depth + ic) * shape.kernel + tap.ky)
                                     * shape.kernel
                                     + tap.kx];
                                 acc += i32::from(value) * i32::from(weight);
@@ -51,9 +52,16 @@ impl QConv {
                             Some((pointer, layout)) => unsafe { *pointer.add(at(layout)) },
                             None => 0,
                         };
-                        let value = O::finish(&self.epilogue, oc, acc, added);
+                        let to = at(out_layout);
                         // SAFETY: (oy, ox, oc) lies in the output.
-                        unsafe { *output.add(at(out_layout)) = value };
+                        unsafe {
+                            match output {
+                                Output::U8(data) => {
+                                    *data.add(to) = self.epilogue.to_u8(oc, acc, added);
+                                }
+                                Output::F32(data) => *data.add(to) = self.epilogue.to_f32(oc, acc),
+                            }
+                        }
                     }
                 }
             }
