@@ -69,8 +69,8 @@ pub struct NetworkSpeed {
     pub share_of_peak: Option<f64>,
     /// Processor time over wall time and threads: well under 1 means that other programs had the cores.
     pub busy: f64,
-    /// Peak resident memory of the process while it built and ran this engine, MB of 10⁶ bytes.
-    pub peak_memory_mb: Option<f64>,
+    /// By how much the process's resident memory rose at most while this engine was built and ran, MB of 10⁶ bytes.
+    pub memory_mb: Option<f64>,
     /// Bytes of activation buffers.
     pub activation_bytes: usize,
     /// Time of every layer, where asked for.

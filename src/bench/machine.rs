@@ -73,9 +73,10 @@ pub(super) fn peak_memory_mb() -> Option<f64> {
     Some(kib * 1024.0 / 1e6)
 }
 
-/// Forgets the peak so far; `false` where the system does not let us, and the peak is that of the whole process.
-pub(super) fn reset_peak_memory() -> bool {
-    fs::write("/proc/self/clear_refs", "5").is_ok()
+/// Forgets the peak so far; returns the resident memory now, or `None` where the system does not let us forget.
+pub(super) fn reset_peak_memory() -> Option<f64> {
+    fs::write("/proc/self/clear_refs", "5").ok()?;
+    peak_memory_mb()
 }
 
 #[cfg(test)]
@@ -94,11 +95,10 @@ mod tests {
 
     #[test]
     fn peak_memory_sees_what_was_touched() {
-        if !reset_peak_memory() {
+        let Some(before) = reset_peak_memory() else {
             println!("skipped: /proc/self/clear_refs cannot be written here");
             return;
-        }
-        let before = peak_memory_mb().unwrap();
+        };
         let block = vec![1u8; 64_000_000];
         std::hint::black_box(&block);
         assert!(peak_memory_mb().unwrap() > before + 50.0);

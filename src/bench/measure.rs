@@ -155,11 +155,10 @@ fn entry(
         precision,
         ..EngineOptions::default()
     };
-    // Memory is measured with this engine alone; the one that is kept is built again among the others.
-    let fresh = reset_peak_memory();
+    let before = reset_peak_memory();
     let mut engine = Engine::new(&subject.model, engine_options)?;
     engine.run(picture);
-    let peak_memory_mb = peak_memory_mb().filter(|_| fresh);
+    let memory_mb = peak_memory_mb().zip(before).map(|(peak, before)| peak - before);
     let speed = NetworkSpeed {
         network: subject.name().to_owned(),
         weights: subject.weights.clone(),
@@ -171,7 +170,7 @@ fn entry(
         gmacs: 0.0,
         share_of_peak: None,
         busy: 0.0,
-        peak_memory_mb,
+        memory_mb,
         activation_bytes: engine.activation_bytes(),
         layers: Vec::new(),
     };

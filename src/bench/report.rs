@@ -47,7 +47,7 @@ impl fmt::Display for Certificate {
                 n.gmac,
                 n.gmacs,
                 percent(n.share_of_peak),
-                n.peak_memory_mb.map_or("?".into(), |mb| format!("{mb:.0} MB")),
+                n.memory_mb.map_or("?".into(), |mb| format!("{mb:.0} MB")),
                 100.0 * n.busy
             )?;
         }
