@@ -65,7 +65,7 @@ fn lift(c: &mut Criterion) {
         });
         group.bench_with_input(BenchmarkId::new("whole", count), &people, |b, p| {
             b.iter(|| {
-                let seen = lifter.lift(black_box(p), &letterbox, &camera, &frame);
+                let seen = lifter.lift(black_box(p), &frame, &letterbox, &camera);
                 seen.map(|o| o.len())
             });
         });

@@ -12,6 +12,7 @@ pub mod engine;
 pub mod eval;
 pub mod fit;
 pub mod lift;
+pub mod output;
 pub mod synth;
 
 pub use edgecap_client::{joints, message};

@@ -9,21 +9,57 @@ fn inputs_that_are_not_there() {
     let empty = tempfile::tempdir().unwrap();
     let folder = empty.path().to_str().unwrap();
     for verb in ["infer", "run"] {
-        assert_fails(&[verb, "--input", "/nowhere/clip.y4m", "--name", &stream("none")], 66, &["/nowhere/clip.y4m"]);
-        assert_fails(&[verb, "--input", folder, "--name", &stream("empty")], 66, &[folder]);
-        assert_fails(&[verb, "--input", "/dev/video97", "--name", &stream("camera")], 69, &["/dev/video97"]);
+        assert_fails(
+            &[
+                verb,
+                "--input",
+                "/nowhere/clip.y4m",
+                "--name",
+                &stream("none"),
+            ],
+            66,
+            &["/nowhere/clip.y4m"],
+        );
+        assert_fails(
+            &[verb, "--input", folder, "--name", &stream("empty")],
+            66,
+            &[folder],
+        );
+        assert_fails(
+            &[verb, "--input", "/dev/video97", "--name", &stream("camera")],
+            69,
+            &["/dev/video97"],
+        );
     }
-    assert!(!std::path::Path::new("edgecap-out").exists(), "a failed run leaves no folder");
+    assert!(
+        !std::path::Path::new("edgecap-out").exists(),
+        "a failed run leaves no folder"
+    );
 }
 
 #[test]
 fn content_that_is_no_picture() {
     let folder = tempfile::tempdir().unwrap();
-    for (file, bytes) in [("a.jpg", &b"not a picture"[..]), ("b.png", b"\x89PNG\r\n\x1a\n"), ("c.y4m", b"YUV4MPEG2 W16 H"), ("d.avi", b"RIFF")] {
+    for (file, bytes) in [
+        ("a.jpg", &b"not a picture"[..]),
+        ("b.png", b"\x89PNG\r\n\x1a\n"),
+        ("c.y4m", b"YUV4MPEG2 W16 H"),
+        ("d.avi", b"RIFF"),
+    ] {
         let path = folder.path().join(file);
         std::fs::write(&path, bytes).unwrap();
         let out = folder.path().join("out.jsonl");
-        assert_fails(&["infer", "--input", path.to_str().unwrap(), "--jsonl", out.to_str().unwrap()], 65, &[file]);
+        assert_fails(
+            &[
+                "infer",
+                "--input",
+                path.to_str().unwrap(),
+                "--jsonl",
+                out.to_str().unwrap(),
+            ],
+            65,
+            &[file],
+        );
         assert!(!out.exists(), "{file}: half a result is left");
     }
     let left = std::fs::read_dir(folder.path()).unwrap().count();
@@ -33,8 +69,24 @@ fn content_that_is_no_picture() {
 #[test]
 fn outputs_that_cannot_be_written() {
     let out = ["--jsonl", "/proc/nowhere/out.jsonl"];
-    assert_fails(&["infer", "--input", "demo", out[0], out[1]], 73, &["/proc/nowhere/out.jsonl"]);
-    assert_fails(&["run", "--input", "demo", "--name", &stream("out"), out[0], out[1]], 73, &["/proc/nowhere/out.jsonl"]);
+    assert_fails(
+        &["infer", "--input", "demo", out[0], out[1]],
+        73,
+        &["/proc/nowhere/out.jsonl"],
+    );
+    assert_fails(
+        &[
+            "run",
+            "--input",
+            "demo",
+            "--name",
+            &stream("out"),
+            out[0],
+            out[1],
+        ],
+        73,
+        &["/proc/nowhere/out.jsonl"],
+    );
 }
 
 #[test]
@@ -44,7 +96,15 @@ fn a_model_that_is_corrupt() {
     std::fs::write(&path, [0x40u8; 4096]).unwrap();
     let out = folder.path().join("out.jsonl");
     assert_fails(
-        &["infer", "--input", "demo", "--model", path.to_str().unwrap(), "--jsonl", out.to_str().unwrap()],
+        &[
+            "infer",
+            "--input",
+            "demo",
+            "--model",
+            path.to_str().unwrap(),
+            "--jsonl",
+            out.to_str().unwrap(),
+        ],
         65,
         &["bad.ecm"],
     );
@@ -52,7 +112,12 @@ fn a_model_that_is_corrupt() {
 
 #[test]
 fn command_lines_that_mean_nothing() {
-    for args in [&["infer", "--size", "100x100"][..], &["run", "--rate", "0"], &["fly"], &["fit", "--input", "x"]] {
+    for args in [
+        &["infer", "--size", "100x100"][..],
+        &["run", "--rate", "0"],
+        &["fly"],
+        &["fit", "--input", "x"],
+    ] {
         assert_eq!(common::output(args).status.code(), Some(64), "{args:?}");
     }
 }

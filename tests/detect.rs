@@ -34,7 +34,11 @@ fn with_neck_at<'a>(found: &'a [Detection], p: &Figure) -> Option<&'a Detection>
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig {
+        cases: 64,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn perfect_maps_give_the_people_back(count in 1_usize..9, seed in any::<u64>()) {

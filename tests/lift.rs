@@ -159,7 +159,7 @@ fn observations_are_in_original_pixels_and_camera_axes() {
         ..Default::default()
     };
     let seen = lifter
-        .lift(std::slice::from_ref(&d), &letterbox, &intrinsics, &frame)
+        .lift(std::slice::from_ref(&d), &frame, &letterbox, &intrinsics)
         .unwrap()[0];
     for (from, to) in d.joints.iter().zip(seen.joints2d) {
         assert_eq!(from[2], to[2]);
@@ -285,7 +285,7 @@ fn pytorch_gives_the_same_joints() {
         offset_v: 0.0,
     };
     let seen = lifter
-        .lift(&people, &letterbox, &intrinsics, &Frame::default())
+        .lift(&people, &Frame::default(), &letterbox, &intrinsics)
         .unwrap();
     let expected = floats("camera");
     let mut camera_error = 0.0_f32;

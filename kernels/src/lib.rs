@@ -19,6 +19,7 @@ mod linear;
 #[cfg(target_arch = "x86_64")]
 mod packed;
 mod part;
+mod peak;
 mod phase;
 mod pool;
 mod qconv;
@@ -41,6 +42,7 @@ pub use isa::{ISA_VARIABLE, Isa, IsaError};
 pub use layout::Layout;
 pub use linear::Linear;
 pub use part::Part;
+pub use peak::Peak;
 pub use pool::{MaxPool, PoolElement};
 pub use qconv::{Epilogue, OutElement, QConv, QConvParams};
 pub use scratch::Scratch;

@@ -38,6 +38,8 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn f_from_i(value: Self::I) -> Self::F;
     /// Stores `n` lanes, each within 0..=255, rounded to nearest, ties to even.
     unsafe fn store_u8_part(value: Self::F, at: *mut u8, n: usize);
+    /// Stores `n` lanes as `clamp(rne(value), 0, 127)`; every value lies within ±2³¹.
+    unsafe fn store_u7_part(value: Self::F, at: *mut u8, n: usize);
     unsafe fn load_u8_part(at: *const u8, n: usize) -> Self::F;
     unsafe fn load_i(at: *const i32) -> Self::I;
     unsafe fn store_i(value: Self::I, at: *mut i32);

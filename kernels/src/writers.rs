@@ -9,6 +9,8 @@ pub(crate) struct ToU8<'a> {
     /// Padded, one per lane.
     pub scale: *const f32,
     pub max: f32,
+    /// `max` is 127 and no value can leave ±2³¹: the narrowing instruction clamps.
+    pub narrow: bool,
     pub residual: Option<Residual<'a>>,
     pub output: *mut u8,
     pub layout: &'a Layout,
@@ -34,8 +36,13 @@ unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
                 let added = S::mul_f(S::load_u8_part(at, n), S::splat_f(residual.scale));
                 value = S::add_f(value, added);
             }
-            let value = S::min_f(S::max_f(value, S::splat_f(0.0)), S::splat_f(self.max));
-            S::store_u8_part(value, self.output.add(self.layout.index(y, x) + channel), n);
+            let at = self.output.add(self.layout.index(y, x) + channel);
+            if self.narrow {
+                S::store_u7_part(value, at, n);
+            } else {
+                let value = S::min_f(S::max_f(value, S::splat_f(0.0)), S::splat_f(self.max));
+                S::store_u8_part(value, at, n);
+            }
         }
     }
 }

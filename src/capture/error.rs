@@ -46,6 +46,14 @@ pub enum CaptureError {
         /// Who holds it as far as known, and the remedy.
         reason: String,
     },
+    /// A camera has no new picture at the moment; the source goes on. Look at the stop signal and ask again.
+    #[error("{device}: {reason}")]
+    NoPictureYet {
+        /// The camera.
+        device: String,
+        /// Whether it is slow or gone.
+        reason: String,
+    },
     /// The system does not let this user open the input.
     #[error("{input}: permission denied; {remedy}")]
     Permission {
@@ -79,7 +87,7 @@ impl CaptureError {
         match self {
             Self::Data { .. } | Self::Picture { .. } => 65,
             Self::NoInput { .. } => 66,
-            Self::Unavailable { .. } => 69,
+            Self::Unavailable { .. } | Self::NoPictureYet { .. } => 69,
             Self::Io { .. } => 74,
             Self::Busy { .. } => 75,
             Self::Permission { .. } => 77,
@@ -89,7 +97,7 @@ impl CaptureError {
 
     /// Whether the source goes on with the next picture after this error.
     pub fn is_skippable(&self) -> bool {
-        matches!(self, Self::Picture { .. })
+        matches!(self, Self::Picture { .. } | Self::NoPictureYet { .. })
     }
 
     /// A damaged input.

@@ -5,6 +5,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use super::exif::Orientation;
 use super::frame::Frame;
 use super::limits::{MAX_SIDE, check_size};
 
@@ -17,6 +18,7 @@ pub struct JpegPicture {
     inks: Vec<u8>,
     /// Draw what there is of a damaged picture instead of refusing it.
     lenient: bool,
+    orientation: Orientation,
 }
 
 impl JpegPicture {
@@ -37,6 +39,7 @@ impl JpegPicture {
     /// One line that says what was expected, what was found and what to do; the caller names the input.
     pub fn decode(&mut self, bytes: &[u8], frame: &mut Frame) -> Result<(), String> {
         let head = scan(bytes)?;
+        self.orientation = head.orientation;
         // The decoder notices a missing end only from one row of blocks to the next.
         if !self.lenient && !has_end(&bytes[head.scan_at..]) {
             return Err("expected the end marker of the JPEG picture, found none; the file was cut off, copy it again".into());
@@ -81,6 +84,11 @@ impl JpegPicture {
             _ => decoder.decode_into(&mut frame.rgb).map_err(damaged),
         }
     }
+
+    /// What the EXIF block of the last picture says.
+    pub fn orientation(&self) -> Orientation {
+        self.orientation
+    }
 }
 
 /// The decoder's words in ours.
@@ -96,6 +104,7 @@ struct Head {
     has_tables: bool,
     /// Adobe writes its inks inverted and says so with an APP14 marker.
     adobe: bool,
+    orientation: Orientation,
     /// Where the start-of-scan marker lies.
     scan_at: usize,
 }
@@ -108,6 +117,7 @@ fn scan(bytes: &[u8]) -> Result<Head, String> {
     let mut head = Head {
         has_tables: false,
         adobe: false,
+        orientation: Orientation::Upright,
         scan_at: 0,
     };
     let mut at = 2;
@@ -130,6 +140,9 @@ fn scan(bytes: &[u8]) -> Result<Head, String> {
         let body = bytes.get(at + 4..at + 2 + length).unwrap_or_default();
         head.has_tables |= marker == 0xC4;
         head.adobe |= marker == 0xEE && body.starts_with(b"Adobe");
+        if let (0xE1, Some(exif)) = (marker, body.strip_prefix(b"Exif\0\0")) {
+            head.orientation = Orientation::from_exif(exif);
+        }
         at += 2 + length.max(2);
     }
     Err(

@@ -36,39 +36,74 @@ pub struct Failure {
 impl Failure {
     /// The user asked for something that does not exist or does not go together.
     pub fn usage(message: impl Into<String>) -> Self {
-        Self { code: USAGE, message: message.into() }
+        Self {
+            code: USAGE,
+            message: message.into(),
+        }
     }
 
     /// A result could not be written.
     pub fn output(path: &std::path::Path, cause: &std::io::Error) -> Self {
-        let message = format!("cannot write {}: {cause}; choose a writable place", path.display());
-        Self { code: CANNOT_CREATE, message }
+        let message = format!(
+            "cannot write {}: {cause}; choose a writable place",
+            path.display()
+        );
+        Self {
+            code: CANNOT_CREATE,
+            message,
+        }
     }
 
     /// An input file cannot be opened.
     pub fn no_input(path: &std::path::Path, cause: &std::io::Error) -> Self {
-        let message = format!("cannot open {}: {cause}; check the path and its permissions", path.display());
-        Self { code: NO_INPUT, message }
+        let message = format!(
+            "cannot open {}: {cause}; check the path and its permissions",
+            path.display()
+        );
+        Self {
+            code: NO_INPUT,
+            message,
+        }
+    }
+
+    /// An input file's content is wrong.
+    pub fn data(message: impl Into<String>) -> Self {
+        Self {
+            code: DATA,
+            message: message.into(),
+        }
     }
 
     /// The user stopped the work before its result was whole.
     pub fn stopped() -> Self {
-        Self { code: INTERRUPTED, message: "stopped before the end; nothing was written".to_owned() }
+        Self {
+            code: INTERRUPTED,
+            message: "stopped before the end; nothing was written".to_owned(),
+        }
     }
 
     /// A configuration file is wrong.
     pub fn config(message: impl Into<String>) -> Self {
-        Self { code: CONFIG, message: message.into() }
+        Self {
+            code: CONFIG,
+            message: message.into(),
+        }
     }
 
     /// A child process failed.
     pub fn child(code: u8, message: impl Into<String>) -> Self {
-        Self { code, message: message.into() }
+        Self {
+            code,
+            message: message.into(),
+        }
     }
 
     /// A child process failed and has already said why.
     pub fn silent(code: u8) -> Self {
-        Self { code, message: String::new() }
+        Self {
+            code,
+            message: String::new(),
+        }
     }
 }
 
@@ -84,7 +119,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(e.exit_code());
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {
-                return Some(e.exit_code());
+                return Some(model_code(e));
             }
             if let Some(e) = cause.downcast_ref::<OfflineError>() {
                 return Some(match e {
@@ -103,5 +138,16 @@ pub fn code(error: &anyhow::Error) -> u8 {
 
 /// Whether the user has been told already.
 pub fn is_silent(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<Failure>().is_some_and(|f| f.message.is_empty())
+    error
+        .downcast_ref::<Failure>()
+        .is_some_and(|f| f.message.is_empty())
+}
+
+fn model_code(error: &ModelError) -> u8 {
+    match error {
+        ModelError::Io { action: "read", .. } | ModelError::NotShipped => NO_INPUT,
+        ModelError::Io { .. } => CANNOT_CREATE,
+        ModelError::NoRange(_) => USAGE,
+        _ => DATA,
+    }
 }

@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
 
-use super::clock::monotonic_ns;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::stop::{self, Stop};
-use crate::capture::CameraModel;
+use crate::capture::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::bodies_line::write_bodies;
 use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};
@@ -39,6 +38,9 @@ pub struct FitArgs {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Every frame is a picture of its own: no motion between frames
+    #[arg(long)]
+    stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
     rate: Option<u16>,
@@ -56,7 +58,8 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     if let Some(pid) = args.supervisor {
         stop::with_supervisor(pid)?;
     }
-    let config = read_config(args.config.as_deref())?;
+    let mut config = read_config(args.config.as_deref())?;
+    config.stills |= args.stills;
     let mut fitter = Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?;
     match (&args.input, &args.jsonl) {
         (Some(input), Some(output)) => recorded(&mut fitter, input, output, args.camera.as_deref(), &stop),
@@ -134,9 +137,11 @@ fn recorded(
 ) -> anyhow::Result<()> {
     let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
     let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
-    let camera = match camera {
-        Some(path) => CameraSource::Model(CameraModel::read(Some(path)).map_err(|e| Failure::config(e.to_string()))?),
-        None => CameraSource::Recorded,
+    let given = camera.map(CameraFile::read).transpose()?;
+    let for_frame = |width, height| given.clone().unwrap_or_default().for_frame(width, height);
+    let camera = match &given {
+        Some(_) => CameraSource::Given(&for_frame),
+        None => CameraSource::Recorded { fov_degrees: DEFAULT_FOV },
     };
     let mut reader = ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());

@@ -140,8 +140,10 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     if let Some(pid) = args.supervisor {
         stop::with_supervisor(pid)?;
     }
-    let opened = input::open(&args.input)?;
-    let mut source = opened.source;
+    let chosen = input::choose(&args.input);
+    let camera = input::camera_file(&args.input, &chosen)?;
+    let mut source = chosen.open(&args.input)?;
+    let label = chosen.spec.to_string();
     let mut jsonl = match &args.jsonl {
         Some(path) => Some((AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?, path)),
         None => None,
@@ -150,9 +152,9 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Failure::output(folder, &e))?;
     }
     let publishes = args.input.name.is_some() || (args.jsonl.is_none() && args.overlay.is_none());
-    let publisher = if publishes { Some(Publisher::<ObservationFrame>::open(&opened.name)?) } else { None };
+    let publisher = if publishes { Some(Publisher::<ObservationFrame>::open(&chosen.name)?) } else { None };
     let mut pipeline = args.engine.pipeline()?;
-    tracing::info!(source = %opened.label, name = %opened.name, engine = %pipeline.describe(), "infer starts");
+    tracing::info!(source = %label, name = %chosen.name, engine = %pipeline.describe(), "infer starts");
 
     if let (Some(p), true) = (&publisher, args.wait_for_reader) {
         wait_until(&stop, || p.subscriber_count() > 0);
@@ -161,14 +163,24 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let mut message = Box::new(ObservationFrame::default());
     let mut cleaned = Instant::now();
     let mut last_sequence = 0;
-    while !stop.requested() && source.next_into(&mut frame)? {
-        let intrinsics = opened.camera.intrinsics(frame.width, frame.height);
+    while !stop.requested() {
+        match source.next_into(&mut frame) {
+            Ok(true) => {}
+            Ok(false) => break,
+            // One bad picture among many does not end the work.
+            Err(e) if e.is_skippable() && source.frame_count() != Some(1) => {
+                tracing::warn!("{e}; skipped");
+                continue;
+            }
+            Err(e) => return Err(e.into()),
+        }
+        let intrinsics = camera.for_frame(frame.width, frame.height).map_err(Failure::config)?;
         let seen = pipeline.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
                 frame: frame.sequence,
                 time_ns: frame.time_ns,
-                source: &opened.label,
+                source: &label,
                 width: frame.width,
                 height: frame.height,
                 intrinsics: Camera { fx: intrinsics.fx, fy: intrinsics.fy, cx: intrinsics.cx, cy: intrinsics.cy },
@@ -191,7 +203,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             for (slot, o) in message.people.iter_mut().zip(seen.people) {
                 *slot = *o;
             }
-            message.publish_ns = super::clock::monotonic_ns();
+            message.publish_ns = crate::capture::monotonic_ns();
             p.publish(&message)?;
             if cleaned.elapsed() > CLEAN_UP_EVERY {
                 p.clean_up();
@@ -200,8 +212,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         }
         if let Some(folder) = &args.overlay {
             let path = folder.join(format!("{:06}.png", frame.sequence));
-            overlay::draw_observations(&mut frame, seen.people);
-            overlay::write_png(&frame, &path).map_err(|e| Failure::output(&path, &e))?;
+            overlay::draw(&mut frame, seen.people);
+            overlay::write_png(&frame, &path)?;
         }
         last_sequence = frame.sequence;
     }
@@ -212,7 +224,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         message.sequence = last_sequence;
         message.flags |= FLAG_END_OF_STREAM;
         message.count = 0;
-        message.publish_ns = super::clock::monotonic_ns();
+        message.publish_ns = crate::capture::monotonic_ns();
         p.publish(&message)?;
         // Messages still in a reader's buffer live in this process's memory.
         wait_until(&stop, || p.subscriber_count() == 0);

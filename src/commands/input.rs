@@ -1,16 +1,15 @@
 //! Which input a verb reads: what the user named, else the first camera, else the bundled clip.
 
-use std::io::Cursor;
+use std::convert::Infallible;
+use std::ffi::OsString;
+use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
-use super::exit::Failure;
-use crate::capture::{self, CameraModel, InputSpec, Source, SourceOptions};
+use crate::capture::{self, CameraFile, InputSpec, OpenOptions, Source};
 use crate::synth::demo;
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
-/// The word that stands for the bundled clip.
-const DEMO: &str = "demo";
 
 /// Options that choose the input.
 #[derive(Debug, Clone, clap::Args)]
@@ -26,11 +25,18 @@ pub struct InputArgs {
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     /// Picture size to ask a camera for
-    #[arg(long, value_name = "WxH", value_parser = parse_capture_size, default_value = "1280x720")]
-    pub capture_size: (u32, u32),
-    /// Frame rate to ask a camera for
-    #[arg(long, value_name = "FPS", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=240))]
-    pub capture_fps: u32,
+    #[arg(long, value_name = "WxH", value_parser = parse_capture_size)]
+    pub capture_size: Option<(u32, u32)>,
+    /// Frame rate to ask a camera for, or at which a folder's photos were taken
+    #[arg(long, value_name = "FPS", value_parser = parse_fps)]
+    pub fps: Option<f64>,
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(fps) if (0.1..=1000.0).contains(&fps) => Ok(fps),
+        _ => Err(format!("'{text}': expected pictures per second, such as 30")),
+    }
 }
 
 fn parse_capture_size(text: &str) -> Result<(u32, u32), String> {
@@ -46,37 +52,47 @@ fn parse_capture_size(text: &str) -> Result<(u32, u32), String> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
     /// What to open.
-    pub kind: Kind,
-    /// The input in words.
-    pub label: String,
+    pub spec: InputSpec,
     /// Stream name.
     pub name: String,
+    is_camera: bool,
 }
 
-/// Kinds of input a verb distinguishes.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
-    /// The bundled clip.
-    Demo,
-    /// Anything [`capture::open`] opens.
-    Spec(InputSpec),
+impl InputArgs {
+    /// The arguments again, for a child process that reads `chosen`.
+    pub fn to_args(&self, chosen: &Chosen) -> Vec<OsString> {
+        let mut args: Vec<OsString> = vec!["--input".into(), chosen.spec.to_string().into()];
+        args.extend(["--name".into(), chosen.name.clone().into()]);
+        if let Some((w, h)) = self.capture_size {
+            args.extend(["--capture-size".into(), format!("{w}x{h}").into()]);
+        }
+        if let Some(fps) = self.fps {
+            args.extend(["--fps".into(), fps.to_string().into()]);
+        }
+        if let Some(camera) = &self.camera {
+            args.extend(["--camera".into(), camera.into()]);
+        }
+        args
+    }
 }
 
 impl Chosen {
     /// Whether the input has an end and its own clock.
     pub fn is_file(&self) -> bool {
-        match &self.kind {
-            Kind::Demo => true,
-            Kind::Spec(spec) => !spec.is_camera(),
-        }
+        !self.is_camera
+    }
+
+    /// Whether it is a photo or a folder of photos.
+    pub fn is_stills(&self) -> bool {
+        const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
+        let InputSpec::Path(path) = &self.spec else { return false };
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        path.is_dir() || extension.is_some_and(|e| PHOTOS.contains(&e.as_str()))
     }
 
     /// Whether it can be read a second time.
     pub fn can_reopen(&self) -> bool {
-        match &self.kind {
-            Kind::Demo => true,
-            Kind::Spec(spec) => !spec.is_camera() && !spec.is_stdin(),
-        }
+        !self.is_camera && self.spec != InputSpec::Stdin
     }
 
     /// Opens it.
@@ -84,43 +100,49 @@ impl Chosen {
     /// # Errors
     /// As [`capture::open`].
     pub fn open(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
-        Ok(match &self.kind {
-            Kind::Demo => capture::open_clip(Cursor::new(demo::CLIP), DEMO)?,
-            Kind::Spec(spec) => {
-                let (width, height) = args.capture_size;
-                capture::open(spec, &SourceOptions { width, height, fps: args.capture_fps })?
+        Ok(match &self.spec {
+            InputSpec::Demo => capture::open_bytes("demo", demo::CLIP)?,
+            spec => {
+                let options = OpenOptions { size: args.capture_size, fps: args.fps };
+                capture::open(spec, &options)?
             }
         })
     }
 }
 
 /// Decides which input the arguments mean.
-///
-/// # Errors
-/// If the input cannot be understood.
-pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
-    let text = match &args.input {
-        Some(text) => text.clone(),
-        None if capture::list_cameras().is_empty() => DEMO.to_owned(),
-        None => "camera".to_owned(),
+pub fn choose(args: &InputArgs) -> Chosen {
+    let spec = match &args.input {
+        Some(text) => text.parse().unwrap_or_else(|never: Infallible| match never {}),
+        None if capture::list_cameras().is_ok_and(|cameras| cameras.is_empty()) => InputSpec::Demo,
+        None => InputSpec::FirstCamera,
     };
-    let kind = if text == DEMO { Kind::Demo } else { Kind::Spec(InputSpec::parse(&text)?) };
-    let name = args.name.clone().unwrap_or_else(|| match &kind {
-        Kind::Demo => DEMO.to_owned(),
-        Kind::Spec(spec) => spec.file_stem().map_or_else(|| DEFAULT_NAME.to_owned(), |stem| service_name(&stem)),
+    let is_camera = match &spec {
+        InputSpec::FirstCamera => true,
+        InputSpec::Path(path) => std::fs::metadata(path).map_or_else(
+            |_| path.starts_with("/dev"),
+            |m| m.file_type().is_char_device(),
+        ),
+        InputSpec::Demo | InputSpec::Stdin => false,
+    };
+    let name = args.name.clone().unwrap_or_else(|| match &spec {
+        InputSpec::Demo => "demo".to_owned(),
+        InputSpec::Path(path) => path.file_stem().map_or_else(|| DEFAULT_NAME.to_owned(), |s| service_name(&s.to_string_lossy())),
+        InputSpec::Stdin | InputSpec::FirstCamera => DEFAULT_NAME.to_owned(),
     });
-    Ok(Chosen { kind, label: text, name })
+    Chosen { spec, name, is_camera }
 }
 
-/// The camera model that the arguments name.
+/// The camera that the arguments name.
 ///
 /// # Errors
 /// If its file is wrong.
-pub fn camera_model(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraModel> {
-    if args.camera.is_none() && chosen.kind == Kind::Demo {
-        return Ok(demo::camera());
-    }
-    CameraModel::read(args.camera.as_deref()).map_err(|e| Failure::config(e.to_string()).into())
+pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFile> {
+    Ok(match &args.camera {
+        Some(path) => CameraFile::read(path)?,
+        None if chosen.spec == InputSpec::Demo => demo::camera(),
+        None => CameraFile::default(),
+    })
 }
 
 fn service_name(stem: &str) -> String {

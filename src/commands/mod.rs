@@ -1,14 +1,17 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
-mod clock;
+mod eval;
 mod exit;
 mod fit;
 mod infer;
 mod input;
 mod model;
+mod npz;
+mod picture;
 mod pipeline;
 mod run;
 mod stop;
+mod synth;
 
 use clap::{Parser, Subcommand};
 
@@ -30,6 +33,10 @@ enum Verb {
     Infer(infer::InferArgs),
     /// Observations in, bodies out
     Fit(fit::FitArgs),
+    /// Render synthetic people with exact truth
+    Synth(synth::SynthArgs),
+    /// Measure predictions against ground truth
+    Eval(eval::EvalArgs),
     /// Import, inspect, verify and run models
     Model(model::ModelArgs),
 }
@@ -49,6 +56,8 @@ pub fn main() -> u8 {
         Verb::Run(args) => run::run(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
+        Verb::Synth(args) => synth::synth(args),
+        Verb::Eval(args) => eval::eval(args),
         Verb::Model(args) => model::model(args),
     };
     match done {

@@ -5,10 +5,12 @@ use std::time::Instant;
 
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
-use crate::capture::{Frame, Letterbox};
+use super::exit::Failure;
+use crate::capture::{Frame, Resizer};
 use crate::detect::{AssociationConfig, Associator};
-use crate::engine::{Engine, EngineOptions, Model, Precision};
-use crate::lift::Lifter;
+use crate::engine::model::Linear;
+use crate::engine::{Engine, EngineOptions, Isa, Model, Precision};
+use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
 
 /// What to run, and how.
 #[derive(Debug, Clone)]
@@ -24,14 +26,13 @@ pub struct PipelineOptions<'a> {
 }
 
 /// Letterbox, Stage I, association and Stage II, with their buffers.
-#[derive(Debug)]
 pub struct Pipeline {
     engine: Engine,
     associator: Associator,
     lifter: Lifter,
+    resizer: Resizer,
     input: Vec<u8>,
-    width: usize,
-    height: usize,
+    description: String,
 }
 
 /// Everyone seen in a frame.
@@ -65,36 +66,36 @@ impl Pipeline {
                 ..EngineOptions::default()
             },
         )?;
-        let lifter = Lifter::from_model(&model)?;
+        let isa = engine.isa();
+        let resizer = Resizer::new(options.width as u32, options.height as u32);
         Ok(Self {
-            engine,
             associator: Associator::new(AssociationConfig::default()),
-            lifter,
-            input: vec![0; 3 * options.width * options.height],
-            width: options.width,
-            height: options.height,
+            lifter: lifter(&model, isa)?,
+            input: vec![0; resizer.output_bytes()],
+            resizer,
+            description: format!("{} int8, {}x{}, {} threads", isa.name(), options.width, options.height, options.threads),
+            engine,
         })
     }
 
     /// Instruction set, threads and input size, for the log.
-    pub fn describe(&self) -> String {
-        self.engine.describe()
+    pub fn describe(&self) -> &str {
+        &self.description
     }
 
     /// Everyone in the frame.
     ///
     /// # Errors
-    /// If the frame's buffer does not match its size.
+    /// If a kernel refuses its tensors, which would be a fault of this program.
     pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
         let start = Instant::now();
-        let letterbox = Letterbox::fit(frame.width as usize, frame.height as usize, self.width, self.height);
-        letterbox.resize(frame, &mut self.input, self.width, self.height);
+        let letterbox = self.resizer.run(frame, &mut self.input);
         let letterboxed = Instant::now();
-        let maps = self.engine.run(&self.input)?;
+        let maps = self.engine.run(&self.input);
         let inferred = Instant::now();
         let detections = self.associator.associate(maps);
         let associated = Instant::now();
-        let people = self.lifter.lift(detections, frame, &letterbox, intrinsics);
+        let people = self.lifter.lift(detections, frame, &letterbox, intrinsics)?;
         let lifted = Instant::now();
         let us = |a: Instant, b: Instant| (b - a).as_micros() as u32;
         Ok(Seen {
@@ -108,4 +109,20 @@ impl Pipeline {
             },
         })
     }
+}
+
+fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
+    let stage2 = model.stage2().ok_or_else(|| {
+        Failure::data("the model has no Stage II: import it again with --stage2 FILE.safetensors")
+    })?;
+    let layer = |l: &Linear| LinearLayer {
+        inputs: l.inputs,
+        outputs: l.outputs,
+        weights: l.weight.clone(),
+        bias: l.bias.clone(),
+        relu: l.relu,
+    };
+    let weights = Stage2Weights::new(stage2.layers.iter().map(layer).collect())?;
+    let encodings = if model.encodings_trained() { Encodings::Read } else { Encodings::Zero };
+    Ok(Lifter::new(&weights, encodings, isa)?)
 }

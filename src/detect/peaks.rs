@@ -79,7 +79,7 @@ fn refined(maps: &Maps, joint: usize, cell: usize, score: f32) -> Peak {
     let (row, column) = (cell / maps.width, cell % maps.width);
     let level = |cell: usize| {
         // Targets end at 0.01; NaN counts as nothing, too.
-        at(maps, joint, cell).max(0.01).min(f32::MAX).ln()
+        at(maps, joint, cell).max(0.01).ln()
     };
     let offset = |before: usize, after: usize| {
         let (a, b, c) = (level(before), level(cell), level(after));

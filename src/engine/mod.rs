@@ -2,12 +2,14 @@
 //!
 //! [`network`] (data) + weights ([`model`]) → `plan` (where every value lies) → `run` (threads over packed kernels).
 
+mod calibrate;
 mod maps;
 pub mod model;
 pub mod network;
 mod plan;
 mod run;
 
+pub use calibrate::CalibrationOptions;
 pub use edgecap_kernels::Isa;
 pub use maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 pub use model::{Model, ModelError};

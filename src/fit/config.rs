@@ -116,7 +116,7 @@ impl Default for FitConfig {
     fn default() -> Self {
         Self {
             height: None,
-            default_height: edgecap_client::joints::CANONICAL_STATURE as f64,
+            default_height: 1.70,
             ground: None,
             estimate_ground: true,
             stills: false,

@@ -9,7 +9,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::skeleton::{ANGLES, BoneLengths, Pose, Posed, Skeleton};
+use super::skeleton::{ANGLES, Pose, Posed, Skeleton};
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
 
 /// Joints nearer to the camera than this (metres) have no useful projection.
@@ -321,7 +321,11 @@ pub fn no_targets(predicted: Pose) -> Targets {
 
 /// Targets that a person in `truth` would yield without noise: for tests of the energy and the solver.
 #[cfg(test)]
-pub fn exact_targets(skeleton: &Skeleton, truth: &Pose, lengths: &BoneLengths) -> Targets {
+pub fn exact_targets(
+    skeleton: &Skeleton,
+    truth: &Pose,
+    lengths: &super::skeleton::BoneLengths,
+) -> Targets {
     let mut posed = Posed::default();
     skeleton.pose(truth, lengths, &mut posed);
     let mut targets = no_targets(*truth);

@@ -37,10 +37,11 @@ pub enum OfflineError {
 }
 
 /// Where the camera of a recorded frame comes from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum CameraSource {
-    /// This camera for every line, whatever the lines say.
-    Given(Intrinsics),
+#[derive(Clone, Copy)]
+pub enum CameraSource<'a> {
+    /// This camera for every line, whatever the lines say: its intrinsics for a picture's width and height, or why there
+    /// are none.
+    Given(&'a dyn Fn(u32, u32) -> Result<Intrinsics, String>),
     /// The line's `intrinsics`; where it has none, a centred camera with this horizontal field of view in degrees.
     Recorded {
         /// Horizontal field of view of lines without `intrinsics`, degrees.
@@ -83,19 +84,18 @@ struct LineAppearance {
 }
 
 /// Reads a recorded observation file line by line; empty lines are skipped, unknown fields ignored.
-#[derive(Debug)]
-pub struct ObservationReader<R> {
+pub struct ObservationReader<'a, R> {
     input: R,
     name: String,
-    camera: CameraSource,
+    camera: CameraSource<'a>,
     line: u64,
     buffer: Vec<u8>,
     source: String,
 }
 
-impl<R: BufRead> ObservationReader<R> {
+impl<'a, R: BufRead> ObservationReader<'a, R> {
     /// Reads from `input`; `name` is what errors call it.
-    pub fn new(input: R, name: impl Into<String>, camera: CameraSource) -> Self {
+    pub fn new(input: R, name: impl Into<String>, camera: CameraSource<'a>) -> Self {
         Self {
             input,
             name: name.into(),
@@ -163,7 +163,7 @@ fn json_complaint(message: &str, column: usize) -> String {
     format!("{text} at column {column}")
 }
 
-fn fill(line: &Line, camera: CameraSource, frame: &mut ObservationFrame) -> Result<(), String> {
+fn fill(line: &Line, camera: CameraSource<'_>, frame: &mut ObservationFrame) -> Result<(), String> {
     if line.width == 0 || line.height == 0 {
         return Err(format!(
             "a picture of {}×{} pixels",
@@ -171,7 +171,7 @@ fn fill(line: &Line, camera: CameraSource, frame: &mut ObservationFrame) -> Resu
         ));
     }
     let intrinsics = match (camera, &line.intrinsics) {
-        (CameraSource::Given(given), _) => given,
+        (CameraSource::Given(camera), _) => camera(line.width, line.height)?,
         (CameraSource::Recorded { .. }, Some(i)) => Intrinsics {
             fx: i.fx,
             fy: i.fy,
@@ -261,7 +261,7 @@ fn histogram(what: &str, bins: &[f32]) -> Result<[f32; APPEARANCE_BINS], String>
 mod tests {
     use super::*;
 
-    const FOV: CameraSource = CameraSource::Recorded { fov_degrees: 60.0 };
+    const FOV: CameraSource<'static> = CameraSource::Recorded { fov_degrees: 60.0 };
 
     fn line(extra_person: &str, extra: &str) -> String {
         let joints2d = vec!["[10.5, 20, 0.5]"; 14].join(",");
@@ -273,7 +273,7 @@ mod tests {
         .replace('\n', " ")
     }
 
-    fn read_one(text: &str, camera: CameraSource) -> Result<ObservationFrame, OfflineError> {
+    fn read_one(text: &str, camera: CameraSource<'_>) -> Result<ObservationFrame, OfflineError> {
         let mut frame = ObservationFrame::default();
         let mut reader = ObservationReader::new(text.as_bytes(), "o.jsonl", camera);
         reader.read(&mut frame).map(|found| {
@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(frame.intrinsics.fy, 501.0);
         assert_eq!(frame.people()[0].saturation[29], 0.0333);
         let given = Intrinsics::from_horizontal_fov(640, 480, 90.0);
-        let frame = read_one(&text, CameraSource::Given(given)).unwrap();
+        let frame = read_one(&text, CameraSource::Given(&|_, _| Ok(given))).unwrap();
         assert_eq!(frame.intrinsics, given);
     }
 

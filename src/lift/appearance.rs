@@ -32,7 +32,7 @@ pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) ->
     for row in (top..bottom).step_by(step(top, bottom)) {
         for column in (left..right).step_by(step(left, right)) {
             let i = 3 * (row as usize * frame.width as usize + column as usize);
-            let Some(&[r, g, b]) = frame.rgb.get(i..i + 3).and_then(|p| p.as_array::<3>()) else {
+            let Some(&[r, g, b]) = frame.rgb.get(i..i + 3) else {
                 continue;
             };
             let (h, s, chroma) = hue_saturation(r, g, b);

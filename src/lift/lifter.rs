@@ -73,9 +73,9 @@ impl Lifter {
     pub fn lift(
         &mut self,
         detections: &[Detection],
+        frame: &Frame,
         letterbox: &Letterbox,
         intrinsics: &Intrinsics,
-        frame: &Frame,
     ) -> Result<&[Observation], LiftError> {
         let mut observations = std::mem::take(&mut self.observations);
         observations.clear();

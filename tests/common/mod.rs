@@ -35,7 +35,11 @@ pub fn assert_fails(args: &[&str], code: i32, words: &[&str]) {
     let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("edgecap: ")).collect();
     assert_eq!(lines.len(), 1, "{args:?} should say one line, said: {err}");
     for word in words {
-        assert!(lines[0].contains(word), "{args:?}: '{word}' is missing in: {}", lines[0]);
+        assert!(
+            lines[0].contains(word),
+            "{args:?}: '{word}' is missing in: {}",
+            lines[0]
+        );
     }
 }
 
@@ -52,7 +56,14 @@ impl Drop for Running {
 impl Running {
     /// Starts the program.
     pub fn start(args: &[&str]) -> Self {
-        Self(edgecap().args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts"))
+        Self(
+            edgecap()
+                .args(args)
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .expect("the program starts"),
+        )
     }
 
     /// Its process id.
@@ -64,27 +75,50 @@ impl Running {
     pub fn wait(mut self, patience: Duration) -> Output {
         let start = Instant::now();
         while self.0.try_wait().expect("its state").is_none() {
-            assert!(start.elapsed() < patience, "still running after {patience:?}");
+            assert!(
+                start.elapsed() < patience,
+                "still running after {patience:?}"
+            );
             std::thread::sleep(Duration::from_millis(20));
         }
         let status = self.0.wait().expect("its status");
-        let mut out = Output { status, stdout: Vec::new(), stderr: Vec::new() };
+        let mut out = Output {
+            status,
+            stdout: Vec::new(),
+            stderr: Vec::new(),
+        };
         use std::io::Read;
-        self.0.stdout.take().expect("piped").read_to_end(&mut out.stdout).expect("stdout");
-        self.0.stderr.take().expect("piped").read_to_end(&mut out.stderr).expect("stderr");
+        self.0
+            .stdout
+            .take()
+            .expect("piped")
+            .read_to_end(&mut out.stdout)
+            .expect("stdout");
+        self.0
+            .stderr
+            .take()
+            .expect("piped")
+            .read_to_end(&mut out.stderr)
+            .expect("stderr");
         out
     }
 
     /// The process of `verb` below it, once there is one.
     pub fn child(&self, verb: &str) -> Option<u32> {
-        let children = std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", self.pid())).ok()?;
-        children.split_whitespace().filter_map(|p| p.parse().ok()).find(|&p| verb_of(p).as_deref() == Some(verb))
+        let children =
+            std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", self.pid())).ok()?;
+        children
+            .split_whitespace()
+            .filter_map(|p| p.parse().ok())
+            .find(|&p| verb_of(p).as_deref() == Some(verb))
     }
 }
 
 fn verb_of(pid: u32) -> Option<String> {
     let line = std::fs::read(PathBuf::from(format!("/proc/{pid}/cmdline"))).ok()?;
-    line.split(|&b| b == 0).nth(1).map(|v| String::from_utf8_lossy(v).into_owned())
+    line.split(|&b| b == 0)
+        .nth(1)
+        .map(|v| String::from_utf8_lossy(v).into_owned())
 }
 
 /// Waits until `found` finds something.
@@ -94,13 +128,19 @@ pub fn eventually<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
         if let Some(t) = found() {
             return t;
         }
-        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for {what}");
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "waited in vain for {what}"
+        );
         std::thread::sleep(Duration::from_millis(10));
     }
 }
 
 /// Sends a signal by name.
 pub fn signal(pid: u32, name: &str) {
-    let sent = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().expect("kill runs");
+    let sent = Command::new("kill")
+        .args([&format!("-{name}"), &pid.to_string()])
+        .status()
+        .expect("kill runs");
     assert!(sent.success());
 }

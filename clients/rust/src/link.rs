@@ -32,10 +32,14 @@ impl Message for BodyFrame {
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The camera's name cannot be part of a service name.
-    #[error("camera name '{0}': expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_'; choose another with --name")]
+    #[error(
+        "camera name '{0}': expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_'; choose another with --name"
+    )]
     Name(String),
     /// Another process publishes this stream already.
-    #[error("another process already publishes {service}; stop it, or give this camera another --name")]
+    #[error(
+        "another process already publishes {service}; stop it, or give this camera another --name"
+    )]
     Busy {
         /// The service.
         service: String,
@@ -60,7 +64,10 @@ pub enum LinkError {
     },
 }
 
-type Pair<M> = (publish_subscribe::PortFactory<ipc::Service, M, ()>, event::PortFactory<ipc::Service>);
+type Pair<M> = (
+    publish_subscribe::PortFactory<ipc::Service, M, ()>,
+    event::PortFactory<ipc::Service>,
+);
 
 /// A node and the two services of one stream.
 #[derive(Debug)]
@@ -79,7 +86,10 @@ impl<M: Message> Link<M> {
         }
         set_log_level(LogLevel::Fatal);
         let service = format!("edgecap/v1/{camera}/{}", M::STREAM);
-        let failed = |cause: String| LinkError::SharedMemory { service: service.clone(), cause };
+        let failed = |cause: String| LinkError::SharedMemory {
+            service: service.clone(),
+            cause,
+        };
         let role = NodeName::new(role).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
             .name(&role)
@@ -88,14 +98,26 @@ impl<M: Message> Link<M> {
             .create::<ipc::Service>()
             .map_err(|e| failed(format!("{e:?}")))?;
         let (messages, wake) = Self::services(&node, &service)?;
-        Ok(Self { messages, wake, node, service })
+        Ok(Self {
+            messages,
+            wake,
+            node,
+            service,
+        })
     }
 
     fn services(node: &Node<ipc::Service>, service: &str) -> Result<Pair<M>, LinkError> {
-        let incompatible = |cause: String| LinkError::Incompatible { service: service.to_owned(), cause };
-        let failed = |cause: String| LinkError::SharedMemory { service: service.to_owned(), cause };
+        let incompatible = |cause: String| LinkError::Incompatible {
+            service: service.to_owned(),
+            cause,
+        };
+        let failed = |cause: String| LinkError::SharedMemory {
+            service: service.to_owned(),
+            cause,
+        };
         let name = ServiceName::new(service).map_err(|e| failed(format!("{e:?}")))?;
-        let wake = ServiceName::new(&format!("{service}/wake")).map_err(|e| failed(format!("{e:?}")))?;
+        let wake =
+            ServiceName::new(&format!("{service}/wake")).map_err(|e| failed(format!("{e:?}")))?;
         let messages = node
             .service_builder(&name)
             .publish_subscribe::<M>()
@@ -125,6 +147,9 @@ impl<M: Message> Link<M> {
     }
 
     pub(crate) fn failed(&self, cause: impl core::fmt::Debug) -> LinkError {
-        LinkError::SharedMemory { service: self.service.clone(), cause: format!("{cause:?}") }
+        LinkError::SharedMemory {
+            service: self.service.clone(),
+            cause: format!("{cause:?}"),
+        }
     }
 }

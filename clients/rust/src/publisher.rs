@@ -21,15 +21,30 @@ impl<M: Message> Publisher<M> {
     /// [`LinkError::Busy`] if there is one already; the other kinds as their texts say.
     pub fn open(camera: &str) -> Result<Self, LinkError> {
         let link = Link::<M>::open(camera, &format!("edgecap-{}-publisher", M::STREAM))?;
-        let port = match link.messages.publisher_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create() {
+        let port = match link
+            .messages
+            .publisher_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+        {
             Ok(port) => port,
             Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                return Err(LinkError::Busy { service: link.service });
+                return Err(LinkError::Busy {
+                    service: link.service,
+                });
             }
             Err(e) => return Err(link.failed(e)),
         };
-        let notifier = link.wake.notifier_builder().create().map_err(|e| link.failed(e))?;
-        Ok(Self { port, notifier, link })
+        let notifier = link
+            .wake
+            .notifier_builder()
+            .create()
+            .map_err(|e| link.failed(e))?;
+        Ok(Self {
+            port,
+            notifier,
+            link,
+        })
     }
 
     /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its oldest.
@@ -38,7 +53,9 @@ impl<M: Message> Publisher<M> {
     /// [`LinkError::SharedMemory`].
     pub fn publish(&self, message: &M) -> Result<(), LinkError> {
         let slot = self.port.loan_uninit().map_err(|e| self.link.failed(e))?;
-        slot.write_payload(*message).send().map_err(|e| self.link.failed(e))?;
+        slot.write_payload(*message)
+            .send()
+            .map_err(|e| self.link.failed(e))?;
         // A reader that died without cleaning up makes this fail; the message itself has been delivered.
         let _ = self.notifier.notify();
         Ok(())

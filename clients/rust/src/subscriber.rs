@@ -36,9 +36,22 @@ impl<M: Message> Subscriber<M> {
     /// [`LinkError`], as its texts say.
     pub fn open(camera: &str) -> Result<Self, LinkError> {
         let link = Link::<M>::open(camera, &format!("edgecap-{}-subscriber", M::STREAM))?;
-        let listener = link.wake.listener_builder().create().map_err(|e| link.failed(e))?;
-        let port = link.messages.subscriber_builder().buffer_size(BUFFER).create().map_err(|e| link.failed(e))?;
-        Ok(Self { port, listener, link })
+        let listener = link
+            .wake
+            .listener_builder()
+            .create()
+            .map_err(|e| link.failed(e))?;
+        let port = link
+            .messages
+            .subscriber_builder()
+            .buffer_size(BUFFER)
+            .create()
+            .map_err(|e| link.failed(e))?;
+        Ok(Self {
+            port,
+            listener,
+            link,
+        })
     }
 
     /// The oldest message not yet read, waiting up to `timeout` for one; `None` when none came.
@@ -51,7 +64,9 @@ impl<M: Message> Subscriber<M> {
         }
         // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive. A wake-up that
         // belongs to a message read above ends this wait early; the caller sees `None` and comes back.
-        self.listener.timed_wait(|_| {}, timeout).map_err(|e| self.link.failed(e))?;
+        self.listener
+            .timed_wait(|_| {}, timeout)
+            .map_err(|e| self.link.failed(e))?;
         self.receive()
     }
 
@@ -78,6 +93,10 @@ impl<M: Message> Subscriber<M> {
     }
 
     fn receive(&self) -> Result<Option<Received<M>>, LinkError> {
-        Ok(self.port.receive().map_err(|e| self.link.failed(e))?.map(Received))
+        Ok(self
+            .port
+            .receive()
+            .map_err(|e| self.link.failed(e))?
+            .map(Received))
     }
 }

@@ -12,14 +12,24 @@ fn python_structures_have_the_same_layout() {
         print(e.ObservationFrame.flags.offset, e.ObservationFrame._people.offset)\n\
         print(e.Body.joints3d.offset, e.Body._joint_states.offset, e.BodyFrame.fit_us.offset, e.BodyFrame._bodies.offset)";
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../python");
-    let run = Command::new("python3").args(["-B", "-c", script]).env("PYTHONPATH", folder).output();
+    let run = Command::new("python3")
+        .args(["-B", "-c", script])
+        .env("PYTHONPATH", folder)
+        .output();
     let Ok(output) = run else {
         eprintln!("skipped: no python3 on this machine");
         return;
     };
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: Vec<usize> =
-        String::from_utf8(output.stdout).unwrap().split_whitespace().map(|n| n.parse().unwrap()).collect();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let found: Vec<usize> = String::from_utf8(output.stdout)
+        .unwrap()
+        .split_whitespace()
+        .map(|n| n.parse().unwrap())
+        .collect();
     let expected = [
         size_of::<Observation>(),
         size_of::<ObservationFrame>(),

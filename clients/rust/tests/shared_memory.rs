@@ -40,8 +40,14 @@ fn a_slow_reader_loses_its_oldest_messages_only() {
         message.sequence = n;
         publisher.publish(&message).unwrap();
     }
-    assert_eq!(subscriber.next(PATIENCE).unwrap().unwrap().sequence, total - BUFFER as u64);
-    assert_eq!(subscriber.newest(PATIENCE).unwrap().unwrap().sequence, total - 1);
+    assert_eq!(
+        subscriber.next(PATIENCE).unwrap().unwrap().sequence,
+        total - BUFFER as u64
+    );
+    assert_eq!(
+        subscriber.newest(PATIENCE).unwrap().unwrap().sequence,
+        total - 1
+    );
 }
 
 #[test]
@@ -51,10 +57,16 @@ fn a_connected_reader_gets_the_last_message_after_its_writer_has_gone() {
     let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
     publisher.publish(&BodyFrame::default()).unwrap();
     assert!(subscriber.next(PATIENCE).unwrap().is_some());
-    let message = BodyFrame { flags: FLAG_END_OF_STREAM, ..BodyFrame::default() };
+    let message = BodyFrame {
+        flags: FLAG_END_OF_STREAM,
+        ..BodyFrame::default()
+    };
     publisher.publish(&message).unwrap();
     drop(publisher);
-    assert_eq!(subscriber.next(PATIENCE).unwrap().unwrap().flags, FLAG_END_OF_STREAM);
+    assert_eq!(
+        subscriber.next(PATIENCE).unwrap().unwrap().flags,
+        FLAG_END_OF_STREAM
+    );
     assert_eq!(subscriber.publisher_count(), 0);
 }
 
@@ -62,8 +74,14 @@ fn a_connected_reader_gets_the_last_message_after_its_writer_has_gone() {
 fn a_second_writer_and_a_bad_name_are_refused() {
     let camera = camera("second");
     let _first = Publisher::<BodyFrame>::open(&camera).unwrap();
-    assert!(matches!(Publisher::<BodyFrame>::open(&camera), Err(LinkError::Busy { .. })));
+    assert!(matches!(
+        Publisher::<BodyFrame>::open(&camera),
+        Err(LinkError::Busy { .. })
+    ));
     for name in ["", "a/b", "a b", &"x".repeat(65)] {
-        assert!(matches!(Publisher::<BodyFrame>::open(name), Err(LinkError::Name(_))), "{name}");
+        assert!(
+            matches!(Publisher::<BodyFrame>::open(name), Err(LinkError::Name(_))),
+            "{name}"
+        );
     }
 }

@@ -18,6 +18,7 @@ pub(crate) struct Direct {
     scale: Vec<f32>,
     chain: Chain,
     segments: Option<Segments>,
+    narrow: bool,
 }
 
 /// How products are summed.
@@ -81,6 +82,7 @@ impl Direct {
             packed,
             chain,
             segments,
+            narrow: params.epilogue.is_narrow(),
         })
     }
 
@@ -143,6 +145,7 @@ impl Direct {
                     let writer = ToU8 {
                         scale,
                         max: f32::from(max),
+                        narrow: self.narrow,
                         residual: residual.map(|((data, layout), scale)| Residual {
                             data,
                             layout,

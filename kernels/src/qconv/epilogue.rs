@@ -77,6 +77,14 @@ impl Epilogue {
         Ok(())
     }
 
+    /// Whether the result is clamped to 0..=127 and no value before clamping can leave ±2³¹, as |acc| ≤ 2³¹.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn is_narrow(&self) -> bool {
+        let residual = self.residual_scale().unwrap_or(0.0).abs() * 255.0;
+        let all_small = self.scale().iter().all(|scale| scale.abs() <= 0.5);
+        matches!(self, Epilogue::U8 { max: 127, .. }) && all_small && residual <= 1e9
+    }
+
     /// The formula of [`Epilogue::U8`] for one accumulator.
     pub(super) fn to_u8(&self, channel: usize, acc: i32, residual: u8) -> u8 {
         let Epilogue::U8 {

@@ -65,6 +65,17 @@ unsafe impl Simd for Avx2 {
                 std::ptr::copy_nonoverlapping(all.as_ptr(), at, n);
             }
         };
+        fn store_u7_part(value: __m256, at: *mut u8, n: usize) = {
+            let whole = _mm256_cvtps_epi32(value);
+            let words = _mm_packs_epi32(_mm256_castsi256_si128(whole), _mm256_extracti128_si256::<1>(whole));
+            let bytes = _mm_max_epi8(_mm_packs_epi16(words, words), _mm_setzero_si128());
+            if n == 8 {
+                _mm_storel_epi64(at.cast(), bytes);
+            } else {
+                let all = _mm_cvtsi128_si64(bytes).to_le_bytes();
+                std::ptr::copy_nonoverlapping(all.as_ptr(), at, n);
+            }
+        };
         fn load_u8_part(at: *const u8, n: usize) -> __m256 =
             _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(load_bytes(at, n)));
         fn load_i(at: *const i32) -> __m256i = _mm256_loadu_si256(at.cast());

@@ -48,6 +48,15 @@ unsafe impl Simd for Avx512 {
                 _mm_mask_storeu_epi8(at.cast(), mask16(n), bytes);
             }
         };
+        fn store_u7_part(value: __m512, at: *mut u8, n: usize) = {
+            let bytes = _mm512_cvtsepi32_epi8(_mm512_cvtps_epi32(value));
+            let bytes = _mm_max_epi8(bytes, _mm_setzero_si128());
+            if n == 16 {
+                _mm_storeu_si128(at.cast(), bytes);
+            } else {
+                _mm_mask_storeu_epi8(at.cast(), mask16(n), bytes);
+            }
+        };
         fn load_u8_part(at: *const u8, n: usize) -> __m512 =
             _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_maskz_loadu_epi8(mask16(n), at.cast())));
         fn load_i(at: *const i32) -> __m512i = _mm512_loadu_si512(at.cast());
@@ -158,7 +167,7 @@ unsafe impl Dot for U8Segmented {
     type Acc = __m512i;
     type V = __m512i;
     const MAX_NV: usize = 3;
-    const MAX_MR: usize = 8;
+    const MAX_MR: usize = 4;
     const PACK: usize = 4;
 
     ops! {

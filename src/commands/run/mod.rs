@@ -5,7 +5,6 @@ mod overlay;
 mod table;
 
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -51,20 +50,17 @@ pub struct RunArgs {
 
 impl RunArgs {
     fn infer_args(&self, chosen: &Chosen) -> Vec<OsString> {
-        let (w, h) = self.input.capture_size;
-        let mut args: Vec<OsString> = vec!["--input".into(), chosen.label.clone().into()];
-        args.extend(["--name".into(), chosen.name.clone().into(), "--wait-for-reader".into()]);
-        args.extend(["--capture-size".into(), format!("{w}x{h}").into()]);
-        args.extend(["--capture-fps".into(), self.input.capture_fps.to_string().into()]);
-        if let Some(camera) = &self.input.camera {
-            args.extend(["--camera".into(), camera.into()]);
-        }
+        let mut args = self.input.to_args(chosen);
+        args.push("--wait-for-reader".into());
         args.extend(self.engine.to_args());
         args
     }
 
     fn fit_args(&self, chosen: &Chosen) -> Vec<OsString> {
         let mut args: Vec<OsString> = vec!["--name".into(), chosen.name.clone().into()];
+        if chosen.is_stills() && self.input.fps.is_none() {
+            args.push("--stills".into());
+        }
         if let Some(rate) = self.rate {
             args.extend(["--rate".into(), rate.to_string().into()]);
         }
@@ -103,7 +99,7 @@ impl Tally {
 /// The failure of either process with its own exit code; output and shared-memory errors.
 pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    let chosen = input::choose(&args.input)?;
+    let chosen = input::choose(&args.input);
     let jsonl_path = match &args.jsonl {
         Some(path) => Some(path.clone()),
         None if chosen.is_file() => Some(PathBuf::from(OUT).join(format!("{}.bodies.jsonl", chosen.name))),
@@ -123,7 +119,7 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     };
     let bodies = Subscriber::<BodyFrame>::open(&chosen.name)?;
     let mut table = Table::new();
-    table.say(&format!("edgecap: {} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)", chosen.label, chosen.name));
+    table.say(&format!("{} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)", chosen.spec, chosen.name));
 
     let mut fit = Supervised::start("fit", args.fit_args(&chosen))?;
     let mut infer = match Supervised::start("infer", args.infer_args(&chosen)) {

@@ -60,8 +60,8 @@ fn draw_all(mut source: Box<dyn Source>, folder: &std::path::Path, bodies: &Rece
             continue;
         }
         let path = folder.join(format!("{:06}.png", message.sequence));
-        overlay::draw_bodies(&mut frame, message.bodies());
-        overlay::write_png(&frame, &path).map_err(|e| Failure::output(&path, &e))?;
+        overlay::draw(&mut frame, message.bodies());
+        overlay::write_png(&frame, &path)?;
         written += 1;
     }
     Ok(written)

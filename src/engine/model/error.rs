@@ -22,7 +22,9 @@ pub enum ModelError {
     #[error("{0}; the file is damaged or no model: fetch or import it again")]
     Damaged(String),
     /// The digest in the file is not that of its content.
-    #[error("the model's content has digest {found}, its header says {expected}: the file is damaged, fetch or import it again")]
+    #[error(
+        "the model's content has digest {found}, its header says {expected}: the file is damaged, fetch or import it again"
+    )]
     Digest {
         /// In the header.
         expected: String,
@@ -33,7 +35,9 @@ pub enum ModelError {
     #[error("expected a tensor `{0}`, found none; was the right --arch given?")]
     Missing(String),
     /// Tensors that no layer of the network uses.
-    #[error("the network has no use for {count} tensor(s), first `{first}`; was the right --arch given?")]
+    #[error(
+        "the network has no use for {count} tensor(s), first `{first}`; was the right --arch given?"
+    )]
     Unused {
         /// How many.
         count: usize,
@@ -59,7 +63,9 @@ pub enum ModelError {
         found: String,
     },
     /// What the weights mean is not what this program computes.
-    #[error("contract of the weights, `{key}`: expected {expected}, found {found}; this version cannot run these weights")]
+    #[error(
+        "contract of the weights, `{key}`: expected {expected}, found {found}; this version cannot run these weights"
+    )]
     Contract {
         /// Key in the metadata.
         key: String,
@@ -75,7 +81,9 @@ pub enum ModelError {
     #[error("no activation range is known for `{0}`: calibrate on pictures (--calibrate DIR)")]
     NoRange(String),
     /// A build without embedded weights.
-    #[error("this program was built without weights (models/edgecap.ecm was absent): give a model with --model FILE")]
+    #[error(
+        "this program was built without weights (models/edgecap.ecm was absent): give a model with --model FILE"
+    )]
     NotShipped,
 }
 

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::contract::{Contract, Stage2Contract};
 use super::tensors::Tensors;
 use super::{ModelError, QuantConv, Scale, Stage2, Weights};
-use crate::engine::network::{Network, Op};
 use crate::engine::Model;
+use crate::engine::network::{Network, Op};
 
 const KEY: &str = "edgecap";
 const FORMAT: &str = "edgecap-model";
@@ -51,9 +51,7 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         return Err(ModelError::NoRange("input".into()));
     };
     let graph = model.network.graph();
-    let named = |(v, s): (usize, &Option<Scale>)| {
-        s.map(|s| (graph.values[v].name.clone(), s))
-    };
+    let named = |(v, s): (usize, &Option<Scale>)| s.map(|s| (graph.values[v].name.clone(), s));
     let header = Header {
         format: FORMAT.into(),
         version: VERSION,
@@ -77,14 +75,23 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         let n = &node.name;
         blobs.insert(format!("{n}.weight"), (Dtype::I8, shape, weight));
         let out = vec![s.out_channels];
-        blobs.insert(format!("{n}.scale"), (Dtype::F32, out.clone(), floats(&q.scale)));
+        blobs.insert(
+            format!("{n}.scale"),
+            (Dtype::F32, out.clone(), floats(&q.scale)),
+        );
         blobs.insert(format!("{n}.bias"), (Dtype::F32, out, floats(&q.bias)));
     }
     for (i, l) in model.stage2.iter().flat_map(|s| &s.layers).enumerate() {
         let n = format!("stage2.fc{}", i + 1);
         let shape = vec![l.outputs, l.inputs];
-        blobs.insert(format!("{n}.weight"), (Dtype::F32, shape, floats(&l.weight)));
-        blobs.insert(format!("{n}.bias"), (Dtype::F32, vec![l.outputs], floats(&l.bias)));
+        blobs.insert(
+            format!("{n}.weight"),
+            (Dtype::F32, shape, floats(&l.weight)),
+        );
+        blobs.insert(
+            format!("{n}.bias"),
+            (Dtype::F32, vec![l.outputs], floats(&l.bias)),
+        );
     }
     let mut views = Vec::new();
     for (name, (dtype, shape, data)) in &blobs {

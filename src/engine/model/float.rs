@@ -27,7 +27,13 @@ pub(crate) fn import(
         }
         Op::MaxPool { .. } => Ok(None),
     };
-    network.graph().nodes.iter().map(|n| &n.op).map(read).collect()
+    network
+        .graph()
+        .nodes
+        .iter()
+        .map(|n| &n.op)
+        .map(read)
+        .collect()
 }
 
 fn conv(

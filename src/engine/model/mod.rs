@@ -183,11 +183,16 @@ impl Model {
                 "{} over {} pictures{}",
                 c.choice,
                 c.pictures,
-                if c.correct_bias { ", biases corrected" } else { "" }
+                if c.correct_bias {
+                    ", biases corrected"
+                } else {
+                    ""
+                }
             ),
             None => "ranges of the training recipe".into(),
         };
-        self.history.push(format!("quantised: {}", self.calibration));
+        self.history
+            .push(format!("quantised: {}", self.calibration));
         self.weights = Weights::Int8 { convs, scales };
         Ok(self)
     }

@@ -199,9 +199,18 @@ mod tests {
 
     #[test]
     fn choices_parse_as_they_print() {
-        for c in [RangeChoice::Max, RangeChoice::Mse, RangeChoice::Percentile(0.999)] {
+        for c in [
+            RangeChoice::Max,
+            RangeChoice::Mse,
+            RangeChoice::Percentile(0.999),
+        ] {
             assert_eq!(c.to_string().parse::<RangeChoice>().unwrap(), c);
         }
-        assert!("percentile:7".parse::<RangeChoice>().unwrap_err().contains("0.5..1"));
+        assert!(
+            "percentile:7"
+                .parse::<RangeChoice>()
+                .unwrap_err()
+                .contains("0.5..1")
+        );
     }
 }

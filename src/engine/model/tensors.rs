@@ -63,7 +63,10 @@ impl<'a> Tensors<'a> {
             }
             Dtype::F16 => {
                 let (pairs, _) = t.data().as_chunks::<2>();
-                pairs.iter().map(|&b| f16::from_le_bytes(b).to_f32()).collect()
+                pairs
+                    .iter()
+                    .map(|&b| f16::from_le_bytes(b).to_f32())
+                    .collect()
             }
             other => {
                 return Err(ModelError::Tensor {

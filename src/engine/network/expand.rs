@@ -19,9 +19,16 @@ pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
         outputs.push((name.clone(), b.lookup(layer)?));
     }
     for (_, v) in &outputs {
-        if let Some(reader) = b.nodes.iter().find(|n| n.inputs.contains(v) || n.residual == Some(*v)) {
+        if let Some(reader) = b
+            .nodes
+            .iter()
+            .find(|n| n.inputs.contains(v) || n.residual == Some(*v))
+        {
             return Err(b.error(
-                format!("output `{}` is also read by `{}`", b.values[*v].name, reader.name),
+                format!(
+                    "output `{}` is also read by `{}`",
+                    b.values[*v].name, reader.name
+                ),
                 "end the network in layers that nothing reads",
             ));
         }

@@ -148,7 +148,10 @@ impl Plan {
             for pair in node.inputs.windows(2) {
                 let (x, y) = (self.occupied(pair[0]), self.occupied(pair[1]));
                 if x.is_none() || x.map(|x| (x.0, x.2)) != y.map(|y| (y.0, y.1)) {
-                    return Err(PlanError(format!("the inputs of `{}` are not neighbours", node.name)));
+                    return Err(PlanError(format!(
+                        "the inputs of `{}` are not neighbours",
+                        node.name
+                    )));
                 }
             }
         }
@@ -321,9 +324,17 @@ mod tests {
         let value = |name: &str| graph.values.iter().position(|v| v.name == name).unwrap();
         let mut wrong = plan.clone();
         wrong.values[value("features.1.conv3")] = plan.values[value("features.1.conv1")];
-        assert!(wrong.prove(&graph).unwrap_err().to_string().contains("overwrite"));
+        assert!(
+            wrong
+                .prove(&graph)
+                .unwrap_err()
+                .to_string()
+                .contains("overwrite")
+        );
         let mut wrong = plan.clone();
-        wrong.values.swap(value("features.1.conv3"), value("features.1.conv5"));
+        wrong
+            .values
+            .swap(value("features.1.conv3"), value("features.1.conv5"));
         assert!(wrong.prove(&graph).is_err());
     }
 
@@ -337,7 +348,11 @@ mod tests {
         for (module, level) in [(0, 0), (1, 0), (2, 2), (3, 2), (4, 2), (5, 5), (8, 5)] {
             for conv in ["conv1", "conv3", "conv5"] {
                 let a = slot(&format!("features.{module}.{conv}"));
-                assert_eq!(a, slot(&format!("features.{level}.conv6")), "{module} {conv}");
+                assert_eq!(
+                    a,
+                    slot(&format!("features.{level}.conv6")),
+                    "{module} {conv}"
+                );
             }
         }
         // About 8.5 MB of bytes at 512x320, a fifth of what one buffer per value would take.

@@ -1,7 +1,7 @@
 //! Model + plan → steps: kernels are chosen, weights packed, every access checked once.
 
 use edgecap_kernels::{
-    Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
+    Algorithm, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
 };
 
 use super::error::EngineError;
@@ -211,6 +211,7 @@ fn int8(
         bias: &bias,
         input_max: if picture { 255 } else { 127 },
         epilogue,
+        algorithm: Algorithm::Direct,
     };
     QConv::new(isa, &params)
 }

@@ -183,17 +183,18 @@ impl Engine {
     /// Times of the last run's layers, in order.
     pub fn profile(&self) -> Vec<LayerProfile> {
         let nodes = self.graph.nodes.iter().zip(&self.team.shared.steps);
-        let layer = |(i, (node, step)): (usize, (&crate::engine::network::Node, &super::step::Step))| {
-            let out = step.output_layout();
-            LayerProfile {
-                name: step.name.clone(),
-                kernel: step.kernel_name(),
-                shape: node.conv().copied(),
-                output: (out.height, out.width),
-                macs: step.macs,
-                ns: self.team.nanoseconds(i),
-            }
-        };
+        let layer =
+            |(i, (node, step)): (usize, (&crate::engine::network::Node, &super::step::Step))| {
+                let out = step.output_layout();
+                LayerProfile {
+                    name: step.name.clone(),
+                    kernel: step.kernel_name(),
+                    shape: node.conv().copied(),
+                    output: (out.height, out.width),
+                    macs: step.macs,
+                    ns: self.team.nanoseconds(i),
+                }
+            };
         nodes.enumerate().map(layer).collect()
     }
 
@@ -305,7 +306,9 @@ fn outputs(graph: &Graph, plan: &Plan, maps: &Maps) -> Result<[usize; 2], Engine
         }
     }
     let complete = order == [0, 1] || order == [1, 0];
-    complete.then_some(order).ok_or_else(|| EngineError::Outputs(found()))
+    complete
+        .then_some(order)
+        .ok_or_else(|| EngineError::Outputs(found()))
 }
 
 /// Writes what padding reads, once: nobody writes halos later.

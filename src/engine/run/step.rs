@@ -67,7 +67,13 @@ impl Step {
     /// - `memory` is the arena the step was planned for, and `maps` point at maps of its outputs' sizes.
     /// - All shares of earlier steps are done and seen by this thread; nobody runs this share, or a share of another step,
     ///   or touches the maps, at the same time.
-    pub unsafe fn run(&self, part: &Part, memory: &Memory, maps: &MapPointers, scratch: &mut Scratch) {
+    pub unsafe fn run(
+        &self,
+        part: &Part,
+        memory: &Memory,
+        maps: &MapPointers,
+        scratch: &mut Scratch,
+    ) {
         match memory {
             // SAFETY: the caller's promises.
             Memory::Int8(arena) => unsafe { self.run_int8(part, arena, maps, scratch) },

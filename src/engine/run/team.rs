@@ -115,7 +115,12 @@ impl Team {
             for part in &step.parts {
                 // SAFETY: helpers sleep, since no frame is begun for them, and `&mut self` keeps other callers out.
                 unsafe {
-                    step.run(part, &self.shared.memory, &self.shared.maps, &mut self.scratch);
+                    step.run(
+                        part,
+                        &self.shared.memory,
+                        &self.shared.maps,
+                        &mut self.scratch,
+                    );
                 }
             }
             // Keep the counters in step with the frames.

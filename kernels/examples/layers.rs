@@ -1,0 +1,320 @@
+//! Times every kind of layer of SelecSLS at 512×320, one thread: a table of GMAC/s and share of the measured peak.
+//!
+//! `cargo run --release -p edgecap-kernels --example layers [int8|f32] [rounds]`; `EDGECAP_ISA` chooses the tier.
+
+use std::time::Duration;
+
+use edgecap_kernels::{
+    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, Part, Peak, QConv,
+    QConvParams, Scratch,
+};
+
+/// Input height and width, times in the network, shape.
+fn layers() -> Vec<(usize, usize, usize, ConvShape)> {
+    let conv = |i, o, groups, kernel, stride| ConvShape {
+        in_channels: i,
+        out_channels: o,
+        groups,
+        kernel,
+        stride,
+        padding: (kernel - 1) / 2,
+        transposed: false,
+    };
+    let mut all = vec![(320, 512, 1, conv(4, 32, 1, 3, 2))];
+    let (h, w) = (80, 128);
+    all.push((160, 256, 1, conv(32, 64, 1, 3, 2)));
+    all.push((h, w, 1, conv(64, 64, 1, 3, 1)));
+    all.push((h, w, 4, conv(64, 32, 1, 3, 1)));
+    all.push((h, w, 2, conv(64, 64, 1, 1, 1)));
+    all.push((h, w, 2, conv(32, 64, 1, 1, 1)));
+    all.push((h, w, 1, conv(128, 64, 1, 1, 1)));
+    all.push((h, w, 1, conv(192, 128, 1, 1, 1)));
+    let (h, w) = (40, 64);
+    all.push((80, 128, 1, conv(128, 128, 2, 3, 2)));
+    all.push((h, w, 2, conv(128, 128, 2, 3, 1)));
+    all.push((h, w, 6, conv(128, 64, 1, 3, 1)));
+    all.push((h, w, 3, conv(128, 128, 1, 1, 1)));
+    all.push((h, w, 3, conv(64, 128, 1, 1, 1)));
+    all.push((h, w, 1, conv(256, 128, 1, 1, 1)));
+    all.push((h, w, 1, conv(384, 128, 1, 1, 1)));
+    all.push((h, w, 1, conv(384, 288, 1, 1, 1)));
+    let (h, w) = (20, 32);
+    all.push((40, 64, 1, conv(288, 288, 4, 3, 2)));
+    all.push((h, w, 3, conv(288, 288, 4, 3, 1)));
+    all.push((h, w, 8, conv(288, 144, 2, 3, 1)));
+    all.push((h, w, 4, conv(288, 288, 1, 1, 1)));
+    all.push((h, w, 4, conv(144, 288, 1, 1, 1)));
+    all.push((h, w, 1, conv(576, 288, 1, 1, 1)));
+    all.push((h, w, 2, conv(864, 288, 1, 1, 1)));
+    all.push((h, w, 1, conv(864, 416, 1, 1, 1)));
+    all.push((h, w, 2, conv(416, 256, 1, 1, 1)));
+    all.push((
+        h,
+        w,
+        2,
+        ConvShape {
+            padding: 1,
+            transposed: true,
+            ..conv(256, 192, 4, 4, 2)
+        },
+    ));
+    let (h, w) = (40, 64);
+    all.push((h, w, 1, conv(192, 128, 1, 3, 1)));
+    all.push((h, w, 1, conv(128, 96, 4, 3, 1)));
+    all.push((h, w, 1, conv(96, 40, 1, 3, 1)));
+    all.push((h, w, 1, conv(192, 160, 1, 3, 1)));
+    all.push((h, w, 1, conv(288, 160, 1, 1, 1)));
+    all.push((h, w, 1, conv(160, 128, 4, 3, 1)));
+    all.push((h, w, 1, conv(128, 63, 1, 3, 1)));
+    all
+}
+
+/// Weights like a trained layer's: bell-shaped, the greatest of each output channel at ±127.
+fn weights(shape: &ConvShape) -> Vec<i8> {
+    let mut state = 88172645463325252u64;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+    };
+    let per_output = shape.weight_len() / shape.out_channels;
+    let mut all = Vec::with_capacity(shape.weight_len());
+    for _ in 0..shape.out_channels {
+        let bell: Vec<f32> = (0..per_output)
+            .map(|_| (0..6).map(|_| uniform()).sum())
+            .collect();
+        let most = bell.iter().fold(0f32, |most, v| most.max(v.abs()));
+        all.extend(bell.iter().map(|v| (v / most * 127.0).round() as i8));
+    }
+    all
+}
+
+struct Layer {
+    label: String,
+    times: usize,
+    macs: u64,
+    run: Box<dyn FnMut()>,
+    seconds: Vec<f64>,
+}
+
+fn int8(
+    isa: Isa,
+    algorithm: Algorithm,
+    height: usize,
+    width: usize,
+    shape: ConvShape,
+) -> (String, Box<dyn FnMut()>) {
+    let conv = QConv::new(
+        isa,
+        &QConvParams {
+            shape,
+            weights: &weights(&shape),
+            bias: &vec![0; shape.out_channels],
+            input_max: if shape.in_channels == 4 { 255 } else { 127 },
+            epilogue: Epilogue::U8 {
+                scale: vec![1e-4; shape.out_channels],
+                max: 127,
+                residual_scale: None,
+            },
+            algorithm,
+        },
+    )
+    .unwrap();
+    let input = Layout::dense(height, width, shape.in_channels, 1);
+    let output = Layout::dense(
+        shape.output_len(height),
+        shape.output_len(width),
+        shape.out_channels,
+        1,
+    );
+    let data: Vec<u8> = (0..input.buffer_len())
+        .map(|i| (i * 37 % 101) as u8)
+        .collect();
+    let mut result = vec![0u8; output.buffer_len()];
+    let mut scratch = Scratch::new(conv.scratch_bytes(&input));
+    let name = conv.name().to_owned();
+    conv.check((&input, data.len()), None, (&output, result.len()))
+        .unwrap();
+    let run = move || {
+        let part = Part::whole(output.height, shape.groups);
+        // SAFETY: checked above; the buffers are this closure's own.
+        unsafe {
+            conv.run_part(
+                data.as_ptr(),
+                &input,
+                None,
+                result.as_mut_ptr(),
+                &output,
+                &part,
+                &mut scratch,
+            );
+        }
+    };
+    (name, Box::new(run))
+}
+
+fn f32(isa: Isa, height: usize, width: usize, shape: ConvShape) -> (String, Box<dyn FnMut()>) {
+    let weights: Vec<f32> = weights(&shape)
+        .iter()
+        .map(|&w| f32::from(w) / 127.0)
+        .collect();
+    let conv = FConv::new(
+        isa,
+        &FConvParams {
+            shape,
+            weights: &weights,
+            bias: &vec![0.0; shape.out_channels],
+            relu: true,
+            residual: false,
+        },
+    )
+    .unwrap();
+    let input = Layout::dense(height, width, shape.in_channels, 1);
+    let output = Layout::dense(
+        shape.output_len(height),
+        shape.output_len(width),
+        shape.out_channels,
+        1,
+    );
+    let data: Vec<f32> = (0..input.buffer_len())
+        .map(|i| (i * 37 % 101) as f32 / 100.0)
+        .collect();
+    let mut result = vec![0f32; output.buffer_len()];
+    let mut scratch = Scratch::new(conv.scratch_bytes(&input));
+    let name = conv.name().to_owned();
+    conv.check((&input, data.len()), None, (&output, result.len()))
+        .unwrap();
+    let run = move || {
+        let part = Part::whole(output.height, shape.groups);
+        // SAFETY: checked above; the buffers are this closure's own.
+        unsafe {
+            conv.run_part(
+                data.as_ptr(),
+                &input,
+                None,
+                result.as_mut_ptr(),
+                &output,
+                &part,
+                &mut scratch,
+            );
+        }
+    };
+    (name, Box::new(run))
+}
+
+/// Seconds that this thread has been running: other processes on a shared machine do not count.
+fn cpu_seconds() -> f64 {
+    let mut time = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    // SAFETY: `time` is a valid timespec to write to.
+    let status = unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
+    assert_eq!(status, 0, "the thread's clock can be read");
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+/// The median, and the least.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[if std::env::var_os("BEST").is_some() {
+        0
+    } else {
+        values.len() / 2
+    }]
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let floats = arguments.get(1).is_some_and(|kind| kind == "f32");
+    let rounds: usize = arguments
+        .get(2)
+        .map_or(15, |n| n.parse().expect("rounds is a number"));
+    let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
+    let mut all = Vec::new();
+    for (height, width, times, shape) in layers() {
+        let macs = shape.macs(height, width);
+        let candidates = if floats {
+            &[Algorithm::Direct]
+        } else {
+            Algorithm::candidates(&shape)
+        };
+        for &algorithm in candidates {
+            let (name, run) = if floats {
+                f32(isa, height, width, shape)
+            } else {
+                int8(isa, algorithm, height, width, shape)
+            };
+            let label = format!(
+                "{:>3}x{:<3} {:>3}->{:<3} g{} k{} s{} {name}",
+                height,
+                width,
+                shape.in_channels,
+                shape.out_channels,
+                shape.groups,
+                shape.kernel,
+                shape.stride
+            );
+            all.push((label, times, macs, algorithm, run));
+        }
+    }
+    let mut layers: Vec<Layer> = Vec::new();
+    for (label, times, macs, _, run) in all {
+        layers.push(Layer {
+            label,
+            times,
+            macs,
+            run,
+            seconds: Vec::new(),
+        });
+    }
+    let mut peaks = Vec::new();
+    for _ in 0..rounds {
+        // The peak is measured again in every round: the machine may be shared.
+        let peak = Peak::measure(isa, Duration::from_millis(4)).unwrap();
+        peaks.push(if floats { peak.f32 } else { peak.int8 });
+        for layer in &mut layers {
+            (layer.run)();
+            let start = cpu_seconds();
+            (layer.run)();
+            layer.seconds.push(cpu_seconds() - start);
+        }
+    }
+    let peak = median(&mut peaks);
+    println!("{isa}: peak {peak:.1} GMAC/s on one thread");
+    let (mut total, mut total_macs) = (0.0, 0);
+    let mut i = 0;
+    while i < layers.len() {
+        // Lines of one layer differ in the algorithm; the network takes the fastest.
+        let key = |label: &str| label.rsplit_once(' ').map(|(key, _)| key.to_owned());
+        let mut end = i + 1;
+        while end < layers.len() && key(&layers[end].label) == key(&layers[i].label) {
+            end += 1;
+        }
+        let mut least = f64::INFINITY;
+        for layer in &mut layers[i..end] {
+            let seconds = median(&mut layer.seconds);
+            let rate = layer.macs as f64 / seconds / 1e9;
+            println!(
+                "{:>7.1} GMAC/s {:>4.0} %  {:>7.3} ms x{}  {}",
+                rate,
+                rate / peak * 100.0,
+                seconds * 1e3,
+                layer.times,
+                layer.label
+            );
+            least = least.min(seconds);
+        }
+        total += least * layers[i].times as f64;
+        total_macs += layers[i].macs * layers[i].times as u64;
+        i = end;
+    }
+    let rate = total_macs as f64 / total / 1e9;
+    println!(
+        "whole: {:.2} GMAC, {:.2} ms, {rate:.1} GMAC/s, {:.0} % of peak",
+        total_macs as f64 / 1e9,
+        total * 1e3,
+        rate / peak * 100.0
+    );
+}

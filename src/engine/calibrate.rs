@@ -1,0 +1,65 @@
+//! Pictures go in, what every activation of a network did on them comes out.
+
+use super::model::{Calibration, Model, Observed, RangeChoice};
+use super::run::{Engine, EngineError, EngineOptions, Precision};
+
+/// How to calibrate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationOptions {
+    /// Width and height that pictures come in; multiples of 16.
+    pub size: (usize, usize),
+    /// How ranges are chosen.
+    pub choice: RangeChoice,
+    /// Correct biases for the mean error of rounded weights.
+    pub correct_bias: bool,
+}
+
+impl Default for CalibrationOptions {
+    /// 512×320, least mean square error, biases corrected.
+    fn default() -> Self {
+        Self {
+            size: (512, 320),
+            choice: RangeChoice::Mse,
+            correct_bias: true,
+        }
+    }
+}
+
+impl Calibration {
+    /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value.
+    ///
+    /// # Errors
+    /// When the network cannot run at this size.
+    ///
+    /// # Panics
+    /// When a picture is not of `options.size`.
+    pub fn observe(
+        model: &Model,
+        pictures: impl IntoIterator<Item = Vec<u8>>,
+        options: CalibrationOptions,
+    ) -> Result<Self, EngineError> {
+        let mut engine = Engine::new(
+            model,
+            EngineOptions {
+                width: options.size.0,
+                height: options.size.1,
+                threads: 1,
+                precision: Precision::F32,
+                ..EngineOptions::default()
+            },
+        )?;
+        let values = &model.network().graph().values;
+        let mut observed: Vec<_> = values.iter().map(|v| Observed::new(v.channels)).collect();
+        let mut count = 0;
+        for picture in pictures {
+            engine.observe(&picture, &mut observed);
+            count += 1;
+        }
+        Ok(Self {
+            observed,
+            choice: options.choice,
+            correct_bias: options.correct_bias,
+            pictures: count,
+        })
+    }
+}
