@@ -29,6 +29,7 @@ mod segments;
 #[cfg(target_arch = "x86_64")]
 mod simd;
 mod tensor;
+mod winograd;
 #[cfg(target_arch = "x86_64")]
 mod writers;
 #[cfg(target_arch = "x86_64")]

@@ -1,16 +1,18 @@
 //! int8 convolution: u8 activations in, u8 activations or f32 maps out.
 
-#[cfg(target_arch = "x86_64")]
-mod direct;
 mod epilogue;
 mod kernel;
 mod reference;
+#[cfg(target_arch = "x86_64")]
+mod vector;
 
 pub use epilogue::{Epilogue, OutElement};
 
 use crate::conv_check::{check_length, check_shape, check_tensors};
 use crate::phase::Phase;
-use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
+use crate::{
+    Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut, winograd,
+};
 use kernel::{Kernel, Run};
 
 /// What an int8 convolution is made of.
@@ -32,7 +34,8 @@ pub struct QConvParams<'a> {
 
 /// A packed int8 convolution for one instruction set.
 ///
-/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, exact; then the [`Epilogue`]. Every tier gives the same bits.
+/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, exact or by [`Algorithm::Winograd`]; then the [`Epilogue`]. Every tier
+/// gives the same bits.
 #[derive(Debug, Clone)]
 pub struct QConv {
     shape: ConvShape,
@@ -65,13 +68,14 @@ impl QConv {
         check_length("biases", shape.out_channels, bias.len())?;
         epilogue.check(shape.out_channels)?;
         check_range(shape, weights, bias, *input_max)?;
+        let (kernel, epilogue) = Kernel::new(isa, params)?;
         Ok(Self {
             shape: *shape,
             isa,
             algorithm: *algorithm,
-            epilogue: epilogue.clone(),
+            epilogue,
             phases: Phase::of(shape),
-            kernel: Kernel::new(isa, params),
+            kernel,
         })
     }
 
@@ -97,7 +101,7 @@ impl QConv {
 
     /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
     pub fn scratch_bytes(&self, _input: &Layout) -> usize {
-        0
+        self.kernel.scratch_bytes()
     }
 
     /// Share `index` of `count` of the work, as even as this kernel can divide it.
@@ -105,7 +109,11 @@ impl QConv {
     /// # Panics
     /// Unless `index < count`.
     pub fn part(&self, out_height: usize, index: usize, count: usize) -> Part {
-        Part::share(out_height, self.shape.groups, 1, index, count)
+        let row_block = match self.algorithm {
+            Algorithm::Direct => 1,
+            Algorithm::Winograd => winograd::OUT,
+        };
+        Part::share(out_height, self.shape.groups, row_block, index, count)
     }
 
     /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
@@ -197,7 +205,7 @@ impl QConv {
             part,
         };
         // SAFETY: the caller's contract.
-        unsafe { self.dispatch(&run) }
+        unsafe { self.dispatch(&run, scratch) }
     }
 }
 

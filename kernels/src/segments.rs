@@ -44,13 +44,6 @@ impl Segments {
     pub fn of(&self, panel: usize) -> &[u8] {
         &self.lengths[self.panels[panel]..]
     }
-
-    /// Mean groups per segment.
-    #[cfg(test)]
-    pub fn mean(&self) -> f64 {
-        let sum: usize = self.lengths.iter().map(|&n| usize::from(n)).sum();
-        sum as f64 / self.lengths.len() as f64
-    }
 }
 
 /// Cuts one tap's groups of `step` bytes greedily.

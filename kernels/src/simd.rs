@@ -25,13 +25,9 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn splat_f(value: f32) -> Self::F;
     unsafe fn load_f(at: *const f32) -> Self::F;
     unsafe fn load_f_part(at: *const f32, n: usize) -> Self::F;
-    unsafe fn store_f(value: Self::F, at: *mut f32);
     unsafe fn store_f_part(value: Self::F, at: *mut f32, n: usize);
     unsafe fn add_f(a: Self::F, b: Self::F) -> Self::F;
-    unsafe fn sub_f(a: Self::F, b: Self::F) -> Self::F;
     unsafe fn mul_f(a: Self::F, b: Self::F) -> Self::F;
-    /// `a · b + c`, rounded once.
-    unsafe fn fma_f(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     unsafe fn max_f(a: Self::F, b: Self::F) -> Self::F;
     unsafe fn min_f(a: Self::F, b: Self::F) -> Self::F;
     /// Rounds to nearest, ties to even.
@@ -43,11 +39,15 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn load_u8_part(at: *const u8, n: usize) -> Self::F;
     unsafe fn load_i(at: *const i32) -> Self::I;
     unsafe fn store_i(value: Self::I, at: *mut i32);
+    unsafe fn add_i(a: Self::I, b: Self::I) -> Self::I;
+    unsafe fn sub_i(a: Self::I, b: Self::I) -> Self::I;
+    /// Arithmetic shift to the right.
+    unsafe fn shr_i(a: Self::I, bits: u32) -> Self::I;
+    unsafe fn shl_i<const BITS: u32>(a: Self::I) -> Self::I;
 
     /// Loads `n <= 2 · LANES` bytes, zero-extended; the other lanes are 0.
     unsafe fn load_u8_h(at: *const u8, n: usize) -> Self::H;
     unsafe fn store_h(value: Self::H, at: *mut i16);
-    unsafe fn load_h(at: *const i16) -> Self::H;
     unsafe fn add_h(a: Self::H, b: Self::H) -> Self::H;
     unsafe fn sub_h(a: Self::H, b: Self::H) -> Self::H;
     unsafe fn shl_h<const BITS: u32>(a: Self::H) -> Self::H;

@@ -2,6 +2,7 @@
 
 use crate::direct::{self, Job, Plain, Segmented, Write};
 use crate::simd::{Simd, avx2, avx512};
+use crate::winograd::generic as winograd;
 
 /// A leaf: the generic core with one tier's features.
 macro_rules! leaf {
@@ -57,4 +58,40 @@ leaf!(
     /// f32, AVX2 and FMA.
     f32_direct_avx2, "avx2,fma",
     Plain<avx2::F32>, avx2::Avx2, F
+);
+
+/// A leaf of Winograd.
+macro_rules! winograd_leaf {
+    ($(#[$doc:meta])* $name:ident, $features:literal, $dot:ty, $simd:ty) => {
+        $(#[$doc])*
+        ///
+        /// # Safety
+        /// The CPU has the features; the contract of [`winograd::run`].
+        #[target_feature(enable = $features)]
+        pub(crate) unsafe fn $name<W: Write<$simd, <$simd as Simd>::I>>(job: &winograd::Job, writer: &W) {
+            // SAFETY: the caller's contract.
+            unsafe { winograd::run::<$dot, W>(job, writer) }
+        }
+    };
+}
+
+winograd_leaf!(
+    /// i16 · i16, AVX-512-VNNI.
+    qs8_winograd4_avx512vnni, "avx512f,avx512bw,avx512vl,avx512vnni,avx2,fma",
+    avx512::I16Vnni, avx512::Avx512
+);
+winograd_leaf!(
+    /// i16 · i16, AVX-512BW.
+    qs8_winograd4_avx512, "avx512f,avx512bw,avx512vl,avx2,fma",
+    avx512::I16, avx512::Avx512
+);
+winograd_leaf!(
+    /// i16 · i16, AVX-VNNI.
+    qs8_winograd4_avxvnni, "avx2,fma,avxvnni",
+    avx2::I16Vnni, avx2::Avx2
+);
+winograd_leaf!(
+    /// i16 · i16, AVX2.
+    qs8_winograd4_avx2, "avx2,fma",
+    avx2::I16, avx2::Avx2
 );

@@ -64,6 +64,16 @@ impl Epilogue {
         }
     }
 
+    /// The epilogue for accumulators that are `factor` times as large.
+    pub(super) fn divided_by(&self, factor: &[i32]) -> Self {
+        let mut epilogue = self.clone();
+        let (Epilogue::U8 { scale, .. } | Epilogue::F32 { scale }) = &mut epilogue;
+        for (scale, &factor) in scale.iter_mut().zip(factor) {
+            *scale = (f64::from(*scale) / f64::from(factor)) as f32;
+        }
+        epilogue
+    }
+
     pub(super) fn check(&self, out_channels: usize) -> Result<(), KernelError> {
         check_length("output scales", out_channels, self.scale().len())?;
         let all = self.scale().iter().copied().chain(self.residual_scale());

@@ -45,12 +45,9 @@ unsafe impl Simd for Avx2 {
         fn splat_f(value: f32) -> __m256 = _mm256_set1_ps(value);
         fn load_f(at: *const f32) -> __m256 = _mm256_loadu_ps(at);
         fn load_f_part(at: *const f32, n: usize) -> __m256 = _mm256_maskload_ps(at, lane_mask(n));
-        fn store_f(value: __m256, at: *mut f32) = _mm256_storeu_ps(at, value);
         fn store_f_part(value: __m256, at: *mut f32, n: usize) = _mm256_maskstore_ps(at, lane_mask(n), value);
         fn add_f(a: __m256, b: __m256) -> __m256 = _mm256_add_ps(a, b);
-        fn sub_f(a: __m256, b: __m256) -> __m256 = _mm256_sub_ps(a, b);
         fn mul_f(a: __m256, b: __m256) -> __m256 = _mm256_mul_ps(a, b);
-        fn fma_f(a: __m256, b: __m256, c: __m256) -> __m256 = _mm256_fmadd_ps(a, b, c);
         fn max_f(a: __m256, b: __m256) -> __m256 = _mm256_max_ps(a, b);
         fn min_f(a: __m256, b: __m256) -> __m256 = _mm256_min_ps(a, b);
         fn f_from_i(value: __m256i) -> __m256 = _mm256_cvtepi32_ps(value);
@@ -80,9 +77,12 @@ unsafe impl Simd for Avx2 {
             _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(load_bytes(at, n)));
         fn load_i(at: *const i32) -> __m256i = _mm256_loadu_si256(at.cast());
         fn store_i(value: __m256i, at: *mut i32) = _mm256_storeu_si256(at.cast(), value);
+        fn add_i(a: __m256i, b: __m256i) -> __m256i = _mm256_add_epi32(a, b);
+        fn sub_i(a: __m256i, b: __m256i) -> __m256i = _mm256_sub_epi32(a, b);
+        fn shr_i(a: __m256i, bits: u32) -> __m256i = _mm256_srav_epi32(a, _mm256_set1_epi32(bits as i32));
+        fn shl_i<const BITS: u32>(a: __m256i) -> __m256i = _mm256_sll_epi32(a, _mm_cvtsi32_si128(BITS as i32));
         fn load_u8_h(at: *const u8, n: usize) -> __m256i = _mm256_cvtepu8_epi16(load_bytes(at, n));
         fn store_h(value: __m256i, at: *mut i16) = _mm256_storeu_si256(at.cast(), value);
-        fn load_h(at: *const i16) -> __m256i = _mm256_loadu_si256(at.cast());
         fn add_h(a: __m256i, b: __m256i) -> __m256i = _mm256_add_epi16(a, b);
         fn sub_h(a: __m256i, b: __m256i) -> __m256i = _mm256_sub_epi16(a, b);
         fn shl_h<const BITS: u32>(a: __m256i) -> __m256i = _mm256_sll_epi16(a, _mm_cvtsi32_si128(BITS as i32));

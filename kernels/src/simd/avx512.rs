@@ -31,12 +31,9 @@ unsafe impl Simd for Avx512 {
         fn splat_f(value: f32) -> __m512 = _mm512_set1_ps(value);
         fn load_f(at: *const f32) -> __m512 = _mm512_loadu_ps(at);
         fn load_f_part(at: *const f32, n: usize) -> __m512 = _mm512_maskz_loadu_ps(mask16(n), at);
-        fn store_f(value: __m512, at: *mut f32) = _mm512_storeu_ps(at, value);
         fn store_f_part(value: __m512, at: *mut f32, n: usize) = _mm512_mask_storeu_ps(at, mask16(n), value);
         fn add_f(a: __m512, b: __m512) -> __m512 = _mm512_add_ps(a, b);
-        fn sub_f(a: __m512, b: __m512) -> __m512 = _mm512_sub_ps(a, b);
         fn mul_f(a: __m512, b: __m512) -> __m512 = _mm512_mul_ps(a, b);
-        fn fma_f(a: __m512, b: __m512, c: __m512) -> __m512 = _mm512_fmadd_ps(a, b, c);
         fn max_f(a: __m512, b: __m512) -> __m512 = _mm512_max_ps(a, b);
         fn min_f(a: __m512, b: __m512) -> __m512 = _mm512_min_ps(a, b);
         fn f_from_i(value: __m512i) -> __m512 = _mm512_cvtepi32_ps(value);
@@ -61,10 +58,13 @@ unsafe impl Simd for Avx512 {
             _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_maskz_loadu_epi8(mask16(n), at.cast())));
         fn load_i(at: *const i32) -> __m512i = _mm512_loadu_si512(at.cast());
         fn store_i(value: __m512i, at: *mut i32) = _mm512_storeu_si512(at.cast(), value);
+        fn add_i(a: __m512i, b: __m512i) -> __m512i = _mm512_add_epi32(a, b);
+        fn sub_i(a: __m512i, b: __m512i) -> __m512i = _mm512_sub_epi32(a, b);
+        fn shr_i(a: __m512i, bits: u32) -> __m512i = _mm512_srav_epi32(a, _mm512_set1_epi32(bits as i32));
+        fn shl_i<const BITS: u32>(a: __m512i) -> __m512i = _mm512_slli_epi32::<BITS>(a);
         fn load_u8_h(at: *const u8, n: usize) -> __m512i =
             _mm512_cvtepu8_epi16(_mm256_maskz_loadu_epi8(mask32(n), at.cast()));
         fn store_h(value: __m512i, at: *mut i16) = _mm512_storeu_si512(at.cast(), value);
-        fn load_h(at: *const i16) -> __m512i = _mm512_loadu_si512(at.cast());
         fn add_h(a: __m512i, b: __m512i) -> __m512i = _mm512_add_epi16(a, b);
         fn sub_h(a: __m512i, b: __m512i) -> __m512i = _mm512_sub_epi16(a, b);
         fn shl_h<const BITS: u32>(a: __m512i) -> __m512i = _mm512_slli_epi16::<BITS>(a);
