@@ -14,6 +14,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from peers import agreement, machine, pictures, table
 from peers.prepare import Job, Models, prepare
 from peers.process import Worker
@@ -68,7 +70,7 @@ def arguments() -> argparse.Namespace:
     a.add_argument("--check", type=int, default=8, metavar="N", help="other pictures, for agreement; 0 leaves it out")
     a.add_argument("--engines", type=names, default=["openvino", "onnxruntime", "ncnn"], metavar="NAME,…")
     a.add_argument("--threads", type=lambda t: [int(n) for n in names(t)], default=[1, 2], metavar="N,…")
-    a.add_argument("--rounds", type=int, default=10, help="turns of every engine")
+    a.add_argument("--rounds", type=int, default=10, help="turns of every engine; 0 measures agreement only")
     a.add_argument("--runs", type=int, default=4, help="timed inferences in a turn")
     a.add_argument("--isa", choices=list(ONEDNN), help="cap the instruction set of ours and of OpenVINO; the others cannot be capped and stay out")
     a.add_argument("--prepare", action="store_true", help="make all model files, measure nothing: then measuring starts at once")
@@ -110,8 +112,6 @@ def main() -> None:
         "runs": args.runs,
         "networks": [],
     }
-    import numpy as np
-
     models = []
     for name in args.networks:
         job = Job(
@@ -135,7 +135,7 @@ def main() -> None:
         chosen = entries(args, facts)
         if args.check:
             found["agreement"] = agree(m, chosen, np.stack(checked), environment)
-        for threads in args.threads:
+        for threads in args.threads if args.rounds else []:
             found["speed"] += race(m, chosen, threads, (height, width), args, environment)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "results.json").write_text(json.dumps(results, indent=1) + "\n")

@@ -9,11 +9,14 @@ NETWORKS = {"selecsls": "SelecSLS", "resnet50": "ResNet-50"}
 
 def render(r: dict) -> str:
     """Speed, then agreement, then what it was measured on."""
-    return "\n".join([*_speed(r), "", *_agreement(r), "", *_conditions(r)]) + "\n"
+    parts = [_speed(r), _agreement(r), _conditions(r)]
+    return "\n\n".join("\n".join(p) for p in parts if p) + "\n"
 
 
 def _speed(r: dict) -> list[str]:
     columns = [(n, t) for n in r["networks"] for t in sorted({s["threads"] for s in n["speed"]})]
+    if not columns:
+        return []
     head = [f"{NETWORKS.get(n['network'], n['network'])}, {t} thread{'s' * (t > 1)}" for n, t in columns]
     lines = _head(["engine", "arithmetic", *head, "memory, MB"])
     rows = dict.fromkeys((s["engine"], s["precision"]) for n in r["networks"] for s in n["speed"])
@@ -44,25 +47,27 @@ def _agreement(r: dict) -> list[str]:
 
 def _conditions(r: dict) -> list[str]:
     m = r["machine"]
+    speed = [s for n in r["networks"] for s in n["speed"]]
     versions = dict.fromkeys(f"{NAMES[s['engine']].strip('*')} {s['version']}" for n in r["networks"] for s in n["speed"])
     kernels = dict.fromkeys(s["note"] for n in r["networks"] for s in n["speed"] if s["engine"] == "ours")
     width, height = r["size"]
     gmac = ", ".join(f"{NETWORKS.get(n['network'], n['network'])} {n['gmac']:.2f} GMAC" for n in r["networks"])
     p = r["pictures"]
-    speed = [s for n in r["networks"] for s in n["speed"]]
     lines = [
         f"Median of {r['rounds'] * r['runs']} runs in {r['rounds']} alternating turns, {width}×{height}, batch 1 ({gmac}); in brackets: how many times"
         " as long as ours in the same arithmetic (bf16 beside our f32). The peers get a ready float tensor, ours bytes.",
+    ] if speed else []
+    lines += [
         f"Calibration over {p['calibration']} {'photographs' if p['photographs'] else 'made pictures'}, each with its own tool's defaults; agreement over"
         f" {p['agreement']} others, against ONNX Runtime in f32. Memory: peak of the engine's process; the peers' holds Python too.",
         f"{m['cpu']} (family {m['family']}, model {m['model']}), {m['cores']} cores, {' '.join(m['isa'])}; governor {m['governor'] or 'not visible'};"
-        f" {', '.join(kernels)}; {', '.join(versions)}; {r['made']}.",
+        f" {'; '.join([*kernels, *versions, r['made']])}.",
     ]
     if r["forced_isa"]:
         lines.append(f"Instruction set capped at {r['forced_isa']} for ours and OpenVINO.")
-    if m["load"] > 0.25 * m["cores"]:
-        busy = min(s["cpu_ms"] / s["median_ms"] for s in speed if s["threads"] == 1) if any(s["threads"] == 1 for s in speed) else 0
-        lines.append(f"**Other programs were running** (load {m['load']:.1f}; one engine had {100 * busy:.0f} % of a core): figures only compare.")
+    if speed and m["load"] > 0.25 * m["cores"]:
+        busy = min(s["cpu_ms"] / s["median_ms"] / s["threads"] for s in speed)
+        lines.append(f"**Other programs were running** (load {m['load']:.1f}; one engine had only {100 * busy:.0f} % of its cores): no certificate.")
     return lines
 
 
