@@ -13,6 +13,7 @@ pub mod eval;
 pub mod fit;
 pub mod lift;
 pub mod output;
+pub mod overlay;
 pub mod synth;
 
 pub use edgecap_client::{joints, message};

@@ -271,7 +271,7 @@ fn a_source_says_when_there_is_no_picture() {
 
 #[test]
 fn devices_that_are_no_camera_are_refused() {
-    for (path, code) in [("/dev/null", 65), ("/dev/video4095", 66)] {
+    for (path, code) in [("/dev/null", 65), ("/dev/video4095", 69)] {
         let error = open(&InputSpec::Path(path.into()), &OpenOptions::default())
             .err()
             .unwrap();

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release -p edgecap-kernels --example layers [int8|f32] [rounds]`; `EDGECAP_ISA` chooses the tier.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::time::Duration;
 
 use edgecap_kernels::{
@@ -10,7 +12,7 @@ use edgecap_kernels::{
 };
 
 /// Input height and width, times in the network, shape.
-fn layers() -> Vec<(usize, usize, usize, ConvShape)> {
+fn table() -> Vec<(usize, usize, usize, ConvShape)> {
     let conv = |i, o, groups, kernel, stride| ConvShape {
         in_channels: i,
         out_channels: o,
@@ -98,12 +100,32 @@ struct Layer {
     seconds: Vec<f64>,
 }
 
+/// Buffers that layers share as they do in a network: what one wrote last is warm for the next.
+struct Pool<T> {
+    /// Input and output change places from layer to layer.
+    buffers: [Vec<T>; 2],
+    scratch: Scratch,
+}
+
+impl<T: Copy + From<u8>> Pool<T> {
+    fn new() -> Rc<RefCell<Self>> {
+        let buffer: Vec<T> = (0..6 << 20)
+            .map(|i| T::from((i * 37 % 101) as u8))
+            .collect();
+        Rc::new(RefCell::new(Self {
+            buffers: [buffer.clone(), buffer],
+            scratch: Scratch::new(2 << 20),
+        }))
+    }
+}
+
 fn int8(
     isa: Isa,
     algorithm: Algorithm,
     height: usize,
     width: usize,
     shape: ConvShape,
+    pool: &Rc<RefCell<Pool<u8>>>,
 ) -> (String, Box<dyn FnMut()>) {
     let conv = QConv::new(
         isa,
@@ -128,17 +150,15 @@ fn int8(
         shape.out_channels,
         1,
     );
-    let data: Vec<u8> = (0..input.buffer_len())
-        .map(|i| (i * 37 % 101) as u8)
-        .collect();
-    let mut result = vec![0u8; output.buffer_len()];
-    let mut scratch = Scratch::new(conv.scratch_bytes(&input));
     let name = conv.name().to_owned();
-    conv.check((&input, data.len()), None, (&output, result.len()))
-        .unwrap();
+    let pool = pool.clone();
     let run = move || {
+        let pool = &mut *pool.borrow_mut();
+        let [data, result] = &mut pool.buffers;
+        conv.check((&input, data.len()), None, (&output, result.len()))
+            .unwrap();
         let part = Part::whole(output.height, shape.groups);
-        // SAFETY: checked above; the buffers are this closure's own.
+        // SAFETY: checked above; the buffers are borrowed here alone.
         unsafe {
             conv.run_part(
                 data.as_ptr(),
@@ -147,17 +167,24 @@ fn int8(
                 result.as_mut_ptr(),
                 &output,
                 &part,
-                &mut scratch,
+                &mut pool.scratch,
             );
         }
+        pool.buffers.swap(0, 1);
     };
     (name, Box::new(run))
 }
 
-fn f32(isa: Isa, height: usize, width: usize, shape: ConvShape) -> (String, Box<dyn FnMut()>) {
+fn f32(
+    isa: Isa,
+    height: usize,
+    width: usize,
+    shape: ConvShape,
+    pool: &Rc<RefCell<Pool<f32>>>,
+) -> (String, Box<dyn FnMut()>) {
     let weights: Vec<f32> = weights(&shape)
         .iter()
-        .map(|&w| f32::from(w) / 127.0)
+        .map(|&w| f32::from(w) / 1270.0)
         .collect();
     let conv = FConv::new(
         isa,
@@ -177,17 +204,15 @@ fn f32(isa: Isa, height: usize, width: usize, shape: ConvShape) -> (String, Box<
         shape.out_channels,
         1,
     );
-    let data: Vec<f32> = (0..input.buffer_len())
-        .map(|i| (i * 37 % 101) as f32 / 100.0)
-        .collect();
-    let mut result = vec![0f32; output.buffer_len()];
-    let mut scratch = Scratch::new(conv.scratch_bytes(&input));
     let name = conv.name().to_owned();
-    conv.check((&input, data.len()), None, (&output, result.len()))
-        .unwrap();
+    let pool = pool.clone();
     let run = move || {
+        let pool = &mut *pool.borrow_mut();
+        let [data, result] = &mut pool.buffers;
+        conv.check((&input, data.len()), None, (&output, result.len()))
+            .unwrap();
         let part = Part::whole(output.height, shape.groups);
-        // SAFETY: checked above; the buffers are this closure's own.
+        // SAFETY: checked above; the buffers are borrowed here alone.
         unsafe {
             conv.run_part(
                 data.as_ptr(),
@@ -196,7 +221,7 @@ fn f32(isa: Isa, height: usize, width: usize, shape: ConvShape) -> (String, Box<
                 result.as_mut_ptr(),
                 &output,
                 &part,
-                &mut scratch,
+                &mut pool.scratch,
             );
         }
     };
@@ -232,8 +257,9 @@ fn main() {
         .get(2)
         .map_or(15, |n| n.parse().expect("rounds is a number"));
     let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
+    let (pool_u8, pool_f32) = (Pool::new(), Pool::new());
     let mut all = Vec::new();
-    for (height, width, times, shape) in layers() {
+    for (height, width, times, shape) in table() {
         let macs = shape.macs(height, width);
         let candidates = if floats {
             &[Algorithm::Direct]
@@ -242,9 +268,9 @@ fn main() {
         };
         for &algorithm in candidates {
             let (name, run) = if floats {
-                f32(isa, height, width, shape)
+                f32(isa, height, width, shape, &pool_f32)
             } else {
-                int8(isa, algorithm, height, width, shape)
+                int8(isa, algorithm, height, width, shape, &pool_u8)
             };
             let label = format!(
                 "{:>3}x{:<3} {:>3}->{:<3} g{} k{} s{} {name}",
@@ -269,6 +295,10 @@ fn main() {
             seconds: Vec::new(),
         });
     }
+    // A third argument keeps the layers whose line contains it, to profile one.
+    if let Some(pattern) = arguments.get(3) {
+        layers.retain(|layer| layer.label.contains(pattern.as_str()));
+    }
     let mut peaks = Vec::new();
     for _ in 0..rounds {
         // The peak is measured again in every round: the machine may be shared.
@@ -281,9 +311,43 @@ fn main() {
             layer.seconds.push(cpu_seconds() - start);
         }
     }
+    // Every layer once with weights of its own, in the order of the network: caches are as cold as in a real frame.
+    let mut network = Vec::new();
+    if arguments.get(3).is_none() {
+        for (height, width, times, shape) in table() {
+            for _ in 0..times {
+                network.push(if floats {
+                    f32(isa, height, width, shape, &pool_f32).1
+                } else {
+                    int8(
+                        isa,
+                        Algorithm::preferred(&shape),
+                        height,
+                        width,
+                        shape,
+                        &pool_u8,
+                    )
+                    .1
+                });
+            }
+        }
+    }
+    let mut cold = vec![Vec::new(); network.len()];
+    let mut passes = Vec::new();
+    for _ in 0..rounds {
+        let start = cpu_seconds();
+        for (cold, layer) in cold.iter_mut().zip(&mut network) {
+            let start = cpu_seconds();
+            layer();
+            cold.push(cpu_seconds() - start);
+        }
+        passes.push(cpu_seconds() - start);
+    }
+    let pass = median(&mut passes);
     let peak = median(&mut peaks);
     println!("{isa}: peak {peak:.1} GMAC/s on one thread");
     let (mut total, mut total_macs) = (0.0, 0);
+    let mut place = 0;
     let mut i = 0;
     while i < layers.len() {
         // Lines of one layer differ in the algorithm; the network takes the fastest.
@@ -306,10 +370,17 @@ fn main() {
             );
             least = least.min(seconds);
         }
+        let times = layers[i].times;
+        if let Some(cold) = cold.get_mut(place..place + times) {
+            let mean = cold.iter_mut().map(|cold| median(cold)).sum::<f64>() / times as f64;
+            println!("{:>22.3} ms as part of the network", mean * 1e3);
+            place += times;
+        }
         total += least * layers[i].times as f64;
         total_macs += layers[i].macs * layers[i].times as u64;
         i = end;
     }
+    println!("one pass through all layers: {:.2} ms", pass * 1e3);
     let rate = total_macs as f64 / total / 1e9;
     println!(
         "whole: {:.2} GMAC, {:.2} ms, {rate:.1} GMAC/s, {:.0} % of peak",

@@ -62,9 +62,25 @@ impl<'a> Job<'a> {
 /// # Safety
 /// `write` may be called where the features of `S` are on, for output elements that the caller owns.
 pub(crate) unsafe trait Write<S: Simd, Acc> {
-    /// Stores the first `n` lanes as channels `channel..channel + n` of the pixel in row `y`, column `x`; `lane` is the
-    /// padded index of the first one.
-    unsafe fn write(&self, acc: Acc, lane: usize, channel: usize, n: usize, y: usize, x: usize);
+    /// Stores M pixels' vectors to `place`.
+    unsafe fn write<const M: usize>(&self, acc: [Acc; M], place: Place);
+}
+
+/// Where M vectors go.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// Padded index of the first lane.
+    pub lane: usize,
+    /// Output channel of that lane.
+    pub channel: usize,
+    /// Lanes that are output channels.
+    pub n: usize,
+    /// Output row.
+    pub y: usize,
+    /// Output column of the first pixel.
+    pub x: usize,
+    /// Columns from a pixel to the next.
+    pub step: usize,
 }
 
 /// A way to sum a tile.
@@ -299,7 +315,7 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
     }
 
     #[inline(always)]
-    unsafe fn tile<const MR: usize, const NV: usize>(&self, oy: usize, column: usize) {
+    unsafe fn tile<const MR: usize, const NV: usize>(&self, oy: usize, first: usize) {
         let (job, phase) = (self.job, self.phase);
         let lanes = Vectors::<C>::LANES;
         let y = (oy / phase.out_step * phase.in_step) as isize;
@@ -309,7 +325,7 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
                 .tile
                 .x
                 .offset(y * job.row_bytes)
-                .add(column * self.tile.x_step);
+                .add(first * self.tile.x_step);
             let mut acc = [[C::D::load_acc(self.bias); NV]; MR];
             for n in 1..NV {
                 let bias = C::D::load_acc(self.bias.add(n * lanes * 4));
@@ -318,19 +334,22 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
                 }
             }
             let acc = C::sum(acc, &Tile { x, ..self.tile });
-            for m in 0..MR {
-                let ox = (column + m) * phase.out_step + phase.first_column;
-                for n in 0..NV {
-                    let count = (self.outs - n * lanes).min(lanes);
-                    self.writer.write(
-                        acc[m][n],
-                        self.lane + n * lanes,
-                        self.channel + n * lanes,
-                        count,
-                        oy,
-                        ox,
-                    );
+            for n in 0..NV {
+                let mut column = [acc[0][n]; MR];
+                for m in 1..MR {
+                    column[m] = acc[m][n];
                 }
+                self.writer.write(
+                    column,
+                    Place {
+                        lane: self.lane + n * lanes,
+                        channel: self.channel + n * lanes,
+                        n: (self.outs - n * lanes).min(lanes),
+                        y: oy,
+                        x: first * phase.out_step + phase.first_column,
+                        step: phase.out_step,
+                    },
+                );
             }
         }
     }

@@ -36,6 +36,8 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn store_u8_part(value: Self::F, at: *mut u8, n: usize);
     /// Stores `n` lanes as `clamp(rne(value), 0, 127)`; every value lies within ±2³¹.
     unsafe fn store_u7_part(value: Self::F, at: *mut u8, n: usize);
+    /// [`store_u7_part`](Self::store_u7_part) of four whole vectors, `step` bytes apart.
+    unsafe fn store_u7_4(values: [Self::F; 4], at: *mut u8, step: usize);
     unsafe fn load_u8_part(at: *const u8, n: usize) -> Self::F;
     unsafe fn load_i(at: *const i32) -> Self::I;
     unsafe fn store_i(value: Self::I, at: *mut i32);

@@ -1,7 +1,7 @@
 //! Epilogues on vectors: accumulators in, stored elements out.
 
 use crate::Layout;
-use crate::direct::Write;
+use crate::direct::{Place, Write};
 use crate::simd::Simd;
 
 /// i32 accumulators → u8, as `Epilogue::U8`.
@@ -9,7 +9,7 @@ pub(crate) struct ToU8<'a> {
     /// Padded, one per lane.
     pub scale: *const f32,
     pub max: f32,
-    /// `max` is 127 and no value can leave ±2³¹: the narrowing instruction clamps.
+    /// `max` is 127 and no value can leave ±2³¹: the narrowing instructions clamp.
     pub narrow: bool,
     pub residual: Option<Residual<'a>>,
     pub output: *mut u8,
@@ -23,25 +23,51 @@ pub(crate) struct Residual<'a> {
     pub scale: f32,
 }
 
-// SAFETY: touches `n` elements of the pixel in the output and in the residual, and a whole vector of padded scales.
+impl Place {
+    /// Index of the first pixel's first element, and elements to the next pixel.
+    #[inline(always)]
+    fn index(&self, layout: &Layout) -> (usize, usize) {
+        let at = layout.index(self.y as isize, self.x as isize) + self.channel;
+        (at, layout.pixel_stride * self.step)
+    }
+}
+
+// SAFETY: touches `n` elements of every pixel in the output and in the residual, and a whole vector of padded scales.
 unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
     #[inline(always)]
-    unsafe fn write(&self, acc: S::I, lane: usize, channel: usize, n: usize, y: usize, x: usize) {
-        let (y, x) = (y as isize, x as isize);
-        // SAFETY: (y, x) and channel..channel + n lie in the checked layouts.
+    unsafe fn write<const M: usize>(&self, acc: [S::I; M], place: Place) {
+        // SAFETY: the place lies in the checked layouts.
         unsafe {
-            let mut value = S::mul_f(S::f_from_i(acc), S::load_f(self.scale.add(lane)));
-            if let Some(residual) = &self.residual {
-                let at = residual.data.add(residual.layout.index(y, x) + channel);
-                let added = S::mul_f(S::load_u8_part(at, n), S::splat_f(residual.scale));
-                value = S::add_f(value, added);
+            let scale = S::load_f(self.scale.add(place.lane));
+            let mut values = [scale; M];
+            for m in 0..M {
+                values[m] = S::mul_f(S::f_from_i(acc[m]), scale);
             }
-            let at = self.output.add(self.layout.index(y, x) + channel);
-            if self.narrow {
-                S::store_u7_part(value, at, n);
+            if let Some(residual) = &self.residual {
+                let (at, step) = place.index(residual.layout);
+                let scale = S::splat_f(residual.scale);
+                for m in 0..M {
+                    let added = S::load_u8_part(residual.data.add(at + m * step), place.n);
+                    values[m] = S::add_f(values[m], S::mul_f(added, scale));
+                }
+            }
+            let (at, step) = place.index(self.layout);
+            let at = self.output.add(at);
+            if self.narrow && place.n == S::LANES && M % 4 == 0 {
+                for m in (0..M).step_by(4) {
+                    let four = [values[m], values[m + 1], values[m + 2], values[m + 3]];
+                    S::store_u7_4(four, at.add(m * step), step);
+                }
+            } else if self.narrow {
+                for m in 0..M {
+                    S::store_u7_part(values[m], at.add(m * step), place.n);
+                }
             } else {
-                let value = S::min_f(S::max_f(value, S::splat_f(0.0)), S::splat_f(self.max));
-                S::store_u8_part(value, at, n);
+                let (least, most) = (S::splat_f(0.0), S::splat_f(self.max));
+                for m in 0..M {
+                    let value = S::min_f(S::max_f(values[m], least), most);
+                    S::store_u8_part(value, at.add(m * step), place.n);
+                }
             }
         }
     }
@@ -55,15 +81,18 @@ pub(crate) struct ToF32<'a> {
     pub layout: &'a Layout,
 }
 
-// SAFETY: touches `n` elements of the pixel, and a whole vector of padded scales.
+// SAFETY: touches `n` elements of every pixel, and a whole vector of padded scales.
 unsafe impl<S: Simd> Write<S, S::I> for ToF32<'_> {
     #[inline(always)]
-    unsafe fn write(&self, acc: S::I, lane: usize, channel: usize, n: usize, y: usize, x: usize) {
-        // SAFETY: (y, x) and channel..channel + n lie in the checked layout.
+    unsafe fn write<const M: usize>(&self, acc: [S::I; M], place: Place) {
+        // SAFETY: the place lies in the checked layout.
         unsafe {
-            let value = S::mul_f(S::f_from_i(acc), S::load_f(self.scale.add(lane)));
-            let at = self.layout.index(y as isize, x as isize) + channel;
-            S::store_f_part(value, self.output.add(at), n);
+            let scale = S::load_f(self.scale.add(place.lane));
+            let (at, step) = place.index(self.layout);
+            for m in 0..M {
+                let value = S::mul_f(S::f_from_i(acc[m]), scale);
+                S::store_f_part(value, self.output.add(at + m * step), place.n);
+            }
         }
     }
 }
@@ -76,25 +105,29 @@ pub(crate) struct Float<'a> {
     pub layout: &'a Layout,
 }
 
-// SAFETY: touches `n` elements of the pixel in the output and in the residual.
+// SAFETY: touches `n` elements of every pixel in the output and in the residual.
 unsafe impl<S: Simd> Write<S, S::F> for Float<'_> {
     #[inline(always)]
-    unsafe fn write(&self, acc: S::F, _lane: usize, channel: usize, n: usize, y: usize, x: usize) {
-        let (y, x) = (y as isize, x as isize);
-        // SAFETY: (y, x) and channel..channel + n lie in the checked layouts.
+    unsafe fn write<const M: usize>(&self, acc: [S::F; M], place: Place) {
+        // SAFETY: the place lies in the checked layouts.
         unsafe {
-            let mut value = acc;
+            let mut values = acc;
             if let Some((data, layout)) = self.residual {
-                value = S::add_f(
-                    value,
-                    S::load_f_part(data.add(layout.index(y, x) + channel), n),
-                );
+                let (at, step) = place.index(layout);
+                for m in 0..M {
+                    let added = S::load_f_part(data.add(at + m * step), place.n);
+                    values[m] = S::add_f(values[m], added);
+                }
             }
             if self.relu {
-                value = S::max_f(value, S::splat_f(0.0));
+                for value in &mut values {
+                    *value = S::max_f(*value, S::splat_f(0.0));
+                }
             }
-            let at = self.layout.index(y, x) + channel;
-            S::store_f_part(value, self.output.add(at), n);
+            let (at, step) = place.index(self.layout);
+            for m in 0..M {
+                S::store_f_part(values[m], self.output.add(at + m * step), place.n);
+            }
         }
     }
 }

@@ -3,13 +3,13 @@
 use std::convert::Infallible;
 use std::fmt;
 use std::fs::{File, FileType};
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::avi::{AviReader, is_avi};
-use super::camera::CameraSource;
+use super::camera::{CameraSource, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
@@ -102,7 +102,12 @@ pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, C
 
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
-    let meta = std::fs::metadata(path).map_err(io)?;
+    let meta = match std::fs::metadata(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound && path.starts_with("/dev") => {
+            return Err(no_such_camera(path));
+        }
+        other => other.map_err(io)?,
+    };
     let kind = meta.file_type();
     if kind.is_dir() {
         return Ok(Box::new(PhotoSource::folder(path, options.fps)?));
@@ -121,6 +126,24 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         return Ok(Box::new(Y4mReader::new(pipe, name_of(path), None)?));
     }
     open_file(path)
+}
+
+/// A device file that is not there, with those that are.
+fn no_such_camera(path: &Path) -> CaptureError {
+    let others: Vec<String> = list_cameras()
+        .unwrap_or_default()
+        .iter()
+        .map(|c| format!("{} ({})", c.path.display(), c.name))
+        .collect();
+    let remedy = if others.is_empty() {
+        "plug a camera in".into()
+    } else {
+        format!("there is {}", others.join(", "))
+    };
+    CaptureError::Unavailable {
+        what: name_of(path),
+        reason: format!("expected a camera, found no such device; {remedy}"),
+    }
 }
 
 /// A named pipe can be read once, from front to back: it carries YUV4MPEG2, like standard input.

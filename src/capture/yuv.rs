@@ -59,17 +59,25 @@ impl YuvToRgb {
         }
     }
 
-    /// One pixel.
+    /// Up to [`BLOCK`] pixels whose luma and chroma lie side by side: plain loops over arrays, which vectorise.
     #[inline(always)]
-    fn pixel(self, y: u8, u: u8, v: u8) -> [u8; 3] {
-        // |sample| · 128 < 2^15 in all three, so that no shift overflows; sums stay below 2^14.
-        let y = high(((y as i16) - self.black) << 7, self.luma);
-        let u = (i16::from(u) - 128) << 7;
-        let v = (i16::from(v) - 128) << 7;
-        let r = y + high(v, self.red_v);
-        let g = y + high(u, self.green_u) + high(v, self.green_v);
-        let b = y + high(u, self.blue_u);
-        [r, g, b].map(|c| ((c + 8) >> 4).clamp(0, 255) as u8)
+    fn block(self, samples: &Samples, rgb: &mut [u8]) {
+        let (mut red, mut green, mut blue) = ([0u8; BLOCK], [0u8; BLOCK], [0u8; BLOCK]);
+        for i in 0..BLOCK {
+            // |sample| · 128 < 2^15 in all three, so that no shift overflows; sums stay below 2^14.
+            let y = high((i16::from(samples.y[i]) - self.black) << 7, self.luma);
+            let u = (i16::from(samples.u[i]) - 128) << 7;
+            let v = (i16::from(samples.v[i]) - 128) << 7;
+            red[i] = to_byte(y + high(v, self.red_v));
+            green[i] = to_byte(y + high(u, self.green_u) + high(v, self.green_v));
+            blue[i] = to_byte(y + high(u, self.blue_u));
+        }
+        let colours = red.iter().zip(&green).zip(&blue);
+        for (o, ((r, g), b)) in rgb.chunks_exact_mut(3).zip(colours) {
+            o[0] = *r;
+            o[1] = *g;
+            o[2] = *b;
+        }
     }
 
     /// `Y U Y V`, two pixels in four bytes, rows of `stride` bytes; `rgb` has `3 * width` bytes a row.
@@ -77,15 +85,19 @@ impl YuvToRgb {
     /// # Panics
     /// When `stride < 4 * ceil(width / 2)`, or `data` is shorter than the rows in `rgb` need.
     pub fn yuyv(self, data: &[u8], stride: usize, width: usize, rgb: &mut [u8]) {
-        for (row, out) in data.chunks(stride).zip(rgb.chunks_exact_mut(3 * width)) {
-            let mut pairs = out.chunks_exact_mut(6);
-            for (o, p) in pairs.by_ref().zip(row.chunks_exact(4)) {
-                o[..3].copy_from_slice(&self.pixel(p[0], p[1], p[3]));
-                o[3..].copy_from_slice(&self.pixel(p[2], p[1], p[3]));
-            }
-            if let [r, g, b] = pairs.into_remainder() {
-                let p = &row[2 * (width - 1)..][..4];
-                [*r, *g, *b] = self.pixel(p[0], p[1], p[3]);
+        let mut samples = Samples::default();
+        for (k, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
+            let row = &data[k * stride..][..4 * width.div_ceil(2)];
+            for (out, part) in out.chunks_mut(3 * BLOCK).zip(row.chunks(2 * BLOCK)) {
+                let pairs = samples.y.chunks_exact_mut(2);
+                let pairs = pairs.zip(samples.u.chunks_exact_mut(2));
+                let pairs = pairs.zip(samples.v.chunks_exact_mut(2));
+                for (((y, u), v), p) in pairs.zip(part.chunks_exact(4)) {
+                    (y[0], y[1]) = (p[0], p[2]);
+                    u.fill(p[1]);
+                    v.fill(p[3]);
+                }
+                self.block(&samples, out);
             }
         }
     }
@@ -95,45 +107,94 @@ impl YuvToRgb {
     /// # Panics
     /// When `stride < 2 * ceil(width / 2)` or a plane is shorter than the rows in `rgb` need.
     pub fn nv12(self, luma: &[u8], chroma: &[u8], stride: usize, width: usize, rgb: &mut [u8]) {
-        for (y, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
-            let luma = &luma[y * stride..][..width];
-            let chroma = &chroma[y / 2 * stride..][..width.div_ceil(2) * 2];
-            let pairs = out.chunks_mut(6).zip(luma.chunks(2));
-            for ((o, l), c) in pairs.zip(chroma.chunks_exact(2)) {
-                for (o, l) in o.chunks_exact_mut(3).zip(l) {
-                    o.copy_from_slice(&self.pixel(*l, c[0], c[1]));
+        let mut samples = Samples::default();
+        for (k, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
+            let luma = &luma[k * stride..][..width];
+            let chroma = &chroma[k / 2 * stride..][..width.div_ceil(2) * 2];
+            let parts = luma.chunks(BLOCK).zip(chroma.chunks(BLOCK));
+            for (out, (luma, chroma)) in out.chunks_mut(3 * BLOCK).zip(parts) {
+                samples.y[..luma.len()].copy_from_slice(luma);
+                let pairs = samples.u.chunks_exact_mut(2);
+                let pairs = pairs.zip(samples.v.chunks_exact_mut(2));
+                for ((u, v), c) in pairs.zip(chroma.chunks_exact(2)) {
+                    u.fill(c[0]);
+                    v.fill(c[1]);
                 }
+                self.block(&samples, out);
             }
         }
     }
 
-    /// Three planes; chroma is `1 << shift_x` times narrower and `1 << shift_y` times lower, rounded up.
+    /// Three planes; chroma is `1 << shift.0` times narrower and `1 << shift.1` times lower, rounded up; shifts are 0 or 1.
     ///
     /// # Panics
     /// When a plane is shorter than the rows in `rgb` need.
     pub fn planar(self, planes: [&[u8]; 3], shift: (u32, u32), width: usize, rgb: &mut [u8]) {
+        let mut samples = Samples::default();
         let chroma_width = width.div_ceil(1 << shift.0);
-        for (y, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
-            let luma = &planes[0][y * width..][..width];
-            let at = (y >> shift.1) * chroma_width;
+        let step = BLOCK >> shift.0;
+        for (k, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
+            let luma = &planes[0][k * width..][..width];
+            let at = (k >> shift.1) * chroma_width;
             let us = &planes[1][at..][..chroma_width];
             let vs = &planes[2][at..][..chroma_width];
-            let step = 1 << shift.0;
-            let groups = out.chunks_mut(3 * step).zip(luma.chunks(step));
-            for ((o, l), (u, v)) in groups.zip(us.iter().zip(vs)) {
-                for (o, l) in o.chunks_exact_mut(3).zip(l) {
-                    o.copy_from_slice(&self.pixel(*l, *u, *v));
-                }
+            let parts = luma.chunks(BLOCK).zip(us.chunks(step).zip(vs.chunks(step)));
+            for (out, (luma, (us, vs))) in out.chunks_mut(3 * BLOCK).zip(parts) {
+                samples.y[..luma.len()].copy_from_slice(luma);
+                spread(us, shift.0, &mut samples.u);
+                spread(vs, shift.0, &mut samples.v);
+                self.block(&samples, out);
             }
         }
     }
 
     /// A plane of luma alone → grey.
     pub fn grey(self, luma: &[u8], rgb: &mut [u8]) {
-        for (o, l) in rgb.chunks_exact_mut(3).zip(luma) {
-            o.copy_from_slice(&self.pixel(*l, 128, 128));
+        let mut samples = Samples::default();
+        for (out, luma) in rgb.chunks_mut(3 * BLOCK).zip(luma.chunks(BLOCK)) {
+            samples.y[..luma.len()].copy_from_slice(luma);
+            self.block(&samples, out);
         }
     }
+}
+
+/// Pixels that are worked on at once: four vectors of 16 bytes.
+const BLOCK: usize = 64;
+
+/// Samples of a block, one of each for every pixel.
+struct Samples {
+    y: [u8; BLOCK],
+    u: [u8; BLOCK],
+    v: [u8; BLOCK],
+}
+
+impl Default for Samples {
+    /// Without colour.
+    fn default() -> Self {
+        Self {
+            y: [0; BLOCK],
+            u: [128; BLOCK],
+            v: [128; BLOCK],
+        }
+    }
+}
+
+/// Chroma of a block, once for every pixel.
+#[inline(always)]
+fn spread(chroma: &[u8], shift: u32, out: &mut [u8; BLOCK]) {
+    if shift == 0 {
+        out[..chroma.len()].copy_from_slice(chroma);
+    } else {
+        for (o, c) in out.chunks_exact_mut(2).zip(chroma) {
+            o.fill(*c);
+        }
+    }
+}
+
+/// 4 fractional bits → a byte, rounded.
+#[inline(always)]
+fn to_byte(c: i16) -> u8 {
+    ((c + 8) >> 4).clamp(0, 255) as u8
 }
 
 /// The upper half of a 32-bit product.

@@ -80,6 +80,7 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
     let mut out = Box::new(BodyFrame::default());
     let mut cleaned = Instant::now();
     let mut next_tick = Instant::now();
+    let mut fit_us = 0;
     while !stop.requested() {
         let patience = match period {
             Some(_) => next_tick.saturating_duration_since(Instant::now()),
@@ -93,7 +94,8 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
                 fitter.update(&frame, &mut out);
             }
             out.flags = frame.flags;
-            out.fit_us = start.elapsed().as_micros() as u32;
+            fit_us = start.elapsed().as_micros() as u32;
+            out.fit_us = fit_us;
             // A file's clock is not ours to extrapolate on.
             if period.is_none() || ended || frame.flags & FLAG_FILE_TIME != 0 {
                 publish(&bodies, &mut out)?;
@@ -104,6 +106,7 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
         {
             if out.width > 0 && out.flags & FLAG_FILE_TIME == 0 {
                 fitter.predict(monotonic_ns(), &mut out);
+                out.fit_us = fit_us;
                 publish(&bodies, &mut out)?;
             }
             next_tick = (next_tick + period).max(Instant::now());

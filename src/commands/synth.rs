@@ -18,8 +18,6 @@ use crate::synth::{Truth, TruthFrame};
 
 /// Frames rendered before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;
-/// Quality of the pictures of a clip: noise and edges of the imitated camera are in the picture already.
-const CLIP_QUALITY: u8 = 80;
 
 /// File type of single pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -60,6 +58,9 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
+    /// JPEG quality; default: that of the imitated camera, 60 for a clip.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pub quality: Option<u8>,
     /// File type of single pictures.
     #[arg(long, value_enum, default_value_t = PictureFormat::Jpg)]
     pub format: PictureFormat,
@@ -73,7 +74,8 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     let size = (args.width, args.height);
     let people = args.people as usize;
     let bar = ProgressBar::new(args.frames);
-    let reel = (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
+    let reel =
+        (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
     let shot = |k: u64| {
         let shot = match &reel {
             Some(reel) => reel.shot(k),
@@ -115,14 +117,20 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
     match std::fs::read_dir(out) {
         Ok(mut entries) => {
             if entries.next().is_some() {
-                bail!("expected a new or empty folder, but {} holds files; choose another --out", out.display());
+                bail!(
+                    "expected a new or empty folder, but {} holds files; choose another --out",
+                    out.display()
+                );
             }
         }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
-        Err(e) => return Err(e).with_context(|| format!("cannot use {} as output folder", out.display())),
+        Err(e) => {
+            return Err(e).with_context(|| format!("cannot use {} as output folder", out.display()));
+        }
     }
     let beside = parent(out);
-    std::fs::create_dir_all(&beside).with_context(|| format!("cannot create folder {}", beside.display()))?;
+    std::fs::create_dir_all(&beside)
+        .with_context(|| format!("cannot create folder {}", beside.display()))?;
     let partial = tempfile::Builder::new()
         .prefix(".edgecap-synth-")
         .permissions(std::fs::Permissions::from_mode(0o755))
@@ -133,12 +141,16 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         .map(|k| -> anyhow::Result<TruthFrame> {
             let mut shot = shot(k);
             let (ending, bytes) = match args.format {
-                PictureFormat::Jpg => ("jpg", jpeg(&shot.frame, shot.quality)?),
+                PictureFormat::Jpg => (
+                    "jpg",
+                    jpeg(&shot.frame, args.quality.unwrap_or(shot.quality))?,
+                ),
                 PictureFormat::Png => ("png", png(&shot.frame)?),
             };
             let name = format!("{k:06}.{ending}");
             let path = partial.path().join(&name);
-            std::fs::write(&path, bytes).with_context(|| format!("cannot write picture {}", path.display()))?;
+            std::fs::write(&path, bytes)
+                .with_context(|| format!("cannot write picture {}", path.display()))?;
             shot.truth.file = Some(name);
             Ok(shot.truth)
         })
@@ -156,15 +168,21 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
 /// Writes a clip and its truth.
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
     let folder = parent(file);
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create folder {}", folder.display()))?;
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create folder {}", folder.display()))?;
     let truth_folder = args.out.clone().unwrap_or_else(|| folder.clone());
     std::fs::create_dir_all(&truth_folder)
         .with_context(|| format!("cannot create folder {}", truth_folder.display()))?;
     let wanted = || format!("cannot write clip {}", file.display());
     let mut partial = shared(&folder).with_context(wanted)?;
     let mut frames = Vec::with_capacity(args.frames as usize);
-    let mut avi = AviWriter::new(BufWriter::new(partial.as_file_mut()), args.width, args.height, (args.fps, 1))
-        .with_context(wanted)?;
+    let mut avi = AviWriter::new(
+        BufWriter::new(partial.as_file_mut()),
+        args.width,
+        args.height,
+        (args.fps, 1),
+    )
+    .with_context(wanted)?;
     let mut first = 0;
     while first < args.frames {
         let next = (first + BATCH).min(args.frames);
@@ -172,7 +190,7 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
             .into_par_iter()
             .map(|k| {
                 let shot = shot(k);
-                Ok((jpeg(&shot.frame, CLIP_QUALITY)?, shot.truth))
+                Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
         for (picture, known) in batch {
@@ -181,13 +199,17 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         }
         first = next;
     }
-    avi.finish().with_context(wanted)?.flush().with_context(wanted)?;
+    avi.finish()
+        .with_context(wanted)?
+        .flush()
+        .with_context(wanted)?;
     let mut text = shared(&truth_folder)?;
     text.write_all(truth(args, frames).to_text().as_bytes())
         .with_context(|| format!("cannot write a truth file in {}", truth_folder.display()))?;
     partial.persist(file).with_context(wanted)?;
     let path = truth_folder.join("truth.json");
-    text.persist(&path).with_context(|| format!("cannot write truth file {}", path.display()))?;
+    text.persist(&path)
+        .with_context(|| format!("cannot write truth file {}", path.display()))?;
     Ok(())
 }
 

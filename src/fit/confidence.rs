@@ -9,13 +9,13 @@ pub const RADIUS: f64 = 0.15;
 
 /// Error per axis of an observed joint, metres at canonical stature.
 const OBSERVED: [f64; BODY_JOINTS] = [
-    0.042, 0.030, 0.034, 0.045, 0.058, 0.034, 0.045, 0.058, 0.022, 0.040, 0.055, 0.022, 0.040,
-    0.055, 0.005, 0.022, 0.036, 0.068, 0.068, 0.068, 0.068,
+    0.033, 0.023, 0.027, 0.035, 0.045, 0.027, 0.035, 0.045, 0.017, 0.031, 0.043, 0.017, 0.031,
+    0.043, 0.004, 0.017, 0.028, 0.053, 0.053, 0.053, 0.053,
 ];
 /// Factor for joints filled in from the others.
-const OCCLUDED: f64 = 1.25;
+const OCCLUDED: f64 = 1.4;
 /// Growth of the error per second without being seen, metres.
-const GROWTH: f64 = 0.12;
+const GROWTH: f64 = 0.17;
 /// Share of the disagreement between fit and Stage II that is error of the fit.
 const DISAGREEMENT: f64 = 0.35;
 

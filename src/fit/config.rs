@@ -86,6 +86,8 @@ pub struct IdentityConfig {
     pub tentative_grace: f64,
     /// A person not seen is published as predicted for this long.
     pub grace: f64,
+    /// A person not seen is expected near the last place for this long, after which looks alone decide.
+    pub hold: f64,
     /// A person who left keeps the identity for this long.
     pub memory: f64,
     /// Dissimilarity beyond which an observation is somebody else.
@@ -134,8 +136,8 @@ impl Default for OneEuroConfig {
     fn default() -> Self {
         Self {
             enabled: true,
-            min_cutoff: 6.0,
-            beta: 6.0,
+            min_cutoff: 4.0,
+            beta: 4.0,
             derivative_cutoff: 2.0,
         }
     }
@@ -162,10 +164,11 @@ impl Default for IdentityConfig {
             confirm_hits: 3,
             tentative_grace: 0.2,
             grace: 0.8,
+            hold: 2.5,
             memory: 60.0,
-            threshold: 1.0,
-            appearance_weight: 0.8,
-            reidentify_appearance: 0.45,
+            threshold: 1.2,
+            appearance_weight: 1.5,
+            reidentify_appearance: 0.3,
             refresh: 30.0,
             birth_score: 0.15,
         }
@@ -306,6 +309,7 @@ impl FitConfig {
         for (field, value) in [
             ("identity.tentative_grace", i.tentative_grace),
             ("identity.grace", i.grace),
+            ("identity.hold", i.hold),
             ("identity.memory", i.memory),
             ("identity.refresh", i.refresh),
         ] {

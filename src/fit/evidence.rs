@@ -16,6 +16,11 @@ const REACH: f64 = 1.6;
 /// Error of a 2D joint, metres at the person's distance, beyond which it hardly counts for the root.
 const ROOT_SIGMA: f64 = 0.12;
 
+/// The body joint on the other side of the body (itself on the midline).
+const MIRROR_BODY: [usize; BODY_JOINTS] = [
+    0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10, 14, 15, 16, 18, 17, 20, 19,
+];
+
 /// What was seen of one person in one frame.
 #[derive(Debug, Clone)]
 pub struct Evidence {
@@ -136,32 +141,38 @@ impl Evidence {
     }
 
     /// Mean distance to a posed skeleton in the picture, metres at its distance, each joint's at most `cap`; `None`
-    /// where too few joints are seen.
+    /// where too few joints are seen. Left and right may be exchanged as a whole: Stage I confuses them, and somebody who
+    /// turns round is still the same person.
     pub fn distance2d(&self, posed: &Posed, cap: f64) -> Option<f64> {
         let depth = posed.joints[PELVIS].z.max(DEPTHS[0]);
-        let (mut sum, mut weight) = (0.0, 0.0);
+        let (mut sum, mut exchanged, mut weight) = (0.0, 0.0, 0.0);
         for j in 0..EVIDENCE_JOINTS {
-            let (c, p) = (self.confidence[j], posed.joints[j]);
-            if c > 0.0 && p.z > 0.1 {
-                let d = (p.truncate() / p.z - self.plane[j]).length() * depth;
-                sum += c * d.min(cap);
+            let c = self.confidence[j];
+            let (p, q) = (posed.joints[j], posed.joints[MIRROR_BODY[j]]);
+            if c > 0.0 && p.z > 0.1 && q.z > 0.1 {
+                let far =
+                    |p: DVec3| ((p.truncate() / p.z - self.plane[j]).length() * depth).min(cap);
+                sum += c * far(p);
+                exchanged += c * far(q);
                 weight += c;
             }
         }
-        (weight > 0.0).then(|| sum / weight)
+        (weight > 0.0).then(|| sum.min(exchanged) / weight)
     }
 
-    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most `cap`.
+    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most `cap`;
+    /// left and right may be exchanged as a whole.
     pub fn distance3d(&self, posed: &Posed, cap: f64) -> Option<f64> {
         self.known3d.then(|| {
-            (0..BODY_JOINTS)
-                .map(|j| {
-                    (posed.joints[j] - posed.joints[PELVIS] - self.points3d[j])
-                        .length()
-                        .min(cap)
-                })
-                .sum::<f64>()
-                / BODY_JOINTS as f64
+            let root = posed.joints[PELVIS];
+            let far = |k: usize, j: usize| {
+                (posed.joints[k] - root - self.points3d[j])
+                    .length()
+                    .min(cap)
+            };
+            let sum: f64 = (0..BODY_JOINTS).map(|j| far(j, j)).sum();
+            let exchanged: f64 = (0..BODY_JOINTS).map(|j| far(MIRROR_BODY[j], j)).sum();
+            sum.min(exchanged) / BODY_JOINTS as f64
         })
     }
 

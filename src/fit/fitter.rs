@@ -30,6 +30,16 @@ const STEP: [f64; 2] = [1e-3, 1.0];
 const MAX_REMEMBERED: usize = 64;
 /// A newcomer nearer than this to somebody already seen (metres, mean over joints) is a double.
 const DOUBLE: f64 = 0.22;
+/// An observation up to this many thresholds away from somebody …
+const DOUBTFUL: f64 = 1.5;
+/// … who was seen this recently (seconds) starts nobody new.
+const DOUBTFUL_TIME: f64 = 0.3;
+/// Share of the threshold for people without identity: chance must not confirm anybody.
+const NEWCOMER: f64 = 0.6;
+/// Observations that a newcomer without looks waits for them, while there is somebody to recognise.
+const WAIT_FOR_LOOKS: u32 = 20;
+/// Seconds without being seen after which somebody may turn up under another name.
+const ABSENT_AFTER: f64 = 0.15;
 /// Fewest joints from which a person may be started.
 const BIRTH_JOINTS: usize = 6;
 
@@ -46,6 +56,18 @@ pub struct FitCounters {
     pub births: u64,
     /// People recognised when they came back.
     pub returns: u64,
+}
+
+/// One person of a frame: geometry and looks.
+type Seen = (Evidence, Option<Appearance>);
+
+/// To whom an observation belongs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Match {
+    Nobody,
+    Track(usize),
+    /// Perhaps a bad observation of somebody known.
+    Doubtful,
 }
 
 #[derive(Debug, Clone)]
@@ -68,6 +90,13 @@ pub struct Fitter {
     counters: FitCounters,
 }
 
+/// Somebody known who is not seen at the moment: index into the present or into those gone.
+#[derive(Debug, Clone, Copy)]
+enum Absent {
+    Present(usize),
+    Gone(usize),
+}
+
 /// What a body frame repeats of the newest observation frame.
 #[derive(Debug, Clone, Copy)]
 struct Header {
@@ -78,6 +107,7 @@ struct Header {
     intrinsics: Intrinsics,
     stage_times: crate::message::StageTimes,
     flags: u32,
+    frame_total: u32,
 }
 
 impl Fitter {
@@ -110,10 +140,15 @@ impl Fitter {
         self.counters
     }
 
+    /// Tracks held in memory: present ones, with and without identity, and those remembered after they left.
+    pub fn remembered(&self) -> usize {
+        self.present.len() + self.gone.len()
+    }
+
     /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.
     /// `publish_ns` and `fit_us` are left to whoever publishes.
     ///
-    /// A frame older than the newest changes nothing and yields the newest bodies; a step back of more than half a second
+    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of more than half a second
     /// starts over with nobody present (identities are never given again). An end of stream without people changes nothing.
     pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
         let ended = frame.flags & FLAG_END_OF_STREAM != 0;
@@ -139,7 +174,7 @@ impl Fitter {
         self.counters.frames += 1;
         self.header = Some(Header::of(frame));
         let camera = usable_camera(frame);
-        let seen: Vec<(Evidence, Option<Appearance>)> = frame
+        let seen: Vec<Seen> = frame
             .people()
             .iter()
             .filter_map(|person| {
@@ -147,9 +182,9 @@ impl Fitter {
                 Some((evidence, Appearance::new(person)))
             })
             .collect();
-        let owners = self.match_people(&seen, dt);
-        self.advance(&seen, &owners, dt);
-        self.start_people(&seen, &owners);
+        let matches = self.match_people(&seen, dt);
+        self.advance(&seen, &matches, dt);
+        self.start_people(&seen, &matches);
         self.confirm(frame.capture_ns);
         self.forget(frame.capture_ns);
         self.publish(frame.capture_ns, 0.0, out);
@@ -175,7 +210,7 @@ impl Fitter {
             return Some(STEP[0]);
         }
         let (now, before) = (frame.capture_ns, last.capture_ns);
-        if now < before {
+        if now <= before {
             if before - now <= RESTART_NS && frame.sequence <= last.sequence {
                 return None;
             }
@@ -212,12 +247,9 @@ impl Fitter {
         }
     }
 
-    /// The track of every person seen.
-    fn match_people(
-        &mut self,
-        seen: &[(Evidence, Option<Appearance>)],
-        dt: f64,
-    ) -> Vec<Option<usize>> {
+    /// The track of every person seen, and who may not start a new one. Those with an identity choose first: a newcomer
+    /// must not take an observation from somebody known because it fits a little better.
+    fn match_people(&mut self, seen: &[Seen], dt: f64) -> Vec<Match> {
         let cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -225,38 +257,59 @@ impl Fitter {
             solver: &mut self.solver,
         };
         let config = &self.config.identity;
-        let mut costs = Vec::with_capacity(seen.len() * self.present.len());
+        let mut matches = vec![Match::Nobody; seen.len()];
         let mut expected = Posed::default();
-        for track in &self.present {
-            track.expected(dt, &cx, &mut expected);
-            for (evidence, looks) in seen {
-                costs.push(dissimilarity(
-                    track,
-                    &expected,
-                    evidence,
-                    looks.as_ref(),
-                    dt,
-                    config,
-                ));
+        for known in [true, false] {
+            let tracks: Vec<usize> = (0..self.present.len())
+                .filter(|&t| (self.present[t].id != 0) == known)
+                .collect();
+            let free: Vec<usize> = (0..seen.len())
+                .filter(|&i| !matches!(matches[i], Match::Track(_)))
+                .collect();
+            let mut costs = Vec::with_capacity(free.len() * tracks.len());
+            for &t in &tracks {
+                let track = &self.present[t];
+                track.expected(dt, &cx, &mut expected);
+                for &i in &free {
+                    let (evidence, looks) = &seen[i];
+                    costs.push(dissimilarity(
+                        track,
+                        &expected,
+                        evidence,
+                        looks.as_ref(),
+                        dt,
+                        config,
+                    ));
+                }
+            }
+            let limit = config.threshold * if known { 1.0 } else { NEWCOMER };
+            let pairs = assign(&costs, tracks.len(), free.len(), limit);
+            for (row, pair) in pairs.iter().enumerate() {
+                if let Some(column) = pair {
+                    matches[free[*column]] = Match::Track(tracks[row]);
+                }
+            }
+            if known {
+                // Nearly somebody who was here a moment ago: rather a bad observation than a new person.
+                for (row, _) in pairs.iter().enumerate().filter(|(_, p)| p.is_none()) {
+                    if self.present[tracks[row]].unseen < DOUBTFUL_TIME {
+                        for (column, &i) in free.iter().enumerate() {
+                            let cost = costs[row * free.len() + column];
+                            if cost < DOUBTFUL * config.threshold
+                                && matches!(matches[i], Match::Nobody)
+                            {
+                                matches[i] = Match::Doubtful;
+                            }
+                        }
+                    }
+                }
             }
         }
-        let pairs = assign(&costs, self.present.len(), seen.len(), config.threshold);
-        let mut owners = vec![None; seen.len()];
-        for (track, person) in pairs.iter().enumerate() {
-            if let Some(person) = person {
-                owners[*person] = Some(track);
-            }
-        }
-        owners
+        matches
     }
 
     /// Fits everyone who was seen, lets the others coast.
-    fn advance(
-        &mut self,
-        seen: &[(Evidence, Option<Appearance>)],
-        owners: &[Option<usize>],
-        dt: f64,
-    ) {
+    fn advance(&mut self, seen: &[Seen], matches: &[Match], dt: f64) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -264,7 +317,7 @@ impl Fitter {
             solver: &mut self.solver,
         };
         for (t, track) in self.present.iter_mut().enumerate() {
-            match owners.iter().position(|o| *o == Some(t)) {
+            match matches.iter().position(|m| *m == Match::Track(t)) {
                 Some(person) => {
                     let (evidence, looks) = &seen[person];
                     let alone = !seen
@@ -280,16 +333,18 @@ impl Fitter {
     }
 
     /// Starts a track for everyone whom nobody owns and who is no double of somebody else.
-    fn start_people(&mut self, seen: &[(Evidence, Option<Appearance>)], owners: &[Option<usize>]) {
+    fn start_people(&mut self, seen: &[Seen], matches: &[Match]) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
             model: &self.model,
             solver: &mut self.solver,
         };
-        let mut accepted: Vec<usize> = (0..seen.len()).filter(|&i| owners[i].is_some()).collect();
+        let mut accepted: Vec<usize> = (0..seen.len())
+            .filter(|&i| matches[i] != Match::Nobody)
+            .collect();
         for (person, (evidence, looks)) in seen.iter().enumerate() {
-            if owners[person].is_some()
+            if matches[person] != Match::Nobody
                 || evidence.score < self.config.identity.birth_score
                 || evidence.joints_seen() < BIRTH_JOINTS
                 || self.present.len() >= 2 * MAX_PEOPLE
@@ -324,53 +379,59 @@ impl Fitter {
         let ready: Vec<usize> = (0..self.present.len())
             .filter(|&t| {
                 let track = &self.present[t];
-                track.id == 0 && track.hits >= needed && track.unseen == 0.0
+                let looks_may_tell =
+                    track.appearance.is_none() && track.hits < needed + WAIT_FOR_LOOKS;
+                let wait = looks_may_tell && self.gone.iter().any(|g| g.track.appearance.is_some());
+                track.id == 0 && track.hits >= needed && track.unseen == 0.0 && !wait
             })
             .collect();
         if ready.is_empty() {
             return;
         }
-        let mut costs = Vec::with_capacity(ready.len() * self.gone.len());
+        // Those missed for a moment may be standing here under another name as well as those who left.
+        let absent: Vec<Absent> = (0..self.present.len())
+            .filter(|&t| self.present[t].id != 0 && self.present[t].unseen > ABSENT_AFTER)
+            .map(Absent::Present)
+            .chain((0..self.gone.len()).map(Absent::Gone))
+            .collect();
+        let mut costs = Vec::with_capacity(ready.len() * absent.len());
         for &t in &ready {
-            for gone in &self.gone {
-                let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
-                costs.push(reidentification(
-                    &self.present[t],
-                    &gone.track,
-                    seconds,
-                    config,
-                ));
-            }
-        }
-        let pairs = assign(&costs, ready.len(), self.gone.len(), 1.0);
-        let mut returned = Vec::new();
-        for (&t, pair) in ready.iter().zip(pairs) {
-            let track = &mut self.present[t];
-            match pair {
-                Some(g) => {
-                    let old = &self.gone[g].track;
-                    track.id = old.id;
-                    track.bones = old.bones.clone();
-                    track.stature = old.stature;
-                    if let (Some(now), Some(before)) = (&mut track.appearance, &old.appearance) {
-                        now.blend(before, 0.5);
-                    } else if track.appearance.is_none() {
-                        track.appearance = old.appearance;
+            for who in &absent {
+                let (track, seconds) = match *who {
+                    Absent::Present(p) => (&self.present[p], self.present[p].unseen),
+                    Absent::Gone(g) => {
+                        let gone = &self.gone[g];
+                        let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
+                        (&gone.track, seconds)
                     }
-                    returned.push(g);
-                    self.counters.returns += 1;
-                }
-                None => {
-                    track.id = self.next_id;
-                    self.next_id = self.next_id.wrapping_add(1).max(1);
-                    self.counters.births += 1;
-                }
+                };
+                costs.push(reidentification(&self.present[t], track, seconds, config));
             }
         }
-        returned.sort_unstable();
-        for g in returned.into_iter().rev() {
-            self.gone.swap_remove(g);
+        let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
+        let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
+        for (&t, pair) in ready.iter().zip(pairs) {
+            let Some(who) = pair else {
+                self.present[t].id = self.next_id;
+                self.next_id = self.next_id.wrapping_add(1).max(1);
+                self.counters.births += 1;
+                continue;
+            };
+            let old = match absent[who] {
+                Absent::Present(p) => {
+                    from_present.push(p);
+                    self.present[p].clone()
+                }
+                Absent::Gone(g) => {
+                    from_gone.push(g);
+                    self.gone[g].track.clone()
+                }
+            };
+            self.present[t].succeed(old);
+            self.counters.returns += 1;
         }
+        remove_all(&mut self.present, from_present);
+        remove_all(&mut self.gone, from_gone);
     }
 
     /// Lets go of those missed for too long, and of the memory of those who left long ago.
@@ -382,7 +443,7 @@ impl Fitter {
             let grace = if track.id == 0 {
                 config.tentative_grace
             } else {
-                config.grace
+                config.grace.max(config.hold)
             };
             let broken = !(track.pose.is_finite() && track.motion.is_finite());
             if broken || track.unseen > grace {
@@ -407,7 +468,8 @@ impl Fitter {
     }
 
     fn publish(&self, pose_ns: u64, ahead: f64, out: &mut BodyFrame) {
-        let mut known: Vec<&Track> = self.present.iter().filter(|t| t.id != 0).collect();
+        let shown = |t: &&Track| t.id != 0 && t.unseen <= self.config.identity.grace;
+        let mut known: Vec<&Track> = self.present.iter().filter(shown).collect();
         // Those seen first, should there be more than fit.
         known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
         known.truncate(MAX_PEOPLE);
@@ -429,7 +491,7 @@ impl Fitter {
         out.stage_times = header.stage_times;
         out.fit_us = 0;
         out.flags = header.flags;
-        out.reserved = 0;
+        out.frame_total = header.frame_total;
         out.count = known.len() as u32;
         for (body, track) in out.bodies.iter_mut().zip(&known) {
             self.write_body(track, ahead, &header.intrinsics, body);
@@ -500,6 +562,7 @@ impl Header {
             intrinsics: usable_camera(frame),
             stage_times: frame.stage_times,
             flags: frame.flags,
+            frame_total: frame.frame_total,
         }
     }
 }
@@ -513,6 +576,13 @@ fn usable_camera(frame: &ObservationFrame) -> Intrinsics {
         c
     } else {
         Intrinsics::from_horizontal_fov(frame.width.max(1), frame.height.max(1), 60.0)
+    }
+}
+
+fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
+    indices.sort_unstable();
+    for i in indices.into_iter().rev() {
+        items.remove(i);
     }
 }
 

@@ -10,15 +10,20 @@ use crate::joints::PELVIS;
 /// Distance in the picture, metres at the person's distance, that counts as 1 at once …
 const NEAR: f64 = 0.35;
 /// … and its growth per second without being seen.
-const SPREAD: f64 = 0.5;
+const SPREAD: f64 = 1.0;
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
 /// Weight of the mean 3D joint distance, per metre.
 const SHAPE: f64 = 0.6;
-/// Weight of the difference of depth, per e-fold.
-const DEPTH: f64 = 1.0;
-/// Handicap of people not yet confirmed.
-const TENTATIVE: f64 = 0.1;
+/// Weight of the difference of depth, per e-fold, and its most.
+const DEPTH: f64 = 0.6;
+const MOST_DEPTH: f64 = 0.25;
+/// Difference of appearance that one person has from frame to frame.
+const LOOKS_NOISE: f64 = 0.15;
+/// Handicap per second without being seen, up to one second …
+const ABSENT: f64 = 0.25;
+/// … and where looks that could tell are not known.
+const UNKNOWN_LOOKS: f64 = 0.6;
 
 /// Dissimilarity of a track, expected at `expected`, and a person seen; infinite where they cannot be the same.
 pub fn dissimilarity(
@@ -42,14 +47,15 @@ pub fn dissimilarity(
     }
     if let Some(root) = seen.root {
         let depth = expected.joints[PELVIS].z.max(0.1);
-        cost += DEPTH * (root.z / depth).ln().abs().min(0.5);
+        cost += (DEPTH * (root.z / depth).ln().abs()).min(MOST_DEPTH);
     }
-    if let (Some(a), Some(b)) = (&track.appearance, appearance) {
-        cost += config.appearance_weight * a.distance(b);
-    }
-    if track.id == 0 {
-        cost += TENTATIVE;
-    }
+    let absent = track.unseen.min(1.0);
+    cost += ABSENT * absent;
+    cost += match (&track.appearance, appearance) {
+        (Some(a), Some(b)) => config.appearance_weight * (a.distance(b) - LOOKS_NOISE).max(0.0),
+        (None, None) => 0.0,
+        _ => UNKNOWN_LOOKS * absent,
+    };
     cost
 }
 

@@ -46,10 +46,13 @@ const OUTLIER: f64 = 0.35;
 const OUTLIER_FRAMES: u8 = 3;
 /// Energy of a limb (two joints) above which another pose for it is tried.
 const LIMB_STUCK: f64 = 14.0;
-/// Mean energy of a joint above which the whole pose is doubtful.
-const POSE_DOUBTFUL: f64 = 6.0;
+/// Mean distance between fit and Stage II (metres) above which the whole pose is doubtful.
+const POSE_DOUBTFUL: f64 = 0.1;
 /// Seconds of doubt before the pose is started afresh.
 const DOUBT: f64 = 0.25;
+/// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed anew.
+const REACQUIRE_AFTER: f64 = 0.25;
+const REACQUIRE_APART: f64 = 0.2;
 /// Effort with a good guess and without.
 const WARM: Effort = Effort {
     iterations: 4,
@@ -160,6 +163,9 @@ impl Track {
         let mut expected = Posed::default();
         cx.skeleton
             .pose(&predicted, self.bones.lengths(), &mut expected);
+        if self.lost_sight(&evidence, &expected) && self.reacquire(&evidence, dt, cx) {
+            return;
+        }
         self.swaps.undo(&mut evidence, &expected, dt);
         self.filter(&mut evidence, &expected, dt, cx);
         let depth = predicted.position.z.max(0.3);
@@ -225,12 +231,49 @@ impl Track {
         }
     }
 
+    /// Takes over identity, proportions, height and looks of somebody recognised.
+    pub fn succeed(&mut self, old: Track) {
+        self.id = old.id;
+        self.bones = old.bones;
+        self.stature = old.stature;
+        self.appearance_age = 0.0;
+        match (&mut self.appearance, old.appearance) {
+            (Some(now), Some(before)) => now.blend(&before, 0.5),
+            (now, before) => *now = now.or(before),
+        }
+    }
+
     /// Where the person is expected `dt` seconds from now.
     pub fn expected(&self, dt: f64, cx: &Context<'_>, out: &mut Posed) -> Pose {
         let mut pose = self.motion.ahead(&self.pose, dt, cx.model);
         clamp(cx.skeleton, &mut pose);
         cx.skeleton.pose(&pose, self.bones.lengths(), out);
         pose
+    }
+
+    /// Whether somebody comes back elsewhere than expected, too far for the filters to follow.
+    fn lost_sight(&self, evidence: &Evidence, expected: &Posed) -> bool {
+        self.unseen > REACQUIRE_AFTER
+            && evidence
+                .distance2d(expected, 1.0)
+                .is_some_and(|d| d > REACQUIRE_APART)
+    }
+
+    /// Starts the pose from this observation alone, keeping identity and proportions.
+    fn reacquire(&mut self, evidence: &Evidence, dt: f64, cx: &mut Context<'_>) -> bool {
+        let Some(mut fresh) = Self::start(evidence, cx) else {
+            return false;
+        };
+        fresh.id = self.id;
+        fresh.hits = self.hits.saturating_add(1);
+        fresh.bones = self.bones.clone();
+        fresh.appearance = self.appearance;
+        fresh.appearance_age = self.appearance_age + dt;
+        fresh.stature = self.stature;
+        cx.skeleton
+            .pose(&fresh.pose, fresh.bones.lengths(), &mut fresh.posed);
+        *self = fresh;
+        true
     }
 
     fn start_filters(&mut self, evidence: &Evidence) {
@@ -385,13 +428,12 @@ impl Track {
         lengths: &BoneLengths,
         cx: &mut Context<'_>,
     ) {
-        let data = |posed: &Posed, t: &Targets| -> f64 {
-            (0..BODY_JOINTS)
-                .map(|j| t.joint_cost(posed, j))
-                .sum::<f64>()
-                / BODY_JOINTS as f64
+        let data = |posed: &Posed| -> f64 {
+            let root = posed.joints[PELVIS];
+            let far = |j: usize| (posed.joints[j] - root - evidence.points3d[j]).length();
+            (0..BODY_JOINTS).map(far).sum::<f64>() / BODY_JOINTS as f64
         };
-        let cost = data(&self.posed, targets);
+        let cost = data(&self.posed);
         if cost < POSE_DOUBTFUL {
             self.doubt = (self.doubt - dt).max(0.0);
             return;
@@ -407,7 +449,7 @@ impl Track {
         let mut fresh = self.targets(evidence, start, start.position.z, cx);
         let mut posed = Posed::default();
         let found = cold_solve(&mut fresh, &start, lengths, cx, &mut posed);
-        if data(&posed, &fresh) < 0.6 * cost && found.pose.is_finite() {
+        if data(&posed) < 0.7 * cost && found.pose.is_finite() {
             fresh.predicted = found.pose;
             self.motion = Motion::default();
             self.feet.lift();

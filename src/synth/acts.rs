@@ -30,7 +30,10 @@ pub enum Act {
 impl Act {
     /// Whether it leaves the legs free for walking.
     pub fn arms_only(self) -> bool {
-        !matches!(self, Self::Squat | Self::Bow | Self::JumpingJack | Self::Sit(_) | Self::Stretch)
+        !matches!(
+            self,
+            Self::Squat | Self::Bow | Self::JumpingJack | Self::Sit(_) | Self::Stretch
+        )
     }
 }
 
@@ -52,9 +55,20 @@ pub fn idle(t: f32, person: u32) -> Pose {
     };
     for side in 0..2 {
         let c = 10 + 10 * side as u32;
-        pose.arms[side] = Arm::new(3.0 + 6.0 * d(c), 8.0 + 2.0 * d(c + 1), 8.0 * d(c + 2), 15.0 + 8.0 * d(c + 3));
+        pose.arms[side] = Arm::new(
+            3.0 + 6.0 * d(c),
+            8.0 + 2.0 * d(c + 1),
+            8.0 * d(c + 2),
+            15.0 + 8.0 * d(c + 3),
+        );
         let bend = 6.0 + 5.0 * d(c + 4) * if side == 0 { shift } else { -shift };
-        pose.legs[side] = Leg { flex: 0.5 * bend, abduct: 4.0, rotate: 9.0, knee: bend, ankle: 0.5 * bend };
+        pose.legs[side] = Leg {
+            flex: 0.5 * bend,
+            abduct: 4.0,
+            rotate: 9.0,
+            knee: bend,
+            ankle: 0.5 * bend,
+        };
     }
     pose
 }
@@ -89,7 +103,10 @@ pub fn act(act: Act, base: &Pose, t: f32) -> Pose {
         }
         Act::HandsOnHips => p.arms = [Arm::new(-24.0, 40.0, 62.0, 92.0); 2],
         Act::CrossArms => {
-            p.arms = [Arm::new(38.0, 14.0, 62.0, 102.0), Arm::new(48.0, 14.0, 58.0, 98.0)];
+            p.arms = [
+                Arm::new(38.0, 14.0, 62.0, 102.0),
+                Arm::new(48.0, 14.0, 58.0, 98.0),
+            ];
         }
         Act::Telephone(s) => {
             p.arms[s] = Arm::new(48.0, 30.0, 6.0, 142.0);
@@ -99,7 +116,13 @@ pub fn act(act: Act, base: &Pose, t: f32) -> Pose {
             let d = 42.0 - 42.0 * (t * 0.45 * std::f32::consts::TAU).cos();
             p.lean[0] = 0.28 * d;
             p.spine[0] = 4.0 + 0.12 * d;
-            p.legs = [Leg { flex: d, abduct: 12.0, rotate: 18.0, knee: 1.22 * d, ankle: 0.22 * d - 0.28 * d + 0.28 * d }; 2];
+            p.legs = [Leg {
+                flex: d,
+                abduct: 12.0,
+                rotate: 18.0,
+                knee: 1.22 * d,
+                ankle: 0.22 * d - 0.28 * d + 0.28 * d,
+            }; 2];
             let lift = d.min(75.0);
             p.arms = [Arm::new(lift, 10.0, 10.0, 12.0); 2];
         }
@@ -108,21 +131,36 @@ pub fn act(act: Act, base: &Pose, t: f32) -> Pose {
             p.lean[0] = 0.6 * d;
             p.spine[0] = 4.0 + 0.5 * d;
             for l in &mut p.legs {
-                *l = Leg { flex: 0.65 * d, abduct: 5.0, rotate: 8.0, knee: 5.0 + 0.1 * d, ankle: 5.0 };
+                *l = Leg {
+                    flex: 0.65 * d,
+                    abduct: 5.0,
+                    rotate: 8.0,
+                    knee: 5.0 + 0.1 * d,
+                    ankle: 5.0,
+                };
             }
             p.arms = [Arm::new(1.0 * d, 6.0, 10.0, 10.0); 2];
         }
         Act::JumpingJack => {
             let k = 0.5 - 0.5 * (t * 1.1 * std::f32::consts::TAU).cos();
             p.arms = [Arm::new(5.0, 12.0 + 140.0 * k, 0.0, 15.0); 2];
-            p.legs = [Leg { flex: 4.0, abduct: 3.0 + 22.0 * k, rotate: 8.0, knee: 8.0, ankle: 3.0 }; 2];
+            p.legs = [Leg {
+                flex: 4.0,
+                abduct: 3.0 + 22.0 * k,
+                rotate: 8.0,
+                knee: 8.0,
+                ankle: 3.0,
+            }; 2];
             p.hop = 0.07 * (t * 2.2 * std::f32::consts::TAU - 0.6).sin().max(0.0);
         }
         Act::Stretch => {
             let side = swing(0.25);
             p.spine[1] = 26.0 * side;
             p.lean[1] = 6.0 * side;
-            p.arms = [Arm::new(8.0, 150.0 - 40.0 * (-side).max(0.0), 0.0, 20.0), Arm::new(8.0, 150.0 - 40.0 * side.max(0.0), 0.0, 20.0)];
+            p.arms = [
+                Arm::new(8.0, 150.0 - 40.0 * (-side).max(0.0), 0.0, 20.0),
+                Arm::new(8.0, 150.0 - 40.0 * side.max(0.0), 0.0, 20.0),
+            ];
         }
         Act::Clap => {
             let k = swing(1.8);
@@ -140,8 +178,17 @@ pub fn act(act: Act, base: &Pose, t: f32) -> Pose {
             p.seat = height;
             p.lean = [-4.0, 0.0, 0.0];
             p.spine[0] = 12.0;
-            p.legs = [Leg { flex: 84.0, abduct: 7.0, rotate: 6.0, knee: 82.0, ankle: 0.0 }; 2];
-            p.arms = [Arm::new(30.0, 8.0, 12.0, 48.0), Arm::new(34.0, 8.0, 14.0, 52.0)];
+            p.legs = [Leg {
+                flex: 84.0,
+                abduct: 7.0,
+                rotate: 6.0,
+                knee: 82.0,
+                ankle: 0.0,
+            }; 2];
+            p.arms = [
+                Arm::new(30.0, 8.0, 12.0, 48.0),
+                Arm::new(34.0, 8.0, 14.0, 52.0),
+            ];
         }
     }
     p

@@ -30,9 +30,17 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
     let mut dice = Dice::new(seed, 0);
     let dice = &mut dice;
     let eye = Vec3::new(0.0, dice.range(1.3, 1.75), 0.0);
-    let camera = Camera::new(size, dice.range(58.0, 66.0), eye, dice.range(6.0, 11.0), 0.0, dice.range(-0.8, 0.8));
+    let camera = Camera::new(
+        size,
+        dice.range(53.0, 58.0),
+        eye,
+        dice.range(6.0, 9.5),
+        0.0,
+        dice.range(-0.8, 0.8),
+    );
     let spread = 0.5 * size.0 as f32 / camera.lens.fx;
     let mut place = Place::indoors(dice, eye, 6.2);
+    place.grain = 0.0;
     if let Some(room) = &mut place.room {
         room.sides = [-6.0, 6.0];
     }
@@ -47,28 +55,50 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
     let wood = |dice: &mut Dice| {
         let v = dice.range(0.12, 0.4);
         let a = Vec3::new(v, v * 0.72, v * 0.48);
-        Finish { paint: Paint::Planks(0.12), a, b: a * 0.6, seed: dice.bits() as u32 }
+        Finish {
+            paint: Paint::Planks(0.3),
+            a,
+            b: a * 0.85,
+            seed: dice.bits() as u32,
+        }
     };
     let (front, top, bench) = (wood(dice), wood(dice), wood(dice));
     if people > 3 {
-        place.things.push(block(counter_at + Vec3::Y * (0.5 * COUNTER), Vec3::new(0.62, 0.5 * COUNTER, 0.24), front));
-        place.things.push(block(counter_at + Vec3::Y * COUNTER, Vec3::new(0.67, 0.02, 0.28), top));
+        place.things.push(block(
+            counter_at + Vec3::Y * (0.5 * COUNTER),
+            Vec3::new(0.62, 0.5 * COUNTER, 0.24),
+            front,
+        ));
+        place.things.push(block(
+            counter_at + Vec3::Y * COUNTER,
+            Vec3::new(0.67, 0.02, 0.28),
+            top,
+        ));
     }
     if people > 2 {
-        place.things.push(block(bench_at + Vec3::Y * (BENCH - 0.03), Vec3::new(0.7, 0.03, 0.20), bench));
+        place.things.push(block(
+            bench_at + Vec3::Y * (BENCH - 0.03),
+            Vec3::new(0.7, 0.03, 0.20),
+            bench,
+        ));
         for s in [-1.0, 1.0] {
             let leg = bench_at + Vec3::new(s * 0.6, 0.5 * BENCH - 0.03, 0.0);
-            place.things.push(block(leg, Vec3::new(0.03, 0.5 * BENCH - 0.03, 0.18), bench));
+            place
+                .things
+                .push(block(leg, Vec3::new(0.03, 0.5 * BENCH - 0.03, 0.18), bench));
         }
     }
     let light = Light::random(dice, true);
-    let light = Light { softness: light.softness.max(0.05), ..light };
+    let light = Light {
+        softness: light.softness.max(0.05),
+        ..light
+    };
     let sensor = Sensor {
         brightness: dice.range(0.48, 0.6),
         contrast: 1.05,
         saturation: 0.95,
-        blur: 0.4,
-        noise: 0.005,
+        blur: 0.45,
+        noise: 0.0012,
         vignette: 0.15,
         ..Sensor::random(dice)
     };
@@ -81,12 +111,31 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
         actors.push(role(k, &mut own, spread, counter_at, bench_at));
     }
     let stances = direct(&cast, &actors, frames, fps);
-    let scene = Scene { camera, place, light, sensor, people: cast, seed: dice.bits() };
-    Clip { scene, stances, fps }
+    let scene = Scene {
+        camera,
+        place,
+        light,
+        sensor,
+        people: cast,
+        seed: dice.bits(),
+    };
+    Clip {
+        scene,
+        stances,
+        fps,
+    }
 }
 
 fn block(centre: Vec3, half: Vec3, finish: Finish) -> Thing {
-    Thing { form: Form::Block { centre, half, turn: 0.0 }, finish, solid: true }
+    Thing {
+        form: Form::Block {
+            centre,
+            half,
+            turn: 0.0,
+        },
+        finish,
+        solid: true,
+    }
 }
 
 /// What the k-th person does.
@@ -109,7 +158,12 @@ fn role(k: usize, dice: &mut Dice, spread: f32, counter: Vec3, bench: Vec3) -> A
             script.push(Task::Sidestep(-0.55));
             script.push(Task::Do(Act::Squat, 2.3));
             script.extend(gestures(dice, 3));
-            Actor { script, start, heading: 10.0 * dice.normal(), seed }
+            Actor {
+                script,
+                start,
+                heading: 10.0 * dice.normal(),
+                seed,
+            }
         }
         1 => {
             // crosses in front, leaves, comes back behind the others
@@ -125,7 +179,12 @@ fn role(k: usize, dice: &mut Dice, spread: f32, counter: Vec3, bench: Vec3) -> A
                 Task::Wait(0.4),
                 Task::Walk(outside(-1.0, near), 1.2),
             ];
-            Actor { script, start, heading: 90.0, seed }
+            Actor {
+                script,
+                start,
+                heading: 90.0,
+                seed,
+            }
         }
         2 => {
             // comes in, sits down, gets up, goes
@@ -142,7 +201,12 @@ fn role(k: usize, dice: &mut Dice, spread: f32, counter: Vec3, bench: Vec3) -> A
                 Task::Walk(outside(1.0, 5.0), 1.2),
                 Task::Wait(0.8),
             ];
-            Actor { script, start, heading: -110.0, seed }
+            Actor {
+                script,
+                start,
+                heading: -110.0,
+                seed,
+            }
         }
         3 => {
             // behind the counter
@@ -156,7 +220,12 @@ fn role(k: usize, dice: &mut Dice, spread: f32, counter: Vec3, bench: Vec3) -> A
                 Task::Do(Act::CrossArms, 1.6),
             ];
             script.push(Task::Do(Act::Point(1), 1.4));
-            Actor { script, start, heading: 8.0, seed }
+            Actor {
+                script,
+                start,
+                heading: 8.0,
+                seed,
+            }
         }
         4 => {
             // crosses from the other side, behind the first
@@ -172,20 +241,33 @@ fn role(k: usize, dice: &mut Dice, spread: f32, counter: Vec3, bench: Vec3) -> A
                 Task::Walk(outside(1.0, back), 1.3),
                 Task::Wait(0.6),
             ];
-            Actor { script, start, heading: -90.0, seed }
+            Actor {
+                script,
+                start,
+                heading: -90.0,
+                seed,
+            }
         }
         _ => {
             // wanders
             let start = floor(dice.range(-0.7, 0.7), dice.range(4.2, 6.0));
             let mut script = Vec::new();
             for _ in 0..4 {
-                script.push(Task::Walk(floor(dice.range(-0.8, 0.8), dice.range(3.4, 6.0)), dice.range(0.8, 1.4)));
+                script.push(Task::Walk(
+                    floor(dice.range(-0.8, 0.8), dice.range(3.4, 6.0)),
+                    dice.range(0.8, 1.4),
+                ));
                 script.push(Task::Face(dice.range(-60.0, 60.0)));
                 script.extend(gestures(dice, 1));
             }
             script.push(Task::Walk(outside(dice.sign(), dice.range(3.5, 5.5)), 1.3));
             script.push(Task::Wait(1.0));
-            Actor { script, start, heading: dice.range(-90.0, 90.0), seed }
+            Actor {
+                script,
+                start,
+                heading: dice.range(-90.0, 90.0),
+                seed,
+            }
         }
     }
 }

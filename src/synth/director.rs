@@ -93,7 +93,8 @@ impl State {
 
     fn next(&mut self, script: &[Task]) {
         self.task = (self.task + 1) % script.len();
-        self.since = 0.0;
+        // The step under way still adds its own length: the new task starts at 0.
+        self.since = -STEP;
         self.begun = self.at;
     }
 
@@ -105,7 +106,12 @@ impl State {
 
     fn start_act(&mut self, act: Act) {
         self.stop_acts();
-        self.acts.push(Doing { act, age: 0.0, weight: 0.0, on: true });
+        self.acts.push(Doing {
+            act,
+            age: 0.0,
+            weight: 0.0,
+            on: true,
+        });
     }
 
     fn step(&mut self, actor: &Actor, person: &Person, others: &[(Vec3, Vec3)], own: usize) {
@@ -182,7 +188,9 @@ impl State {
         self.at += (self.velocity + left * self.side_speed) * STEP;
         let speed = self.velocity.length();
         // Small steps also when turning on the spot.
-        self.phase = (self.phase + STEP * speed / gait::stride_length(&person.shape, speed.max(0.3))).rem_euclid(1.0);
+        self.phase = (self.phase
+            + STEP * speed / gait::stride_length(&person.shape, speed.max(0.3)))
+        .rem_euclid(1.0);
         self.side_phase = (self.side_phase + STEP * self.side_speed.abs() / 0.5).rem_euclid(1.0);
         for d in &mut self.acts {
             d.age += STEP;
@@ -203,7 +211,8 @@ impl State {
             for (k, s) in [(0, -1.0f32), (1, 1.0)] {
                 let leads = s * dir > 0.0;
                 let lift = if leads { w.max(0.0) } else { (-w).max(0.0) };
-                step.legs[k].abduct = 5.0 + 9.0 * (1.0 - (self.side_phase * std::f32::consts::TAU).cos()) * 0.5;
+                step.legs[k].abduct =
+                    5.0 + 9.0 * (1.0 - (self.side_phase * std::f32::consts::TAU).cos()) * 0.5;
                 step.legs[k].flex += 16.0 * lift;
                 step.legs[k].knee += 30.0 * lift;
                 step.legs[k].ankle += 10.0 * lift;
@@ -213,7 +222,10 @@ impl State {
         let walk = smoothstep(0.03, 0.55, speed);
         if walk > 0.0 {
             let mut stride = gait::stride(&person.shape, speed, self.phase);
-            stride.neck = [stride.neck[0] + 0.5 * idle.neck[0], stride.neck[1] + 0.6 * idle.neck[1]];
+            stride.neck = [
+                stride.neck[0] + 0.5 * idle.neck[0],
+                stride.neck[1] + 0.6 * idle.neck[1],
+            ];
             pose = pose.blend(&stride, walk);
         }
         for d in &self.acts {
@@ -256,8 +268,17 @@ pub fn direct(people: &[Person], actors: &[Actor], frames: u64, fps: f32) -> Vec
                     let still = 1.0 - smoothstep(0.03, 0.4, s.velocity.length());
                     let shift = ankles(&people[k], &pose) - ankles(&people[k], &Pose::default());
                     let h = s.heading.to_radians();
-                    let shift = Vec3::new(shift.x * h.cos() + shift.z * h.sin(), 0.0, shift.z * h.cos() - shift.x * h.sin());
-                    Stance { person: k, pose, place: s.at - shift * still, heading: s.heading }
+                    let shift = Vec3::new(
+                        shift.x * h.cos() + shift.z * h.sin(),
+                        0.0,
+                        shift.z * h.cos() - shift.x * h.sin(),
+                    );
+                    Stance {
+                        person: k,
+                        pose,
+                        place: s.at - shift * still,
+                        heading: s.heading,
+                    }
                 })
                 .collect(),
         );

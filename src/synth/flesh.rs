@@ -163,8 +163,8 @@ impl Flesh {
             ],
             [0.710, mix(0.096, 0.085), mix(0.067, 0.060), 0.001],
             [0.745, mix(0.101, 0.089), mix(0.067, 0.059), 0.000],
-            [0.775, 0.92 * shoulder, 0.057, -0.004],
-            [0.800, 0.78 * shoulder, 0.046, -0.006],
+            [0.775, 0.90 * shoulder, 0.056, -0.004],
+            [0.798, 0.72 * shoulder, 0.045, -0.006],
             [0.818, 0.052, 0.038, -0.006],
             [0.832, 0.035, 0.034, -0.004],
         ];
@@ -243,12 +243,12 @@ impl Flesh {
             ));
             parts.push(Part::new(
                 Solid::Cone {
-                    a: at(s * 0.016, 0.846, -0.010),
-                    b: at(s * 0.92 * shoulder, 0.797, -0.006),
-                    ra: 0.022 * u,
-                    rb: 0.024 * limb,
+                    a: at(s * 0.014, 0.838, -0.010),
+                    b: at(s * 0.88 * shoulder, 0.792, -0.006),
+                    ra: 0.021 * u,
+                    rb: 0.021 * limb,
                 },
-                0.03 * u,
+                0.025 * u,
                 Matter::Skin,
                 Bone::Chest,
             ));
@@ -307,7 +307,15 @@ impl Flesh {
             );
             let mid = sho.lerp(elb, 0.45);
             let fore = elb.lerp(wri, 0.25);
-            cone(sho, mid, rs, rb, 0.02, Matter::Skin, bones[0]);
+            cone(
+                sho + (elb - sho) * 0.04,
+                mid,
+                rs * 0.95,
+                rb,
+                0.015,
+                Matter::Skin,
+                bones[0],
+            );
             cone(mid, elb, rb, re, 0.015, Matter::Skin, bones[0]);
             cone(elb, fore, re * 0.98, rf, 0.015, Matter::Skin, bones[1]);
             cone(fore, wri, rf, rw, 0.012, Matter::Skin, bones[1]);
@@ -315,9 +323,9 @@ impl Flesh {
             cone(
                 sho + Vec3::new(-s * 0.020 * u, 0.004 * u, 0.0),
                 sho + Vec3::new(s * 0.004 * u, 0.0, 0.0),
-                0.030 * limb * arm_fem,
-                0.0325 * limb * arm_fem,
-                0.03,
+                0.027 * limb * arm_fem,
+                0.0295 * limb * arm_fem,
+                0.02,
                 Matter::Skin,
                 bones[6],
             );
@@ -326,13 +334,21 @@ impl Flesh {
                 let upper = outfit.sleeve.min(1.0);
                 let end = sho.lerp(elb, upper);
                 let r_end = rs + (re - rs) * upper + e * (1.0 + 0.4 * (1.0 - upper));
-                cone(sho, end, rs + e, r_end, 0.012, Matter::Top, bones[0]);
+                cone(
+                    sho + (elb - sho) * 0.06,
+                    end,
+                    rs * 0.97 + 0.8 * e,
+                    r_end,
+                    0.012,
+                    Matter::Top,
+                    bones[0],
+                );
                 cone(
                     sho + Vec3::new(-s * 0.022 * u, 0.004 * u, 0.0),
                     sho,
-                    0.030 * limb * arm_fem + e,
-                    0.031 * limb * arm_fem + e,
-                    0.03,
+                    0.026 * limb * arm_fem + e,
+                    0.028 * limb * arm_fem + e,
+                    0.015,
                     Matter::Top,
                     bones[6],
                 );

@@ -32,6 +32,7 @@ pub fn measure(
     let people = stances
         .iter()
         .enumerate()
+        .filter(|(k, _)| picture.boxes[*k].is_none_or(|b| touches(b, camera.width, camera.height)))
         .map(|(k, stance)| {
             let person = &scene.people[stance.person];
             let joints3d: [[f32; 3]; BODY_JOINTS] = std::array::from_fn(|j| {
@@ -40,7 +41,7 @@ pub fn measure(
                     .to_array()
                     .map(|v| round(v, 1e4))
             });
-            let joints2d = joints3d.map(|p| camera.lens.project(p).map(|v| round(v, 100.0)));
+            let joints2d = joints3d.map(|p| camera.lens.project(p).map(|v| round(v, 10.0)));
             let tolerance = OWN_DEPTH * person.shape.stature / 1.70;
             TruthPerson {
                 id: person.id,
@@ -68,6 +69,11 @@ pub fn measure(
         },
         people,
     }
+}
+
+/// Whether a box reaches into the picture.
+fn touches(b: [f32; 4], width: u32, height: u32) -> bool {
+    b[0] < width as f32 - 0.5 && b[1] < height as f32 - 0.5 && b[2] > -0.5 && b[3] > -0.5
 }
 
 fn visibility(picture: &Picture, person: u32, z: f32, at: [f32; 2], tolerance: f32) -> u8 {

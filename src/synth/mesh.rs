@@ -342,3 +342,41 @@ pub fn spot(shape: &Shape, p: Vec3, bone: Bone) -> Spot {
         head: bone == Bone::Head,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+    use crate::synth::noise::Dice;
+
+    #[test]
+    fn surfaces_are_closed_and_face_outwards() {
+        for seed in 0..3 {
+            let mut dice = Dice::new(seed, 0);
+            let shape = Shape::random(&mut dice);
+            let outfit = Outfit::random(shape.feminine, &mut dice);
+            let mesh = Mesh::new(&shape, &outfit, 0.02);
+            assert!(mesh.triangles.len() > 3_000);
+            let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+            let mut volume = 0.0;
+            for t in &mesh.triangles {
+                for k in 0..3 {
+                    let (a, b) = (t[k], t[(k + 1) % 3]);
+                    *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+                }
+                let [a, b, c] = t.map(|i| mesh.vertices[i as usize].rest);
+                volume += a.dot(b.cross(c)) / 6.0;
+            }
+            let open = edges.values().filter(|n| **n != 0).count();
+            assert_eq!(open, 0, "{open} open edges of {}", edges.len());
+            // litres of a dressed person of 1.45–2.0 m
+            assert!((0.035..0.20).contains(&volume), "volume {volume} m³");
+            for v in &mesh.vertices {
+                assert!(v.rest.y > -0.02 && v.rest.y < shape.stature + 0.12);
+                let sum: f32 = v.weights.iter().map(|w| w.1).sum();
+                assert!((sum - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+}

@@ -142,7 +142,7 @@ impl Cloth {
             0 | 1 => hsv(dice.unit(), dice.range(0.0, 0.3), dice.range(0.06, 0.22)),
             2 | 3 => hsv(dice.unit(), dice.range(0.0, 0.12), dice.range(0.75, 0.97)),
             4..=6 => hsv(dice.unit(), dice.range(0.1, 0.45), dice.range(0.25, 0.8)),
-            _ => hsv(dice.unit(), dice.range(0.5, 0.95), dice.range(0.3, 0.9)),
+            _ => hsv(dice.unit(), dice.range(0.5, 0.9), dice.range(0.25, 0.75)),
         };
         let colour = paint(dice);
         let second = paint(dice);
@@ -210,7 +210,7 @@ impl Outfit {
     /// Random clothes for a person.
     pub fn random(feminine: f32, dice: &mut Dice) -> Self {
         let tone = dice.unit().powf(1.2);
-        let skin = linear(Vec3::new(0.93, 0.74, 0.64).lerp(Vec3::new(0.30, 0.19, 0.13), tone))
+        let skin = linear(Vec3::new(0.87, 0.69, 0.59).lerp(Vec3::new(0.30, 0.19, 0.13), tone))
             * Vec3::new(1.0, dice.range(0.94, 1.06), dice.range(0.88, 1.08));
         let hair_colour = if dice.chance(0.16) {
             hsv(0.1, 0.06, dice.range(0.45, 0.9))

@@ -99,6 +99,8 @@ pub struct Place {
     pub things: Vec<Thing>,
     /// Sky colours: horizon, zenith.
     pub sky: [Vec3; 2],
+    /// Strength of the finest texture; costs bytes in compressed clips.
+    pub grain: f32,
     /// Strength of clouds.
     pub clouds: f32,
     /// Colour of far hills.
@@ -471,6 +473,7 @@ impl Place {
             }),
             things,
             sky: [Vec3::ONE; 2],
+            grain: 0.12,
             clouds: 0.0,
             hills: Vec3::ONE,
             seed: dice.bits() as u32,
@@ -745,6 +748,7 @@ impl Place {
                 horizon,
                 Vec3::new(0.55, 0.6, 0.65).lerp(Vec3::new(0.12, 0.28, 0.65), blue),
             ],
+            grain: 0.12,
             clouds: dice.unit(),
             hills: green(dice).lerp(Vec3::new(0.4, 0.5, 0.6), dice.range(0.2, 0.8)),
             seed: dice.bits() as u32,
@@ -761,7 +765,7 @@ impl Place {
     ) -> Option<(f32, usize, Vec3)> {
         let mut best: Option<(f32, usize, Vec3)> = None;
         for (k, thing) in self.things.iter().enumerate() {
-            if shadow && !thing.solid {
+            if (shadow && !thing.solid) || thing.form.misses(from, dir) {
                 continue;
             }
             let far = best.map_or(limit, |b| b.0);
@@ -852,7 +856,7 @@ impl Place {
         }
         match finish {
             Some((finish, q)) => {
-                let grain = if hit.t < 12.0 { 0.12 } else { 0.0 };
+                let grain = if hit.t < 12.0 { self.grain } else { 0.0 };
                 (hit.albedo, hit.glows) = finish.at(q, grain);
                 let p = from + dir * hit.t;
                 if let Some(room) = &self.room
@@ -910,6 +914,26 @@ impl Place {
 }
 
 impl Form {
+    /// Whether a ray passes outside the form's bounding sphere: much cheaper than [`hit`](Self::hit), and true for most rays.
+    fn misses(&self, from: Vec3, dir: Vec3) -> bool {
+        let (centre, reach2) = match *self {
+            Form::Block { centre, half, .. } => (centre, half.length_squared()),
+            Form::Post {
+                foot,
+                height,
+                radius,
+            } => (
+                foot + Vec3::Y * (0.5 * height),
+                0.25 * height * height + radius * radius,
+            ),
+            Form::Ball { centre, radii } => (centre, radii.max_element().powi(2)),
+        };
+        let to = centre - from;
+        let along = to.dot(dir);
+        let away = to.length_squared();
+        (along < 0.0 && away > reach2) || away - along * along / dir.length_squared() > reach2
+    }
+
     /// Nearest meeting with a ray in `1e-3..limit`, with the normal.
     pub fn hit(&self, from: Vec3, dir: Vec3, limit: f32) -> Option<(f32, Vec3)> {
         match *self {

@@ -254,3 +254,93 @@ impl Posed {
         Self { turn, at, joints }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::noise::Dice;
+
+    fn standing(pose: Pose, heading: f32) -> Posed {
+        let shape = Shape::new(1.75, 0.0, 0.0, 0.0, &mut Dice::new(1, 1));
+        Posed::new(&shape, &pose, Vec3::ZERO, heading)
+    }
+
+    #[test]
+    fn a_person_at_rest_stands_on_the_floor() {
+        let b = standing(Pose::default(), 0.0);
+        assert!(
+            (b.joints[0].y - 1.75).abs() < 0.02,
+            "crown at {}",
+            b.joints[0].y
+        );
+        for side in [2, 5] {
+            assert!(
+                b.joints[side].y > b.joints[side + 1].y
+                    && b.joints[side + 1].y > b.joints[side + 2].y
+            );
+        }
+        assert!(b.joints[10].y > 0.03 && b.joints[10].y < 0.12);
+        // x points to the person's left, z to the front
+        assert!(b.joints[5].x > 0.1 && b.joints[2].x < -0.1 && b.joints[19].z > b.joints[10].z);
+    }
+
+    #[test]
+    fn angles_move_limbs_the_right_way() {
+        let mut pose = Pose::default();
+        pose.arms[1] = Arm::new(90.0, 0.0, 0.0, 0.0);
+        pose.arms[0] = Arm::new(0.0, 90.0, 0.0, 0.0);
+        pose.legs[0] = Leg::new(90.0, 0.0, 90.0, 0.0);
+        let b = standing(pose, 0.0);
+        assert!(
+            b.joints[7].z > b.joints[5].z + 0.4,
+            "the left arm points forwards"
+        );
+        assert!(
+            b.joints[4].x < b.joints[2].x - 0.4,
+            "the right arm points to the right"
+        );
+        assert!(
+            b.joints[9].z > b.joints[8].z + 0.3,
+            "the right knee is in front"
+        );
+        assert!(
+            b.joints[10].y < b.joints[9].y - 0.3,
+            "the right shin hangs down"
+        );
+        let elbow = standing(
+            Pose {
+                arms: [Arm::new(0.0, 0.0, 0.0, 90.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        assert!(
+            elbow.joints[4].z > elbow.joints[3].z + 0.2,
+            "elbows bend forwards"
+        );
+        let left = standing(Pose::default(), 90.0);
+        assert!(
+            left.joints[19].x > left.joints[10].x + 0.05,
+            "a heading of 90 degrees faces +x"
+        );
+    }
+
+    #[test]
+    fn limits_hold() {
+        let far = standing(
+            Pose {
+                legs: [Leg::new(0.0, 0.0, 400.0, 0.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        let most = standing(
+            Pose {
+                legs: [Leg::new(0.0, 0.0, 150.0, 0.0); 2],
+                ..Pose::default()
+            },
+            0.0,
+        );
+        assert!(far.joints[10].distance(most.joints[10]) < 1e-4);
+    }
+}

@@ -23,15 +23,33 @@ pub struct Shot {
     pub quality: u8,
 }
 
-fn shoot(scene: &Scene, backdrop: &Backdrop, stances: &[Stance], level: Option<f32>, index: u64, time_ns: u64) -> Shot {
+fn shoot(
+    scene: &Scene,
+    backdrop: &Backdrop,
+    stances: &[Stance],
+    level: Option<f32>,
+    index: u64,
+    time_ns: u64,
+) -> Shot {
     let picture = render(scene, backdrop, stances);
     let truth = measure(scene, stances, &picture, index, time_ns);
     let level = level.unwrap_or_else(|| mean_level(&picture.light));
     let size = (scene.camera.width, scene.camera.height);
-    let mut frame = develop(&picture.light, size, &scene.sensor, level, &mut Dice::new(scene.seed, index));
+    let mut frame = develop(
+        &picture.light,
+        size,
+        &scene.sensor,
+        level,
+        &mut Dice::new(scene.seed, index),
+    );
     frame.time_ns = time_ns;
     frame.sequence = index;
-    Shot { frame, truth, picture, quality: scene.sensor.quality }
+    Shot {
+        frame,
+        truth,
+        picture,
+        quality: scene.sensor.quality,
+    }
 }
 
 /// Picture number `index` of a set of stills with at most `people` people.
@@ -56,7 +74,11 @@ impl Reel {
         let first = clip.stances.first().map_or(&[][..], Vec::as_slice);
         // The exposure stays as it was in the first frame.
         let level = mean_level(&render(&clip.scene, &backdrop, first).light);
-        Self { clip, backdrop, level }
+        Self {
+            clip,
+            backdrop,
+            level,
+        }
     }
 
     /// Number of frames.
@@ -73,6 +95,13 @@ impl Reel {
     pub fn shot(&self, index: u64) -> Shot {
         let time_ns = (index as f64 * 1e9 / f64::from(self.clip.fps)).round() as u64;
         let stances = &self.clip.stances[index as usize];
-        shoot(&self.clip.scene, &self.backdrop, stances, Some(self.level), index, time_ns)
+        shoot(
+            &self.clip.scene,
+            &self.backdrop,
+            stances,
+            Some(self.level),
+            index,
+            time_ns,
+        )
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Frames of reference: camera space is x right, y down, z forward, metres; pixels have their centres on integers. Joint
 //! orders are [`JOINT_NAMES`](crate::joints::JOINT_NAMES); the first 14 are the evidence joints. Lengths are rounded to
-//! 0.1 mm, pixels to 0.01; `joints2d` is the projection of the rounded `joints3d`.
+//! 0.1 mm, pixels to 0.1; `joints2d` is the projection of the rounded `joints3d`.
 
 use std::path::Path;
 
@@ -103,7 +103,7 @@ pub struct TruthFrame {
     pub file: Option<String>,
     /// The camera.
     pub camera: TruthCamera,
-    /// Everybody in the scene, also those outside the picture or hidden: see `visibility` and `pixels`.
+    /// Everybody whose body reaches into the picture, also those who are hidden there: see `visibility` and `pixels`.
     pub people: Vec<TruthPerson>,
 }
 
@@ -124,7 +124,7 @@ pub struct TruthPerson {
     /// of the body is behind the camera.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f32; 4]>,
-    /// Area of the picture that shows this person, pixels.
+    /// Area of the picture that shows this person, pixels; 0: wholly hidden.
     pub pixels: f32,
 }
 

@@ -44,6 +44,8 @@ pub struct Report {
     pub lag3: [Mean; 31],
     /// |Δz| / z of the root.
     pub depth: Mean,
+    /// The same had the height been known.
+    pub depth_known: Mean,
     /// Root error in space, metres.
     pub root: Mean,
     /// Bodies whose root is near no truth.
@@ -118,6 +120,7 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
     let mut pairs: BTreeMap<(usize, u32), u64> = BTreeMap::new();
     let mut last_id: BTreeMap<usize, u32> = BTreeMap::new();
     let mut ids = std::collections::BTreeSet::new();
+    let mut stood: BTreeMap<(usize, usize), (u64, DVec3, Option<DVec3>)> = BTreeMap::new();
     let (mut truth_count, mut body_count) = (0u64, 0u64);
     for f in 0..frames {
         let (frame, truths) = scene.next();
@@ -192,6 +195,8 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
                     report
                         .depth
                         .add((f64::from(body.position[2]) - z).abs() / z);
+                    let known = f64::from(body.position[2]) * truth.height / f64::from(body.height);
+                    report.depth_known.add((known - z).abs() / z);
                     let place = DVec3::from(body.position.map(f64::from));
                     report.root.add((place - truth.joints[PELVIS]).length());
                 }
@@ -227,20 +232,21 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
             let (_, after) = scene.people[truth.person].at(time + 0.1);
             for ankle in [10, 13] {
                 let still = (after[ankle] - before[ankle]).length() < 0.004;
-                let series = &past3[&truth.person];
-                let n = series.len();
-                if still
-                    && n >= 2
-                    && let (Some(a), Some(b)) = (series[n - 1], series[n - 2])
+                if !still {
+                    continue;
+                }
+                // In space: Stage II's joints hang on the true pelvis, ours on our own.
+                let place = DVec3::from(body.position.map(f64::from)) * truth.height
+                    / f64::from(body.height);
+                let now3 = place + stage3[ankle];
+                let now2 = stage2.map(|s| truth.joints[PELVIS] + s[ankle]);
+                let key = (truth.person, ankle);
+                if let Some((then, p3, p2)) = stood.insert(key, (f, now3, now2))
+                    && then + 1 == f
                 {
-                    report
-                        .sliding3
-                        .add((a[ankle] - b[ankle]).length() * scene.fps);
-                    let series = &past2[&truth.person];
-                    if let (Some(a), Some(b)) = (series[n - 1], series[n - 2]) {
-                        report
-                            .sliding2
-                            .add((a[ankle] - b[ankle]).length() * scene.fps);
+                    report.sliding3.add((now3 - p3).length() * scene.fps);
+                    if let (Some(a), Some(b)) = (now2, p2) {
+                        report.sliding2.add((a - b).length() * scene.fps);
                     }
                 }
             }
@@ -280,8 +286,8 @@ fn observed(frame: &ObservationFrame, slot: usize, truth: &Truth) -> [DVec3; BOD
     )
 }
 
-/// Body of every truth: nearest in the picture, within half a metre at the person's distance.
-fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
+/// Body of every truth: nearest in the picture, within 0.3 m at the person's distance.
+pub fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
     let bodies = out.bodies();
     let mut costs = Vec::new();
     for truth in truths {
@@ -297,7 +303,7 @@ fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
             costs.push(if m.n > 0.0 { m.get() } else { f64::INFINITY });
         }
     }
-    assign(&costs, truths.len(), bodies.len(), 0.5)
+    assign(&costs, truths.len(), bodies.len(), 0.3)
 }
 
 /// Best assignment of identities to people over the whole scene.
@@ -328,7 +334,7 @@ fn dedup<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
         .collect()
 }
 
-fn limits(out: &BodyFrame, report: &mut Report) {
+pub fn limits(out: &BodyFrame, report: &mut Report) {
     for body in out.bodies() {
         for (k, dof) in Skeleton::builtin().angles().iter().enumerate() {
             let a = f64::from(body.angles[6 + k]);
@@ -366,7 +372,7 @@ fn check_finite(out: &BodyFrame, report: &mut Report) {
 /// One line of figures.
 pub fn line(name: &str, r: &Report) -> String {
     format!(
-        "{name:<26} II {:5.1}  III {:5.1} (seen {:5.1} hidden {:5.1} missed {:5.1}) mm  jitter {:5.1} → {:4.1} (truth {:3.1})  lag {:+.1}  depth {:4.1} %  root {:4.0} mm  slide {:.2} → {:.2}  switches {} IDF1 {:.3} ids {} false {} beyond {:.1}°",
+        "{name:<26} II {:5.1}  III {:5.1} (seen {:5.1} hidden {:5.1} missed {:5.1}) mm  jitter {:5.1} → {:4.1} (truth {:3.1})  lag {:+.1}  depth {:4.1} % ({:3.1} % known)  root {:4.0} mm  slide {:.2} → {:.2}  switches {} IDF1 {:.3} ids {} false {} beyond {:.1}°",
         1e3 * r.mpjpe2(),
         1e3 * r.mpjpe3(),
         1e3 * all(&r.stage3, Some(0)),
@@ -377,6 +383,7 @@ pub fn line(name: &str, r: &Report) -> String {
         r.jitter_truth.get(),
         Report::lag_frames(&r.lag3) - Report::lag_frames(&r.lag2),
         100.0 * r.depth.get(),
+        100.0 * r.depth_known.get(),
         1e3 * r.root.get(),
         r.sliding2.get(),
         r.sliding3.get(),

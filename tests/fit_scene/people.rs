@@ -122,14 +122,23 @@ impl Person {
     pub fn at(&self, t: f64) -> (Pose, [DVec3; BODY_JOINTS]) {
         let s = Skeleton::builtin();
         let (place, travelled) = self.place(t);
-        let (mut heading, mut effort) = (DVec2::ZERO, 0.0);
-        for i in -4..=4 {
-            let ti = t + 0.08 * f64::from(i);
-            let (direction, speed) = self.direction(ti);
-            heading += direction;
-            effort += speed / 9.0;
+        // Headings and speeds change at once from leg to leg; people take a second to turn. Triangular window.
+        const SAMPLES: i32 = 30;
+        let (mut heading, mut effort, mut weight) = (0.0, 0.0, 0.0);
+        let mut last: Option<f64> = None;
+        for i in -SAMPLES..=SAMPLES {
+            let w = f64::from(SAMPLES + 1 - i.abs());
+            let (direction, speed) = self.direction(t + 0.6 / f64::from(SAMPLES) * f64::from(i));
+            let mut towards = direction.x.atan2(direction.y);
+            if let Some(last) = last {
+                towards += TAU * ((last - towards) / TAU).round();
+            }
+            last = Some(towards);
+            heading += w * towards;
+            effort += w * speed;
+            weight += w;
         }
-        let heading = heading.x.atan2(heading.y);
+        let (heading, effort): (f64, f64) = (heading / weight, effort / weight);
         let mut angles = [0.0; edgecap::fit::skeleton::ANGLES];
         let walking = (effort / 1.2).clamp(0.0, 1.2);
         self.stand(t, 1.0 - walking.min(1.0), &mut angles);
@@ -290,7 +299,7 @@ pub fn walk(start: f64, speed: f64, places: &[(f64, f64)]) -> Vec<Leg> {
             let (from, to) = (DVec2::from(w[0]), DVec2::from(w[1]));
             let leg = Leg {
                 start: t,
-                end: t + (from.distance(to) / speed).max(0.1),
+                end: t + (from.distance(to) / speed).max(0.5),
                 from,
                 to,
             };
@@ -332,7 +341,8 @@ pub fn crossing() -> Vec<Person> {
     let shuttle = |start: f64, speed: f64, a: (f64, f64), b: (f64, f64)| {
         let mut places = Vec::new();
         for _ in 0..6 {
-            places.extend([a, b]);
+            // Half a second to turn round.
+            places.extend([a, (a.0, a.1 + 0.01), b, (b.0, b.1 + 0.01)]);
         }
         walk(start, speed, &places)
     };
@@ -423,7 +433,8 @@ pub fn ten() -> Vec<Person> {
     (0..10u64)
         .map(|i| {
             let z = 4.0 + 1.5 * (i / 5) as f64;
-            let x = ((i % 5) as f64 - 2.0) * 0.26 * z;
+            // The back row looks through the gaps of the front row.
+            let x = ((i % 5) as f64 - 2.25 + 0.5 * (i / 5) as f64) * 0.26 * z;
             let legs = walk(0.0, 1.0, &[(x, z), (x + 0.3, z + 0.3), (x, z)]);
             Person::new(40 + i, legs, activities[i as usize % 5])
         })

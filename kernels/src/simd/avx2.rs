@@ -73,6 +73,18 @@ unsafe impl Simd for Avx2 {
                 std::ptr::copy_nonoverlapping(all.as_ptr(), at, n);
             }
         };
+        fn store_u7_4(values: [__m256; 4], at: *mut u8, step: usize) = {
+            let words = _mm256_packs_epi32(_mm256_cvtps_epi32(values[0]), _mm256_cvtps_epi32(values[1]));
+            let more = _mm256_packs_epi32(_mm256_cvtps_epi32(values[2]), _mm256_cvtps_epi32(values[3]));
+            // Lane i of 128 bits holds lanes 4i..4i + 4 of every value.
+            let bytes = _mm256_max_epi8(_mm256_packs_epi16(words, more), _mm256_setzero_si256());
+            let bytes = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
+            let (low, high) = (_mm256_castsi256_si128(bytes), _mm256_extracti128_si256::<1>(bytes));
+            _mm_storel_epi64(at.cast(), low);
+            _mm_storel_epi64(at.add(step).cast(), _mm_unpackhi_epi64(low, low));
+            _mm_storel_epi64(at.add(2 * step).cast(), high);
+            _mm_storel_epi64(at.add(3 * step).cast(), _mm_unpackhi_epi64(high, high));
+        };
         fn load_u8_part(at: *const u8, n: usize) -> __m256 =
             _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(load_bytes(at, n)));
         fn load_i(at: *const i32) -> __m256i = _mm256_loadu_si256(at.cast());

@@ -1,5 +1,6 @@
 //! AVX-512: 16 lanes. `vpdpbusd` and `vpdpwssd` with VNNI; `vpmaddubsw`, `vpmaddwd` and adds without.
 
+use std::arch::asm;
 use std::arch::x86_64::*;
 
 use super::{Dot, SegmentedDot, Simd, ops};
@@ -54,6 +55,18 @@ unsafe impl Simd for Avx512 {
                 _mm_mask_storeu_epi8(at.cast(), mask16(n), bytes);
             }
         };
+        fn store_u7_4(values: [__m512; 4], at: *mut u8, step: usize) = {
+            let words = _mm512_packs_epi32(_mm512_cvtps_epi32(values[0]), _mm512_cvtps_epi32(values[1]));
+            let more = _mm512_packs_epi32(_mm512_cvtps_epi32(values[2]), _mm512_cvtps_epi32(values[3]));
+            // Lane i of 128 bits holds lanes 4i..4i + 4 of every value.
+            let bytes = _mm512_max_epi8(_mm512_packs_epi16(words, more), _mm512_setzero_si512());
+            let order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+            let bytes = _mm512_permutexvar_epi32(order, bytes);
+            _mm_storeu_si128(at.cast(), _mm512_castsi512_si128(bytes));
+            _mm_storeu_si128(at.add(step).cast(), _mm512_extracti32x4_epi32::<1>(bytes));
+            _mm_storeu_si128(at.add(2 * step).cast(), _mm512_extracti32x4_epi32::<2>(bytes));
+            _mm_storeu_si128(at.add(3 * step).cast(), _mm512_extracti32x4_epi32::<3>(bytes));
+        };
         fn load_u8_part(at: *const u8, n: usize) -> __m512 =
             _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_maskz_loadu_epi8(mask16(n), at.cast())));
         fn load_i(at: *const i32) -> __m512i = _mm512_loadu_si512(at.cast());
@@ -63,7 +76,11 @@ unsafe impl Simd for Avx512 {
         fn shr_i(a: __m512i, bits: u32) -> __m512i = _mm512_srav_epi32(a, _mm512_set1_epi32(bits as i32));
         fn shl_i<const BITS: u32>(a: __m512i) -> __m512i = _mm512_slli_epi32::<BITS>(a);
         fn load_u8_h(at: *const u8, n: usize) -> __m512i =
-            _mm512_cvtepu8_epi16(_mm256_maskz_loadu_epi8(mask32(n), at.cast()));
+            if n == 32 {
+                _mm512_cvtepu8_epi16(_mm256_loadu_si256(at.cast()))
+            } else {
+                _mm512_cvtepu8_epi16(_mm256_maskz_loadu_epi8(mask32(n), at.cast()))
+            };
         fn store_h(value: __m512i, at: *mut i16) = _mm512_storeu_si512(at.cast(), value);
         fn add_h(a: __m512i, b: __m512i) -> __m512i = _mm512_add_epi16(a, b);
         fn sub_h(a: __m512i, b: __m512i) -> __m512i = _mm512_sub_epi16(a, b);
@@ -114,6 +131,25 @@ unsafe impl Dot for U8Vnni {
     }
 }
 
+/// `vpdpwssd`. LLVM splits the intrinsic into `vpmaddwd` and `vpaddd`, which takes twice the slots.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vnni")]
+fn dpwssd(acc: __m512i, x: __m512i, w: __m512i) -> __m512i {
+    if cfg!(miri) {
+        return _mm512_dpwssd_epi32(acc, x, w);
+    }
+    let mut acc = acc;
+    // SAFETY: registers only; the features are on.
+    unsafe {
+        asm!(
+            "vpdpwssd {0}, {1}, {2}",
+            inout(zmm_reg) acc, in(zmm_reg) x, in(zmm_reg) w,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    acc
+}
+
 /// Two i16 · i16 products with `vpdpwssd`; needs VNNI.
 #[derive(Clone, Copy)]
 pub(crate) struct I16Vnni;
@@ -131,7 +167,7 @@ unsafe impl Dot for I16Vnni {
         fn load_acc(at: *const u8) -> __m512i = _mm512_loadu_si512(at.cast());
         fn weights(at: *const u8) -> __m512i = _mm512_loadu_si512(at.cast());
         fn splat(at: *const u8) -> __m512i = _mm512_set1_epi32(at.cast::<i32>().read_unaligned());
-        fn dot(acc: __m512i, x: __m512i, w: __m512i) -> __m512i = _mm512_dpwssd_epi32(acc, x, w);
+        fn dot(acc: __m512i, x: __m512i, w: __m512i) -> __m512i = dpwssd(acc, x, w);
     }
 }
 

@@ -5,7 +5,7 @@
 //! direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
 
 use super::{BIAS_POINT, IN, OUT, POINTS};
-use crate::direct::{Chain, Plain, Tile, Write};
+use crate::direct::{Chain, Place, Plain, Tile, Write};
 use crate::packed::Packed;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
@@ -48,7 +48,8 @@ const CHUNK_BYTES: usize = 448 << 10;
 impl Plan {
     /// For groups of `channels` channels, with `D`.
     pub fn new<D: Dot>(channels: usize) -> Self {
-        let row = channels.max(2 * D::S::LANES);
+        // Whole cache lines, so that stores of vectors do not cross them.
+        let row = channels.next_multiple_of(32);
         let per_tile = POINTS * (2 * row + 4 * D::S::LANES * D::MAX_NV);
         let tiles = (CHUNK_BYTES / per_tile / D::MAX_MR * D::MAX_MR).clamp(D::MAX_MR, 40);
         Self {
@@ -164,49 +165,90 @@ unsafe fn b_transform<S: Simd>(d: [S::H; IN]) -> [S::H; IN] {
 /// As [`run`]; `tile < plan.tiles`.
 #[inline(always)]
 unsafe fn transform_input<S: Simd>(job: &Job, group: usize, tile: usize, ty: usize, tx: usize) {
-    let Layout { height, width, .. } = *job.in_layout;
+    let layout = job.in_layout;
+    let (y, x) = (ty * OUT, tx * OUT);
     let padding = job.padding as isize;
-    let mut pixels = [job.zeros; POINTS];
-    for (i, pixel) in pixels.iter_mut().enumerate() {
-        let y = (ty * OUT + i / IN) as isize - padding;
-        let x = (tx * OUT + i % IN) as isize - padding;
-        if y < height as isize + padding && x < width as isize + padding {
-            // SAFETY: (y, x) is at most `padding` pixels outside the input, which is checked to be readable.
-            *pixel = unsafe {
-                job.input
-                    .add(job.in_layout.index(y, x) + group * job.channels)
-            };
+    let first = group * job.channels;
+    // SAFETY: pixels at most `padding` outside the input are checked to be readable; `zeros` holds a group's channels.
+    unsafe {
+        if y + IN <= layout.height + 2 * job.padding && x + IN <= layout.width + 2 * job.padding {
+            let corner = layout.index(y as isize - padding, x as isize - padding) + first;
+            let corner = job.input.add(corner);
+            let (row, pixel) = (layout.row_stride, layout.pixel_stride);
+            transform_pixels::<S>(job, tile, |y, x| corner.add(y * row + x * pixel));
+        } else {
+            transform_pixels::<S>(job, tile, |i, j| {
+                let (y, x) = ((y + i) as isize - padding, (x + j) as isize - padding);
+                if y < layout.height as isize + padding && x < layout.width as isize + padding {
+                    job.input.add(layout.index(y, x) + first)
+                } else {
+                    job.zeros
+                }
+            });
         }
     }
+}
+
+/// Transforms 6 × 6 pixels into place `tile` of the chunk; `pixel(y, x)` points to a group's channels.
+///
+/// # Safety
+/// As [`run`]; `tile < plan.tiles`; every pixel has `channels` readable bytes.
+#[inline(always)]
+unsafe fn transform_pixels<S: Simd>(
+    job: &Job,
+    tile: usize,
+    pixel: impl Fn(usize, usize) -> *const u8,
+) {
     let wide = 2 * S::LANES;
-    let mut first = 0;
-    loop {
-        // The last vector begins early enough to end with the last channel; what it computes twice is the same.
-        let from = first.min(job.channels.saturating_sub(wide));
-        let n = (job.channels - from).min(wide);
-        // SAFETY: from + n <= channels, readable at every pixel and at `zeros`; rows of V hold at least from + 2 · LANES.
-        unsafe {
-            let mut half = [[S::zero_h(); IN]; IN];
-            for x in 0..IN {
-                let mut column = [S::zero_h(); IN];
-                for y in 0..IN {
-                    column[y] = S::load_u8_h(pixels[y * IN + x].add(from), n);
-                }
-                let column = b_transform::<S>(column);
-                for y in 0..IN {
-                    half[y][x] = column[y];
-                }
-            }
+    // SAFETY: every vector ends with or before the last channel, and rows of V hold at least `from + wide`.
+    unsafe {
+        if job.channels < wide {
+            transform_vector::<S>(job, tile, 0, |y, x| S::load_u8_h(pixel(y, x), job.channels));
+            return;
+        }
+        let mut first = 0;
+        while first < job.channels {
+            // The last vector begins early enough to end with the last channel; what it computes twice is the same.
+            let from = first.min(job.channels - wide);
+            transform_vector::<S>(job, tile, from, |y, x| {
+                S::load_u8_h(pixel(y, x).add(from), wide)
+            });
+            first += wide;
+        }
+    }
+}
+
+/// Transforms channels `from..from + 2 · LANES` of 6 × 6 pixels.
+///
+/// # Safety
+/// As [`run`]; `tile < plan.tiles`; a row of V holds `from + 2 · LANES` channels.
+#[inline(always)]
+unsafe fn transform_vector<S: Simd>(
+    job: &Job,
+    tile: usize,
+    from: usize,
+    load: impl Fn(usize, usize) -> S::H,
+) {
+    let point = job.plan.tiles * job.plan.row;
+    // SAFETY: the caller's contract.
+    unsafe {
+        let mut half = [[S::zero_h(); IN]; IN];
+        for x in 0..IN {
+            let mut column = [S::zero_h(); IN];
             for y in 0..IN {
-                let row = b_transform::<S>(half[y]);
-                for x in 0..IN {
-                    S::store_h(row[x], job.v(y * IN + x, tile).add(from));
-                }
+                column[y] = load(y, x);
+            }
+            let column = b_transform::<S>(column);
+            for y in 0..IN {
+                half[y][x] = column[y];
             }
         }
-        first += wide;
-        if first >= job.channels {
-            return;
+        let mut to = job.v(0, tile).add(from);
+        for row in half {
+            for value in b_transform::<S>(row) {
+                S::store_h(value, to);
+                to = to.wrapping_add(point);
+            }
         }
     }
 }
@@ -346,17 +388,21 @@ impl<W> Chunk<'_, '_, W> {
                     continue;
                 }
                 let row = a_transform::<D::S>(half[y]);
-                for x in 0..OUT {
-                    let ox = tx * OUT + x;
-                    if ox < job.out_layout.width {
-                        self.writer.write(
-                            row[x],
-                            (self.group * packed.vectors() + vector) * lanes,
-                            self.group * packed.outs + vector * lanes,
-                            outs,
-                            oy,
-                            ox,
-                        );
+                let place = Place {
+                    lane: (self.group * packed.vectors() + vector) * lanes,
+                    channel: self.group * packed.outs + vector * lanes,
+                    n: outs,
+                    y: oy,
+                    x: tx * OUT,
+                    step: 1,
+                };
+                let columns = job.out_layout.width - tx * OUT;
+                if columns >= OUT {
+                    self.writer.write(row, place);
+                } else {
+                    for x in 0..columns {
+                        let x_of = place.x + x;
+                        self.writer.write([row[x]], Place { x: x_of, ..place });
                     }
                 }
             }

@@ -16,7 +16,7 @@ mod v4l2;
 
 pub use clock::{Clock, SystemClock, monotonic_ns};
 pub use decode::{PictureDecoder, PixelFormat, RawLayout};
-pub use intrinsics::CameraFile;
+pub use intrinsics::{CameraFile, DEFAULT_FOV};
 pub use list::{CameraInfo, list_cameras};
 pub use live::{CameraPort, CameraStream, Live, Step};
 pub use lock::InstanceLock;

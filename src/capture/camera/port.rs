@@ -68,9 +68,9 @@ impl V4l2Port {
                 reason: "expected a camera, found none; plug it in, or see which there are with `edgecap doctor`".into(),
             },
             Some(libc::ENOTTY) => unusable(device, "is no camera"),
-            _ => CaptureError::Io {
-                input: device,
-                source: error,
+            _ => CaptureError::Unavailable {
+                what: device,
+                reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
             },
         }
     }
@@ -232,7 +232,8 @@ impl CameraStream for V4l2Stream {
             frame.time_ns = filled
                 .time_ns
                 .filter(|t| t.abs_diff(now) < MAX_AGE_NS)
-                .unwrap_or(now);
+                // Some drivers stamp the end of a picture that they still expect.
+                .map_or(now, |t| t.min(now));
             let sequence = filled.sequence;
             let decoded = self.decoder.decode(self.stream.bytes(&filled), frame);
             self.stream.queue(filled)?;
