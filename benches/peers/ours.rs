@@ -22,9 +22,13 @@ fn main() -> anyhow::Result<()> {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     match args[..] {
         ["contract", network] => contract(network),
-        ["quantise", weights, network, pictures, height, width, to] => {
-            quantise(weights, network, pictures, (width.parse()?, height.parse()?), to)
-        }
+        ["quantise", weights, network, pictures, height, width, to] => quantise(
+            weights,
+            network,
+            pictures,
+            (width.parse()?, height.parse()?),
+            to,
+        ),
         ["worker", model, network, precision, threads, height, width] => {
             let start = Instant::now();
             let options = EngineOptions {
@@ -43,7 +47,9 @@ fn main() -> anyhow::Result<()> {
             drop(model);
             worker(engine, start)
         }
-        _ => bail!("expected contract, quantise or worker with their arguments, found {args:?}; see the head of ours.rs"),
+        _ => bail!(
+            "expected contract, quantise or worker with their arguments, found {args:?}; see the head of ours.rs"
+        ),
     }
 }
 
@@ -73,7 +79,9 @@ fn quantise(
 
 fn worker(mut engine: Engine, start: Instant) -> anyhow::Result<()> {
     let EngineOptions { width, height, .. } = *engine.options();
-    let mut picture: Vec<u8> = (0..3 * width * height).map(|i| (i * 31 % 251) as u8).collect();
+    let mut picture: Vec<u8> = (0..3 * width * height)
+        .map(|i| (i * 31 % 251) as u8)
+        .collect();
     engine.run(&picture);
     say(&json!({ "ready": {
         "version": env!("CARGO_PKG_VERSION"),

@@ -67,6 +67,8 @@ pub struct NetworkSpeed {
     pub gmacs: f64,
     /// Share of the measured peak of the same precision and number of threads; above 1 where an algorithm saves multiplications.
     pub share_of_peak: Option<f64>,
+    /// Mean processor time of one picture, all threads together, milliseconds; other programs disturb it less than the median.
+    pub processor_ms: f64,
     /// Processor time over wall time and threads: well under 1 means that other programs had the cores.
     pub busy: f64,
     /// By how much the process's resident memory rose at most while this engine was built and ran, MB of 10⁶ bytes.

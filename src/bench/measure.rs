@@ -46,7 +46,9 @@ pub enum BenchError {
     #[error(transparent)]
     Lift(#[from] LiftError),
     /// People got lost, so the time of finding them means nothing.
-    #[error("expected {people} people in drawn maps of {people} people, found {found}; use a larger --size")]
+    #[error(
+        "expected {people} people in drawn maps of {people} people, found {found}; use a larger --size"
+    )]
     Crowd {
         /// Drawn.
         people: usize,
@@ -86,7 +88,8 @@ pub fn certify(
     let cells = (width / Maps::STRIDE, height / Maps::STRIDE);
     for count in CROWDS {
         progress(&format!("{count} people"));
-        c.people.push(people::speed(count, cells, isa, options.time / 8)?);
+        c.people
+            .push(people::speed(count, cells, isa, options.time / 8)?);
     }
     Ok(c)
 }
@@ -130,6 +133,7 @@ fn networks(
     let finish = |mut e: Entry| {
         let s = &mut e.speed;
         s.timing = e.samples.timing();
+        s.processor_ms = e.samples.processor_ms();
         s.busy = e.samples.busy(threads);
         s.fps = 1e3 / s.timing.median_ms;
         s.gmacs = s.gmac * s.fps;
@@ -158,7 +162,9 @@ fn entry(
     let before = reset_peak_memory();
     let mut engine = Engine::new(&subject.model, engine_options)?;
     engine.run(picture);
-    let memory_mb = peak_memory_mb().zip(before).map(|(peak, before)| peak - before);
+    let memory_mb = peak_memory_mb()
+        .zip(before)
+        .map(|(peak, before)| peak - before);
     let speed = NetworkSpeed {
         network: subject.name().to_owned(),
         weights: subject.weights.clone(),
@@ -169,6 +175,7 @@ fn entry(
         gmac: engine.macs() as f64 / 1e9,
         gmacs: 0.0,
         share_of_peak: None,
+        processor_ms: 0.0,
         busy: 0.0,
         memory_mb,
         activation_bytes: engine.activation_bytes(),
@@ -207,12 +214,7 @@ fn layers(engine: &mut Engine, picture: &[u8]) -> Vec<LayerTime> {
 
 /// A convolution in short.
 fn shape(s: &ConvShape) -> String {
-    let mut text = format!(
-        "{}→{} {k}x{k}",
-        s.in_channels,
-        s.out_channels,
-        k = s.kernel
-    );
+    let mut text = format!("{}→{} {k}x{k}", s.in_channels, s.out_channels, k = s.kernel);
     if s.stride != 1 {
         text += &format!(" s{}", s.stride);
     }

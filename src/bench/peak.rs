@@ -42,7 +42,10 @@ mod tests {
     fn every_tier_of_this_cpu_has_a_peak() {
         for isa in Isa::available() {
             let peak = measure(isa, 1).unwrap();
-            assert!(peak.int8_gmacs > 0.0 && peak.f32_gmacs > 0.0, "{isa}: {peak:?}");
+            assert!(
+                peak.int8_gmacs > 0.0 && peak.f32_gmacs > 0.0,
+                "{isa}: {peak:?}"
+            );
         }
     }
 }

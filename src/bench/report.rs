@@ -12,8 +12,16 @@ impl fmt::Display for Certificate {
         writeln!(f, "CPU       {}, {} cores", m.cpu, m.cores)?;
         let governor = m.governor.as_deref().unwrap_or("not visible here");
         writeln!(f, "governor  {governor}")?;
-        writeln!(f, "kernels   {} (this CPU has {})", m.isa, m.available.join(", "))?;
-        writeln!(f, "picture   {width}x{height} RGB bytes in, f32 maps out, batch 1")?;
+        writeln!(
+            f,
+            "kernels   {} (this CPU has {})",
+            m.isa,
+            m.available.join(", ")
+        )?;
+        writeln!(
+            f,
+            "picture   {width}x{height} RGB bytes in, f32 maps out, batch 1"
+        )?;
         for (i, n) in self.networks.iter().enumerate() {
             if self.networks[..i].iter().all(|e| e.network != n.network) {
                 writeln!(f, "weights   {}: {}", n.network, n.weights)?;
@@ -25,19 +33,37 @@ impl fmt::Display for Certificate {
                 "\nNOT A CERTIFICATE: other programs were running (load {load:.1} before the start); repeat on an idle machine"
             )?;
         }
-        writeln!(f, "\nMeasured peak of this machine, GMAC/s\n  threads     int8      f32")?;
+        writeln!(
+            f,
+            "\nMeasured peak of this machine, GMAC/s\n  threads     int8      f32"
+        )?;
         for p in &self.peaks {
-            writeln!(f, "  {:7} {:8.1} {:8.1}", p.threads, p.int8_gmacs, p.f32_gmacs)?;
+            writeln!(
+                f,
+                "  {:7} {:8.1} {:8.1}",
+                p.threads, p.int8_gmacs, p.f32_gmacs
+            )?;
         }
         writeln!(
             f,
-            "\n{:<10} {:<5} {:>7} {:>10} {:>8} {:>6} {:>7} {:>7} {:>6} {:>8} {:>6}",
-            "network", "", "threads", "median ms", "p99 ms", "fps", "GMAC", "GMAC/s", "peak", "memory", "busy"
+            "\n{:<10} {:<5} {:>7} {:>10} {:>8} {:>6} {:>7} {:>7} {:>6} {:>8} {:>8} {:>6}",
+            "network",
+            "",
+            "threads",
+            "median ms",
+            "p99 ms",
+            "fps",
+            "GMAC",
+            "GMAC/s",
+            "peak",
+            "memory",
+            "cpu ms",
+            "busy"
         )?;
         for n in &self.networks {
             writeln!(
                 f,
-                "{:<10} {:<5} {:>7} {:>10.2} {:>8.2} {:>6.1} {:>7.2} {:>7.1} {:>6} {:>8} {:>5.0}%",
+                "{:<10} {:<5} {:>7} {:>10.2} {:>8.2} {:>6.1} {:>7.2} {:>7.1} {:>6} {:>8} {:>8.2} {:>5.0}%",
                 n.network,
                 n.precision,
                 n.threads,
@@ -48,6 +74,7 @@ impl fmt::Display for Certificate {
                 n.gmacs,
                 percent(n.share_of_peak),
                 n.memory_mb.map_or("?".into(), |mb| format!("{mb:.0} MB")),
+                n.processor_ms,
                 100.0 * n.busy
             )?;
         }

@@ -27,6 +27,11 @@ impl Samples {
         self.processor += processor_time().saturating_sub(before);
     }
 
+    /// Mean processor time of a run, all threads together, milliseconds.
+    pub fn processor_ms(&self) -> f64 {
+        self.processor.as_secs_f64() * 1e3 / self.ms.len().max(1) as f64
+    }
+
     /// Median and 99th percentile.
     pub fn timing(&self) -> Timing {
         let mut sorted = self.ms.clone();

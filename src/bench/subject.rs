@@ -35,7 +35,9 @@ pub enum SubjectError {
 impl Subject {
     /// A trained model.
     pub fn trained(model: Model, origin: &str) -> Self {
-        let digest = model.digest().map(|d| format!(", digest {}", &d[..d.len().min(16)]));
+        let digest = model
+            .digest()
+            .map(|d| format!(", digest {}", &d[..d.len().min(16)]));
         let weights = format!("{origin}{}", digest.unwrap_or_default());
         Self { model, weights }
     }

@@ -16,7 +16,12 @@ pub struct BenchArgs {
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Networks to measure; those without trained weights run with random ones
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "selecsls,resnet50")]
+    #[arg(
+        long,
+        value_name = "NAME,…",
+        value_delimiter = ',',
+        default_value = "selecsls,resnet50"
+    )]
     networks: Vec<String>,
     /// Network input size, multiples of 16
     #[arg(long, value_name = "WxH", default_value = "512x320", value_parser = super::infer::parse_size)]
