@@ -1,0 +1,272 @@
+"""Real photos, decoded once on to the device; all augmentation runs there, so no CPU worker can starve the GPU."""
+
+from __future__ import annotations
+
+import math
+import os
+import pathlib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from skeleton import FLIP14, NJ
+
+
+def decode(buf: bytes) -> np.ndarray:
+    """WebP -> RGB uint8.  OpenCV releases the interpreter lock, so threads help; pillow is the fallback."""
+    try:
+        import cv2
+
+        return cv2.cvtColor(cv2.imdecode(np.frombuffer(buf, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    except ImportError:
+        import io
+
+        from PIL import Image
+
+        return np.asarray(Image.open(io.BytesIO(buf)).convert("RGB"))
+
+
+@dataclass
+class Archive:
+    """The packed pictures of one set."""
+
+    files: list[bytes]
+    size: np.ndarray  # [n, 2] height, width
+    joints: np.ndarray  # [n, 14, 3]
+
+
+def load_set(pack: pathlib.Path, name: str, limit: int = 0) -> Archive:
+    z = np.load(pack / "images.npz")
+    ids = np.nonzero(z["set"] == z["set_names"].tolist().index(name))[0]
+    if limit and limit < len(ids):
+        ids = ids[np.linspace(0, len(ids) - 1, limit).astype(int)]
+    blob, off = (pack / "images.bin").read_bytes(), z["offset"]
+    return Archive([blob[off[i] : off[i + 1]] for i in ids], z["size"][ids].astype(np.int64), z["joints"][ids])
+
+
+def decode_all(files: list[bytes]) -> list[np.ndarray]:
+    with ThreadPoolExecutor(16) as ex:
+        return list(ex.map(decode, files))
+
+
+HELD_EVERY = 7  # every seventh photo without people is kept out of training, to count false people on
+
+
+def load_photos(
+    pack: pathlib.Path, device: torch.device, limit: int = 0, size: tuple[int, int] = (300, 400), held: bool = False
+) -> Tensor:
+    """Photos without people, uint8 [M, 3, 300, 400]: those for training, or with `held` those for measuring only.
+
+    Portrait pictures are cropped about their middle.
+    """
+    out = []
+    files = load_set(pack, "background").files
+    files = [f for i, f in enumerate(files) if (i % HELD_EVERY == HELD_EVERY - 1) == held]
+    if limit and limit < len(files):
+        files = [files[i] for i in np.linspace(0, len(files) - 1, limit).astype(int)]
+    for im in decode_all(files):
+        t = torch.from_numpy(im).permute(2, 0, 1)[None].float()
+        h, w = t.shape[2:]
+        s = max(size[0] / h, size[1] / w)
+        t = F.interpolate(t, scale_factor=s, mode="bilinear", antialias=True, recompute_scale_factor=True)
+        y, x = (t.shape[2] - size[0]) // 2, (t.shape[3] - size[1]) // 2
+        out.append(
+            F.pad(t, (0, 2, 0, 2), mode="replicate")[:, :, max(y, 0) : max(y, 0) + size[0], max(x, 0) : max(x, 0) + size[1]]
+            .round()
+            .to(torch.uint8)
+        )
+    return torch.cat(out).to(device)
+
+
+@dataclass
+class RealBatch:
+    image: Tensor  # float 0..1 [B, 3, H, W]
+    joints2d: Tensor  # [B, P, 14, 2]
+    labelled: Tensor  # bool [B, P, 14]
+    size_px: Tensor  # [B, P], 0 = nobody
+    known: Tensor  # [B, h, w] at stride 8: 1 where the picture's content is labelled (boxes of people, background photos)
+    box: Tensor  # bool [B, P, h, w]: inside the person's box (its unlabelled joints are ignored there)
+    photo: Tensor  # [B] background photo, by index
+    empty: Tensor  # bool [B]: nobody was pasted
+
+
+class People:
+    """LSP and LSP-Extended: one labelled person a picture, bystanders unlabelled."""
+
+    def __init__(
+        self,
+        pack: pathlib.Path,
+        device: torch.device,
+        photos: Tensor,
+        seed: int = 0,
+        limit: int = 0,
+        cache: pathlib.Path | None = None,
+    ):
+        """`cache`: a folder in which the decoded pictures are kept and mapped, so that several processes share one copy."""
+        self.device, self.photos = device, photos
+        self.photo_weight = torch.ones(len(photos), device=device)
+        self.g = torch.Generator(device=device).manual_seed(seed)
+        sets = [load_set(pack, n, limit) for n in ("lspet_train", "lsp_train")]
+        files = [f for s in sets for f in s.files]
+        size = np.concatenate([s.size for s in sets])
+        joints = np.concatenate([s.joints for s in sets])
+        lsp = np.repeat([0, 1], [len(s.files) for s in sets])
+        S = int(size.max())
+        stored = cache / f"people_{len(files)}_{S}.npy" if cache else None
+        if stored is not None and stored.exists():
+            self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
+        else:
+            self.pictures = self._decode(files, S)
+            if stored is not None:
+                stored.parent.mkdir(parents=True, exist_ok=True)
+                part = stored.with_name(f"{stored.name}.{os.getpid()}")
+                with open(part, "wb") as f:
+                    np.save(f, self.pictures.numpy())
+                os.replace(part, stored)
+                self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
+        self.pictures = self.pictures.to(device)
+        self.size = torch.from_numpy(size).to(device)
+        self.S = S
+        self.joints = torch.from_numpy(joints[..., :2]).to(device)
+        self.lab = torch.from_numpy(joints[..., 2] > 0).to(device)
+        ok = (joints[..., 2] > 0).sum(1) >= 7
+        # LSP proper is accurately labelled and upright, like the pictures met in use; LSP-Extended is mostly acrobatics.
+        j = joints
+        upright = (j[:, [1, 8, 11], 2] > 0).all(1) & (j[:, [8, 11], 1].mean(1) - j[:, 1, 1] > np.abs(j[:, [8, 11], 0].mean(1) - j[:, 1, 0]))
+        self.weight = torch.from_numpy((ok * np.where(lsp, 2.5, 1.0) * np.where(upright, 1.5, 0.7)).astype(np.float32)).to(device)
+        lo = np.where(j[..., 2:] > 0, j[..., :2], 1e6).min(1)
+        hi = np.where(j[..., 2:] > 0, j[..., :2], -1e6).max(1)
+        m = 0.12 * np.maximum((hi - lo).max(1, keepdims=True), 60) + 4
+        self.lo, self.hi = (torch.from_numpy(x.astype(np.float32)).to(device) for x in (lo - m, hi + m))
+        # Stature in source pixels, from the labelled limb chain; LSP crops are scaled to about 150 px people, which is the fallback.
+        up = np.linalg.norm(j[:, 0, :2] - j[:, 1, :2], axis=1) + np.linalg.norm(j[:, 1, :2] - j[:, [8, 11], :2].mean(1), axis=1)
+        leg = [
+            np.linalg.norm(j[:, a, :2] - j[:, a + 1, :2], axis=1) + np.linalg.norm(j[:, a + 1, :2] - j[:, a + 2, :2], axis=1)
+            for a in (8, 11)
+        ]
+        est = up + np.maximum(*leg)
+        full_ok = (j[..., 2] > 0).all(1)
+        self.stature = torch.from_numpy(np.where(full_ok, np.clip(est, 90, 200), 150.0).astype(np.float32)).to(device)
+        self.flip = torch.tensor(FLIP14, device=device)
+
+    @staticmethod
+    def _decode(files: list[bytes], S: int) -> Tensor:
+        """uint8 [2n, 3, S, S]: every picture in the top left corner, then antialiased copies of half the size for people drawn small."""
+        n = len(files)
+        out = torch.zeros(2 * n, 3, S, S, dtype=torch.uint8)
+        for i, im in enumerate(decode_all(files)):
+            t = torch.from_numpy(im).permute(2, 0, 1)
+            h, w = t.shape[1:]
+            out[i] = F.pad(t[None].float(), (0, S - w, 0, S - h), mode="replicate")[0].to(torch.uint8)
+            out[n + i, :, : (S + 1) // 2, : (S + 1) // 2] = F.avg_pool2d(out[i : i + 1].float(), 2, ceil_mode=True)[0].round().to(torch.uint8)
+        return out
+
+    def fired(self, photo: Tensor, answer: Tensor) -> None:
+        """Remember how strongly the network answered on photos without people; `batch` shows the worst ones more often."""
+        old = self.photo_weight[photo]
+        self.photo_weight[photo] = old + 0.3 * ((0.1 + 4 * answer.to(old)) - old)
+
+    @torch.no_grad()
+    def batch(self, B: int, H: int, W: int, size: tuple[float, float], people: list[float]) -> RealBatch:
+        """`size`: range of statures in pixels; `people`: probabilities of 0, 1, 2, ... people."""
+        d, g = self.device, self.g
+        P, h, w = len(people) - 1, H // 8, W // 8
+
+        def rand(*s: int) -> Tensor:
+            return torch.rand(*s, generator=g, device=d)
+
+        n = torch.multinomial(torch.tensor(people, device=d), B, True, generator=g)
+        id_ = torch.multinomial(self.weight, B * P, True, generator=g).view(B, P)
+        used = torch.arange(P, device=d) < n[:, None]
+
+        # background photo
+        gy, gx = torch.meshgrid(torch.linspace(-1, 1, H, device=d), torch.linspace(-1, 1, W, device=d), indexing="ij")
+        s = (0.3 + 0.6 * rand(B))[:, None, None]
+        c = (rand(B, 2, 1, 1) * 2 - 1) * (1 - s[:, None])
+        asp = (W / H) / (self.photos.shape[3] / self.photos.shape[2])
+        grid = torch.stack([gx * s * min(asp, 1) + c[:, 0], gy * s / max(asp, 1) + c[:, 1]], -1)
+        photo = torch.multinomial(self.photo_weight, B, True, generator=g)
+        canvas = F.grid_sample(
+            self.photos[photo].float() / 255,
+            grid,
+            align_corners=False,
+            padding_mode="reflection",
+        )
+
+        # the grey or black bars that a frame of another shape is padded with
+        side, wide = torch.randint(4, (B, 1, 1), generator=g, device=d), (0.05 + 0.4 * rand(B))[:, None, None]
+        along = torch.where(side < 2, gx[None], gy[None]) * torch.where(side % 2 == 0, 1.0, -1.0)
+        bar = (along > 1 - 2 * wide) & (rand(B) < 0.12)[:, None, None]
+        shade = torch.tensor([0.0, 114 / 255, 128 / 255, 0.5], device=d)[torch.randint(4, (B,), generator=g, device=d)]
+        canvas = torch.where(bar[:, None], shade[:, None, None, None], canvas)
+
+        # similarity that takes (flipped) source pixels to the canvas
+        tall = torch.exp(math.log(size[0]) + rand(B, P) * math.log(size[1] / size[0]))
+        tall = torch.where(n[:, None] > 1, tall[:, :1] * torch.exp((rand(B, P) - 0.5) * 0.6), tall)
+        k = tall / self.stature[id_]
+        a = (torch.randn(B, P, generator=g, device=d) * 0.22).clamp(-0.6, 0.6)
+        fl = rand(B, P) < 0.5
+        slots = (torch.rand(B, P, generator=g, device=d) + 1e3 * ~used).argsort(1).argsort(1)
+        cx = torch.where(
+            n[:, None] > 1, ((slots + 0.5) / n[:, None].clamp_min(1) + (rand(B, P) - 0.5) * 0.35) * W, (0.5 + (rand(B, P) - 0.5) * 0.6) * W
+        )
+        cy = (0.5 + (rand(B, P) - 0.5) * 0.45) * H
+        lo, hi = self.lo[id_], self.hi[id_]
+        mid = (lo + hi) / 2
+        co, si = k * a.cos(), k * a.sin()
+        sgn = torch.where(fl, -1.0, 1.0)
+        # x' = co*sgn*(x - mx) - si*(y - my) + cx ;  y' = si*sgn*(x - mx) + co*(y - my) + cy
+        A = torch.stack([co * sgn, -si, si * sgn, co], -1).view(B, P, 2, 2)
+        centre = torch.stack([cx, cy], -1)
+        J = ((self.joints[id_] - mid[:, :, None]) @ A.transpose(-1, -2)) + centre[:, :, None]
+        lab = self.lab[id_]
+        J = torch.where(fl[..., None, None], J[:, :, self.flip], J)
+        lab = torch.where(fl[..., None], lab[:, :, self.flip], lab) & used[..., None]
+
+        Ai = torch.linalg.inv_ex(A)[0]  # inv would wait for the device to check its result
+        px = torch.stack(
+            torch.meshgrid(torch.arange(W, device=d, dtype=torch.float32), torch.arange(H, device=d, dtype=torch.float32), indexing="xy"),
+            -1,
+        )
+        cell = px[::8, ::8] + 3.5
+        whole = (n == 1) & (rand(B) < 0.85)
+        known = torch.ones(B, h, w, device=d)
+        boxes = torch.zeros(B, P, h, w, dtype=torch.bool, device=d)
+        for p in range(P):
+
+            def src(pts: Tensor) -> Tensor:
+                return (pts - centre[:, p, None, None]) @ Ai[:, p, None].transpose(-1, -2) + mid[:, p, None, None]
+
+            def cover(q: Tensor, soft: float) -> tuple[Tensor, Tensor]:
+                """Inside the picture, inside the box (feathered): 0..1."""
+                sz = self.size[id_[:, p]].flip(1).float()[:, None, None]
+                pic = torch.minimum(q + 0.5, sz - 0.5 - q).amin(-1)
+                box = torch.minimum(q - lo[:, p, None, None], hi[:, p, None, None] - q).amin(-1)
+                return (pic > 0).float(), (box / soft + 0.5).clamp(0, 1)
+
+            q = src(px)
+            small = (k[:, p] < 0.62)[:, None, None, None]
+            pick = id_[:, p] + len(self.size) * (k[:, p] < 0.62)
+            uv = torch.where(small, (q - 0.5) / 2, q)
+            tex = F.grid_sample(self.pictures[pick].float() / 255, (uv * 2 + 1) / self.S - 1, align_corners=False, padding_mode="border")
+            pic, box = cover(q, 8.0)
+            alpha = torch.where(whole[:, None, None], pic, pic * box) * used[:, p, None, None]
+            canvas = canvas + (tex - canvas) * alpha[:, None]
+            pic, box = cover(src(cell), 1.0)
+            inbox = (pic * box > 0.5) & used[:, p, None, None]
+            pasted = torch.where(whole[:, None, None], pic, pic * cover(src(cell), 16.0)[1]) > 0.02
+            # what was pasted is unknown (bystanders) except in the labelled person's box; a later paste hides earlier ones
+            known = torch.where(pasted & used[:, p, None, None], inbox.float(), known)
+            hides = F.interpolate(alpha[:, None], (h, w), mode="area")[:, 0] > 0.5
+            if p:
+                boxes[:, :p] &= ~hides[:, None]
+                ci = (J[:, :p] / 8).long()
+                x, y = ci[..., 0].clamp(0, w - 1), ci[..., 1].clamp(0, h - 1)
+                hid = hides.flatten(1).gather(1, (y * w + x).flatten(1)).view(B, p, NJ)
+                lab[:, :p] &= ~hid
+            boxes[:, p] = inbox
+        return RealBatch(canvas, J, lab, torch.where(used, tall, 0.0), known, boxes, photo, n == 0)

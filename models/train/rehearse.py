@@ -1,0 +1,59 @@
+"""Every step of the recipe once, at toy size, on a CPU: python rehearse.py PACK [WORK].  Under two minutes on two free cores.
+
+Trains some tens of steps in two processes, interrupts, resumes, fine-tunes with int8 rounding, trains Stage II, measures, exports, and
+measures the exported file again: the figures must agree.  What it makes is worth nothing; that it can be made is the point.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+
+
+def call(script: str, *args: object) -> str:
+    t = time.time()
+    r = subprocess.run([sys.executable, str(HERE / script), *map(str, args)], capture_output=True, text=True, check=False)
+    print(f"{script:12} {time.time() - t:5.1f} s", flush=True)
+    if r.returncode:
+        raise SystemExit(f"{script} {args} ended with {r.returncode}:\n{r.stdout}\n{r.stderr}")
+    return r.stdout
+
+
+def main(pack: pathlib.Path, work: pathlib.Path) -> None:
+    run, held = work / "run", work / "held"
+    print(call("check.py", pack), end="")
+    call("prerender.py", pack, work / "scenes", "--n", 8, "--supersample", 1)
+    call("prerender.py", pack, held, "--n", 8, "--supersample", 1, "--held", "--seed", 99)
+    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 3)
+    call("train.py", *common, "--total", 1, "--steps", 20)
+    call("train.py", *common, "--total", 1, "--steps", 30, "--resume")
+    rows = [json.loads(x) for x in (run / "log.jsonl").read_text().splitlines()]
+    assert [r["step"] for r in rows] == list(range(5, 31, 5)), "expected a resumed run to go on where the first one stopped"
+    assert all(math.isfinite(r[k]) for r in rows for k in ("hm_real", "hm_syn", "enc", "where")), rows
+    assert rows[-1]["enc"] < rows[0]["enc"], "expected the encodings' loss to fall"
+    call("stage2.py", pack, run, "--cpu", "--steps", 60, "--minutes", 1, "--log", 30, "--test", 256, "--batch", 128)
+    measure = ("--scenes", held, "--limit", 8, "--only", "lsp", "scenes", "--thr", 0.01, "--paf", 0.0, "--joints", 3, "--cpu")
+    first = json.loads(call("evaluate.py", pack, run, *measure))
+    call("export.py", run, "--pack", pack, "--f32")
+    files = ("--stage1", run / "stage1.safetensors", "--stage2", run / "stage2.safetensors")
+    again = json.loads(call("evaluate.py", pack, work / "again", *files, *measure))
+    for k in ("lsp_test", "scenes"):
+        assert first[k] == again[k], f"expected the exported weights to measure alike, found {first[k]} and {again[k]}"
+    call("train.py", *common, "--total", 1, "--steps", 36, "--resume", "--quant-last", 1.0)
+    call("export.py", run, "--only", "stage1")
+    print("rehearsed")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 2:
+        main(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]))
+    else:
+        with tempfile.TemporaryDirectory() as d:
+            main(pathlib.Path(sys.argv[1]), pathlib.Path(d))

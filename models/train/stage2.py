@@ -1,0 +1,334 @@
+"""Train Stage II: 14 x (u, v, confidence, 63 encodings) -> 21 joints, on mocap through a virtual camera.
+
+    python stage2.py PACK OUT --minutes 8 [--stage1 OUT/ckpt]
+
+Inputs imitate Stage I: joints drop out singly, by limb and below the edge of the frame; positions are noisy and sometimes swapped;
+encodings are flattened in depth, turned, noisy and now and then another person's.  Given a Stage I checkpoint, half of every batch
+holds its true outputs on rendered scenes.  Light enough for a CPU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import pathlib
+import sys
+import time
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+import rotations as rot
+from body import Body, Mocap, canonical
+from model import SelecSLSNet, Stage2, channel_mask, stage2_input
+from skeleton import FLIP14, NB, NJ, PARENTS21, STRIDE
+
+LIMB_CHAINS = [
+    [3, 4],
+    [4],
+    [6, 7],
+    [7],
+    [9, 10],
+    [10],
+    [12, 13],
+    [13],
+    [2, 3, 4],
+    [5, 6, 7],
+    [8, 9, 10],
+    [11, 12, 13],
+    [8, 9, 10, 11, 12, 13],
+    [9, 10, 12, 13],
+]
+
+
+class People3D:
+    """Random posed people in front of random cameras: pixels and 3D joints, no pictures."""
+
+    def __init__(self, pack: pathlib.Path, device: torch.device, seed: int, held: bool = False):
+        self.body, self.device = Body(pack, device), device
+        mocap = Mocap(pack, device)
+        self.clips = mocap.held if held else mocap.train
+        self.held = held
+        self.g = torch.Generator(device=device).manual_seed(seed)
+
+    @torch.no_grad()
+    def sample(self, n: int) -> tuple[Tensor, Tensor]:
+        """uv [n, 14, 2] in pixels of a 512 x 320 frame, rel3d [n, 21, 3]."""
+        d, g, b = self.device, self.g, self.body
+
+        def rand(*s: int) -> Tensor:
+            return torch.rand(*s, generator=g, device=d)
+
+        w, stature = b.random_shapes(n, g)
+        _, rest = b.shaped(w, stature, with_verts=False)
+        if self.held:  # the clips as they are, mirrored or not
+            q = b.random_poses(self.clips, n, g, extreme=0, jitter=0)
+        else:
+            q = b.random_poses(self.clips, n, g)
+        _, _, joints = b.kinematics(q, rest, (rand(n) * 2 - 1) * math.pi)
+        f = 256 / torch.tan((35 + 55 * rand(n)) * math.pi / 360)
+        tall = 40 * 8 ** rand(n)
+        dist = (f * 1.68 / tall).clamp_min(1.5)
+        hc = 0.6 + 2.4 * rand(n)
+        pitch = (torch.atan2(hc - 0.9, dist) - torch.atan2((rand(n) - 0.5) * 120, f)).clamp(-0.44, 0.87)
+        roll = 0.06 * torch.randn(n, generator=g, device=d)
+        x = (rand(n) - 0.5) * 512 / f * dist
+        p = joints * torch.tensor([1.0, -1.0, -1.0], device=d) + torch.stack([x, hc, dist], 1)[:, None]
+        turn = rot.from_rotvec(torch.stack([pitch, torch.zeros_like(pitch), torch.zeros_like(pitch)], 1))
+        tilt = rot.from_rotvec(torch.stack([torch.zeros_like(roll), torch.zeros_like(roll), roll], 1))
+        R = rot.matrix(rot.qmul(tilt, turn))
+        cam = p @ R.transpose(1, 2)
+        uv = cam[:, :NJ, :2] / cam[:, :NJ, 2:].clamp_min(0.2) * f[:, None, None]
+        return uv, canonical(cam, stature)
+
+
+def bones_of(rel: Tensor) -> Tensor:
+    return rel - rel[:, PARENTS21]
+
+
+def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What Stage I would report: noisy uv, confidences (0 = missed), encodings [n, 14, 63]."""
+    n, d = len(uv), uv.device
+
+    def rand(*s: int) -> Tensor:
+        return torch.rand(n, *s, generator=g, device=d)
+
+    def randn(*s: int) -> Tensor:
+        return torch.randn(n, *s, generator=g, device=d)
+
+    size = (uv - uv.mean(1, keepdim=True)).square().sum(-1).mean(1).sqrt()[:, None, None]
+    level = rand(1, 1) * 1.5  # some people are seen well, some badly
+    noisy = uv + randn(NJ, 2) * size * 0.03 * level + randn(NJ, 2) * size * 0.5 * (rand(NJ, 1) < 0.012 * level)
+    f14 = torch.tensor(FLIP14, device=d)
+    swap = rand(2) < 0.025 * level[:, :, 0]  # arms or legs taken for each other
+    arms = torch.tensor([j in (2, 3, 4, 5, 6, 7) for j in range(NJ)], device=d)
+    legs = torch.tensor([j >= 8 for j in range(NJ)], device=d)
+    sw = (swap[:, :1] & arms) | (swap[:, 1:] & legs)
+    noisy = torch.where(sw[..., None], noisy[:, f14], noisy)
+
+    conf = 0.35 + 0.65 * rand(NJ)
+    drop = rand(NJ) < (0.18 * rand(1) ** 2 * 2)
+    for c in LIMB_CHAINS:
+        m = torch.zeros(NJ, dtype=torch.bool, device=d)
+        m[c] = True
+        drop = drop | ((rand(1) < 0.035) & m)
+    cut = rand(1) < 0.12  # the frame's lower edge
+    ys = uv[..., 1]
+    line = ys.amin(1, keepdim=True) + (ys.amax(1, keepdim=True) - ys.amin(1, keepdim=True)) * (0.35 + 0.6 * rand(1))
+    drop = drop | (cut & (ys > line))
+    drop[:, 1] = False  # nobody is found without a neck
+    drop = drop & (rand(1) > 0.15)  # and many are seen whole
+    conf = conf * ~drop
+
+    b = bones_of(rel)
+    flat = torch.ones(n, 1, 3, device=d)
+    flat[..., 2] = 1 - 0.45 * rand(1) * level[:, :, 0] / 1.5  # regression to the mean makes depth shallow
+    b = b * flat * (1 + 0.05 * randn(1, 1))
+    turn = rot.matrix(rot.from_rotvec(randn(3) * torch.tensor([0.07, 0.12, 0.04], device=d) * level[:, :, 0]))
+    b = b @ turn.transpose(1, 2)
+    common, own = randn(NB, 3), torch.randn(n, NJ, NB, 3, generator=g, device=d)
+    std = torch.tensor([0.018, 0.018, 0.038], device=d) * level[..., None, :].reshape(n, 1, 1)
+    enc = b[:, None] + (common[:, None] * 0.75 + own * 0.65) * std[:, None]
+    sign = torch.where(rand(NB) < 0.05 * level[:, :, 0], -1.0, 1.0)  # depth taken for its mirror image
+    enc[..., 2] = enc[..., 2] * sign[:, None]
+    other = rand(NJ) < 0.03 * level[:, :, 0]  # another person's value at a contested cell
+    enc = torch.where(other[..., None, None], enc.roll(1, 0), enc)
+    enc = torch.where(sw[..., None, None], enc[:, f14], enc)
+    return noisy, conf, enc.flatten(2) * mask
+
+
+@torch.no_grad()
+def stage1_features(
+    net: SelecSLSNet, pack: pathlib.Path, device: torch.device, scenes: int, seed: int, tiny: bool = False, held: bool = False
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """True Stage I outputs at the labelled joints of rendered scenes: uv, conf, enc, rel3d of every person with a visible neck."""
+    from augment import photometric
+    from real import load_photos
+    from scenes import Generator
+
+    gen = Generator(
+        pack, device, load_photos(pack, device, 40 if tiny else 0), seed, held, supersample=1 if tiny else 2, chunk=4 if tiny else 64
+    )
+    net.eval()
+    out: list[tuple[Tensor, ...]] = []
+    step = 4 if tiny else 64
+    for _ in range(0, scenes, step):
+        s = gen.render(step)
+        x = photometric(s.image.float() / 255, gen.g) - 0.5
+        with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
+            y, e = net(x.contiguous(memory_format=torch.channels_last))
+        out.append(read_out(y.float(), e.float(), s.joints2d, s.visible, s.rel3d, s.size_px, gen.g))
+    return tuple(torch.cat(t) for t in zip(*out))  # type: ignore[return-value]
+
+
+def read_out(
+    y: Tensor, e: Tensor, joints2d: Tensor, visible: Tensor, rel: Tensor, size: Tensor, g: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    B, P = size.shape
+    h, w = y.shape[2:]
+    uv = joints2d + torch.randn(joints2d.shape, generator=g, device=y.device) * size[..., None, None] * 0.012
+    cell = ((uv - (STRIDE - 1) / 2) / STRIDE).round().long()
+    x, r = cell[..., 0].clamp(0, w - 1), cell[..., 1].clamp(0, h - 1)
+    at = (r * w + x).permute(0, 2, 1)  # [B, 14, P]
+    peak = F.max_pool2d(y[:, :NJ], 3, 1, 1).flatten(2).gather(2, at).permute(0, 2, 1)  # [B, P, 14]
+    enc = e.flatten(2).gather(2, at.flatten(1)[:, None].expand(-1, e.shape[1], -1)).view(B, -1, NJ, P).permute(0, 3, 2, 1)
+    conf = torch.where((visible > 0) & (peak > 0.12), peak.clamp(0, 1), torch.zeros_like(peak))
+    keep = (size > 36) & (conf[..., 1] > 0) & ((conf > 0).sum(-1) >= 4)
+    return uv[keep], conf[keep], enc[keep], rel[keep]
+
+
+def procrustes(a: Tensor, b: Tensor) -> Tensor:
+    """a aligned to b by a similarity, batched [n, 21, 3]."""
+    ma, mb = a.mean(1, keepdim=True), b.mean(1, keepdim=True)
+    A, B = a - ma, b - mb
+    U, S, Vt = torch.linalg.svd(A.transpose(1, 2) @ B)
+    sign = torch.det(U @ Vt).sign()
+    D = torch.ones_like(S)
+    D[:, 2] = sign
+    R = (U * D[:, None]) @ Vt
+    s = (S * D).sum(1) / A.square().sum((1, 2)).clamp_min(1e-9)
+    return s[:, None, None] * A @ R + mb
+
+
+def errors(pred: Tensor, rel: Tensor) -> dict[str, float]:
+    """Millimetres at canonical stature, joints relative to the pelvis."""
+    e = (pred - rel).norm(dim=-1) * 1000
+    pa = (procrustes(pred, rel) - rel).norm(dim=-1).mean() * 1000
+    t = torch.arange(0, 151, 5, device=e.device)
+    auc = (e[:, :14].flatten()[:, None] < t).float().mean()
+    return dict(mpjpe=e.mean().item(), pa_mpjpe=pa.item(), pck150=(e[:, :14] < 150).float().mean().item() * 100, auc=auc.item() * 100)
+
+
+def naive(conf: Tensor, enc: Tensor) -> Tensor:
+    """Baseline: chain the bones read off the encodings (first joint seen that carries the bone), zeros where unseen."""
+    from skeleton import JOINTS_OF_BONE, ROOT, TOPO21
+
+    n = len(conf)
+    e = enc.view(n, NJ, NB, 3)
+    out = [torch.zeros(n, 3, device=conf.device) for _ in range(NB)]
+    for b in TOPO21:
+        if b == ROOT:
+            continue
+        js = JOINTS_OF_BONE[b]
+        wgt = (conf[:, js] > 0).float()
+        v = (e[:, js, b] * wgt[..., None]).sum(1) / wgt.sum(1, keepdim=True).clamp_min(1)
+        out[b] = out[PARENTS21[b]] + v
+    return torch.stack(out, 1)
+
+
+def train(a: argparse.Namespace) -> None:
+    began = time.time()
+    dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
+    if a.threads:
+        torch.set_num_threads(a.threads)
+    torch.manual_seed(a.seed)
+    mask = channel_mask(dev)
+    data = People3D(a.pack, dev, a.seed)
+    held = People3D(a.pack, dev, 4242, held=True)
+    uv, rel_t = held.sample(a.test)
+    noisy, conf, enc = imitate(uv, rel_t, torch.Generator(device=dev).manual_seed(7), mask)
+    whole = torch.ones_like(conf)
+    clean = stage2_input(uv, whole, bones_of(rel_t).flatten(1)[:, None].expand(-1, NJ, -1), mask)
+    clean2d = stage2_input(uv, whole, torch.zeros(len(uv), NJ, 3 * NB, device=dev), mask)
+    test = stage2_input(noisy, conf, enc, mask)
+    blind = stage2_input(noisy, conf, torch.zeros_like(enc), mask)  # what a runtime without a trained 3D head feeds
+    true: tuple[Tensor, ...] | None = None
+    if a.stage1:
+        import checkpoint
+
+        net = SelecSLSNet().to(dev)
+        ema = copy.deepcopy(net)
+        checkpoint.load(a.stage1, net, ema, None, dev)
+        true = stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77)
+        print(f"{len(true[0])} people seen by Stage I in {a.scenes} scenes, {time.time() - began:.0f} s", flush=True)
+    net2 = Stage2().to(dev)
+    if a.init:
+        net2.load_state_dict(torch.load(a.init, map_location=dev, weights_only=True)["net"])
+    avg = copy.deepcopy(net2).requires_grad_(False)
+    opt = torch.optim.AdamW(net2.parameters(), lr=a.lr, weight_decay=0.01, betas=(0.9, 0.98))
+    step, t0, logged = 0, time.time(), time.time()
+    end = began + a.minutes * 60
+    weight = torch.tensor([1.0] * 14 + [0.5, 1, 1, 0.7, 0.7, 0.7, 0.7], device=dev)[:, None]
+    acc = torch.zeros((), device=dev)
+    fresh: list[tuple[Tensor, Tensor]] = []
+    while (now := time.time()) < end and not (a.steps and step >= a.steps):
+        p = step / a.steps if a.steps else (now - t0) / (end - t0)
+        for grp in opt.param_groups:
+            grp["lr"] = a.lr * min(p / 0.02, 1) * max(0.5 * (1 + math.cos(math.pi * p)), 0.002)
+        # posing people costs more than the network: use a batch of them with several corruptions
+        if step % a.repeat == 0:
+            fresh = [data.sample(a.batch)]
+        uv, rel = fresh[0]
+        x_uv, x_c, x_e = imitate(uv, rel, data.g, mask)
+        x_e = x_e * (torch.rand(len(x_e), 1, 1, generator=data.g, device=dev) >= a.without)
+        if true is not None:
+            i = torch.randint(len(true[0]), (a.batch,), generator=data.g, device=dev)
+            x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, true[0][i]), (x_c, true[1][i]), (x_e, true[2][i]), (rel, true[3][i])))
+        out = net2(stage2_input(x_uv, x_c, x_e, mask))
+        # Smooth L1 in decimetres on joints and on bones: bones keep limb lengths consistent
+        loss = (F.smooth_l1_loss(out * 10, rel * 10, reduction="none", beta=0.3) * weight).mean() + 0.5 * F.smooth_l1_loss(
+            bones_of(out) * 10, bones_of(rel) * 10, beta=0.3
+        )
+        opt.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net2.parameters(), 2.0)
+        opt.step()
+        step += 1
+        acc += loss.detach()
+        with torch.no_grad():
+            k = 1 - min(0.998, (1 + step) / (20 + step))
+            src = net2.state_dict()
+            for name, v in avg.state_dict().items():
+                if v.is_floating_point():
+                    v.lerp_(src[name], k)
+        if step % a.log == 0 or (a.steps and step == a.steps):
+            avg.eval()
+            with torch.no_grad():
+                r, r2 = errors(avg(test), rel_t), errors(avg(blind), rel_t)
+            print(
+                f"step {step} {a.log / (time.time() - logged):.1f} steps/s loss {acc.item() / a.log:.4f} held-out clips, imitated input: "
+                + " ".join(f"{k} {v:.1f}" for k, v in r.items())
+                + f", from 2D alone: mpjpe {r2['mpjpe']:.1f} pa_mpjpe {r2['pa_mpjpe']:.1f}",
+                flush=True,
+            )
+            acc.zero_()
+            logged = time.time()
+    avg.eval()
+    with torch.no_grad():
+        report = {
+            "imitated": errors(avg(test), rel_t),
+            "imitated, 2D alone": errors(avg(blind), rel_t),
+            "clean": errors(avg(clean), rel_t),
+            "clean, 2D alone": errors(avg(clean2d), rel_t),
+            "imitated, chained bones without stage II": errors(naive(conf, enc), rel_t),
+        }
+        full = (conf > 0).all(1)
+        report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
+        report["imitated, joints missing"] = errors(avg(test[~full]), rel_t[~full])
+    for k, v in report.items():
+        print(f"{k:45}" + " ".join(f"{n} {x:6.1f}" for n, x in v.items()), flush=True)
+    a.out.mkdir(parents=True, exist_ok=True)
+    torch.save({"net": avg.state_dict(), "step": step, "people": step * a.batch, "report": report, "stage1": bool(a.stage1)}, a.out / "stage2.pt")
+
+
+if __name__ == "__main__":
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("pack", type=pathlib.Path)
+    ap.add_argument("out", type=pathlib.Path)
+    ap.add_argument("--minutes", type=float, default=8)
+    ap.add_argument("--steps", type=int, default=0)
+    ap.add_argument("--batch", type=int, default=512)
+    ap.add_argument("--repeat", type=int, default=3, help="steps on the same people, corrupted anew each time")
+    ap.add_argument("--lr", type=float, default=2e-3)
+    ap.add_argument("--stage1", type=pathlib.Path, help="checkpoint folder of Stage I")
+    ap.add_argument("--scenes", type=int, default=8192)
+    ap.add_argument("--test", type=int, default=4096)
+    ap.add_argument("--log", type=int, default=200)
+    ap.add_argument("--seed", type=int, default=3)
+    ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")
+    ap.add_argument("--init", type=pathlib.Path, help="stage2.pt to start from")
+    ap.add_argument("--threads", type=int, default=0)
+    ap.add_argument("--cpu", action="store_true")
+    train(ap.parse_args(sys.argv[1:]))

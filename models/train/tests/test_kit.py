@@ -1,0 +1,221 @@
+"""Tests that need no data: python -m unittest discover -s models/train/tests"""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+import torch
+
+KIT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(KIT))
+
+import export
+import photos
+import targets
+import weights
+from group import argmax_joints, people
+from letterbox import letterbox, to_original
+from model import SelecSLSNet, Stage2, channel_mask, stage2_input
+from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
+from stage2 import errors, imitate, naive, procrustes
+
+# A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
+PERSON = np.array(
+    [[0, 0], [0, 25], [-18, 28], [-24, 52], [-26, 75], [18, 28], [24, 52], [26, 75], [-10, 75], [-11, 110], [-12, 145], [10, 75], [11, 110], [12, 145]],
+    np.float32,
+)
+
+
+def crowd(*at: tuple[float, float]) -> torch.Tensor:
+    """[1, P, 14, 2]"""
+    return torch.from_numpy(np.stack([PERSON + np.array(p, np.float32) for p in at]))[None]
+
+
+class Skeleton(unittest.TestCase):
+    def test_tables_agree(self) -> None:
+        self.assertEqual(sorted(TOPO21), list(range(NB)))
+        for b in TOPO21:
+            if b != ROOT:
+                self.assertLess(TOPO21.index(PARENTS21[b]), TOPO21.index(b))
+        for flip in (FLIP14, FLIP21):
+            self.assertEqual([flip[flip[j]] for j in range(len(flip))], list(range(len(flip))))
+        carried = {b for bones in BONES_AT for b in bones}
+        self.assertEqual(carried, set(range(NB)) - {ROOT})  # every bone can be read somewhere
+
+
+class Grouping(unittest.TestCase):
+    def test_people_come_back_from_their_own_maps(self) -> None:
+        j = crowd((80, 60), (200, 90), (330, 40))
+        hm, paf, _, _ = targets.maps(j, torch.ones(1, 3, NJ, dtype=torch.bool), torch.full((1, 3), 150.0), 40, 64)
+        found = people(torch.cat([hm, paf], 1)[0])
+        self.assertEqual(len(found), 3)
+        for p in j[0].numpy():
+            best = min(float(np.abs(q[:, :2] - p).max()) for q in found if (q[:, 2] > 0).all())
+            self.assertLess(best, 3.0)
+
+    def test_empty_maps_hold_nobody(self) -> None:
+        self.assertEqual(people(torch.zeros(40, 40, 64)), [])
+        self.assertEqual(people(torch.full((40, 40, 64), 0.2)), [])
+
+    def test_maximum_of_each_map(self) -> None:
+        j = crowd((100, 60))
+        hm, _, _, _ = targets.maps(j, torch.ones(1, 1, NJ, dtype=torch.bool), torch.full((1, 1), 150.0), 40, 64)
+        self.assertLess(np.abs(argmax_joints(hm)[0] - j[0, 0].numpy()).max(), 3.0)
+
+
+class Targets(unittest.TestCase):
+    def test_fields_point_to_the_parent(self) -> None:
+        j = crowd((100, 60))
+        _, paf, _, _ = targets.maps(j, torch.ones(1, 1, NJ, dtype=torch.bool), torch.full((1, 1), 150.0), 40, 64)
+        for limb, (c, p) in enumerate(LIMBS):
+            u = (j[0, 0, p] - j[0, 0, c]) / (j[0, 0, p] - j[0, 0, c]).norm()
+            mid = ((j[0, 0, c] + j[0, 0, p]) / 2 - 3.5) / 8
+            if (j[0, 0, p] - j[0, 0, c]).norm() < 16:
+                continue
+            x, y = (int(v) for v in mid.round())
+            self.assertGreater(float(paf[0, 2 * limb : 2 * limb + 2, y, x] @ u), 0.8)
+
+    def test_losses_vanish_on_the_target_only(self) -> None:
+        j = crowd((100, 60))
+        rel = torch.randn(1, 1, 21, 3) * 0.3
+        t = targets.synthetic(j, torch.ones(1, 1, NJ), rel, torch.full((1, 1), 150.0), torch.full((1, 1), 4.0), 40, 64)
+        self.assertEqual(float(sum(targets.loss2d(t.maps, t))), 0.0)
+        self.assertLess(abs(float(targets.location_loss(t.maps, t))), 1e-4)
+        self.assertEqual(float(targets.loss3d(t.enc, t)), 0.0)
+        off = t.maps.roll(3, 3)
+        self.assertGreater(float(targets.location_loss(off, t)), 0.1)
+        self.assertGreater(float(sum(targets.loss2d(off, t))), 0.01)
+
+    def test_unlabelled_surroundings_are_ignored(self) -> None:
+        j = crowd((100, 60))
+        known = torch.zeros(1, 40, 64)
+        known[:, 4:30, 8:20] = 1
+        box = known[:, None] > 0
+        t = targets.real(j, torch.ones(1, 1, NJ, dtype=torch.bool), torch.full((1, 1), 150.0), known, box)
+        self.assertEqual(float(t.weight[..., 40:].sum()), 0.0)
+        self.assertGreater(float(t.weight.sum()), 0.0)
+
+
+class Lifting(unittest.TestCase):
+    def test_procrustes_undoes_a_similarity(self) -> None:
+        x = torch.randn(5, 21, 3)
+        r = torch.linalg.qr(torch.randn(5, 3, 3))[0]
+        r = r * torch.det(r).sign()[:, None, None]
+        self.assertLess(float((procrustes(x @ r * 1.7 + 3, x) - x).abs().max()), 1e-3)
+
+    def test_bones_chain_to_the_person(self) -> None:
+        rel = torch.randn(6, 21, 3)
+        rel = rel - rel[:, ROOT : ROOT + 1]
+        bones = (rel - rel[:, PARENTS21]).flatten(1)[:, None].expand(-1, NJ, -1)
+        self.assertLess(errors(naive(torch.ones(6, NJ), bones * channel_mask()), rel)["mpjpe"], 0.1)
+
+    def test_input_knows_neither_place_nor_size(self) -> None:
+        uv, conf, enc = torch.randn(3, NJ, 2) * 40, torch.rand(3, NJ) + 0.1, torch.randn(3, NJ, 63)
+        a = stage2_input(uv, conf, enc, channel_mask())
+        b = stage2_input(uv * 2.5 + 90, conf, enc, channel_mask())
+        self.assertEqual(tuple(a.shape), (3, 924))
+        self.assertLess(float((a - b).abs().max()), 1e-3)
+
+    def test_unseen_joints_are_zero(self) -> None:
+        g = torch.Generator().manual_seed(1)
+        uv, conf, enc = imitate(torch.randn(300, NJ, 2) * 40, torch.randn(300, 21, 3) * 0.3, g, channel_mask())
+        x = stage2_input(uv, conf, enc, channel_mask()).view(300, NJ, 66)
+        gone = conf == 0
+        self.assertGreater(int(gone.sum()), 20)
+        self.assertEqual(float(x[gone].abs().max()), 0.0)
+        self.assertTrue(bool((conf[:, 1] > 0).all()))  # nobody is found without a neck
+
+
+class Files(unittest.TestCase):
+    def test_weights_come_back(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            path = pathlib.Path(d) / "w.safetensors"
+            net = SelecSLSNet().eval()
+            weights.write(path, export.slim(net.state_dict(), f32=True), {"contract": json.dumps({"step": 3})})
+            other = SelecSLSNet().eval()
+            meta = weights.load_into(other, path)
+            x = torch.randn(1, 3, 64, 64)
+            with torch.no_grad():
+                for a, b in zip(net(x), other(x)):
+                    self.assertTrue(torch.equal(a, b))
+            self.assertEqual(json.loads(meta["contract"]), {"step": 3})
+            with self.assertRaises(SystemExit):
+                weights.load_into(Stage2(), path)
+            path.write_bytes(path.read_bytes()[:100])
+            with self.assertRaises(SystemExit):
+                weights.read(path)
+
+    def test_unsupervised_channels_cannot_reach_the_answer(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            path = pathlib.Path(d) / "s.safetensors"
+            export.export_stage2(Stage2().eval(), {"step": 1, "report": {}}, path, f32=True)
+            s2 = Stage2()
+            weights.load_into(s2, path)
+            uv, conf, enc = torch.randn(5, NJ, 2) * 50, torch.rand(5, NJ), torch.randn(5, NJ, 63)
+            with torch.no_grad():
+                a, b = (s2.eval()(stage2_input(uv, conf, enc, m)) for m in (channel_mask(), torch.ones(NJ, 63)))
+            self.assertTrue(torch.allclose(a, b, atol=1e-5))
+
+
+class Network(unittest.TestCase):
+    def test_skipping_the_3d_head_changes_nothing_else(self) -> None:
+        net = SelecSLSNet().eval()
+        x = torch.randn(3, 3, 64, 96)
+        with torch.no_grad():
+            y, e = net(x)
+            y2, e2 = net(x, 2)
+        self.assertEqual(tuple(y.shape), (3, 40, 8, 12))
+        self.assertEqual(tuple(e2.shape), (1, 63, 8, 12))
+        self.assertTrue(torch.allclose(y, y2, atol=1e-5) and torch.allclose(e[2:], e2, atol=1e-5))
+
+
+class Frames(unittest.TestCase):
+    def test_letterbox_and_back(self) -> None:
+        image = np.zeros((300, 200, 3), np.uint8)
+        image[150, 100] = 255  # one bright pixel
+        x, s, du, dv = letterbox(image)
+        y, c = np.unravel_index(int(x[0, 0, :, :].sub(128).clamp_min(-128).where(x[0, 0] != 128, torch.tensor(-200.0)).argmax()), (320, 512))
+        q = np.ones((14, 3), np.float32) * [c, y, 1]
+        back = to_original([q], s, du, dv)[0]
+        self.assertLess(abs(back[0, 0] - 100), 1.0)
+        self.assertLess(abs(back[0, 1] - 150), 1.0)
+
+    def test_oks(self) -> None:
+        q = np.concatenate([PERSON, np.ones((14, 1), np.float32)], 1)
+        k = np.concatenate([PERSON[photos.SHARED], np.full((12, 1), 2, np.float32)], 1)
+        p = photos.Person(k, 150.0 * 60, np.array([0, 0, 60, 150], np.float32))
+        self.assertAlmostEqual(photos.oks(q, p), 1.0, places=5)
+        q[photos.SHARED[:6], 2] = 0  # arms not found
+        self.assertAlmostEqual(photos.oks(q, p), 0.5, places=5)
+
+
+class Ranks(unittest.TestCase):
+    def test_two_processes_agree(self) -> None:
+        code = (
+            "import torch, ranks\n"
+            "children = ranks.launch(2)\n"
+            "g = ranks.Group(2)\n"
+            "t = [torch.full((3,), 1.0 + 2 * g.rank), torch.full((2, 2), 4.0 * g.rank)]\n"
+            "g.average(t)\n"
+            "assert g.same([7.0 + g.rank]) == [7.0]\n"
+            "assert t[0].tolist() == [2.0] * 3 and t[1].flatten().tolist() == [2.0] * 4, t\n"
+            "print('agreed', flush=True)\n"
+            "[c.wait() for c in children]\n"
+        )
+        with tempfile.TemporaryDirectory() as d:
+            script = pathlib.Path(d) / "two.py"
+            script.write_text(code)
+            env = os.environ | {"PYTHONPATH": str(KIT)}
+            r = subprocess.run([sys.executable, str(script)], env=env, capture_output=True, text=True, timeout=120, check=False)
+        self.assertEqual(r.stdout.count("agreed"), 2, r.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

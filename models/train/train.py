@@ -1,0 +1,404 @@
+"""Train Stage I.  One process, one GPU; the schedule follows the clock, so it always ends on time.
+
+    python train.py PACK OUT --total 26 --minutes 9 [--resume] [--quant-last 0.12]
+
+`--total` is the length of the whole schedule in minutes, `--minutes` how long this call may take of it (start and saving included).
+Run the same line again with `--resume` until the schedule is used up; give `--finish` to the last call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import json
+import math
+import pathlib
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from typing import TextIO
+
+import torch
+from torch import Tensor, nn
+
+import checkpoint
+import quant
+import targets
+import weights
+from augment import photometric
+from model import SelecSLSNet
+from pool import Pool, Rendered, Stored
+from ranks import Group, launch
+from real import People, RealBatch, load_photos
+from scenes import Generator
+
+
+@dataclass
+class Mix:
+    """What a batch is made of."""
+
+    H: int
+    W: int
+    real: int  # tiles of each kind in a batch (of one process)
+    synth: int
+    size: tuple[float, float]  # stature in pixels of the real people
+    people: list[float]  # probabilities of 0, 1, 2, ... real people in a tile
+    zoom: tuple[float, float]  # of synthetic scenes
+
+
+@dataclass
+class Phase:
+    until: float  # share of the schedule
+    mixes: list[Mix]  # taken in turns
+
+
+GPU_PHASES = [
+    Phase(0.30, [Mix(192, 192, 192, 192, (60, 190), [0.06, 0.72, 0.14, 0.08], (0.7, 1.2))]),
+    Phase(0.78, [Mix(256, 256, 128, 128, (50, 250), [0.06, 0.56, 0.22, 0.16], (0.8, 1.3))]),
+    Phase(1.1, [Mix(320, 512, 48, 48, (45, 310), [0.05, 0.30, 0.30, 0.20, 0.15], (0.95, 1.15))]),
+]
+# A CPU has no time for empty pixels: small tiles full of people, and now and then a large one for large people and crowds.
+CPU_PHASES = [
+    Phase(
+        0.45,
+        [
+            Mix(128, 128, 7, 3, (50, 130), [0.10, 0.66, 0.24], (0.5, 1.0)),
+            Mix(128, 128, 7, 3, (50, 130), [0.10, 0.66, 0.24], (0.5, 1.0)),
+            Mix(192, 192, 3, 1, (50, 195), [0.12, 0.38, 0.30, 0.20], (0.6, 1.1)),
+        ],
+    ),
+    Phase(
+        0.86,
+        [
+            Mix(160, 160, 4, 2, (45, 165), [0.14, 0.50, 0.26, 0.10], (0.5, 1.0)),
+            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
+        ],
+    ),
+    Phase(
+        1.1,
+        [
+            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
+            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
+            Mix(320, 512, 1, 1, (45, 310), [0.15, 0.25, 0.25, 0.20, 0.15], (0.95, 1.15)),
+        ],
+    ),
+]
+TINY_PHASES = [
+    Phase(0.7, [Mix(96, 96, 4, 4, (50, 95), [0.06, 0.72, 0.22], (0.5, 0.9))]),
+    Phase(1.1, [Mix(128, 160, 2, 2, (50, 120), [0.06, 0.60, 0.34], (0.4, 0.7))]),
+]
+PHASES = {"gpu": GPU_PHASES, "cpu": CPU_PHASES, "tiny": TINY_PHASES}
+
+
+def lr_at(p: float, top: float) -> float:
+    """One cycle: 3 % warm-up, cosine to 0.2 %."""
+    return top * (p / 0.03 if p < 0.03 else max(0.5 * (1 + math.cos(math.pi * (p - 0.03) / 0.97)), 0.002))
+
+
+class Trainer:
+    def __init__(self, a: argparse.Namespace):
+        self.a = a
+        self.dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
+        self.cuda = self.dev.type == "cuda"
+        self.group = Group(a.ranks)
+        torch.manual_seed(a.seed + 101 * self.group.rank)
+        if self.cuda:
+            torch.backends.cudnn.benchmark = True
+            # Geometry runs through matmul: TF32 there would move labels by centimetres.  Convolutions run in bf16 anyway.
+            torch.backends.cuda.matmul.allow_tf32 = False
+        self.phases = PHASES["tiny" if a.tiny else "gpu" if self.cuda else "cpu"]
+        self.small = not self.cuda or a.tiny
+        self.out: pathlib.Path = a.out
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.net = SelecSLSNet().to(self.dev, memory_format=torch.channels_last)
+        if a.init:
+            weights.load_into(self.net, a.init)
+        self.ema = copy.deepcopy(self.net).requires_grad_(False)
+        self._freeze()
+        self.meta = dict(step=0, images=0, elapsed=0.0, quant=False, lr_scale=1.0)
+        self.opt = self._optimizer()
+        ck = self.out / "ckpt"
+        if a.resume:
+            self.meta |= checkpoint.load(ck, self.net, self.ema, None, self.dev)
+            if self.meta["quant"]:
+                self._quantise()
+                checkpoint.load(ck, self.net, self.ema, None, self.dev)
+            self.opt = self._optimizer()
+            checkpoint.load(ck, self.net, self.ema, self.opt, self.dev)
+            print(f"resumed at step {self.meta['step']}, {self.meta['elapsed'] / 60:.2f} min of the schedule used", flush=True)
+        if a.from_average:
+            self.net.load_state_dict(self.ema.state_dict())
+        self.stop = False
+        if not a.resume:  # every rank starts from rank 0's random numbers
+            self.group.same_weights(self.net)
+            self.ema.load_state_dict(self.net.state_dict())
+        for s in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(s, self._on_signal)
+        self._pairs()
+        self.fwd = torch.compile(self.net) if a.compile else self.net
+
+    def _on_signal(self, *_: object) -> None:
+        self.stop = True
+
+    def _frozen(self) -> list[nn.Module]:
+        """The stem and the first modules: they work at the finest resolution, so they cost most, and change least late in training."""
+        return [self.net.stem, *self.net.features[: self.a.freeze - 1]] if self.a.freeze else []
+
+    def _freeze(self) -> None:
+        for m in self._frozen():
+            m.eval().requires_grad_(False)
+
+    def _optimizer(self) -> torch.optim.Optimizer:
+        dec = [p for p in self.net.parameters() if p.ndim > 1 and p.requires_grad]
+        rest = [p for p in self.net.parameters() if p.ndim <= 1 and p.requires_grad]
+        return torch.optim.AdamW(
+            [dict(params=dec, weight_decay=self.a.wd), dict(params=rest, weight_decay=0.0)],
+            lr=self.a.lr,
+            betas=(0.9, 0.98),
+            fused=True if self.cuda else None,
+            foreach=None if self.cuda else True,
+        )
+
+    def _pairs(self) -> None:
+        n, e = self.net.state_dict(), self.ema.state_dict()
+        keys = [k for k in e if e[k].is_floating_point()]
+        self.ema_t, self.net_t = [e[k] for k in keys], [n[k] for k in keys]
+
+    def _quantise(self) -> None:
+        for m in (self.net, self.ema):
+            quant.prepare(m)
+        for m, e in zip(self.net.modules(), self.ema.modules()):
+            if isinstance(m, quant.QuantReLU):
+                e.amax = m.amax  # ranges are shared, not averaged
+            if isinstance(m, nn.BatchNorm2d):
+                m.eval()  # the engine folds these statistics: fine-tune with them fixed
+        self.meta["quant"] = True
+        self._pairs()
+
+    # ------------------------------------------------------------------- data
+
+    def build_data(self) -> None:
+        a, t = self.a, time.time()
+        photos = load_photos(a.pack, self.dev, 40 if a.tiny else 0)
+        seed = a.seed + 7919 * self.meta["step"] + 131 * self.group.rank  # a resumed run sees new scenes, every rank its own
+        if a.cache and not self.group.first:
+            self.group.wait()  # rank 0 decodes into the cache
+        self.people = People(a.pack, self.dev, photos, seed + 1, limit=150 if a.tiny else 0, cache=a.cache)
+        if a.cache and self.group.first:
+            self.group.wait()
+        t1 = time.time()
+        self.pools: list[Pool] = [Stored(p, seed + 2 + i) for i, p in enumerate(a.scenes)]
+        if not self.pools:
+            gen = Generator(a.pack, self.dev, photos, seed, supersample=1 if a.tiny else 2, chunk=4 if self.small else 64)
+            self.pools = [Rendered(gen, 64 if a.tiny else a.pool, first=12 if a.tiny else 64 if self.small else 512)]
+        if self.cuda:
+            torch.cuda.synchronize()
+        if self.group.first:
+            scenes = [p.filled for p in self.pools]
+            print(f"data: photos and people {t1 - t:.1f} s, first {scenes} scenes {time.time() - t1:.1f} s", flush=True)
+
+    def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch]:
+        h, w = ph.H // 8, ph.W // 8
+        r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people)
+        # folders of scenes take turns, in proportion to what they hold
+        share = torch.tensor([float(p.filled) for p in self.pools])
+        pool = self.pools[int(torch.multinomial(share, 1))]
+        s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom)
+        x = photometric(torch.cat([r.image, s.image]), pool.g) - 0.5
+        tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box)
+        ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
+        return x.contiguous(memory_format=torch.channels_last), tr, ts, r
+
+    # ------------------------------------------------------------------- step
+
+    def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0) -> tuple[Tensor, Tensor]:
+        """The six losses, and the joint maps of the real tiles."""
+        n = len(tr.maps)
+        with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.a.bf16):
+            y, e = self.fwd(x, n)
+        peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
+        hr, pr = targets.loss2d(y[:n], tr, peak)
+        hs, ps = targets.loss2d(y[n:], ts, peak)
+        where = targets.location_loss(y[:n], tr) + targets.location_loss(y[n:], ts)
+        return torch.stack([hr, pr, hs, ps, targets.loss3d(e, ts), where]), y[:n].detach()
+
+    def step(self, ph: Mix, p: float) -> Tensor:
+        lr = lr_at(p, self.a.lr) * self.meta["lr_scale"]
+        for g in self.opt.param_groups:
+            g["lr"] = lr
+        x, tr, ts, r = self.batch(ph)
+        L, y = self.losses(x, tr, ts, p)
+        warm = min(1.0, self.meta["step"] / 150)
+        synth = self.a.synth
+        loss = (L * torch.tensor([1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm], device=self.dev)).sum()
+        loss.backward()
+        self.group.average_grads(self.net)
+        norm = nn.utils.clip_grad_norm_(self.net.parameters(), 4.0 if self.meta["step"] > 50 else 10.0, foreach=True)
+        self.opt.step()
+        self.opt.zero_grad(set_to_none=True)
+        # photos without people that make the network see some are shown again sooner
+        bad = (y[:, : targets.NJ].float().amax((2, 3)).mean(1)).clamp(0, 1)
+        if self.cuda:
+            bad = torch.where(r.empty, bad, (self.people.photo_weight[r.photo] - 0.1) / 4)  # no wait for the device
+            self.people.fired(r.photo, bad)
+        else:
+            self.people.fired(r.photo[r.empty], bad[r.empty])
+        self.meta["step"] += 1
+        k = self.meta["step"]
+        self.meta["images"] += (ph.real + ph.synth) * self.group.count
+        with torch.no_grad():
+            torch._foreach_lerp_(self.ema_t, self.net_t, 1 - min(self.a.ema, (1 + k) / (20 + k)))
+        return torch.cat([L.detach(), norm.detach()[None]])
+
+    def choose_groups(self, ph: Mix) -> None:
+        """Time grouped convolutions against their dense equivalents on this device; weights and statistics are put back."""
+        if self.a.groups != "auto" or not self.cuda:
+            self.net.set_dense_groups(self.a.groups == "dense")
+            return
+        keep = {k: v.clone() for k, v in self.net.state_dict().items()}
+        x, tr, ts, _ = self.batch(ph)
+        best: dict[bool, float] = {}
+        for dense in (False, True):
+            self.net.set_dense_groups(dense)
+            for i in range(6):
+                if i == 3:
+                    torch.cuda.synchronize()
+                    t = time.time()
+                self.losses(x, tr, ts)[0].sum().backward()
+                self.net.zero_grad(set_to_none=True)
+            torch.cuda.synchronize()
+            best[dense] = (time.time() - t) / 3
+        self.net.set_dense_groups(best[True] < best[False])
+        self.net.load_state_dict(keep)
+        print(f"groups: native {best[False] * 1e3:.0f} ms, dense {best[True] * 1e3:.0f} ms a batch of {len(x)}", flush=True)
+
+    # -------------------------------------------------------------------- run
+
+    def save(self, t0: float, off: float) -> None:
+        self.group.average_statistics(self.net)
+        self.group.average_statistics(self.ema)
+        self.meta["elapsed"] = off + time.time() - t0
+        if self.group.first:
+            checkpoint.save(self.out / "ckpt", self.net, self.ema, self.opt, self.meta)
+
+    def recover(self) -> None:
+        """A non-finite loss: go back to the last checkpoint and go on more slowly."""
+        print("non-finite loss: back to the last checkpoint at half the rate", flush=True)
+        if (self.out / "ckpt").exists():
+            keep = dict(self.meta)
+            self.opt = self._optimizer()
+            checkpoint.load(self.out / "ckpt", self.net, self.ema, self.opt, self.dev)
+            self.meta = keep
+        self.meta["lr_scale"] *= 0.5
+
+    def run(self, began: float) -> None:
+        a = self.a
+        self.build_data()
+        self.choose_groups(self.phases[-2].mixes[0])
+        t0, off = time.time(), self.meta["elapsed"]
+        end = began + a.minutes * 60 - (3 if self.small else 12)  # time to write the checkpoint
+        total = off + end - t0 if a.finish else a.total * 60  # the last call bends the schedule to end with it
+        saved = logged = time.time()
+        acc, n, images, debt = torch.zeros(7, device=self.dev), 0, self.meta["images"], 0.0
+        log = open(self.out / "log.jsonl", "a") if self.group.first else None
+        every = 5 if a.tiny else 20 if self.small else 50
+        chunk = 4 if self.small else 64
+        while True:
+            now = time.time()
+            p = (off + now - t0) / total
+            stop = p >= 1 or now >= end or self.stop or (a.steps and self.meta["step"] >= a.steps)
+            p, stop, due = self.group.same([p, float(stop), float(now - saved > a.save_every)])
+            if stop:
+                break
+            if a.quant_last and p > 1 - a.quant_last and not self.meta["quant"]:
+                self._quantise()
+                self.fwd = self.net  # a compiled graph would not see the new modules
+                print("int8 fake quantisation on", flush=True)
+            mixes = next(q for q in self.phases if p < q.until).mixes
+            ph = mixes[self.meta["step"] % len(mixes)]
+            acc += self.step(ph, p)
+            n += 1
+            # whole frames show a scene more fully than tiles do, so they are reused less
+            debt += ph.synth / (a.reuse * (1 if ph.W < 512 else 0.5))
+            if debt >= chunk:
+                for pool in self.pools:
+                    pool.refresh(chunk)
+                debt -= chunk
+            if n >= every:
+                v = (acc / n).tolist()  # the only wait of the loop
+                if log is not None:
+                    self._log(log, v, p, ph, (self.meta["images"] - images) / (time.time() - logged))
+                acc.zero_()
+                n, images, logged = 0, self.meta["images"], time.time()
+                (bad,) = self.group.same([float(not all(map(math.isfinite, v)))])
+                if bad:
+                    self.recover()
+            if due:
+                self.save(t0, off)
+                saved = time.time()
+        self.save(t0, off)
+        if self.group.first:
+            used = self.meta["elapsed"] / total
+            hint = "" if used >= 0.999 else ": run again with --resume"
+            print(f"stopped at step {self.meta['step']}, {self.meta['images']} images, {100 * used:.1f} % of the schedule{hint}", flush=True)
+
+    def _log(self, log: TextIO, v: list[float], p: float, ph: Mix, ips: float) -> None:
+        names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "grad"]
+        row = dict(p=round(p, 4), t=round(time.time()), step=self.meta["step"], images=self.meta["images"], ips=round(ips, 1))
+        row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr)) | {k: round(x, 6) for k, x in zip(names, v)}
+        if self.cuda:
+            row["gib"] = round(torch.cuda.max_memory_allocated() / 2**30, 1)
+        log.write(json.dumps(row) + "\n")
+        log.flush()
+        print(
+            f"p {p:.3f} step {row['step']} {ips:.1f} img/s lr {row['lr']:.2e} hm real {v[0]:.4f} synth {v[2]:.4f} "
+            f"paf {v[1]:.4f} {v[3]:.4f} enc {v[4]:.4f} where {v[5]:.1f} grad {v[6]:.2f} {row.get('gib', 0)} GiB",
+            flush=True,
+        )
+
+
+def main(argv: list[str]) -> None:
+    began = time.time()
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("pack", type=pathlib.Path)
+    ap.add_argument("out", type=pathlib.Path)
+    ap.add_argument("--total", type=float, default=26, help="minutes of the whole schedule")
+    ap.add_argument("--minutes", type=float, default=9, help="minutes this call may take, start and saving included")
+    ap.add_argument("--finish", action="store_true", help="end the schedule with this call, whatever --total says")
+    ap.add_argument("--steps", type=int, default=0, help="stop at this step (0: by the clock)")
+    ap.add_argument("--resume", action="store_true")
+    ap.add_argument("--lr", type=float, default=2e-3)
+    ap.add_argument("--init", type=pathlib.Path, help="safetensors file to start from")
+    ap.add_argument("--freeze", type=int, default=0, help="keep the stem and this many modules less one as they are (3: up to 1/4 of the size)")
+    ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
+    ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")
+    ap.add_argument("--no-bf16", dest="bf16", action="store_false", help="f32 arithmetic; bf16 halves the time on CPUs with AVX512-BF16 and on GPUs")
+    ap.add_argument("--cache", type=pathlib.Path, help="folder for decoded photos, shared by the ranks")
+    ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[], help="folders of prerender.py, instead of rendering on the way")
+    ap.add_argument("--peak", type=float, nargs=2, default=[9.0, 3.0], help="extra weight of heatmap peaks, at the start and at the end")
+    ap.add_argument("--synth", type=float, default=1.0, help="weight of the synthetic tiles' 2D losses")
+    ap.add_argument("--wd", type=float, default=0.02)
+    ap.add_argument("--w3d", type=float, default=0.35, help="weight of the encodings' loss")
+    ap.add_argument("--where", type=float, default=0.004, help="weight of the joint maps' location loss")
+    ap.add_argument("--ema", type=float, default=0.999)
+    ap.add_argument("--pool", type=int, default=4096, help="scenes kept on the device (0.5 MB each)")
+    ap.add_argument("--reuse", type=float, default=12, help="tiles drawn per rendered scene")
+    ap.add_argument("--quant-last", type=float, default=0.0, help="share of the schedule, at its end, with int8 fake quantisation")
+    ap.add_argument("--groups", choices=["auto", "native", "dense"], default="auto")
+    ap.add_argument("--compile", action="store_true", help="torch.compile the network (a minute per tile size)")
+    ap.add_argument("--save-every", type=float, default=120, help="seconds")
+    ap.add_argument("--seed", type=int, default=1)
+    ap.add_argument("--tiny", action="store_true", help="CPU rehearsal sizes")
+    ap.add_argument("--cpu", action="store_true")
+    a = ap.parse_args(argv)
+    if a.ranks > 1 and not a.cpu:
+        ap.error("--ranks is for CPUs: give --cpu, too")
+    children = launch(a.ranks)
+    Trainer(a).run(began)
+    for c in children:
+        c.wait()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

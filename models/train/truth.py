@@ -1,0 +1,74 @@
+"""Pictures and truth of `edgecap synth` -> a folder of scenes like prerender.py's: python truth.py SYNTH FOLDER [--limit N].
+
+Joint orders, visibility codes and camera axes are the same on both sides, so only shapes change.  Pictures of another size are scaled to
+fit 512 x 320 and padded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import sys
+
+import numpy as np
+import torch
+from PIL import Image
+
+from body import canonical
+from letterbox import letterbox
+from pool import FIELDS
+from skeleton import NB, NJ, ROOT
+
+WIDTH, HEIGHT, PEOPLE = 512, 320, 6
+
+
+def main(argv: list[str]) -> None:
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("synth", type=pathlib.Path)
+    ap.add_argument("folder", type=pathlib.Path)
+    ap.add_argument("--limit", type=int, default=0)
+    a = ap.parse_args(argv)
+    truth = json.loads((a.synth / "truth.json").read_text())
+    if (truth["format"], truth["version"]) != ("edgecap-truth", 1):
+        raise SystemExit(f"expected edgecap-truth version 1, found {truth['format']} version {truth['version']} in {a.synth}")
+    frames = [f for f in truth["frames"] if f.get("file")][: a.limit or None]
+    if not frames:
+        raise SystemExit(f"expected frames with pictures in {a.synth}, found none: run `edgecap synth` for stills, not for a clip")
+    n = len(frames)
+    shapes = dict(
+        image=((3, HEIGHT, WIDTH), np.uint8),
+        joints2d=((PEOPLE, NJ, 2), np.float32),
+        visible=((PEOPLE, NJ), np.uint8),
+        joints3d=((PEOPLE, NB, 3), np.float32),
+        rel3d=((PEOPLE, NB, 3), np.float32),
+        size_px=((PEOPLE,), np.float32),
+        K=((3, 3), np.float32),
+    )
+    a.folder.mkdir(parents=True, exist_ok=True)
+    out = {k: np.lib.format.open_memmap(a.folder / f"{k}.npy", "w+", shapes[k][1], (n, *shapes[k][0])) for k in FIELDS}
+    crowded = 0
+    for i, f in enumerate(frames):
+        image, s, du, dv = letterbox(np.asarray(Image.open(a.synth / f["file"]).convert("RGB")), WIDTH, HEIGHT)
+        out["image"][i] = image[0].round().to(torch.uint8).numpy()
+        c = f["camera"]
+        out["K"][i] = [[c["fx"] * s, 0, c["cx"] * s + du], [0, c["fy"] * s, c["cy"] * s + dv], [0, 0, 1]]
+        # those in front of the camera with anything to see; the nearest, if there are too many
+        people = [p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3]
+        people.sort(key=lambda p: p["joints3d"][ROOT][2])
+        crowded += len(people) > PEOPLE
+        for k, p in enumerate(people[:PEOPLE]):
+            j3 = torch.tensor(p["joints3d"], dtype=torch.float32)
+            out["joints2d"][i, k] = np.array(p["joints2d"][:NJ], np.float32) * s + np.array([du, dv], np.float32)
+            out["visible"][i, k] = p["visibility"][:NJ]
+            out["joints3d"][i, k] = j3.numpy()
+            out["rel3d"][i, k] = canonical(j3[None], torch.tensor([p["stature"]]))[0].numpy()
+            out["size_px"][i, k] = c["fx"] * s * p["stature"] / p["joints3d"][ROOT][2]
+    for v in out.values():
+        v.flush()
+    (a.folder / "filled").write_text(str(n))
+    print(f"{n} scenes, {(out['size_px'] > 0).sum()} people; {crowded} scenes had more than {PEOPLE}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
