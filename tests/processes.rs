@@ -4,9 +4,9 @@ mod program;
 
 use std::time::Duration;
 
-use program::{Running, eventually, signal, stream};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::Subscriber;
+use program::{Running, eventually, signal, stream};
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
 
