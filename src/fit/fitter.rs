@@ -414,7 +414,10 @@ impl Fitter {
                 let track = &self.present[t];
                 let looks_may_tell =
                     track.appearance.is_none() && track.hits < needed + WAIT_FOR_LOOKS;
-                let wait = looks_may_tell && self.gone.iter().any(|g| g.track.appearance.is_some());
+                let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
+                let wait = looks_may_tell
+                    && (self.gone.iter().any(|g| known(&g.track))
+                        || self.present.iter().any(known));
                 track.id == 0 && track.hits >= needed && track.unseen == 0.0 && !wait
             })
             .collect();
