@@ -102,7 +102,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         })
     }
 
-    /// Takes at most about [`STEP_LIMIT`], reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
+    /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
     pub fn step(&mut self, frame: &mut Frame) -> Step {
         match &mut self.state {
             State::Streaming {
