@@ -1,10 +1,10 @@
 //! The two processes and their supervisor on the bundled clip: the way through, crashes, and what is left behind.
 
-mod common;
+mod program;
 
 use std::time::Duration;
 
-use common::{Running, eventually, signal, stream};
+use program::{Running, eventually, signal, stream};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::Subscriber;
 
@@ -35,7 +35,7 @@ fn the_demo_travels_through_both_processes() {
     let fit = eventually("fit", || run.child("fit"));
     assert_ne!(infer, fit);
     let out = run.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", common::stderr(&out));
+    assert!(out.status.success(), "{}", program::stderr(&out));
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
         said.contains(result.to_str().unwrap()),
@@ -110,7 +110,7 @@ fn killing_fit_does_not_stop_infer() {
     );
     drop((observations, bodies));
     let out = run.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", common::stderr(&out));
+    assert!(out.status.success(), "{}", program::stderr(&out));
     assert!(lines(&result).len() > 10);
 }
 
@@ -136,7 +136,7 @@ fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
     drop(bodies);
     signal(run.pid(), "TERM");
     let out = run.wait(Duration::from_secs(20));
-    assert_eq!(out.status.code(), Some(0), "{}", common::stderr(&out));
+    assert_eq!(out.status.code(), Some(0), "{}", program::stderr(&out));
     for pid in children {
         assert!(
             !std::path::Path::new(&format!("/proc/{pid}")).exists(),

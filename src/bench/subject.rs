@@ -53,6 +53,7 @@ impl Subject {
             size,
             choice: RangeChoice::Max,
             correct_bias: false,
+            ..CalibrationOptions::default()
         };
         let calibration = Calibration::observe(&model, [picture(size)], options)?;
         Ok(Self {

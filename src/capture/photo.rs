@@ -115,6 +115,11 @@ impl Source for PhotoSource {
     fn name(&self) -> &str {
         &self.name
     }
+
+    fn picture(&self) -> String {
+        let newest = self.position.checked_sub(1).and_then(|k| self.files.get(k));
+        newest.map_or_else(|| self.name.clone(), |path| name_of(path))
+    }
 }
 
 /// Whether a file's name says that it is a photo.

@@ -38,4 +38,9 @@ pub trait Source: Send {
 
     /// What the user pointed at.
     fn name(&self) -> &str;
+
+    /// Where the newest picture comes from: its file in a folder of photos, else [`name`](Self::name).
+    fn picture(&self) -> String {
+        self.name().to_owned()
+    }
 }

@@ -181,7 +181,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             let line = Line {
                 frame: frame.sequence,
                 time_ns: frame.time_ns,
-                source: &label,
+                source: &source.picture(),
                 width: frame.width,
                 height: frame.height,
                 intrinsics: Camera { fx: intrinsics.fx, fy: intrinsics.fy, cx: intrinsics.cx, cy: intrinsics.cy },

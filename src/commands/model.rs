@@ -56,8 +56,11 @@ struct Import {
     #[arg(long, default_value_t = 64)]
     pictures: usize,
     /// How ranges are chosen: max, mse or percentile:SHARE
-    #[arg(long, default_value_t = RangeChoice::Mse)]
+    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
     range: RangeChoice,
+    /// 0: one range for all channels of a layer; 1: a range of its own for each
+    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
+    own_ranges: f32,
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
     no_bias_correction: bool,
@@ -149,6 +152,7 @@ fn import(a: &Import) -> Result<()> {
             let options = CalibrationOptions {
                 size: (a.width, a.height),
                 choice: a.range,
+                own_ranges: a.own_ranges.clamp(0.0, 1.0),
                 correct_bias: !a.no_bias_correction,
             };
             let mut failed = None;

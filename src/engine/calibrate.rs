@@ -10,16 +10,19 @@ pub struct CalibrationOptions {
     pub size: (usize, usize),
     /// How ranges are chosen.
     pub choice: RangeChoice,
+    /// 0: one range per value; 1: a range of its own for every channel.
+    pub own_ranges: f32,
     /// Correct biases for the mean error of rounded weights.
     pub correct_bias: bool,
 }
 
 impl Default for CalibrationOptions {
-    /// 512×320, least mean square error, biases corrected.
+    /// 512×320; all but one value in 20,000 within the range; channels halfway to a range of their own; biases corrected.
     fn default() -> Self {
         Self {
             size: (512, 320),
-            choice: RangeChoice::Mse,
+            choice: RangeChoice::Percentile(0.99995),
+            own_ranges: 0.5,
             correct_bias: true,
         }
     }
@@ -58,6 +61,7 @@ impl Calibration {
         Ok(Self {
             observed,
             choice: options.choice,
+            own_ranges: options.own_ranges,
             correct_bias: options.correct_bias,
             pictures: count,
         })

@@ -15,7 +15,7 @@ use super::identity::{dissimilarity, reidentification};
 use super::motion::MotionModel;
 use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use super::solver::Solver;
-use super::track::{Context, Track};
+use super::track::{Context, Track, clamp};
 use crate::joints::{BODY_JOINTS, PELVIS};
 use crate::message::{
     Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
@@ -504,10 +504,7 @@ impl Fitter {
         let (mut pose, mut posed) = (track.pose, track.posed);
         if ahead > 0.0 {
             pose = track.motion.ahead(&track.pose, ahead, &self.model);
-            for (angle, dof) in pose.angles.iter_mut().zip(skeleton.angles()) {
-                let slack = 0.052;
-                *angle = angle.clamp(dof.limits[0] - slack, dof.limits[1] + slack);
-            }
+            clamp(skeleton, &mut pose);
             skeleton.pose(&pose, track.bones.lengths(), &mut posed);
         }
         let scale = track.stature.scale(&self.config);
