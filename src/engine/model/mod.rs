@@ -65,6 +65,8 @@ pub struct Calibration {
     pub correct_bias: bool,
     /// Pictures seen, for the file's record.
     pub pictures: usize,
+    /// Pictures left out because the network runs wild on them.
+    pub left_out: usize,
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
@@ -199,10 +201,11 @@ impl Model {
         let convs = convs.collect();
         self.calibration = match calibration {
             Some(c) => format!(
-                "{}, channels' own share {}, over {} pictures{}",
+                "{}, channels' own share {}, over {} pictures ({} wild ones left out){}",
                 c.choice,
                 c.own_ranges,
                 c.pictures,
+                c.left_out,
                 if c.correct_bias {
                     ", biases corrected"
                 } else {

@@ -79,6 +79,11 @@ impl Observed {
         self.pixels += 1;
     }
 
+    /// The greatest magnitude seen.
+    pub fn max(&self) -> f32 {
+        self.all.max
+    }
+
     /// Mean of every channel.
     pub fn means(&self) -> Vec<f32> {
         let n = self.pixels.max(1) as f64;
