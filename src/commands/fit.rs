@@ -62,15 +62,22 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     config.stills |= args.stills;
     let mut fitter = Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?;
     match (&args.input, &args.jsonl) {
-        (Some(input), Some(output)) => recorded(&mut fitter, input, output, args.camera.as_deref(), &stop),
+        (Some(input), Some(output)) => {
+            recorded(&mut fitter, input, output, args.camera.as_deref(), &stop)
+        }
         _ => live(&mut fitter, &args.name, args.rate, &stop),
     }
 }
 
 fn read_config(path: Option<&Path>) -> anyhow::Result<FitConfig> {
-    let Some(path) = path else { return Ok(FitConfig::default()) };
-    let text = std::fs::read_to_string(path).map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
-    Ok(toml::from_str(&text).map_err(|e| Failure::config(format!("{}: {}", path.display(), e.to_string().trim_end())))?)
+    let Some(path) = path else {
+        return Ok(FitConfig::default());
+    };
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
+    Ok(toml::from_str(&text).map_err(|e| {
+        Failure::config(format!("{}: {}", path.display(), e.to_string().trim_end()))
+    })?)
 }
 
 fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyhow::Result<()> {
@@ -113,7 +120,10 @@ fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyh
         }
         if ended {
             let start = Instant::now();
-            while bodies.subscriber_count() > 0 && start.elapsed() < READER_PATIENCE && !stop.requested() {
+            while bodies.subscriber_count() > 0
+                && start.elapsed() < READER_PATIENCE
+                && !stop.requested()
+            {
                 std::thread::sleep(Duration::from_millis(5));
             }
             break;
@@ -144,9 +154,12 @@ fn recorded(
     let for_frame = |width, height| given.clone().unwrap_or_default().for_frame(width, height);
     let camera = match &given {
         Some(_) => CameraSource::Given(&for_frame),
-        None => CameraSource::Recorded { fov_degrees: DEFAULT_FOV },
+        None => CameraSource::Recorded {
+            fov_degrees: DEFAULT_FOV,
+        },
     };
-    let mut reader = ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
+    let mut reader =
+        ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
     let mut out = Box::new(BodyFrame::default());
     while reader.read(&mut frame)? {

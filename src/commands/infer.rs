@@ -5,16 +5,18 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use edgecap_client::Publisher;
-use edgecap_client::message::{FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_PEOPLE, Observation, ObservationFrame};
+use edgecap_client::message::{
+    FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_PEOPLE, Observation, ObservationFrame,
+};
 use serde::Serialize;
 
 use super::exit::Failure;
 use super::input::{self, InputArgs};
+use super::pipeline::{Pipeline, PipelineOptions};
 use super::stop::{self, Stop};
 use crate::capture::Frame;
 use crate::output::AtomicFile;
 use crate::overlay;
-use super::pipeline::{Pipeline, PipelineOptions};
 
 /// How long to wait for a reader before the first frame of a file, and for it to leave after the last.
 const READER_PATIENCE: Duration = Duration::from_secs(5);
@@ -58,17 +60,29 @@ pub struct EngineArgs {
 
 /// WIDTHxHEIGHT in multiples of 16.
 pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
-    let wrong = || format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320");
+    let wrong = || {
+        format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320")
+    };
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-    let size = (w.parse().map_err(|_| wrong())?, h.parse().map_err(|_| wrong())?);
+    let size = (
+        w.parse().map_err(|_| wrong())?,
+        h.parse().map_err(|_| wrong())?,
+    );
     let ok = |n: usize| (64..=4096).contains(&n) && n % 16 == 0;
-    if ok(size.0) && ok(size.1) { Ok(size) } else { Err(wrong()) }
+    if ok(size.0) && ok(size.1) {
+        Ok(size)
+    } else {
+        Err(wrong())
+    }
 }
 
 impl EngineArgs {
     /// The arguments again, for a child process.
     pub fn to_args(&self) -> Vec<std::ffi::OsString> {
-        let mut args: Vec<std::ffi::OsString> = vec!["--size".into(), format!("{}x{}", self.size.0, self.size.1).into()];
+        let mut args: Vec<std::ffi::OsString> = vec![
+            "--size".into(),
+            format!("{}x{}", self.size.0, self.size.1).into(),
+        ];
         if let Some(model) = &self.model {
             args.extend(["--model".into(), model.into()]);
         }
@@ -83,8 +97,16 @@ impl EngineArgs {
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn pipeline(&self) -> anyhow::Result<Pipeline> {
-        let threads = self.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-        Pipeline::new(&PipelineOptions { model: self.model.as_deref(), width: self.size.0, height: self.size.1, threads })
+        let threads = self.threads.map_or_else(
+            || std::thread::available_parallelism().map_or(1, usize::from),
+            usize::from,
+        );
+        Pipeline::new(&PipelineOptions {
+            model: self.model.as_deref(),
+            width: self.size.0,
+            height: self.size.1,
+            threads,
+        })
     }
 }
 
@@ -127,7 +149,10 @@ impl<'a> Person<'a> {
             score: o.score,
             joints2d: &o.joints2d,
             joints3d: &o.joints3d,
-            appearance: Appearance { hue: &o.hue, saturation: &o.saturation },
+            appearance: Appearance {
+                hue: &o.hue,
+                saturation: &o.saturation,
+            },
         }
     }
 }
@@ -146,14 +171,21 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let mut source = chosen.open(&args.input)?;
     let label = chosen.spec.to_string();
     let mut jsonl = match &args.jsonl {
-        Some(path) => Some((AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?, path)),
+        Some(path) => Some((
+            AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?,
+            path,
+        )),
         None => None,
     };
     if let Some(folder) = &args.overlay {
         std::fs::create_dir_all(folder).map_err(|e| Failure::output(folder, &e))?;
     }
     let publishes = args.input.name.is_some() || (args.jsonl.is_none() && args.overlay.is_none());
-    let publisher = if publishes { Some(Publisher::<ObservationFrame>::open(&chosen.name)?) } else { None };
+    let publisher = if publishes {
+        Some(Publisher::<ObservationFrame>::open(&chosen.name)?)
+    } else {
+        None
+    };
     let mut pipeline = args.engine.pipeline()?;
     tracing::info!(source = %label, name = %chosen.name, engine = %pipeline.describe(), "infer starts");
 
@@ -175,7 +207,9 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             }
             Err(e) => return Err(e.into()),
         }
-        let intrinsics = camera.for_frame(frame.width, frame.height).map_err(Failure::config)?;
+        let intrinsics = camera
+            .for_frame(frame.width, frame.height)
+            .map_err(Failure::config)?;
         let seen = pipeline.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
@@ -184,11 +218,19 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                 source: &source.picture(),
                 width: frame.width,
                 height: frame.height,
-                intrinsics: Camera { fx: intrinsics.fx, fy: intrinsics.fy, cx: intrinsics.cx, cy: intrinsics.cy },
+                intrinsics: Camera {
+                    fx: intrinsics.fx,
+                    fy: intrinsics.fy,
+                    cx: intrinsics.cx,
+                    cy: intrinsics.cy,
+                },
                 people: seen.people.iter().map(Person::new).collect(),
             };
-            serde_json::to_writer(&mut *file, &line).map_err(std::io::Error::from).map_err(|e| Failure::output(path, &e))?;
-            file.write_all(b"\n").map_err(|e| Failure::output(path, &e))?;
+            serde_json::to_writer(&mut *file, &line)
+                .map_err(std::io::Error::from)
+                .map_err(|e| Failure::output(path, &e))?;
+            file.write_all(b"\n")
+                .map_err(|e| Failure::output(path, &e))?;
         }
         if let Some(p) = &publisher {
             message.sequence = frame.sequence;
@@ -199,7 +241,9 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             message.stage_times = seen.times;
             message.flags = if source.is_live() { 0 } else { FLAG_FILE_TIME };
             message.without_neck = seen.without_neck;
-            message.frame_total = source.frame_count().map_or(0, |n| u32::try_from(n).unwrap_or(u32::MAX));
+            message.frame_total = source
+                .frame_count()
+                .map_or(0, |n| u32::try_from(n).unwrap_or(u32::MAX));
             message.count = seen.people.len().min(MAX_PEOPLE) as u32;
             for (slot, o) in message.people.iter_mut().zip(seen.people) {
                 *slot = *o;

@@ -35,7 +35,9 @@ pub struct InputArgs {
 fn parse_fps(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(fps) if (0.1..=1000.0).contains(&fps) => Ok(fps),
-        _ => Err(format!("'{text}': expected pictures per second, such as 30")),
+        _ => Err(format!(
+            "'{text}': expected pictures per second, such as 30"
+        )),
     }
 }
 
@@ -85,8 +87,12 @@ impl Chosen {
     /// Whether it is a photo or a folder of photos.
     pub fn is_stills(&self) -> bool {
         const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
-        let InputSpec::Path(path) = &self.spec else { return false };
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        let InputSpec::Path(path) = &self.spec else {
+            return false;
+        };
+        let extension = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase());
         path.is_dir() || extension.is_some_and(|e| PHOTOS.contains(&e.as_str()))
     }
 
@@ -103,7 +109,10 @@ impl Chosen {
         Ok(match &self.spec {
             InputSpec::Demo => capture::open_bytes("demo", demo::CLIP)?,
             spec => {
-                let options = OpenOptions { size: args.capture_size, fps: args.fps };
+                let options = OpenOptions {
+                    size: args.capture_size,
+                    fps: args.fps,
+                };
                 capture::open(spec, &options)?
             }
         })
@@ -113,7 +122,9 @@ impl Chosen {
 /// Decides which input the arguments mean.
 pub fn choose(args: &InputArgs) -> Chosen {
     let spec = match &args.input {
-        Some(text) => text.parse().unwrap_or_else(|never: Infallible| match never {}),
+        Some(text) => text
+            .parse()
+            .unwrap_or_else(|never: Infallible| match never {}),
         None if capture::list_cameras().is_ok_and(|cameras| cameras.is_empty()) => InputSpec::Demo,
         None => InputSpec::FirstCamera,
     };
@@ -127,10 +138,17 @@ pub fn choose(args: &InputArgs) -> Chosen {
     };
     let name = args.name.clone().unwrap_or_else(|| match &spec {
         InputSpec::Demo => "demo".to_owned(),
-        InputSpec::Path(path) => path.file_stem().map_or_else(|| DEFAULT_NAME.to_owned(), |s| service_name(&s.to_string_lossy())),
+        InputSpec::Path(path) => path.file_stem().map_or_else(
+            || DEFAULT_NAME.to_owned(),
+            |s| service_name(&s.to_string_lossy()),
+        ),
         InputSpec::Stdin | InputSpec::FirstCamera => DEFAULT_NAME.to_owned(),
     });
-    Chosen { spec, name, is_camera }
+    Chosen {
+        spec,
+        name,
+        is_camera,
+    }
 }
 
 /// The camera that the arguments name.
@@ -146,6 +164,20 @@ pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFi
 }
 
 fn service_name(stem: &str) -> String {
-    let name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).take(64).collect();
-    if name.is_empty() { DEFAULT_NAME.to_owned() } else { name }
+    let name: String = stem
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || c == '-' {
+                c
+            } else {
+                '_'
+            }
+        })
+        .take(64)
+        .collect();
+    if name.is_empty() {
+        DEFAULT_NAME.to_owned()
+    } else {
+        name
+    }
 }

@@ -18,7 +18,12 @@ use clap::{Parser, Subcommand};
 
 /// Motion capture of everyone in front of one ordinary camera, on a CPU, into shared memory.
 #[derive(Debug, Parser)]
-#[command(name = "edgecap", version, about, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "edgecap",
+    version,
+    about,
+    args_conflicts_with_subcommands = true
+)]
 struct Cli {
     #[command(subcommand)]
     verb: Option<Verb>,
@@ -53,8 +58,13 @@ pub fn main() -> u8 {
             return if e.use_stderr() { exit::USAGE } else { 0 };
         }
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_env("EDGECAP_LOG").unwrap_or_else(|_| "warn".into());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    let filter = tracing_subscriber::EnvFilter::try_from_env("EDGECAP_LOG")
+        .unwrap_or_else(|_| "warn".into());
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .init();
     let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
         Verb::Run(args) => run::run(args),
         Verb::Infer(args) => infer::infer(args),

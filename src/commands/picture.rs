@@ -2,53 +2,51 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
-use image::imageops::{self, FilterType};
-use image::{ImageDecoder, Rgb, RgbImage};
+use anyhow::{Context, Result, anyhow};
 
-/// Reads a picture upright and fits it into `width` × `height`, centred, its sides kept in proportion, the rest mid-grey (which
-/// the network sees as 0). Row-major `[height, width, 3]`.
+use crate::capture::{Frame, PhotoDecoder, Resizer};
+
+/// Reads a picture upright and fits it into `width` × `height` as every input of the program is. Row-major
+/// `[height, width, 3]`.
 pub(super) fn letterboxed(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
-    let picture = upright(path)?;
-    let (w, h) = (picture.width() as f32, picture.height() as f32);
-    let scale = (width as f32 / w).min(height as f32 / h);
-    Ok(placed(&picture, scale, width, height))
+    Ok(fitted(&upright(path)?, width, height))
 }
 
-/// As [`letterboxed`], but scaled to cover `width` × `height` and cropped round the centre: no margins.
+/// As [`letterboxed`], but cropped round the centre to the proportions of `width` × `height` first: no margins.
 pub(super) fn covering(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
     let picture = upright(path)?;
-    let (w, h) = (picture.width() as f32, picture.height() as f32);
-    let scale = (width as f32 / w).max(height as f32 / h);
-    Ok(placed(&picture, scale, width, height))
-}
-
-fn upright(path: &Path) -> Result<RgbImage> {
-    let read = || -> Result<RgbImage, image::ImageError> {
-        let mut decoder = image::ImageReader::open(path)?
-            .with_guessed_format()?
-            .into_decoder()?;
-        let orientation = decoder.orientation()?;
-        let mut picture = image::DynamicImage::from_decoder(decoder)?;
-        picture.apply_orientation(orientation);
-        Ok(picture.to_rgb8())
+    let (w, h) = (picture.width as usize, picture.height as usize);
+    let (to_w, to_h) = (
+        w.min((h * width / height).max(1)),
+        h.min((w * height / width).max(1)),
+    );
+    let (left, top) = ((w - to_w) / 2, (h - to_h) / 2);
+    let rows = picture.rgb.chunks_exact(3 * w).skip(top).take(to_h);
+    let cropped = Frame {
+        width: to_w as u32,
+        height: to_h as u32,
+        rgb: rows
+            .flat_map(|row| &row[3 * left..3 * (left + to_w)])
+            .copied()
+            .collect(),
+        ..picture
     };
-    read().with_context(|| {
-        format!(
-            "cannot read {}: expected a JPEG or PNG picture",
-            path.display()
-        )
-    })
+    Ok(fitted(&cropped, width, height))
 }
 
-/// The picture, scaled, its centre on that of a grey `width` × `height`.
-fn placed(picture: &RgbImage, scale: f32, width: usize, height: usize) -> Vec<u8> {
-    let side = |n: u32| ((n as f32 * scale).round() as u32).max(1);
-    let (w, h) = (side(picture.width()), side(picture.height()));
-    let small = imageops::resize(picture, w, h, FilterType::Triangle);
-    let mut canvas = RgbImage::from_pixel(width as u32, height as u32, Rgb([128; 3]));
-    let left = (width as i64 - i64::from(w)) / 2;
-    let top = (height as i64 - i64::from(h)) / 2;
-    imageops::replace(&mut canvas, &small, left, top);
-    canvas.into_raw()
+fn upright(path: &Path) -> Result<Frame> {
+    let name = || path.display().to_string();
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", name()))?;
+    let mut frame = Frame::default();
+    PhotoDecoder::default()
+        .decode(&bytes, &mut frame)
+        .map_err(|e| anyhow!("{}: {e}", name()))?;
+    Ok(frame)
+}
+
+fn fitted(frame: &Frame, width: usize, height: usize) -> Vec<u8> {
+    let mut resizer = Resizer::new(width as u32, height as u32);
+    let mut input = vec![0; resizer.output_bytes()];
+    resizer.run(frame, &mut input);
+    input
 }

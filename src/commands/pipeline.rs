@@ -73,7 +73,13 @@ impl Pipeline {
             lifter: lifter(&model, isa)?,
             input: vec![0; resizer.output_bytes()],
             resizer,
-            description: format!("{} int8, {}x{}, {} threads", isa.name(), options.width, options.height, options.threads),
+            description: format!(
+                "{} int8, {}x{}, {} threads",
+                isa.name(),
+                options.width,
+                options.height,
+                options.threads
+            ),
             engine,
         })
     }
@@ -95,7 +101,9 @@ impl Pipeline {
         let inferred = Instant::now();
         let detections = self.associator.associate(maps);
         let associated = Instant::now();
-        let people = self.lifter.lift(detections, frame, &letterbox, intrinsics)?;
+        let people = self
+            .lifter
+            .lift(detections, frame, &letterbox, intrinsics)?;
         let lifted = Instant::now();
         let us = |a: Instant, b: Instant| (b - a).as_micros() as u32;
         Ok(Seen {
@@ -123,6 +131,10 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
         relu: l.relu,
     };
     let weights = Stage2Weights::new(stage2.layers.iter().map(layer).collect())?;
-    let encodings = if model.encodings_trained() { Encodings::Read } else { Encodings::Zero };
+    let encodings = if model.encodings_trained() {
+        Encodings::Read
+    } else {
+        Encodings::Zero
+    };
     Ok(Lifter::new(&weights, encodings, isa)?)
 }

@@ -35,6 +35,9 @@ impl Stop {
 /// If the kernel refuses, or the supervisor is gone already.
 pub fn with_supervisor(supervisor: i32) -> anyhow::Result<()> {
     set_parent_process_death_signal(Some(Signal::TERM))?;
-    anyhow::ensure!(getppid().map(Pid::as_raw_pid) == Some(supervisor), "the supervising process has gone");
+    anyhow::ensure!(
+        getppid().map(Pid::as_raw_pid) == Some(supervisor),
+        "the supervising process has gone"
+    );
     Ok(())
 }

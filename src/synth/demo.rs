@@ -21,7 +21,12 @@ pub fn camera() -> CameraFile {
     let truth = truth();
     let c = truth.frames[0].camera;
     CameraFile::Calibrated {
-        intrinsics: crate::message::Intrinsics { fx: c.fx, fy: c.fy, cx: c.cx, cy: c.cy },
+        intrinsics: crate::message::Intrinsics {
+            fx: c.fx,
+            fy: c.fy,
+            cx: c.cx,
+            cy: c.cy,
+        },
         width: truth.width,
         height: truth.height,
     }

@@ -40,8 +40,17 @@ impl Supervised {
     pub fn start(verb: &'static str, mut args: Vec<OsString>) -> std::io::Result<Self> {
         args.extend(["--supervisor".into(), std::process::id().to_string().into()]);
         let child = spawn(verb, &args)?;
-        let state = State::Running { child, since: Instant::now() };
-        Ok(Self { verb, args, state, pause: FIRST_PAUSE, restarts: 0 })
+        let state = State::Running {
+            child,
+            since: Instant::now(),
+        };
+        Ok(Self {
+            verb,
+            args,
+            state,
+            pause: FIRST_PAUSE,
+            restarts: 0,
+        })
     }
 
     /// The exit status if it has ended since the last call.
@@ -49,8 +58,12 @@ impl Supervised {
     /// # Errors
     /// If the operating system cannot tell.
     pub fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
-        let State::Running { child, since } = &mut self.state else { return Ok(None) };
-        let Some(status) = child.try_wait()? else { return Ok(None) };
+        let State::Running { child, since } = &mut self.state else {
+            return Ok(None);
+        };
+        let Some(status) = child.try_wait()? else {
+            return Ok(None);
+        };
         if since.elapsed() > STABLE {
             self.pause = FIRST_PAUSE;
         }
@@ -60,7 +73,9 @@ impl Supervised {
 
     /// Lets it start again after a pause that doubles from crash to crash.
     pub fn restart_later(&mut self) {
-        self.state = State::Waiting { until: Instant::now() + self.pause };
+        self.state = State::Waiting {
+            until: Instant::now() + self.pause,
+        };
         self.pause = (self.pause * 2).min(LONGEST_PAUSE);
     }
 
@@ -73,7 +88,10 @@ impl Supervised {
             && Instant::now() >= until
         {
             let child = spawn(self.verb, &self.args)?;
-            self.state = State::Running { child, since: Instant::now() };
+            self.state = State::Running {
+                child,
+                since: Instant::now(),
+            };
             self.restarts += 1;
         }
         Ok(())
@@ -121,5 +139,8 @@ pub fn describe(status: ExitStatus) -> String {
 }
 
 fn spawn(verb: &str, args: &[OsString]) -> std::io::Result<Child> {
-    Command::new(std::env::current_exe()?).arg(verb).args(args).spawn()
+    Command::new(std::env::current_exe()?)
+        .arg(verb)
+        .args(args)
+        .spawn()
 }

@@ -102,11 +102,16 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let chosen = input::choose(&args.input);
     let jsonl_path = match &args.jsonl {
         Some(path) => Some(path.clone()),
-        None if chosen.is_file() => Some(PathBuf::from(OUT).join(format!("{}.bodies.jsonl", chosen.name))),
+        None if chosen.is_file() => {
+            Some(PathBuf::from(OUT).join(format!("{}.bodies.jsonl", chosen.name)))
+        }
         None => None,
     };
     let mut jsonl = match &jsonl_path {
-        Some(path) => Some((AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?, path.clone())),
+        Some(path) => Some((
+            AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?,
+            path.clone(),
+        )),
         None => None,
     };
     let overlay = match &args.overlay {
@@ -114,12 +119,18 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
             let message = "--overlay reads the input a second time: give a file, or use 'edgecap infer --overlay' for a camera or pipe";
             return Err(Failure::usage(message).into());
         }
-        Some(folder) => Some(OverlayWriter::start(chosen.open(&args.input)?, folder.clone())?),
+        Some(folder) => Some(OverlayWriter::start(
+            chosen.open(&args.input)?,
+            folder.clone(),
+        )?),
         None => None,
     };
     let bodies = Subscriber::<BodyFrame>::open(&chosen.name)?;
     let mut table = Table::new();
-    table.say(&format!("{} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)", chosen.spec, chosen.name));
+    table.say(&format!(
+        "{} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)",
+        chosen.spec, chosen.name
+    ));
 
     let mut fit = Supervised::start("fit", args.fit_args(&chosen))?;
     let mut infer = match Supervised::start("infer", args.infer_args(&chosen)) {
@@ -130,17 +141,24 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
         }
     };
     let mut tally = Tally::default();
-    let outcome = watch(&bodies, &stop, &mut infer, &mut fit, chosen.is_file(), &mut |frame: &BodyFrame| {
-        tally.count(frame);
-        table.update(frame, tally.lost);
-        if let Some((file, path)) = &mut jsonl {
-            write_bodies(file, frame).map_err(|e| Failure::output(path, &e))?;
-        }
-        if let Some(o) = &overlay {
-            o.push(frame);
-        }
-        Ok(())
-    });
+    let outcome = watch(
+        &bodies,
+        &stop,
+        &mut infer,
+        &mut fit,
+        chosen.is_file(),
+        &mut |frame: &BodyFrame| {
+            tally.count(frame);
+            table.update(frame, tally.lost);
+            if let Some((file, path)) = &mut jsonl {
+                write_bodies(file, frame).map_err(|e| Failure::output(path, &e))?;
+            }
+            if let Some(o) = &overlay {
+                o.push(frame);
+            }
+            Ok(())
+        },
+    );
     stop_all(&mut [&mut infer, &mut fit]);
     table.finish();
     outcome?;
@@ -148,7 +166,12 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let pictures = overlay.map(OverlayWriter::finish).transpose()?;
     if let Some((file, path)) = jsonl {
         file.finish().map_err(|e| Failure::output(&path, &e))?;
-        println!("{} frames, {} people → {}", tally.frames, tally.ids.len(), path.display());
+        println!(
+            "{} frames, {} people → {}",
+            tally.frames,
+            tally.ids.len(),
+            path.display()
+        );
     } else {
         println!("{} frames, {} people", tally.frames, tally.ids.len());
     }
@@ -156,7 +179,10 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
         println!("{n} pictures → {}", folder.display());
     }
     if tally.lost > 0 {
-        println!("{} frames were lost on the way (a process was restarted or too slow)", tally.lost);
+        println!(
+            "{} frames were lost on the way (a process was restarted or too slow)",
+            tally.lost
+        );
     }
     Ok(())
 }
@@ -183,7 +209,9 @@ fn watch(
             }
         }
         if let Some(status) = fit.ended()? {
-            let permanent = status.code().filter(|&c| matches!(c as u8, exit::CONFIG | exit::USAGE | exit::UNAVAILABLE));
+            let permanent = status
+                .code()
+                .filter(|&c| matches!(c as u8, exit::CONFIG | exit::USAGE | exit::UNAVAILABLE));
             if let Some(code) = permanent {
                 return Err(Failure::silent(code as u8).into());
             }
@@ -195,9 +223,12 @@ fn watch(
         if let Some(status) = infer.ended()? {
             match status.code() {
                 Some(0) => infer_done = Some(Instant::now()),
-                Some(code) if is_file || code as u8 != exit::SOFTWARE => return Err(Failure::silent(code as u8).into()),
+                Some(code) if is_file || code as u8 != exit::SOFTWARE => {
+                    return Err(Failure::silent(code as u8).into());
+                }
                 _ if is_file => {
-                    let message = format!("infer ended with {}; nothing was written", describe(status));
+                    let message =
+                        format!("infer ended with {}; nothing was written", describe(status));
                     return Err(Failure::child(exit::SOFTWARE, message).into());
                 }
                 _ => {

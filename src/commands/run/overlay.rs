@@ -41,11 +41,17 @@ impl OverlayWriter {
     /// If a picture could not be read or written.
     pub fn finish(self) -> anyhow::Result<u64> {
         drop(self.bodies);
-        self.thread.join().map_err(|_| anyhow::anyhow!("drawing stopped unexpectedly"))?
+        self.thread
+            .join()
+            .map_err(|_| anyhow::anyhow!("drawing stopped unexpectedly"))?
     }
 }
 
-fn draw_all(mut source: Box<dyn Source>, folder: &std::path::Path, bodies: &Receiver<Box<BodyFrame>>) -> anyhow::Result<u64> {
+fn draw_all(
+    mut source: Box<dyn Source>,
+    folder: &std::path::Path,
+    bodies: &Receiver<Box<BodyFrame>>,
+) -> anyhow::Result<u64> {
     let mut frame = Frame::default();
     let mut read_to = None;
     let mut written = 0;

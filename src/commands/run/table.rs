@@ -27,10 +27,20 @@ impl Table {
     /// A table on the terminal's stderr, or a line now and then where there is none.
     pub fn new() -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if terminal {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
         let bar = ProgressBar::with_draw_target(None, target);
         bar.set_style(spinner());
-        Self { bar, terminal, drawn: None, last_frame: None, seconds_per_frame: 0.0 }
+        Self {
+            bar,
+            terminal,
+            drawn: None,
+            last_frame: None,
+            seconds_per_frame: 0.0,
+        }
     }
 
     /// Takes in one message.
@@ -38,7 +48,11 @@ impl Table {
         let now = Instant::now();
         if let Some(last) = self.last_frame {
             let dt = (now - last).as_secs_f64();
-            self.seconds_per_frame += if self.seconds_per_frame == 0.0 { dt } else { SMOOTH * (dt - self.seconds_per_frame) };
+            self.seconds_per_frame += if self.seconds_per_frame == 0.0 {
+                dt
+            } else {
+                SMOOTH * (dt - self.seconds_per_frame)
+            };
         }
         self.last_frame = Some(now);
         if frame.frame_total > 0 && self.bar.length().is_none() {
@@ -55,7 +69,10 @@ impl Table {
         if self.terminal {
             self.bar.set_message(format!("{figures}\n{}", rows(frame)));
         } else {
-            eprintln!("frame {}: {} people, {figures}", frame.sequence, frame.count);
+            eprintln!(
+                "frame {}: {} people, {figures}",
+                frame.sequence, frame.count
+            );
         }
     }
 
@@ -77,7 +94,11 @@ impl Table {
         let ms = |us: u32| f64::from(us) / 1000.0;
         let t = frame.stage_times;
         let mut s = String::new();
-        let fps = if self.seconds_per_frame > 0.0 { 1.0 / self.seconds_per_frame } else { 0.0 };
+        let fps = if self.seconds_per_frame > 0.0 {
+            1.0 / self.seconds_per_frame
+        } else {
+            0.0
+        };
         let _ = write!(
             s,
             "{fps:.1} fps | ms: letterbox {:.1}, stage I {:.1}, association {:.2}, stage II {:.2}, fit {:.2}",
@@ -88,7 +109,11 @@ impl Table {
             ms(frame.fit_us)
         );
         if frame.flags & FLAG_FILE_TIME == 0 {
-            let _ = write!(s, ", capture to publish {:.1}", frame.publish_ns.saturating_sub(frame.capture_ns) as f64 / 1e6);
+            let _ = write!(
+                s,
+                ", capture to publish {:.1}",
+                frame.publish_ns.saturating_sub(frame.capture_ns) as f64 / 1e6
+            );
         }
         if lost > 0 {
             let _ = write!(s, " | {lost} frames lost");
@@ -102,15 +127,26 @@ fn spinner() -> ProgressStyle {
 }
 
 fn progress() -> ProgressStyle {
-    ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left  {msg}").expect("a valid template")
+    ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left  {msg}")
+        .expect("a valid template")
 }
 
 fn rows(frame: &BodyFrame) -> String {
     let mut s = String::from("  id  state          x      y      z  m   height  confidence");
     for b in frame.bodies() {
-        let state = if b.state == BodyState::Tracked as u32 { "tracked" } else { "predicted" };
+        let state = if b.state == BodyState::Tracked as u32 {
+            "tracked"
+        } else {
+            "predicted"
+        };
         let [x, y, z] = b.position;
-        let _ = write!(s, "\n{:4}  {state:9} {x:7.2}{y:7.2}{z:7.2}     {:.2} m     {:3.0} %", b.id, b.height, 100.0 * b.score);
+        let _ = write!(
+            s,
+            "\n{:4}  {state:9} {x:7.2}{y:7.2}{z:7.2}     {:.2} m     {:3.0} %",
+            b.id,
+            b.height,
+            100.0 * b.score
+        );
     }
     if frame.bodies().is_empty() {
         s.push_str("\n      nobody in sight");
