@@ -4,6 +4,7 @@
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
 
 pub mod assignment;
+pub mod bench;
 pub mod capture;
 pub mod commands;
 pub mod detect;

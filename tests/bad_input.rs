@@ -1,8 +1,8 @@
 //! Wrong input gets one clear line and a sysexits code, and nothing is left behind.
 
-mod common;
+mod program;
 
-use common::{assert_fails, stream};
+use program::{assert_fails, stream};
 
 #[test]
 fn inputs_that_are_not_there() {
@@ -118,6 +118,6 @@ fn command_lines_that_mean_nothing() {
         &["fly"],
         &["fit", "--input", "x"],
     ] {
-        assert_eq!(common::output(args).status.code(), Some(64), "{args:?}");
+        assert_eq!(program::output(args).status.code(), Some(64), "{args:?}");
     }
 }

@@ -40,7 +40,13 @@ fn colours_are_within_one_of_the_definition() {
                 for v in (0..=255).step_by(5) {
                     let luma: Vec<u8> = (0..=255).collect();
                     let mut rgb = vec![0; 3 * 256];
-                    convert.planar([&luma, &[u; 256], &[v; 256]], (0, 0), 256, &mut rgb);
+                    convert.planar(
+                        [&luma, &[u; 256], &[v; 256]],
+                        [256; 2],
+                        (0, 0),
+                        256,
+                        &mut rgb,
+                    );
                     for (y, got) in luma.iter().zip(rgb.chunks_exact(3)) {
                         for (a, b) in got.iter().zip(exact(*y, u, v, matrix, range)) {
                             assert!((f64::from(*a) - b).abs() <= 1.0, "{y} {u} {v}: {a} {b}");
@@ -54,11 +60,17 @@ fn colours_are_within_one_of_the_definition() {
 
 #[test]
 fn layouts_agree_on_the_same_picture() {
+    // Narrow, one block, several blocks with a rest, odd and even.
+    for (w, h) in [(1, 1), (7, 5), (64, 2), (131, 3), (192, 2)] {
+        layouts_agree(w, h);
+    }
+}
+
+fn layouts_agree(w: usize, h: usize) {
     // Chroma constant over 2 × 2 blocks, so that all subsamplings hold the same picture; odd sizes have half blocks.
-    let (w, h) = (7usize, 5usize);
     let y = |i: usize, j: usize| (16 + 29 * i + 13 * j) as u8;
     let u = |i: usize, j: usize| (60 + 40 * (i / 2) + 3 * (j / 2)) as u8;
-    let v = |i: usize, j: usize| (200 - 30 * (i / 2) - 20 * (j / 2)) as u8;
+    let v = |i: usize, j: usize| 200usize.wrapping_sub(30 * (i / 2) + 20 * (j / 2)) as u8;
     let plane = |f: &dyn Fn(usize, usize) -> u8, step: usize, step_y: usize| -> Vec<u8> {
         (0..h)
             .step_by(step_y)
@@ -72,6 +84,7 @@ fn layouts_agree_on_the_same_picture() {
         let mut rgb = vec![0; 3 * w * h];
         convert.planar(
             [&luma, &plane(&u, step, step_y), &plane(&v, step, step_y)],
+            [w, w.div_ceil(step)],
             shift,
             w,
             &mut rgb,
@@ -82,10 +95,25 @@ fn layouts_agree_on_the_same_picture() {
     assert_eq!(planar(2, 2, (1, 1)), expected);
     assert_eq!(planar(2, 1, (1, 0)), expected);
 
-    let stride = 8;
-    let padded: Vec<u8> = luma.chunks(w).flat_map(|r| [r, &[0; 1]].concat()).collect();
+    let stride = 2 * w.div_ceil(2) + 2;
+    let padded: Vec<u8> = luma
+        .chunks(w)
+        .flat_map(|row| {
+            let mut row = row.to_vec();
+            row.resize(stride, 0);
+            row
+        })
+        .collect();
     let (us, vs) = (plane(&u, 2, 2), plane(&v, 2, 2));
-    let pairs: Vec<u8> = us.iter().zip(&vs).flat_map(|(u, v)| [*u, *v]).collect();
+    let pairs: Vec<u8> = us
+        .chunks(w.div_ceil(2))
+        .zip(vs.chunks(w.div_ceil(2)))
+        .flat_map(|(us, vs)| {
+            let mut row: Vec<u8> = us.iter().zip(vs).flat_map(|(u, v)| [*u, *v]).collect();
+            row.resize(stride, 0);
+            row
+        })
+        .collect();
     let mut rgb = vec![0; 3 * w * h];
     convert.nv12(&padded, &pairs, stride, w, &mut rgb);
     assert_eq!(rgb, expected);

@@ -1,11 +1,14 @@
 //! The two processes and their supervisor on the bundled clip: the way through, crashes, and what is left behind.
 
-mod common;
+mod program;
 
 use std::time::Duration;
 
-use common::{Running, eventually, signal, stream};
+use program::{Running, eventually, signal, stream};
+use edgecap::joints::{NECK, PELVIS};
 use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap::synth::Truth;
+use edgecap::synth::truth::VISIBLE;
 use edgecap_client::Subscriber;
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
@@ -15,6 +18,25 @@ fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
     text.lines()
         .map(|l| serde_json::from_str(l).expect("a line of JSON"))
         .collect()
+}
+
+/// Of the necks in sight, how many have a body's neck within a quarter of the head's distance from the pelvis.
+fn necks_found(frames: &[serde_json::Value], truth: &Truth) -> (usize, usize) {
+    let (mut seen, mut shown) = (0, 0);
+    for (frame, truth) in frames.iter().zip(&truth.frames) {
+        for person in truth.people.iter().filter(|p| p.visibility[NECK] == VISIBLE) {
+            let at = |j: usize| [f64::from(person.joints2d[j][0]), f64::from(person.joints2d[j][1])];
+            let far = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let reach = 0.25 * far(at(0), at(PELVIS));
+            let near = |body: &serde_json::Value| {
+                let uv = &body["joints2d"][NECK];
+                far(at(NECK), [uv[0].as_f64().unwrap(), uv[1].as_f64().unwrap()]) < reach
+            };
+            shown += 1;
+            seen += usize::from(frame["people"].as_array().unwrap().iter().any(near));
+        }
+    }
+    (seen, shown)
 }
 
 #[test]
@@ -35,7 +57,7 @@ fn the_demo_travels_through_both_processes() {
     let fit = eventually("fit", || run.child("fit"));
     assert_ne!(infer, fit);
     let out = run.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", common::stderr(&out));
+    assert!(out.status.success(), "{}", program::stderr(&out));
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
         said.contains(result.to_str().unwrap()),
@@ -110,7 +132,7 @@ fn killing_fit_does_not_stop_infer() {
     );
     drop((observations, bodies));
     let out = run.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", common::stderr(&out));
+    assert!(out.status.success(), "{}", program::stderr(&out));
     assert!(lines(&result).len() > 10);
 }
 
@@ -136,7 +158,7 @@ fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
     drop(bodies);
     signal(run.pid(), "TERM");
     let out = run.wait(Duration::from_secs(20));
-    assert_eq!(out.status.code(), Some(0), "{}", common::stderr(&out));
+    assert_eq!(out.status.code(), Some(0), "{}", program::stderr(&out));
     for pid in children {
         assert!(
             !std::path::Path::new(&format!("/proc/{pid}")).exists(),

@@ -5,7 +5,7 @@ use crate::{ConvShape, KernelError, Layout};
 
 /// Refuses shapes that no kernel can run.
 pub(crate) fn check_shape(shape: &ConvShape) -> Result<(), KernelError> {
-    let divides = |channels: usize| shape.groups > 0 && channels % shape.groups == 0;
+    let divides = |channels: usize| channels.checked_rem(shape.groups) == Some(0);
     if !divides(shape.in_channels) || !divides(shape.out_channels) {
         return Err(KernelError::Shape(format!(
             "expected groups to divide both channel counts, found {} groups for {} -> {} channels; correct the channel table",

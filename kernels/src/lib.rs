@@ -6,17 +6,22 @@
 //! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and threads
 //! can each compute their [`Part`].
 
+// Tiles are loops over constant bounds that index several arrays at once; iterators would hide that they unroll.
+#![allow(clippy::needless_range_loop)]
+
 mod algorithm;
+#[cfg(target_arch = "aarch64")]
+mod arm;
 mod conv;
 mod conv_check;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod direct;
 mod error;
 mod fconv;
 mod isa;
 mod layout;
 mod linear;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod packed;
 mod part;
 mod peak;
@@ -24,16 +29,21 @@ mod phase;
 mod pool;
 mod qconv;
 mod scratch;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod segments;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod simd;
 mod tensor;
 mod winograd;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod writers;
 #[cfg(target_arch = "x86_64")]
 mod x86;
+
+#[cfg(target_arch = "aarch64")]
+use arm as arch;
+#[cfg(target_arch = "x86_64")]
+use x86 as arch;
 
 pub use algorithm::Algorithm;
 pub use conv::ConvShape;

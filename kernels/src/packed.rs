@@ -68,7 +68,9 @@ impl Packed {
         assert_eq!(BYTES * grain.pack, 4, "a group is 32 bits");
         let channels = shape.in_channels / shape.groups;
         let phases = Phase::of(shape);
-        if channels % grain.pack != 0 || phases.iter().any(|phase| phase.taps.len() > MAX_TAPS) {
+        if !channels.is_multiple_of(grain.pack)
+            || phases.iter().any(|phase| phase.taps.len() > MAX_TAPS)
+        {
             return None;
         }
         let outs = shape.out_channels / shape.groups;

@@ -140,24 +140,104 @@ impl MaxPool {
         out_layout: &Layout,
         part: &Part,
     ) {
-        for oy in part.rows.clone() {
-            for ox in 0..out_layout.width {
-                let to = out_layout.index(oy as isize, ox as isize);
-                for tap in 0..self.kernel * self.kernel {
-                    let y = (oy * self.stride + tap / self.kernel) as isize - self.padding as isize;
-                    let x = (ox * self.stride + tap % self.kernel) as isize - self.padding as isize;
-                    let from = in_layout.index(y, x);
-                    for channel in 0..out_layout.channels {
-                        // SAFETY: (y, x) lies within `padding` pixels of the input, which `check` proved readable, and
-                        // (oy, ox) within the output; channel < channels of both.
-                        unsafe {
-                            let value = *input.add(from + channel);
-                            let best = output.add(to + channel);
-                            if tap == 0 || value > *best {
-                                *best = value;
-                            }
+        let job = Job {
+            kernel: self.kernel,
+            stride: self.stride,
+            padding: self.padding,
+            input,
+            in_layout,
+            output,
+            out_layout,
+            part,
+        };
+        // SAFETY: the caller's contract; `new` checked that the CPU has the tier.
+        unsafe {
+            match self.isa {
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 | Isa::AvxVnni => pool_avx2(&job),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 | Isa::Avx512Vnni => pool_avx512(&job),
+                _ => pool(&job),
+            }
+        }
+    }
+}
+
+/// Tensors of one run.
+struct Job<'a, T> {
+    kernel: usize,
+    stride: usize,
+    padding: usize,
+    input: *const T,
+    in_layout: &'a Layout,
+    output: *mut T,
+    out_layout: &'a Layout,
+    part: &'a Part,
+}
+
+/// Channels taken together: one vector of u8.
+const LANES: usize = 64;
+
+/// # Safety
+/// As [`MaxPool::run_part`]; AVX2 is there.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+unsafe fn pool_avx2<T: PoolElement>(job: &Job<T>) {
+    // SAFETY: the caller's contract.
+    unsafe { pool(job) }
+}
+
+/// # Safety
+/// As [`MaxPool::run_part`]; AVX-512 F, BW and VL are there.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+unsafe fn pool_avx512<T: PoolElement>(job: &Job<T>) {
+    // SAFETY: the caller's contract.
+    unsafe { pool(job) }
+}
+
+/// The pool in plain loops, which the compiler turns into vectors of the tier.
+///
+/// # Safety
+/// As [`MaxPool::run_part`].
+#[inline(always)]
+unsafe fn pool<T: PoolElement>(job: &Job<T>) {
+    let channels = job.out_layout.channels;
+    for oy in job.part.rows.clone() {
+        for ox in 0..job.out_layout.width {
+            let to = job.out_layout.index(oy as isize, ox as isize);
+            let y = (oy * job.stride) as isize - job.padding as isize;
+            let x = (ox * job.stride) as isize - job.padding as isize;
+            let from = |tap: usize| {
+                let (ky, kx) = ((tap / job.kernel) as isize, (tap % job.kernel) as isize);
+                job.in_layout.index(y + ky, x + kx)
+            };
+            let taps = job.kernel * job.kernel;
+            let mut first = 0;
+            // SAFETY: taps lie within `padding` pixels of the input, which `check` proved readable, and (oy, ox) within the
+            // output; first + n <= channels of both.
+            unsafe {
+                while first + LANES <= channels {
+                    let mut best = [T::default(); LANES];
+                    let load =
+                        |tap| std::slice::from_raw_parts(job.input.add(from(tap) + first), LANES);
+                    best.copy_from_slice(load(0));
+                    for tap in 1..taps {
+                        for (best, &value) in best.iter_mut().zip(load(tap)) {
+                            *best = if value > *best { value } else { *best };
                         }
                     }
+                    let output = job.output.add(to + first);
+                    std::ptr::copy_nonoverlapping(best.as_ptr(), output, LANES);
+                    first += LANES;
+                }
+                for channel in first..channels {
+                    let mut best = *job.input.add(from(0) + channel);
+                    for tap in 1..taps {
+                        let value = *job.input.add(from(tap) + channel);
+                        best = if value > best { value } else { best };
+                    }
+                    *job.output.add(to + channel) = best;
                 }
             }
         }

@@ -53,7 +53,7 @@ unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
             }
             let (at, step) = place.index(self.layout);
             let at = self.output.add(at);
-            if self.narrow && place.n == S::LANES && M % 4 == 0 {
+            if self.narrow && place.n == S::LANES && M.is_multiple_of(4) {
                 for m in (0..M).step_by(4) {
                     let four = [values[m], values[m + 1], values[m + 2], values[m + 3]];
                     S::store_u7_4(four, at.add(m * step), step);

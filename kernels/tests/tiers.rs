@@ -487,3 +487,80 @@ fn pool_equals_scalar() {
         assert!(all.iter().all(|outputs| *outputs == all[0]));
     }
 }
+
+/// Winograd against the definition: outputs of 7 bits differ by at most one step, and few of them differ.
+#[test]
+fn winograd_is_within_one_step_of_direct() {
+    for (channels, outs, groups) in [
+        (16, 16, 1),
+        (64, 32, 1),
+        (72, 72, 1),
+        (144, 48, 2),
+        (192, 40, 1),
+    ] {
+        let shape = conv(channels, outs, groups, 3, 1);
+        let mut numbers = Numbers(channels as u64);
+        let weights: Vec<i8> = (0..shape.weight_len())
+            .map(|_| numbers.within(-127, 127) as i8)
+            .collect();
+        let bias: Vec<i32> = (0..outs)
+            .map(|_| numbers.within(-9000, 9000) as i32)
+            .collect();
+        let layout = Layout::dense(13, 22, channels, 1);
+        let input: Vec<u8> = (0..layout.buffer_len())
+            .map(|_| numbers.within(0, 127) as u8)
+            .collect();
+        let out_layout = Layout::dense(13, 22, outs, 0);
+        // Two standard deviations of the sum fill the range.
+        let depth = (channels / groups * 9) as f32;
+        let scale = vec![127.0 / (2.0 * depth.sqrt() * 73.0 * 73.0); outs];
+        let run = |algorithm| {
+            let conv = QConv::new(
+                Isa::Scalar,
+                &QConvParams {
+                    shape,
+                    weights: &weights,
+                    bias: &bias,
+                    input_max: 127,
+                    epilogue: Epilogue::U8 {
+                        scale: scale.clone(),
+                        max: 127,
+                        residual_scale: None,
+                    },
+                    algorithm,
+                },
+            )
+            .unwrap();
+            let mut output = vec![0u8; out_layout.buffer_len()];
+            conv.run(
+                Tensor::new(&input, layout),
+                None,
+                TensorMut::new(&mut output, out_layout),
+                &mut Scratch::new(conv.scratch_bytes(&layout)),
+            )
+            .unwrap();
+            output
+        };
+        let (direct, winograd) = (run(Algorithm::Direct), run(Algorithm::Winograd));
+        let used = direct.iter().filter(|&&v| v > 0 && v < 127).count();
+        assert!(
+            used * 3 > direct.len(),
+            "{used} of {} outputs within the range",
+            direct.len()
+        );
+        let different = direct.iter().zip(&winograd).filter(|(a, b)| a != b).count();
+        assert!(
+            direct
+                .iter()
+                .zip(&winograd)
+                .all(|(a, b)| a.abs_diff(*b) <= 1),
+            "{shape:?}"
+        );
+        println!("{shape:?}: {different} of {} differ by one", direct.len());
+        assert!(
+            different * 33 < direct.len(),
+            "{different} of {} differ",
+            direct.len()
+        );
+    }
+}

@@ -11,6 +11,8 @@ mod frame;
 mod jpeg;
 mod letterbox;
 mod limits;
+#[cfg(feature = "mp4")]
+mod mp4;
 mod natural;
 mod photo;
 mod resize;
@@ -28,6 +30,8 @@ pub use frame::Frame;
 pub use jpeg::JpegPicture;
 pub use letterbox::Letterbox;
 pub use limits::{MAX_PIXELS, MAX_SIDE};
+#[cfg(feature = "mp4")]
+pub use mp4::Mp4Source;
 pub use natural::natural_order;
 pub use photo::{PhotoDecoder, PhotoSource};
 pub use resize::{PADDING, Resizer};

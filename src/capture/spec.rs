@@ -187,6 +187,12 @@ fn open_file(path: &Path) -> Result<Box<dyn Source>, CaptureError> {
             "expected a photo (JPEG, PNG), a folder of photos, a film or a camera, found other bytes; check the path",
         ));
     }
+    #[cfg(feature = "mp4")]
+    if head.get(4..8) == Some(b"ftyp")
+        && let Some(film) = super::mp4::Mp4Source::open(path)?
+    {
+        return Ok(Box::new(film));
+    }
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }
 

@@ -245,8 +245,9 @@ impl<R: Read + Send> Source for Y4mReader<R> {
             Planes::Grey => self.colours.grey(luma, &mut frame.rgb),
             Planes::Colour(x, y) => {
                 let (u, v) = rest.split_at(rest.len() / 2);
+                let strides = [width, width.div_ceil(1 << x)];
                 self.colours
-                    .planar([luma, u, v], (x, y), width, &mut frame.rgb);
+                    .planar([luma, u, v], strides, (x, y), width, &mut frame.rgb);
             }
         }
         frame.sequence = self.index;

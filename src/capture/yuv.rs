@@ -126,16 +126,24 @@ impl YuvToRgb {
     }
 
     /// Three planes; chroma is `1 << shift.0` times narrower and `1 << shift.1` times lower, rounded up; shifts are 0 or 1.
+    /// Rows of luma are `strides[0]` bytes apart, rows of chroma `strides[1]`.
     ///
     /// # Panics
-    /// When a plane is shorter than the rows in `rgb` need.
-    pub fn planar(self, planes: [&[u8]; 3], shift: (u32, u32), width: usize, rgb: &mut [u8]) {
+    /// When a stride is shorter than a row, or a plane than the rows in `rgb` need.
+    pub fn planar(
+        self,
+        planes: [&[u8]; 3],
+        strides: [usize; 2],
+        shift: (u32, u32),
+        width: usize,
+        rgb: &mut [u8],
+    ) {
         let mut samples = Samples::default();
         let chroma_width = width.div_ceil(1 << shift.0);
         let step = BLOCK >> shift.0;
         for (k, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
-            let luma = &planes[0][k * width..][..width];
-            let at = (k >> shift.1) * chroma_width;
+            let luma = &planes[0][k * strides[0]..][..width];
+            let at = (k >> shift.1) * strides[1];
             let us = &planes[1][at..][..chroma_width];
             let vs = &planes[2][at..][..chroma_width];
             let parts = luma.chunks(BLOCK).zip(us.chunks(step).zip(vs.chunks(step)));

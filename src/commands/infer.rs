@@ -56,7 +56,8 @@ pub struct EngineArgs {
     pub threads: Option<u16>,
 }
 
-fn parse_size(text: &str) -> Result<(usize, usize), String> {
+/// WIDTHxHEIGHT in multiples of 16.
+pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
     let wrong = || format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     let size = (w.parse().map_err(|_| wrong())?, h.parse().map_err(|_| wrong())?);

@@ -1,5 +1,6 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
+mod bench;
 mod eval;
 mod exit;
 mod fit;
@@ -37,6 +38,8 @@ enum Verb {
     Synth(synth::SynthArgs),
     /// Measure predictions against ground truth
     Eval(eval::EvalArgs),
+    /// Measure the speed of this machine, of both networks and of the stages after them
+    Bench(bench::BenchArgs),
     /// Import, inspect, verify and run models
     Model(model::ModelArgs),
 }
@@ -58,6 +61,7 @@ pub fn main() -> u8 {
         Verb::Fit(args) => fit::fit(args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
+        Verb::Bench(args) => bench::bench(args),
         Verb::Model(args) => model::model(args),
     };
     match done {

@@ -14,6 +14,9 @@ use crate::engine::{
 };
 use crate::joints::EVIDENCE_JOINTS;
 
+/// Pictures that ways of choosing ranges are tried on.
+const TRIAL_PICTURES: usize = 12;
+
 /// Arguments of `edgecap model`.
 #[derive(Debug, Args)]
 pub struct ModelArgs {
@@ -55,9 +58,12 @@ struct Import {
     /// At most this many pictures, evenly over the folder
     #[arg(long, default_value_t = 64)]
     pictures: usize,
-    /// How ranges are chosen: max, mse or percentile:SHARE
-    #[arg(long, default_value_t = RangeChoice::Mse)]
-    range: RangeChoice,
+    /// How ranges are chosen: max, mse or percentile:SHARE; without it, what comes nearest to f32 on some of the pictures
+    #[arg(long)]
+    range: Option<RangeChoice>,
+    /// 0: one range for all channels of a layer; 1: a range of its own for each
+    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
+    own_ranges: f32,
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
     no_bias_correction: bool,
@@ -146,20 +152,25 @@ fn import(a: &Import) -> Result<()> {
         None => model.quantise(None)?,
         Some(folder) => {
             let files = pictures(folder, a.pictures)?;
-            let options = CalibrationOptions {
+            let mut options = CalibrationOptions {
                 size: (a.width, a.height),
-                choice: a.range,
+                own_ranges: a.own_ranges.clamp(0.0, 1.0),
                 correct_bias: !a.no_bias_correction,
+                ..CalibrationOptions::default()
             };
+            options.choice = a.range.unwrap_or(options.choice);
             let mut failed = None;
             let read = files.iter().map_while(|path| {
                 covering(path, a.width, a.height)
                     .map_err(|e| failed = Some(e))
                     .ok()
             });
-            let calibration = Calibration::observe(&model, read, options)?;
+            let mut calibration = Calibration::observe(&model, read, options)?;
             if let Some(e) = failed {
                 return Err(e);
+            }
+            if a.range.is_none() {
+                select(&mut calibration, &model, &files)?;
             }
             model.quantise(Some(&calibration))?
         }
@@ -167,6 +178,24 @@ fn import(a: &Import) -> Result<()> {
     model.save(&a.output)?;
     println!("{} written: {}", a.output.display(), model.calibration());
     println!("blake3 of the file {}", blake3::hash(&model.to_bytes()?));
+    Ok(())
+}
+
+/// Settles how ranges are chosen by trial, on pictures letterboxed as they are in use.
+fn select(calibration: &mut Calibration, model: &Model, files: &[PathBuf]) -> Result<()> {
+    let [w, h] = model.contract().input.reference_size;
+    let some = files.iter().step_by(files.len().div_ceil(TRIAL_PICTURES));
+    let pictures = some.map(|path| letterboxed(path, w, h));
+    let pictures = pictures.collect::<Result<Vec<_>>>()?;
+    let trials = calibration.select(model, &pictures, (w, h))?;
+    println!("error    range               own  bias corrected");
+    for t in trials {
+        let choice = t.choice.to_string();
+        println!(
+            "{:.4}   {choice:18}  {:.2}  {}",
+            t.error, t.own_ranges, t.correct_bias
+        );
+    }
     Ok(())
 }
 

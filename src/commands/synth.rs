@@ -71,6 +71,9 @@ pub struct SynthArgs {
 /// # Errors
 /// The output folder holds files already, or something cannot be written.
 pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
+    if let (None, Some(out)) = (&args.clip, &args.out) {
+        expect_empty(out)?;
+    }
     let size = (args.width, args.height);
     let people = args.people as usize;
     let bar = ProgressBar::new(args.frames);
@@ -112,8 +115,8 @@ fn parent(path: &Path) -> PathBuf {
     }
 }
 
-/// Writes numbered pictures and the truth into a folder that appears only when it is complete.
-fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
+/// Refuses a folder that holds files, before any work is done.
+fn expect_empty(out: &Path) -> anyhow::Result<()> {
     match std::fs::read_dir(out) {
         Ok(mut entries) => {
             if entries.next().is_some() {
@@ -125,9 +128,15 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
         Err(e) => {
-            return Err(e).with_context(|| format!("cannot use {} as output folder", out.display()));
+            return Err(e)
+                .with_context(|| format!("cannot use {} as output folder", out.display()));
         }
     }
+    Ok(())
+}
+
+/// Writes numbered pictures and the truth into a folder that appears only when it is complete.
+fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
     let beside = parent(out);
     std::fs::create_dir_all(&beside)
         .with_context(|| format!("cannot create folder {}", beside.display()))?;

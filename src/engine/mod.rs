@@ -9,7 +9,7 @@ pub mod network;
 mod plan;
 mod run;
 
-pub use calibrate::CalibrationOptions;
+pub use calibrate::{CalibrationOptions, Trial, WILD};
 pub use edgecap_kernels::Isa;
 pub use maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 pub use model::{Model, ModelError};

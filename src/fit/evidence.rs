@@ -108,7 +108,7 @@ impl Evidence {
                 x += weights[j] * self.plane[j];
                 a += weights[j] * (self.plane[j] * p.z - p.truncate());
             }
-            if !(w > 1e-9) {
+            if w.is_nan() || w <= 1e-9 {
                 return None;
             }
             let (mean_x, mean_a) = (x / w, a / w);

@@ -1,6 +1,11 @@
 //! Stage III. In: [`ObservationFrame`](crate::message::ObservationFrame)s, noisy and without identity. Out:
 //! [`BodyFrame`](crate::message::BodyFrame)s: identified, temporally stable, metric skeletons with joint angles.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a joint's index runs over several arrays at once"
+)]
+
 pub mod appearance;
 pub mod assignment;
 pub mod bodies_line;
@@ -11,6 +16,7 @@ pub mod contact;
 pub mod energy;
 pub mod evidence;
 pub mod fitter;
+pub mod ground;
 pub mod height;
 pub mod humanoid;
 pub mod identity;

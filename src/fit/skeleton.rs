@@ -210,7 +210,9 @@ impl Skeleton {
             lengths[joint] = rest.length() * scale;
             directions[joint] = rest.normalize_or_zero();
         }
-        if let Some(j) = (0..BODY_JOINTS).find(|&j| j != PELVIS && !(lengths[j] > 1e-3)) {
+        if let Some(j) =
+            (0..BODY_JOINTS).find(|&j| j != PELVIS && (lengths[j].is_nan() || lengths[j] <= 1e-3))
+        {
             return Err(SkeletonError::Layout(format!(
                 "no length for bone {:?}",
                 JOINT_NAMES[j]

@@ -30,6 +30,19 @@ const fn first_columns() -> [usize; DOF] {
     first
 }
 
+/// What is to be minimised.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The articulated body.
+    pub skeleton: &'a Skeleton,
+    /// The person's bones.
+    pub lengths: &'a BoneLengths,
+    /// What was seen and predicted.
+    pub targets: &'a Targets,
+    /// Farthest an angle may end beyond its limits, radians.
+    pub slack: f64,
+}
+
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
@@ -61,18 +74,20 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Minimises the energy from `start`. Angles end at most `slack` radians beyond their limits. `posed` returns the
-    /// forward kinematics of the result.
+    /// Minimises the energy from `start`. `posed` returns the forward kinematics of the result.
     pub fn solve(
         &mut self,
-        skeleton: &Skeleton,
-        lengths: &BoneLengths,
-        targets: &Targets,
+        problem: &Problem<'_>,
         start: &Pose,
         effort: Effort,
-        slack: f64,
         posed: &mut Posed,
     ) -> Solution {
+        let Problem {
+            skeleton,
+            lengths,
+            targets,
+            slack,
+        } = *problem;
         let mut pose = *start;
         clamp_angles(skeleton, &mut pose.angles, slack);
         skeleton.pose(&pose, lengths, posed);
@@ -114,7 +129,7 @@ impl Solver {
                     }
                 }
                 damping *= 10.0;
-                if !(damping < 1e5) {
+                if damping.is_nan() || damping >= 1e5 {
                     break 'outer;
                 }
             }
@@ -180,6 +195,16 @@ mod tests {
         tolerance: 1e-12,
     };
 
+    fn problem(targets: &Targets, slack: f64) -> Problem<'_> {
+        let skeleton = Skeleton::builtin();
+        Problem {
+            skeleton,
+            lengths: skeleton.lengths(),
+            targets,
+            slack,
+        }
+    }
+
     fn bent_pose() -> Pose {
         let mut pose = Pose::facing_camera(3.0);
         for (k, angle) in pose.angles.iter_mut().enumerate() {
@@ -244,8 +269,7 @@ mod tests {
             *angle += 0.2 * ((k % 3) as f64 - 1.0);
         }
         let mut posed = Posed::default();
-        let found =
-            Solver::default().solve(s, s.lengths(), &targets, &start, EFFORT, 0.05, &mut posed);
+        let found = Solver::default().solve(&problem(&targets, 0.05), &start, EFFORT, &mut posed);
         let mut wanted = Posed::default();
         s.pose(&truth, s.lengths(), &mut wanted);
         for j in 0..21 {
@@ -273,8 +297,7 @@ mod tests {
         let mut posed = Posed::default();
         let start = Pose::facing_camera(3.0);
         let slack = 3f64.to_radians();
-        let found =
-            Solver::default().solve(s, s.lengths(), &targets, &start, EFFORT, slack, &mut posed);
+        let found = Solver::default().solve(&problem(&targets, slack), &start, EFFORT, &mut posed);
         for (angle, dof) in found.pose.angles.iter().zip(s.angles()) {
             assert!(
                 *angle >= dof.limits[0] - slack - 1e-12 && *angle <= dof.limits[1] + slack + 1e-12
@@ -284,12 +307,10 @@ mod tests {
 
     #[test]
     fn nothing_known_leaves_the_pose_alone() {
-        let s = Skeleton::builtin();
         let start = bent_pose();
         let targets = crate::fit::energy::no_targets(start);
         let mut posed = Posed::default();
-        let found =
-            Solver::default().solve(s, s.lengths(), &targets, &start, EFFORT, 0.0, &mut posed);
+        let found = Solver::default().solve(&problem(&targets, 0.0), &start, EFFORT, &mut posed);
         assert!(found.pose.is_finite());
         assert!((found.pose.position - start.position).length() < 1e-9);
     }

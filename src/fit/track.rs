@@ -13,7 +13,7 @@ use super::limbs::LIMBS;
 use super::motion::{Motion, MotionModel};
 use super::one_euro::OneEuro;
 use super::skeleton::{BoneLengths, Pose, Posed, Skeleton};
-use super::solver::{Effort, Solution, Solver};
+use super::solver::{Effort, Problem, Solution, Solver};
 use super::start::{best_branch, first_pose};
 use super::swap::SwapMemory;
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
@@ -37,7 +37,7 @@ const SEEN_THROUGH: [usize; BODY_JOINTS] = [
 /// Standard deviation of a soft limit, radians.
 const LIMIT_SIGMA: f64 = 0.035;
 /// Angles may exceed limits by this, radians; soft limits act before.
-const LIMIT_SLACK: f64 = 0.052;
+pub const LIMIT_SLACK: f64 = 0.052;
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
 const REST_SIGMA: f64 = 1.5;
 /// A joint farther than this (metres) from its prediction is an outlier …
@@ -174,12 +174,9 @@ impl Track {
         targets.weights_motion = self.motion.weights(cx.model);
         let lengths = *self.bones.lengths();
         let mut solution = cx.solver.solve(
-            cx.skeleton,
-            &lengths,
-            &targets,
+            &problem(cx.skeleton, &lengths, &targets),
             &predicted,
             WARM,
-            LIMIT_SLACK,
             &mut self.posed,
         );
         if evidence.known3d {
@@ -398,12 +395,9 @@ impl Track {
             }
             let mut posed = Posed::default();
             let found = cx.solver.solve(
-                cx.skeleton,
-                lengths,
-                &trial,
+                &problem(cx.skeleton, lengths, &trial),
                 &start,
                 WARM,
-                LIMIT_SLACK,
                 &mut posed,
             );
             if found.cost < solution.cost - 0.4 * strain {
@@ -478,8 +472,13 @@ impl Track {
         if torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64 {
             self.bones.update(cx.skeleton, &e.points3d, &self.posed);
         }
-        self.feet
-            .update(cx.skeleton, &self.posed, &self.motion.velocity, dt);
+        self.feet.update(
+            cx.skeleton,
+            &self.posed,
+            &self.motion.velocity,
+            &self.states,
+            dt,
+        );
         self.stature.update(cx.config, &self.posed);
     }
 
@@ -508,28 +507,33 @@ fn cold_solve(
     posed: &mut Posed,
 ) -> Solution {
     let weights2d = std::mem::replace(&mut targets.weights2d, [0.0; EVIDENCE_JOINTS]);
-    let first = cx.solver.solve(
-        cx.skeleton,
-        lengths,
-        targets,
-        start,
-        COLD,
-        LIMIT_SLACK,
-        posed,
-    );
+    let first = cx
+        .solver
+        .solve(&problem(cx.skeleton, lengths, targets), start, COLD, posed);
     targets.weights2d = weights2d;
     cx.solver.solve(
-        cx.skeleton,
-        lengths,
-        targets,
+        &problem(cx.skeleton, lengths, targets),
         &first.pose,
         COLD,
-        LIMIT_SLACK,
         posed,
     )
 }
 
-fn clamp(skeleton: &Skeleton, pose: &mut Pose) {
+fn problem<'a>(
+    skeleton: &'a Skeleton,
+    lengths: &'a BoneLengths,
+    targets: &'a Targets,
+) -> Problem<'a> {
+    Problem {
+        skeleton,
+        lengths,
+        targets,
+        slack: LIMIT_SLACK,
+    }
+}
+
+/// Brings angles back to their limits, with the slack that the solver has.
+pub fn clamp(skeleton: &Skeleton, pose: &mut Pose) {
     for (angle, dof) in pose.angles.iter_mut().zip(skeleton.angles()) {
         *angle = angle.clamp(dof.limits[0] - LIMIT_SLACK, dof.limits[1] + LIMIT_SLACK);
     }

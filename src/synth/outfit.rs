@@ -362,7 +362,10 @@ impl Outfit {
                 Hair::Cap | Hair::Beanie => 0.878,
                 _ => 0.880,
             };
-            let front = y > line + 0.76 * (z + 0.045) + 0.006 * (s.table.x.abs() / 0.04);
+            let uneven =
+                0.010 * (value(Vec3::new(s.table.x * 90.0, z * 60.0, 0.0), self.top.seed) - 0.5);
+            let temple = 0.007 * (s.table.x.abs() / 0.04) * smoothstep(0.0, 0.04, z);
+            let front = y > line + 0.84 * (z + 0.045) + temple + uneven;
             return if nearest == Matter::Hair && (front || z < 0.0)
                 || (front && self.hair != Hair::Bald)
             {
@@ -418,7 +421,7 @@ impl Outfit {
             Matter::Skin => self.flesh(s),
             Matter::Hair => {
                 let strand = value(Vec3::new(t.x * 420.0, t.y * 60.0, t.z * 420.0), 7);
-                self.hair_colour * (0.6 + 0.8 * strand)
+                self.hair_colour * (0.45 + 1.1 * strand)
             }
             Matter::Hat | Matter::Bag => self.extra.at(s.p),
             Matter::Shoe => {

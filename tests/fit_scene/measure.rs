@@ -23,6 +23,10 @@ impl Mean {
         self.sum += v;
         self.n += 1.0;
     }
+    pub fn merge(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.n += other.n;
+    }
     pub fn get(&self) -> f64 {
         self.sum / self.n.max(1.0)
     }
@@ -48,6 +52,8 @@ pub struct Report {
     pub depth_known: Mean,
     /// Root error in space, metres.
     pub root: Mean,
+    /// The same had the height been known.
+    pub root_known: Mean,
     /// Bodies whose root is near no truth.
     pub false_bodies: u64,
     pub bodies: u64,
@@ -70,6 +76,30 @@ pub struct Report {
 }
 
 impl Report {
+    /// Adds another scene's sums; identities are not merged.
+    pub fn merge(&mut self, other: &Self) {
+        for j in 0..BODY_JOINTS {
+            for h in 0..2 {
+                self.stage2[j][h].merge(other.stage2[j][h]);
+                self.stage3[j][h].merge(other.stage3[j][h]);
+            }
+        }
+        for k in 0..31 {
+            self.lag2[k].merge(other.lag2[k]);
+            self.lag3[k].merge(other.lag3[k]);
+        }
+        for (a, b) in [
+            (&mut self.predicted, other.predicted),
+            (&mut self.jitter2, other.jitter2),
+            (&mut self.jitter3, other.jitter3),
+            (&mut self.sliding2, other.sliding2),
+            (&mut self.sliding3, other.sliding3),
+            (&mut self.depth_known, other.depth_known),
+            (&mut self.root_known, other.root_known),
+        ] {
+            a.merge(b);
+        }
+    }
     pub fn mpjpe2(&self) -> f64 {
         all(&self.stage2, None)
     }
@@ -199,6 +229,10 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
                     report.depth_known.add((known - z).abs() / z);
                     let place = DVec3::from(body.position.map(f64::from));
                     report.root.add((place - truth.joints[PELVIS]).length());
+                    let known = place * truth.height / f64::from(body.height);
+                    report
+                        .root_known
+                        .add((known - truth.joints[PELVIS]).length());
                 }
                 None => {
                     for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {

@@ -2,7 +2,11 @@
 //!
 //! The truth moves by the same 29 angles as the fitted skeleton, but every person has proportions of their own, shoulders
 //! that shrug and a head that tilts, which the fitted skeleton cannot do.
-#![allow(dead_code)]
+#![allow(dead_code, reason = "tests and bench use different parts")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a joint's index runs over several arrays at once"
+)]
 
 use edgecap::fit::skeleton::{ANGLES, BoneLengths, Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};

@@ -38,12 +38,23 @@ pub(crate) struct Plan {
     tiles: usize,
     /// i16 from a tile's transformed input to the next tile's.
     row: usize,
+    /// i16 from a point's first tile to the next point's.
+    point: usize,
     /// Bytes of the products of one chunk.
     products: usize,
 }
 
+/// Bytes of a cache line. One is left free behind every point, or all points of a tile would fall into a few sets of the cache.
+const LINE: usize = 64;
+
+/// i32 from a point's products of MR tiles and `nv` vectors to the next point's.
+#[inline(always)]
+const fn products_point<D: Dot>(nv: usize) -> usize {
+    D::MAX_MR * nv * D::S::LANES + LINE / 4
+}
+
 /// Bytes that transformed inputs and products of a chunk may take: a part of a common second-level cache.
-const CHUNK_BYTES: usize = 448 << 10;
+const CHUNK_BYTES: usize = 320 << 10;
 
 impl Plan {
     /// For groups of `channels` channels, with `D`.
@@ -55,13 +66,14 @@ impl Plan {
         Self {
             tiles,
             row,
-            products: tiles * POINTS * 4 * D::S::LANES * D::MAX_NV,
+            point: tiles * row + LINE / 2,
+            products: tiles / D::MAX_MR * POINTS * products_point::<D>(D::MAX_NV) * 4,
         }
     }
 
     /// Scratch bytes needed.
     pub fn bytes(&self) -> usize {
-        self.products + 2 * self.tiles * POINTS * self.row
+        self.products + 2 * POINTS * self.point
     }
 }
 
@@ -128,7 +140,7 @@ impl Job<'_> {
             self.scratch
                 .add(self.plan.products)
                 .cast::<i16>()
-                .add((point * self.plan.tiles + tile) * self.plan.row)
+                .add(point * self.plan.point + tile * self.plan.row)
         }
     }
 }
@@ -229,7 +241,7 @@ unsafe fn transform_vector<S: Simd>(
     from: usize,
     load: impl Fn(usize, usize) -> S::H,
 ) {
-    let point = job.plan.tiles * job.plan.row;
+    let point = job.plan.point;
     // SAFETY: the caller's contract.
     unsafe {
         let mut half = [[S::zero_h(); IN]; IN];
@@ -289,7 +301,7 @@ impl<W> Chunk<'_, '_, W> {
         }
     }
 
-    /// Products of the chunk: `[tile / MR][point][tile % MR][vector][lane]`.
+    /// Products of the chunk: `[tile / MR][point][tile % MR][vector][lane]`, with a free line behind every point.
     ///
     /// # Safety
     /// As [`run`].
@@ -334,7 +346,7 @@ impl<W> Chunk<'_, '_, W> {
                     let to = job
                         .scratch
                         .cast::<i32>()
-                        .add((first * POINTS + point * MR) * NV * lanes);
+                        .add((first / MR * POINTS + point) * products_point::<D>(NV));
                     for m in 0..MR {
                         for n in 0..NV {
                             let product = D::S::shr_i(acc[m][n], shift);
@@ -367,15 +379,16 @@ impl<W> Chunk<'_, '_, W> {
         );
         // SAFETY: the products of tile i were written by `multiply`; pixels are clipped to the part and the output.
         unsafe {
+            let point = products_point::<D>(NV);
             let from = job
                 .scratch
                 .cast::<i32>()
-                .add(((i / mr * mr) * POINTS * NV + (i % mr) * NV + n) * lanes);
+                .add(i / mr * POINTS * point + ((i % mr) * NV + n) * lanes);
             let mut half = [[D::S::load_i(from); IN]; OUT];
             for x in 0..IN {
                 let mut column = [half[0][0]; IN];
                 for y in 0..IN {
-                    column[y] = D::S::load_i(from.add((y * IN + x) * mr * NV * lanes));
+                    column[y] = D::S::load_i(from.add((y * IN + x) * point));
                 }
                 let column = a_transform::<D::S>(column);
                 for y in 0..OUT {

@@ -11,7 +11,7 @@ use super::contract::{Contract, Stage2Contract};
 use super::tensors::Tensors;
 use super::{ModelError, QuantConv, Scale, Stage2, Weights};
 use crate::engine::Model;
-use crate::engine::network::{Network, Op};
+use crate::engine::network::{Graph, Network, Op};
 
 const KEY: &str = "edgecap";
 const FORMAT: &str = "edgecap-model";
@@ -34,8 +34,8 @@ struct Header {
     contract: Contract,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     stage2: Option<Stage2Contract>,
-    /// Value name → how it is stored.
-    activations: BTreeMap<String, Scale>,
+    /// Value name → stored number of real 0; the steps of its channels are the tensor `NAME.step`.
+    zeros: BTreeMap<String, f32>,
     /// The network file's text.
     network: String,
 }
@@ -51,7 +51,12 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         return Err(ModelError::NoRange("input".into()));
     };
     let graph = model.network.graph();
-    let named = |(v, s): (usize, &Option<Scale>)| s.map(|s| (graph.values[v].name.clone(), s));
+    let stored = || {
+        let named = graph.values.iter().map(|v| &v.name).zip(scales);
+        named
+            .skip(1)
+            .filter_map(|(n, s)| s.as_ref().map(|s| (n, s)))
+    };
     let header = Header {
         format: FORMAT.into(),
         version: VERSION,
@@ -61,7 +66,7 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         history: model.history.clone(),
         contract: model.contract.clone(),
         stage2: model.stage2.as_ref().map(|s| s.contract.clone()),
-        activations: scales.iter().enumerate().filter_map(named).collect(),
+        zeros: stored().map(|(n, s)| (n.clone(), s.zero)).collect(),
         network: model.network.source().into(),
     };
     let mut blobs: BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)> = BTreeMap::new();
@@ -80,6 +85,10 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
             (Dtype::F32, out.clone(), floats(&q.scale)),
         );
         blobs.insert(format!("{n}.bias"), (Dtype::F32, out, floats(&q.bias)));
+    }
+    for (name, s) in stored() {
+        let tensor = (Dtype::F32, vec![s.steps.len()], floats(&s.steps));
+        blobs.insert(format!("{name}.step"), tensor);
     }
     for (i, l) in model.stage2.iter().flat_map(|s| &s.layers).enumerate() {
         let n = format!("stage2.fc{}", i + 1);
@@ -132,19 +141,27 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let network = Network::parse(&header.network)?;
     header.contract.check(&network)?;
     let graph = network.graph();
-    let scale = |name: &String| header.activations.get(name).copied();
-    let mut scales: Vec<_> = graph.values.iter().map(|v| scale(&v.name)).collect();
-    scales[crate::engine::network::Graph::INPUT] = Some(Scale::PICTURE);
+    let mut scales: Vec<Option<Scale>> = vec![None; graph.values.len()];
+    scales[Graph::INPUT] = Some(Scale::picture());
+    for (value, scale) in graph.values.iter().zip(&mut scales).skip(1) {
+        let Some(&zero) = header.zeros.get(&value.name) else {
+            continue;
+        };
+        let name = format!("{}.step", value.name);
+        let steps = t.floats(&name, &[value.channels])?;
+        if steps.iter().any(|&s| s <= 0.0) || !(0.0..=255.0).contains(&zero) {
+            return Err(ModelError::Values {
+                name,
+                found: format!("a step that is not positive, or the zero point {zero}"),
+            });
+        }
+        *scale = Some(Scale { steps, zero });
+    }
     let mut convs = Vec::new();
     for node in &graph.nodes {
         for &v in node.inputs.iter().chain(&node.residual) {
-            let name = &graph.values[v].name;
-            let s = scales[v].ok_or_else(|| ModelError::NoRange(name.clone()))?;
-            if !(s.scale > 0.0 && s.scale.is_finite() && (0.0..=255.0).contains(&s.zero)) {
-                return Err(ModelError::Values {
-                    name: format!("activation {name}"),
-                    found: format!("scale {} and zero {}", s.scale, s.zero),
-                });
+            if scales[v].is_none() {
+                return Err(ModelError::NoRange(graph.values[v].name.clone()));
             }
         }
         let Op::Conv { shape: s, .. } = &node.op else {

@@ -21,8 +21,9 @@ pub(crate) use quant::{dequantise, input_scales};
 pub use ranges::{Observed, RangeChoice};
 pub use stage2::{Linear, Stage2};
 
-use super::network::{Graph, Network, Op};
+use super::network::{Graph, Network, Node, Op};
 use contract::ACTIVATION_LEVELS;
+use quant::SIGNED_LEVELS;
 use tensors::Tensors;
 
 /// Weights of every node of the network, in order; `None` where a node has none.
@@ -58,10 +59,14 @@ pub struct Calibration {
     pub observed: Vec<Observed>,
     /// How ranges are chosen.
     pub choice: RangeChoice,
+    /// 0: one range per value; 1: a range of its own for every channel; between: see [`Observed::channel_ranges`].
+    pub own_ranges: f32,
     /// Correct biases for the mean error of rounded weights.
     pub correct_bias: bool,
     /// Pictures seen, for the file's record.
     pub pictures: usize,
+    /// Pictures left out because the network runs wild on them.
+    pub left_out: usize,
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
@@ -146,24 +151,40 @@ impl Model {
         };
         let graph = self.network.graph();
         let mut scales: Vec<Option<Scale>> = vec![None; graph.values.len()];
-        scales[Graph::INPUT] = Some(Scale::PICTURE);
+        scales[Graph::INPUT] = Some(Scale::picture());
         let is_output = |v| graph.outputs.iter().any(|(_, o)| *o == v);
+        // A residual sum has one factor for all channels, so its values have one range.
+        let is_summed = |v| {
+            let sums = |n: &Node| n.residual.is_some_and(|r| r == v || n.output == v);
+            graph.nodes.iter().any(sums)
+        };
         for node in &graph.nodes {
             if is_output(node.output) {
                 continue;
             }
             scales[node.output] = match &node.op {
-                Op::MaxPool { .. } => scales[node.inputs[0]],
-                Op::Conv { relu, .. } => {
-                    let levels = if *relu { ACTIVATION_LEVELS } else { 63 };
-                    let range = match calibration {
-                        Some(c) => c.observed[node.output].range(c.choice, levels),
-                        None => self.contract_range(&node.name)?,
+                Op::MaxPool { .. } => scales[node.inputs[0]].clone(),
+                Op::Conv { relu, shape, .. } => {
+                    let levels = if *relu {
+                        ACTIVATION_LEVELS
+                    } else {
+                        SIGNED_LEVELS
+                    };
+                    let ranges = match calibration {
+                        Some(c) => {
+                            let own = if is_summed(node.output) {
+                                0.0
+                            } else {
+                                c.own_ranges
+                            };
+                            c.observed[node.output].channel_ranges(c.choice, levels, own)
+                        }
+                        None => vec![self.contract_range(&node.name)?; shape.out_channels],
                     };
                     Some(if *relu {
-                        Scale::unsigned(range)
+                        Scale::unsigned(&ranges)
                     } else {
-                        Scale::signed(range)
+                        Scale::signed(&ranges)
                     })
                 }
             };
@@ -174,15 +195,17 @@ impl Model {
                 let of = |&v: &usize| c.observed[v].means();
                 node.inputs.iter().flat_map(of).collect()
             });
-            let round = |c| quant::quantise(graph, node, c, &scales, means.as_deref());
+            let round = |c| quant::quantise(node, c, &scales, means.as_deref());
             conv.as_ref().map(round)
         });
         let convs = convs.collect();
         self.calibration = match calibration {
             Some(c) => format!(
-                "{} over {} pictures{}",
+                "{}, channels' own share {}, over {} pictures ({} wild ones left out){}",
                 c.choice,
+                c.own_ranges,
                 c.pictures,
+                c.left_out,
                 if c.correct_bias {
                     ", biases corrected"
                 } else {

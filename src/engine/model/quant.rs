@@ -1,14 +1,12 @@
 //! Float convolutions and activation ranges go in, int8 convolutions come out.
 //!
 //! Weights: per output channel, symmetric, ±127, of the weights already multiplied by the scale of the activation that each
-//! input channel carries; so slices of a concatenation keep their own scales at no cost. Activations: per value, 7 bits,
-//! zero point 0 after ReLU.
-
-use serde::{Deserialize, Serialize};
+//! input channel carries; so every channel, and every slice of a concatenation, keeps its own scale at no cost. Activations: 7
+//! bits, zero point 0 after ReLU.
 
 use super::FloatConv;
 use super::contract::ACTIVATION_LEVELS;
-use crate::engine::network::{Graph, Node, Op};
+use crate::engine::network::{Node, Op};
 
 /// Greatest weight.
 const WEIGHT_MAX: f32 = 127.0;
@@ -24,63 +22,65 @@ pub struct QuantConv {
     pub bias: Vec<f32>,
 }
 
-/// How a value of the network is stored in int8: `real = scale * (q - zero)`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// How a value of the network is stored in int8: channel c of it is `steps[c] * (q - zero)`.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
-    /// Real units per step.
-    pub scale: f32,
-    /// Steps at real 0.
+    /// Real units per step, of every channel.
+    pub steps: Vec<f32>,
+    /// Stored number of real 0; need not be whole.
     pub zero: f32,
 }
 
+/// Steps above zero of a signed value, which is stored around the middle of 0..=127.
+pub(super) const SIGNED_LEVELS: u32 = 63;
+
 impl Scale {
     /// The picture's bytes: x / 255 - 0.5.
-    pub const PICTURE: Self = Self {
-        scale: 1.0 / 255.0,
-        zero: 127.5,
-    };
-
-    /// A value in 0..=`range`.
-    pub fn unsigned(range: f32) -> Self {
+    pub fn picture() -> Self {
         Self {
-            scale: range / ACTIVATION_LEVELS as f32,
+            steps: vec![1.0 / 255.0; 3],
+            zero: 127.5,
+        }
+    }
+
+    /// Channels in 0..=range.
+    pub fn unsigned(ranges: &[f32]) -> Self {
+        Self {
+            steps: ranges
+                .iter()
+                .map(|r| r / ACTIVATION_LEVELS as f32)
+                .collect(),
             zero: 0.0,
         }
     }
 
-    /// A value in ±`range` (a convolution without ReLU that a residual sum reads).
-    pub fn signed(range: f32) -> Self {
+    /// Channels in ±range (a convolution without ReLU that a residual sum reads).
+    pub fn signed(ranges: &[f32]) -> Self {
         Self {
-            scale: range / 63.0,
-            zero: 64.0,
+            steps: ranges.iter().map(|r| r / SIGNED_LEVELS as f32).collect(),
+            zero: SIGNED_LEVELS as f32 + 1.0,
         }
     }
 
     /// The stored number of real 0, which halos hold.
-    pub fn padding(self) -> u8 {
+    pub fn padding(&self) -> u8 {
         self.zero.round() as u8
     }
 }
 
-/// The scale of every channel that goes into `node`, in order.
+/// (step, zero) of every channel that goes into `node`, in order.
 pub(crate) fn input_scales<'a>(
-    graph: &'a Graph,
     node: &'a Node,
     scales: &'a [Option<Scale>],
-) -> impl Iterator<Item = Scale> + 'a {
-    node.inputs.iter().flat_map(|&v| {
-        // Values that feed convolutions always have a scale: the quantiser and the reader check it.
-        let s = scales[v].unwrap_or(Scale {
-            scale: 1.0,
-            zero: 0.0,
-        });
-        std::iter::repeat_n(s, graph.values[v].channels)
-    })
+) -> impl Iterator<Item = (f32, f32)> + 'a {
+    // Values that feed convolutions always have a scale: the quantiser and the reader check it.
+    let scale = |&v: &usize| scales[v].as_ref();
+    let channels = |s: &'a Scale| s.steps.iter().map(|&step| (step, s.zero));
+    node.inputs.iter().filter_map(scale).flat_map(channels)
 }
 
 /// Rounds one convolution. `means`, the mean of every input channel, corrects the bias for what rounding the weights shifts.
 pub(crate) fn quantise(
-    graph: &Graph,
     node: &Node,
     conv: &FloatConv,
     scales: &[Option<Scale>],
@@ -89,7 +89,7 @@ pub(crate) fn quantise(
     let Op::Conv { shape, .. } = &node.op else {
         unreachable!("only convolutions have weights");
     };
-    let inputs: Vec<f32> = input_scales(graph, node, scales).map(|s| s.scale).collect();
+    let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
     let (gi, go) = (
         shape.in_channels / shape.groups,
         shape.out_channels / shape.groups,
@@ -102,19 +102,19 @@ pub(crate) fn quantise(
     };
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
         let first = o / go * gi;
-        let scaled = |i: usize| row[i] * inputs[first + i / taps];
-        let max = (0..row.len()).map(|i| scaled(i).abs()).fold(0.0, f32::max);
+        let input = |i: usize| first + i / taps;
+        let scaled: Vec<f32> = (0..row.len()).map(|i| row[i] * inputs[input(i)]).collect();
+        let max = scaled.iter().fold(0.0, |m: f32, w| m.max(w.abs()));
         // The bias must fit the accumulator too: a channel with hardly any weight keeps a coarser step.
         let step = (max / WEIGHT_MAX)
             .max(conv.bias[o].abs() * 1e-9)
             .max(f32::MIN_POSITIVE * 1e6);
         let mut shift = 0.0;
-        for i in 0..row.len() {
-            let w = (scaled(i) / step).round().clamp(-WEIGHT_MAX, WEIGHT_MAX);
-            q.weight.push(w as i8);
+        for (i, &w) in scaled.iter().enumerate() {
+            let rounded = (w / step).round().clamp(-WEIGHT_MAX, WEIGHT_MAX);
+            q.weight.push(rounded as i8);
             if let Some(means) = means {
-                let channel = first + i / taps;
-                shift += (row[i] - w * step / inputs[channel]) * means[channel];
+                shift += (w - rounded * step) / inputs[input(i)] * means[input(i)];
             }
         }
         q.scale.push(step);
@@ -124,16 +124,11 @@ pub(crate) fn quantise(
 }
 
 /// What the int8 weights stand for.
-pub(crate) fn dequantise(
-    graph: &Graph,
-    node: &Node,
-    q: &QuantConv,
-    scales: &[Option<Scale>],
-) -> FloatConv {
+pub(crate) fn dequantise(node: &Node, q: &QuantConv, scales: &[Option<Scale>]) -> FloatConv {
     let Op::Conv { shape, .. } = &node.op else {
         unreachable!("only convolutions have weights");
     };
-    let inputs: Vec<f32> = input_scales(graph, node, scales).map(|s| s.scale).collect();
+    let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
     let (gi, go) = (
         shape.in_channels / shape.groups,
         shape.out_channels / shape.groups,

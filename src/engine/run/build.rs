@@ -6,7 +6,9 @@ use edgecap_kernels::{
 
 use super::error::EngineError;
 use super::step::{Kernel, Step, Target, Tensor};
-use crate::engine::model::{FloatConv, QuantConv, Scale, Weights, dequantise, input_scales};
+use crate::engine::model::{
+    FloatConv, ModelError, QuantConv, Scale, Weights, dequantise, input_scales,
+};
 use crate::engine::network::{Graph, Node, Op};
 use crate::engine::plan::{Place, Plan};
 
@@ -33,7 +35,7 @@ impl<'a> Source<'a> {
             Weights::Float(convs) => Self::Float(convs.clone()),
             Weights::Int8 { convs, scales } => {
                 let nodes = graph.nodes.iter().zip(convs);
-                let real = nodes.map(|(n, q)| q.as_ref().map(|q| dequantise(graph, n, q, scales)));
+                let real = nodes.map(|(n, q)| q.as_ref().map(|q| dequantise(n, q, scales)));
                 Self::Float(real.collect())
             }
         }
@@ -43,9 +45,27 @@ impl<'a> Source<'a> {
     pub fn padding(&self, value: usize) -> u8 {
         match self {
             Self::Float(_) => 0,
-            Self::Int8(_, scales) => scales[value].map_or(0, Scale::padding),
+            Self::Int8(_, scales) => scales[value].as_ref().map_or(0, Scale::padding),
         }
     }
+}
+
+/// Channels of the picture as stored for int8: kernels read channels by fours; the fourth has weight 0.
+pub(super) const PICTURE_CHANNELS: usize = 4;
+
+/// The graph with the channels that values have in memory.
+pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
+    let mut stored = graph.clone();
+    let reads = |n: &&Node| n.inputs.contains(&Graph::INPUT);
+    if matches!(source, Source::Int8(..)) && graph.nodes.iter().filter(reads).all(takes_picture) {
+        stored.values[Graph::INPUT].channels = PICTURE_CHANNELS;
+    }
+    stored
+}
+
+/// Whether a node's weights can be given a fourth channel.
+fn takes_picture(node: &Node) -> bool {
+    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups == 1)
 }
 
 /// Builds every step; `shares` says into how many parts the rows of a step may be cut.
@@ -116,7 +136,8 @@ fn step(
             if is_map && (*relu || node.residual.is_some()) {
                 return Err(missing());
             }
-            let conv = int8(graph, node, conv, scales, isa).map_err(refused)?;
+            check_sum(graph, node, scales)?;
+            let conv = int8(node, input.layout.channels, conv, scales, isa).map_err(refused)?;
             if is_map {
                 Kernel::Int8ToMap(conv)
             } else {
@@ -162,11 +183,25 @@ fn step(
     })
 }
 
+/// Values of a residual sum have one step for all their channels: the kernel has one factor.
+fn check_sum(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(), EngineError> {
+    for v in node.residual.iter().flat_map(|&r| [r, node.output]) {
+        let steps = scales[v].as_ref().map_or(&[][..], |s| &s.steps);
+        if steps.iter().any(|s| *s != steps[0]) {
+            let name = format!("{}.step", graph.values[v].name);
+            let found = "different steps of the channels of a residual sum".into();
+            return Err(ModelError::Values { name, found }.into());
+        }
+    }
+    Ok(())
+}
+
 /// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual and of
-/// the output are constants per output channel, so they are folded into the bias.
+/// the output are constants per output channel, so they are folded into the bias. `channels` of the input are stored, the last
+/// of which may be more than the network has: they get weight 0.
 fn int8(
-    graph: &Graph,
     node: &Node,
+    channels: usize,
     conv: &QuantConv,
     scales: &[Option<Scale>],
     isa: Isa,
@@ -174,9 +209,9 @@ fn int8(
     let Op::Conv { shape, .. } = &node.op else {
         unreachable!("called for convolutions only");
     };
-    let zeros: Vec<f32> = input_scales(graph, node, scales).map(|s| s.zero).collect();
-    let residual = node.residual.and_then(|v| scales[v]);
-    let output = scales[node.output];
+    let zeros: Vec<f32> = input_scales(node, scales).map(|s| s.1).collect();
+    let residual = node.residual.and_then(|v| scales[v].as_ref());
+    let output = scales[node.output].as_ref();
     let (gi, go) = (
         shape.in_channels / shape.groups,
         shape.out_channels / shape.groups,
@@ -189,7 +224,7 @@ fn int8(
         let mut acc = f64::from(conv.bias[o]) / f64::from(conv.scale[o]);
         acc -= row.iter().enumerate().map(of).sum::<f64>();
         for (s, sign) in [(residual, -1.0), (output, 1.0)] {
-            let real = s.map_or(0.0, |s| f64::from(s.scale) * f64::from(s.zero));
+            let real = s.map_or(0.0, |s| f64::from(s.steps[o]) * f64::from(s.zero));
             acc += sign * real / f64::from(conv.scale[o]);
         }
         bias.push(acc.round() as i32);
@@ -199,19 +234,45 @@ fn int8(
             scale: conv.scale.clone(),
         },
         Some(out) => Epilogue::U8 {
-            scale: conv.scale.iter().map(|s| s / out.scale).collect(),
+            scale: conv
+                .scale
+                .iter()
+                .zip(&out.steps)
+                .map(|(s, t)| s / t)
+                .collect(),
             max: 127,
-            residual_scale: residual.map(|r| r.scale / out.scale),
+            // Values of a residual sum have one step for all their channels.
+            residual_scale: residual.map(|r| r.steps[0] / out.steps[0]),
         },
     };
     let picture = node.inputs.contains(&Graph::INPUT);
-    let params = QConvParams {
-        shape: *shape,
-        weights: &conv.weight,
-        bias: &bias,
-        input_max: if picture { 255 } else { 127 },
-        epilogue,
-        algorithm: Algorithm::Direct,
+    let mut shape = *shape;
+    let mut weights = std::borrow::Cow::from(&conv.weight);
+    if channels > shape.in_channels {
+        weights = conv
+            .weight
+            .chunks_exact(shape.in_channels * taps)
+            .flat_map(|row| {
+                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels) * taps);
+                row.iter().copied().chain(zeros)
+            })
+            .collect();
+        shape.in_channels = channels;
+    }
+    let pack = |algorithm| {
+        let params = QConvParams {
+            shape,
+            weights: &weights,
+            bias: &bias,
+            input_max: if picture { 255 } else { 127 },
+            epilogue: epilogue.clone(),
+            algorithm,
+        };
+        QConv::new(isa, &params)
     };
-    QConv::new(isa, &params)
+    // Winograd refuses some weights. Which ones depends on the weights alone, so every machine takes the same way.
+    match pack(Algorithm::preferred(&shape)) {
+        Err(KernelError::Value(_)) => pack(Algorithm::Direct),
+        packed => packed,
+    }
 }

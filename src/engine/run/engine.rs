@@ -2,11 +2,12 @@
 
 use std::sync::atomic::Ordering;
 
-use edgecap_kernels::{ConvShape, Isa, Layout};
+use edgecap_kernels::{ConvShape, Isa};
 
 use super::arena::Arena;
 use super::build::{self, Source};
 use super::error::EngineError;
+use super::picture;
 use super::step::{Memory, Target, Tensor};
 use super::team::Team;
 use crate::engine::maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
@@ -111,7 +112,8 @@ impl Engine {
             Precision::Int8 => Source::int8(model.weights())?,
             Precision::F32 => Source::float(&graph, model.weights()),
         };
-        let plan = Plan::new(&graph, height, width, |v| source.padding(v))?;
+        let stored = build::stored(&graph, &source);
+        let plan = Plan::new(&stored, height, width, |v| source.padding(v))?;
         let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
         let order = outputs(&graph, &plan, &maps)?;
         // Several parts per thread even out their ends; a lone thread needs none.
@@ -119,7 +121,7 @@ impl Engine {
             0 | 1 => 1,
             n => 4 * n,
         };
-        let steps = build::steps(&graph, &plan, &source, isa, shares)?;
+        let steps = build::steps(&stored, &plan, &source, isa, shares)?;
         let Place::Slot { slot, layout } = plan.values[Graph::INPUT] else {
             return Err(EngineError::Outputs("the input itself".into()));
         };
@@ -130,7 +132,7 @@ impl Engine {
         let memory = match options.precision {
             Precision::Int8 => {
                 let mut arena = Arena::new(plan.len);
-                fill_halos(&graph, &plan, &source, arena.as_mut_slice());
+                fill_halos(&stored, &plan, &source, arena.as_mut_slice());
                 Memory::Int8(arena)
             }
             // Zeroed memory is the halo of real 0.
@@ -240,26 +242,9 @@ impl Engine {
             "expected an RGB picture of {width}x{height}, found {} bytes; letterbox it to the engine's input",
             rgb.len()
         );
-        let Layout { row_stride, .. } = self.input.layout;
-        let first = self.input.base + self.input.layout.origin;
-        for (y, row) in rgb.chunks_exact(3 * width).enumerate() {
-            let at = first + y * row_stride;
-            match &self.team.shared.memory {
-                // SAFETY: no frame is running (`&mut self`, and `run` returns when all parts are done), so nobody else touches
-                // the arena; row y < height of the input's layout ends within its buffer, which the first step's check put
-                // within the arena.
-                Memory::Int8(arena) => unsafe {
-                    let to = arena.as_ptr().add(at);
-                    std::ptr::copy_nonoverlapping(row.as_ptr(), to, row.len());
-                },
-                Memory::Float(arena) => {
-                    for (i, &x) in row.iter().enumerate() {
-                        // SAFETY: as above; i < 3 * width.
-                        unsafe { *arena.as_ptr().add(at + i) = f32::from(x) / 255.0 - 0.5 };
-                    }
-                }
-            }
-        }
+        // SAFETY: no frame is running (`&mut self`, and `run` returns when all parts are done), so nobody else touches the
+        // arena; the first step's check put the input's layout within it.
+        unsafe { picture::store(rgb, &self.input, &self.team.shared.memory) };
         let pointers = [self.maps.head2d.as_mut_ptr(), self.maps.head3d.as_mut_ptr()];
         for (slot, head) in self.team.shared.maps.iter().zip(self.order) {
             // Helpers see it through the lock that begins a frame.

@@ -4,6 +4,7 @@ mod arena;
 mod build;
 mod engine;
 mod error;
+mod picture;
 mod pin;
 mod step;
 mod team;

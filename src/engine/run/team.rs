@@ -23,8 +23,8 @@ const SPINS: u32 = 2000;
 struct Progress {
     taken: AtomicUsize,
     done: AtomicUsize,
-    /// Nanoseconds of the last frame.
-    ns: AtomicU64,
+    /// When the last part was done in the last frame, nanoseconds since the engine began.
+    ended: AtomicU64,
 }
 
 #[derive(Default)]
@@ -43,6 +43,9 @@ pub(super) struct Shared {
     call: Mutex<Call>,
     called: Condvar,
     failed: AtomicBool,
+    epoch: Instant,
+    /// When the last frame began, nanoseconds since `epoch`.
+    begun: AtomicU64,
 }
 
 /// The calling thread and its helpers.
@@ -70,6 +73,8 @@ impl Team {
             call: Mutex::default(),
             called: Condvar::new(),
             failed: AtomicBool::new(false),
+            epoch: Instant::now(),
+            begun: AtomicU64::new(0),
         });
         let mut team = Self {
             shared: shared.clone(),
@@ -100,11 +105,13 @@ impl Team {
     pub fn run(&mut self) {
         let frame = self.frame;
         self.frame += 1;
+        let shared = &self.shared;
+        shared.begun.store(shared.now(), Ordering::Relaxed);
         if !self.helpers.is_empty() {
             self.shared.lock().frame = self.frame;
             self.shared.called.notify_all();
         }
-        self.shared.work(frame, &mut self.scratch, true);
+        self.shared.work(frame, &mut self.scratch);
         let failed = self.shared.failed.load(Ordering::Relaxed);
         assert!(!failed, "a kernel failed; its own message is above");
     }
@@ -137,9 +144,14 @@ impl Team {
         self.helpers.len() + 1
     }
 
-    /// Nanoseconds of a step in the last frame.
+    /// Nanoseconds of a step in the last frame: from the end of the step before it to its own.
     pub fn nanoseconds(&self, step: usize) -> u64 {
-        self.shared.progress[step].ns.load(Ordering::Relaxed)
+        let ended = |i: usize| self.shared.progress[i].ended.load(Ordering::Relaxed);
+        let begun = match step {
+            0 => self.shared.begun.load(Ordering::Relaxed),
+            _ => ended(step - 1),
+        };
+        ended(step).saturating_sub(begun)
     }
 }
 
@@ -155,15 +167,21 @@ impl Drop for Team {
 }
 
 /// Counts a part as done even when its kernel panics, so that nobody waits for ever.
-struct Done<'a>(&'a Shared, &'a Progress);
+struct Done<'a> {
+    shared: &'a Shared,
+    progress: &'a Progress,
+}
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            self.0.failed.store(true, Ordering::Relaxed);
+            self.shared.failed.store(true, Ordering::Relaxed);
         }
+        // Noted before the count, by everyone: the last to finish has the last word, or a word a few nanoseconds older.
+        let ended = &self.progress.ended;
+        ended.store(self.shared.now(), Ordering::Relaxed);
         // SYNC POINT: pairs with the acquire in `work`: what the part wrote is visible to whoever sees the count.
-        self.1.done.fetch_add(1, Ordering::Release);
+        self.progress.done.fetch_add(1, Ordering::Release);
     }
 }
 
@@ -187,17 +205,23 @@ impl Shared {
                 }
                 seen = call.frame;
             }
-            self.work(seen - 1, scratch, false);
+            self.work(seen - 1, scratch);
         }
     }
 
+    fn now(&self) -> u64 {
+        self.epoch.elapsed().as_nanos() as u64
+    }
+
     /// Takes part in frame number `frame`; returns when all its steps are done.
-    fn work(&self, frame: usize, scratch: &mut Scratch, timed: bool) {
-        let mut begun = Instant::now();
+    fn work(&self, frame: usize, scratch: &mut Scratch) {
         for (step, progress) in self.steps.iter().zip(&self.progress) {
             let (first, end) = (frame * step.parts.len(), (frame + 1) * step.parts.len());
             while let Some(i) = take(&progress.taken, end) {
-                let done = Done(self, progress);
+                let done = Done {
+                    shared: self,
+                    progress,
+                };
                 // SAFETY: every part is taken once, by one thread; this step's parts are taken only after all earlier steps'
                 // parts were seen to be done (acquire below); the engine touches memory and maps only between frames.
                 unsafe {
@@ -214,12 +238,6 @@ impl Shared {
                 } else {
                     std::thread::yield_now();
                 }
-            }
-            if timed {
-                let now = Instant::now();
-                let ns = now.duration_since(begun).as_nanos() as u64;
-                progress.ns.store(ns, Ordering::Relaxed);
-                begun = now;
             }
         }
     }
