@@ -4,12 +4,12 @@ mod program;
 
 use std::time::Duration;
 
-use program::{Running, eventually, signal, stream};
 use edgecap::joints::{NECK, PELVIS};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap::synth::Truth;
 use edgecap::synth::truth::VISIBLE;
 use edgecap_client::Subscriber;
+use program::{Running, eventually, signal, stream};
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
 
@@ -24,8 +24,17 @@ fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
 fn necks_found(frames: &[serde_json::Value], truth: &Truth) -> (usize, usize) {
     let (mut seen, mut shown) = (0, 0);
     for (frame, truth) in frames.iter().zip(&truth.frames) {
-        for person in truth.people.iter().filter(|p| p.visibility[NECK] == VISIBLE) {
-            let at = |j: usize| [f64::from(person.joints2d[j][0]), f64::from(person.joints2d[j][1])];
+        for person in truth
+            .people
+            .iter()
+            .filter(|p| p.visibility[NECK] == VISIBLE)
+        {
+            let at = |j: usize| {
+                [
+                    f64::from(person.joints2d[j][0]),
+                    f64::from(person.joints2d[j][1]),
+                ]
+            };
             let far = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
             let reach = 0.25 * far(at(0), at(PELVIS));
             let near = |body: &serde_json::Value| {
