@@ -16,7 +16,7 @@ fn picture() -> Frame {
     for y in 0..SIZE.1 {
         for x in 0..SIZE.0 {
             let wave = 128.0 + 90.0 * (0.02 * x as f32).sin() * (0.03 * y as f32).cos();
-            let grain = ((x * 7919 + y * 104_729) >> 3 & 15) as f32;
+            let grain = (((x * 7919 + y * 104_729) >> 3) & 15) as f32;
             rgb.extend_from_slice(&[wave as u8, (wave * 0.7 + grain) as u8, (255.0 - wave) as u8]);
         }
     }
@@ -41,7 +41,7 @@ fn jpeg(frame: &Frame) -> Vec<u8> {
 fn decode(c: &mut Criterion) {
     let frame = picture();
     let noise: Vec<u8> = (0..SIZE.0 * SIZE.1 * 3)
-        .map(|k| (k * 31 >> 4) as u8)
+        .map(|k| ((k * 31) >> 4) as u8)
         .collect();
     let jpeg = jpeg(&frame);
     let mut group = c.benchmark_group("decode_720p");

@@ -121,8 +121,8 @@ fn predict(seen: &mut [Seen], config: &AssociationConfig) -> Predictions {
 fn groupings() -> Vec<AssociationConfig> {
     let mut all = Vec::new();
     for neck_threshold in [0.2, 0.3, 0.4, 0.5] {
-        for joint_threshold in [0.1, 0.2, 0.3, 0.4, 0.5] {
-            for limb_threshold in [0.1, 0.2, 0.3] {
+        for joint_threshold in [0.15, 0.25, 0.4, 0.5] {
+            for limb_threshold in [0.05, 0.1, 0.2] {
                 all.push(AssociationConfig {
                     neck_threshold,
                     joint_threshold,
@@ -137,15 +137,26 @@ fn groupings() -> Vec<AssociationConfig> {
 }
 
 /// The people that stricter limits leave: these only drop people, so that the grouping need not be done again.
-fn only(all: &Predictions, min_joints: usize, min_score: f64) -> Predictions {
+fn only(all: &Predictions, min_joints: usize, min_score: f64, min_evidence: f64) -> Predictions {
     let mut out = all.clone();
     for f in &mut out.frames {
         f.people.retain(|p| {
             let joints = p.joints2d.iter().filter(|j| j[2] > 0.0).count();
-            joints >= min_joints && p.score >= min_score
+            let evidence = p.score * joints as f64;
+            joints >= min_joints && p.score >= min_score && evidence >= min_evidence
         });
     }
     out
+}
+
+/// Fewest joints, least mean and least sum of confidences.
+fn limits() -> Vec<(usize, f64, f64)> {
+    let mut all = Vec::new();
+    for min_joints in [4, 8] {
+        all.extend([0.3, 0.4, 0.45, 0.5, 0.55].map(|s| (min_joints, s, 0.0)));
+        all.extend([2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|e| (min_joints, 0.0, e)));
+    }
+    all
 }
 
 fn main() -> anyhow::Result<()> {
@@ -199,25 +210,24 @@ fn main() -> anyhow::Result<()> {
         let crowd = predict(&mut photos, &config);
         let alone = predict(&mut portraits, &config);
         let nobody = predict(&mut empty, &config);
-        for min_joints in [4, 6, 8, 10] {
-            for min_score in [0.0, 0.3, 0.4, 0.5, 0.6] {
-                let keep = |all: &Predictions| only(all, min_joints, min_score);
-                let report = evaluate(&keep(&crowd), &truth, &EvalOptions::default())?;
-                let pck = match alone.frames.is_empty() {
-                    true => 0.0,
-                    false => {
-                        let r = evaluate(&keep(&alone), &single, &EvalOptions::default())?;
-                        r.pck.unwrap_or(0.0)
-                    }
-                };
-                let silence = quiet(&keep(&nobody)).share();
-                let config = AssociationConfig {
-                    min_joints,
-                    min_score: min_score as f32,
-                    ..config.clone()
-                };
-                rows.push((report, pck, silence, config));
-            }
+        for (min_joints, min_score, min_evidence) in limits() {
+            let keep = |all: &Predictions| only(all, min_joints, min_score, min_evidence);
+            let report = evaluate(&keep(&crowd), &truth, &EvalOptions::default())?;
+            let pck = match alone.frames.is_empty() {
+                true => 0.0,
+                false => {
+                    let r = evaluate(&keep(&alone), &single, &EvalOptions::default())?;
+                    r.pck.unwrap_or(0.0)
+                }
+            };
+            let silence = quiet(&keep(&nobody)).share();
+            let config = AssociationConfig {
+                min_joints,
+                min_score: min_score as f32,
+                min_evidence: min_evidence as f32,
+                ..config.clone()
+            };
+            rows.push((report, pck, silence, config));
         }
     }
     let rank = |r: &(edgecap::eval::Report, f64, f64, AssociationConfig)| {
@@ -230,7 +240,7 @@ fn main() -> anyhow::Result<()> {
     for (report, pck, silence, c) in rows.iter().take(args.rows) {
         let (a, b) = (report.finding[0], report.finding[1]);
         println!(
-            "{:.3} {:.3} {:.3} {:.3} {:.3} {:4}  {:.3} {:.3} | {} {} {} {} {}",
+            "{:.3} {:.3} {:.3} {:.3} {:.3} {:4}  {:.3} {:.3} | {} {} {} {} {} {}",
             report.coco.map_or(0.0, |c| c.ap),
             a.recall,
             b.recall,
@@ -243,7 +253,8 @@ fn main() -> anyhow::Result<()> {
             c.joint_threshold,
             c.limb_threshold,
             c.min_joints,
-            c.min_score
+            c.min_score,
+            c.min_evidence
         );
     }
     Ok(())

@@ -218,7 +218,7 @@ fn flat_jpeg(values: &[u8], adobe: Option<u8>, tables: bool) -> Vec<u8> {
         // End of block.
         bits += "1010";
     }
-    while bits.len() % 8 != 0 {
+    while !bits.len().is_multiple_of(8) {
         bits.push('1');
     }
     for byte in bits.as_bytes().chunks(8) {

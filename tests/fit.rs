@@ -37,7 +37,7 @@ fn everyday_movement_is_steadier_and_nearer_than_stage_two() {
     assert!(r.jitter3.get() < r.jitter2.get() / 5.0);
     assert!(Report::lag_frames(&r.lag3) - Report::lag_frames(&r.lag2) <= 1.0);
     assert!(r.depth_known.get() < 0.05);
-    assert!(r.sliding3.get() < 0.25 * r.sliding2.get());
+    assert!(r.sliding3.get() < 0.35 * r.sliding2.get());
     assert!(r.mpjpe3() < 0.75 * r.mpjpe2());
 }
 
@@ -204,6 +204,25 @@ fn the_height_comes_from_settings_or_floor() {
             "{height} taken for {found}"
         );
     }
+}
+
+#[test]
+fn standing_feet_tell_the_floor() {
+    let cast = people::everyday()
+        .into_iter()
+        .map(|p| p.of_height(1.70))
+        .collect();
+    let mut scene = Scene::new(cast, Noise::REAL, FPS, 5);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..300 {
+        fitter.update(&scene.next().0, &mut out);
+    }
+    let ground = fitter.ground().expect("five people stand about");
+    let tilt = ground.normal.dot(-glam::DVec3::Y).acos().to_degrees();
+    println!("{ground:?}, tilt {tilt:.1}°");
+    assert!(tilt < 5.0);
+    assert!((ground.offset - fit_scene::CAMERA_HEIGHT).abs() < 0.15);
 }
 
 #[test]
@@ -433,7 +452,7 @@ fn damage() -> impl Strategy<Value = Damage> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(40) })]
     #[test]
     fn no_input_yields_a_number_that_is_none(damages in prop::collection::vec(damage(), 1..40), known in any::<bool>()) {
         let mut scene = Scene::new(people::ten(), Noise::REAL, FPS, 3);

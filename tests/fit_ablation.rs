@@ -66,8 +66,12 @@ fn ablation() {
         "| variant | II seen | III seen | II hidden | III hidden | missed | jitter II → III | lag, frames | slide, m/s | root, mm | depth, % |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let only = std::env::var("ONLY").ok();
     let mut by_joint = None;
-    for (name, change) in VARIANTS {
+    for (name, change) in VARIANTS
+        .iter()
+        .filter(|v| only.as_ref().is_none_or(|o| v.0.contains(o)))
+    {
         let mut config = FitConfig::default();
         change(&mut config);
         let mut total = Report::default();

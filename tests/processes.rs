@@ -4,7 +4,10 @@ mod program;
 
 use std::time::Duration;
 
+use edgecap::joints::{NECK, PELVIS};
 use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap::synth::Truth;
+use edgecap::synth::truth::VISIBLE;
 use edgecap_client::Subscriber;
 use program::{Running, eventually, signal, stream};
 
@@ -15,6 +18,34 @@ fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
     text.lines()
         .map(|l| serde_json::from_str(l).expect("a line of JSON"))
         .collect()
+}
+
+/// Of the necks in sight, how many have a body's neck within a quarter of the head's distance from the pelvis.
+fn necks_found(frames: &[serde_json::Value], truth: &Truth) -> (usize, usize) {
+    let (mut seen, mut shown) = (0, 0);
+    for (frame, truth) in frames.iter().zip(&truth.frames) {
+        for person in truth
+            .people
+            .iter()
+            .filter(|p| p.visibility[NECK] == VISIBLE)
+        {
+            let at = |j: usize| {
+                [
+                    f64::from(person.joints2d[j][0]),
+                    f64::from(person.joints2d[j][1]),
+                ]
+            };
+            let far = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let reach = 0.25 * far(at(0), at(PELVIS));
+            let near = |body: &serde_json::Value| {
+                let uv = &body["joints2d"][NECK];
+                far(at(NECK), [uv[0].as_f64().unwrap(), uv[1].as_f64().unwrap()]) < reach
+            };
+            shown += 1;
+            seen += usize::from(frame["people"].as_array().unwrap().iter().any(near));
+        }
+    }
+    (seen, shown)
 }
 
 #[test]

@@ -126,8 +126,6 @@ def main() -> None:
         models.append(prepare(job, say))
     if args.prepare:
         return
-    if facts["load"] > 0.25 * facts["cores"]:
-        say(f"other programs are running (load {facts['load']:.1f}): these figures compare, they certify nothing")
     for m in models:
         gmac = m.net.macs(height, width) / 1e9
         found = {"network": m.net.name, "trained": m.trained, "gmac": gmac, "agreement": [], "speed": []}

@@ -9,13 +9,15 @@ use std::marker::PhantomData;
 use crate::packed::{MAX_TAPS, Packed};
 use crate::phase::Phase;
 use crate::segments::Segments;
-use crate::simd::{Dot, SegmentedDot, Simd};
+#[cfg(target_arch = "x86_64")]
+use crate::simd::SegmentedDot;
+use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
 
 /// A direct convolution over concrete tensors.
 pub(crate) struct Job<'a> {
     pub packed: &'a Packed,
-    /// Needed by [`Segmented`] only.
+    /// Where the tier sums in i16 segments.
     pub segments: Option<&'a Segments>,
     /// Accumulators' initial values, 4 bytes per padded output channel.
     pub bias: *const u8,
@@ -109,6 +111,8 @@ pub(crate) struct Tile<'a> {
     /// 32-bit groups per tap.
     pub depth: usize,
     pub weights: *const u8,
+    /// i16 segments of the panel; empty for [`Plain`].
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     pub segments: &'a [u8],
 }
 
@@ -153,9 +157,11 @@ unsafe impl<D: Dot> Chain for Plain<D> {
     }
 }
 
-/// Sums in i16 segments.
+/// Sums in i16 segments. Other architectures have widening products that need none.
+#[cfg(target_arch = "x86_64")]
 pub(crate) struct Segmented<D>(PhantomData<D>);
 
+#[cfg(target_arch = "x86_64")]
 // SAFETY: as for Plain; a tap's segment lengths add up to the depth.
 unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
     type D = D;

@@ -1,6 +1,6 @@
 //! f32 convolution with bias, optional residual and optional ReLU.
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod direct;
 mod reference;
 
@@ -42,13 +42,13 @@ enum Kernel {
     /// The scalar reference on the weights as given.
     Reference { weights: Vec<f32>, bias: Vec<f32> },
     /// A direct kernel of a vector tier.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     Direct(direct::Direct),
 }
 
 impl Kernel {
     fn new(isa: Isa, params: &FConvParams) -> Self {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
         if let Some(direct) = direct::Direct::new(isa, params) {
             return Kernel::Direct(direct);
         }
@@ -102,7 +102,7 @@ impl FConv {
     pub fn name(&self) -> &'static str {
         match &self.kernel {
             Kernel::Reference { .. } => "f32_direct__scalar",
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
             Kernel::Direct(direct) => direct.name(),
         }
     }
@@ -209,7 +209,7 @@ impl FConv {
         unsafe {
             match &self.kernel {
                 Kernel::Reference { weights, bias } => self.run_reference(weights, bias, &run),
-                #[cfg(target_arch = "x86_64")]
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 Kernel::Direct(direct) => direct.run(self.relu, &run),
             }
         }

@@ -18,16 +18,22 @@ pub enum Isa {
     Avx512,
     /// AVX-512 F, BW, VL and VNNI.
     Avx512Vnni,
+    /// NEON: every aarch64 CPU.
+    Neon,
+    /// NEON with dotprod (`sdot`).
+    NeonDot,
 }
 
 impl Isa {
     /// Every tier, slowest first.
-    pub const ALL: [Isa; 5] = [
+    pub const ALL: [Isa; 7] = [
         Isa::Scalar,
         Isa::Avx2,
         Isa::AvxVnni,
         Isa::Avx512,
         Isa::Avx512Vnni,
+        Isa::Neon,
+        Isa::NeonDot,
     ];
 
     /// The name used in `EDGECAP_ISA`, logs and benches.
@@ -38,6 +44,8 @@ impl Isa {
             Isa::AvxVnni => "avxvnni",
             Isa::Avx512 => "avx512",
             Isa::Avx512Vnni => "avx512vnni",
+            Isa::Neon => "neon",
+            Isa::NeonDot => "neondot",
         }
     }
 
@@ -57,11 +65,22 @@ impl Isa {
             Isa::AvxVnni => avx2() && is_x86_feature_detected!("avxvnni"),
             Isa::Avx512 => avx512(),
             Isa::Avx512Vnni => avx512() && is_x86_feature_detected!("avx512vnni"),
+            Isa::Neon | Isa::NeonDot => false,
         }
     }
 
     /// Whether this CPU can run the tier.
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(target_arch = "aarch64")]
+    pub fn is_available(self) -> bool {
+        match self {
+            Isa::Scalar | Isa::Neon => true,
+            Isa::NeonDot => std::arch::is_aarch64_feature_detected!("dotprod"),
+            _ => false,
+        }
+    }
+
+    /// Whether this CPU can run the tier.
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     pub fn is_available(self) -> bool {
         self == Isa::Scalar
     }

@@ -10,16 +10,18 @@
 #![allow(clippy::needless_range_loop)]
 
 mod algorithm;
+#[cfg(target_arch = "aarch64")]
+mod arm;
 mod conv;
 mod conv_check;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod direct;
 mod error;
 mod fconv;
 mod isa;
 mod layout;
 mod linear;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod packed;
 mod part;
 mod peak;
@@ -27,16 +29,21 @@ mod phase;
 mod pool;
 mod qconv;
 mod scratch;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod segments;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod simd;
 mod tensor;
 mod winograd;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod writers;
 #[cfg(target_arch = "x86_64")]
 mod x86;
+
+#[cfg(target_arch = "aarch64")]
+use arm as arch;
+#[cfg(target_arch = "x86_64")]
+use x86 as arch;
 
 pub use algorithm::Algorithm;
 pub use conv::ConvShape;

@@ -2,6 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+#[cfg(target_arch = "x86_64")]
+use crate::simd::SegmentedDot;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use crate::simd::{Dot, Simd};
 use crate::{Isa, KernelError};
 
 /// Multiply-accumulates per second of one thread, in units of 10⁹.
@@ -57,7 +61,12 @@ impl Peak {
                     best(half, |n| x86::fma512(n)),
                 )
             },
-            #[cfg(not(target_arch = "x86_64"))]
+            // SAFETY: the CPU has the tier, checked above.
+            #[cfg(target_arch = "aarch64")]
+            Isa::Neon => unsafe { (best(half, |n| arm::widen(n)), best(half, |n| arm::fma(n))) },
+            // SAFETY: the CPU has the tier, checked above.
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonDot => unsafe { (best(half, |n| arm::sdot(n)), best(half, |n| arm::fma(n))) },
             _ => return Err(KernelError::Unsupported(isa)),
         };
         Ok(Peak { int8, f32 })
@@ -111,79 +120,83 @@ fn scalar_f32(steps: u64) -> u64 {
     steps * 8
 }
 
+/// Independent chains: latency × throughput of the CPUs at hand is at most 10. Each starts from memory of its own, or
+/// the compiler would see that they are the same.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+const CHAINS: usize = 10;
+
+/// # Safety
+/// The features of `D` are on.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+#[inline(always)]
+unsafe fn dots<D: Dot>(steps: u64) -> u64 {
+    let numbers = std::hint::black_box([1u8; 64 * CHAINS]);
+    // SAFETY: 64 bytes are at least one vector; the features are on.
+    unsafe {
+        let at = numbers.as_ptr();
+        let (x, w) = (D::splat(at), D::weights(at));
+        let mut acc = [D::load_acc(at); CHAINS];
+        for (i, chain) in acc.iter_mut().enumerate() {
+            *chain = D::load_acc(at.add(i * 64));
+        }
+        for _ in 0..steps {
+            for chain in &mut acc {
+                *chain = D::dot(*chain, x, w);
+            }
+        }
+        std::hint::black_box(acc);
+    }
+    steps * (CHAINS * D::S::LANES * D::PACK) as u64
+}
+
+/// Chains of a sum in i16: each has weights of its own, or the compiler would share the product.
+#[cfg(target_arch = "x86_64")]
+const SUMS: usize = 6;
+
+/// # Safety
+/// The features of `D` are on.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
+    let mut numbers = std::hint::black_box([1u8; 64 * SUMS]);
+    let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
+    // SAFETY: 64 bytes are at least one vector; the features are on.
+    unsafe {
+        let mut w = [D::weights(at); SUMS];
+        for (i, w) in w.iter_mut().enumerate() {
+            *w = D::weights(at.add(i * 64));
+        }
+        let mut acc = w;
+        for _ in 0..steps {
+            // The input may have changed as far as the compiler knows, so that the products are computed again.
+            std::arch::asm!("", options(nostack, preserves_flags));
+            let x = D::splat(at);
+            for (chain, &w) in acc.iter_mut().zip(&w) {
+                *chain = D::more(*chain, x, w);
+            }
+        }
+        std::hint::black_box(acc);
+    }
+    steps * (SUMS * D::S::LANES * D::PACK) as u64
+}
+
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+macro_rules! chain {
+    ($name:ident, $features:literal, $core:ident, $dot:ty) => {
+        /// # Safety
+        /// The CPU has the features.
+        #[target_feature(enable = $features)]
+        pub(super) unsafe fn $name(steps: u64) -> u64 {
+            // SAFETY: the caller's contract.
+            unsafe { $core::<$dot>(steps) }
+        }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::asm;
-
-    use crate::simd::{Dot, SegmentedDot, Simd, avx2, avx512};
-
-    /// Independent chains: latency × throughput of the CPUs at hand is at most 10. Each starts from memory of its own, or
-    /// the compiler would see that they are the same.
-    const CHAINS: usize = 10;
-
-    /// # Safety
-    /// The features of `D` are on.
-    #[inline(always)]
-    unsafe fn dots<D: Dot>(steps: u64) -> u64 {
-        let numbers = std::hint::black_box([1u8; 64 * CHAINS]);
-        // SAFETY: 64 bytes are at least one vector; the features are on.
-        unsafe {
-            let at = numbers.as_ptr();
-            let (x, w) = (D::splat(at), D::weights(at));
-            let mut acc = [D::load_acc(at); CHAINS];
-            for (i, chain) in acc.iter_mut().enumerate() {
-                *chain = D::load_acc(at.add(i * 64));
-            }
-            for _ in 0..steps {
-                for chain in &mut acc {
-                    *chain = D::dot(*chain, x, w);
-                }
-            }
-            std::hint::black_box(acc);
-        }
-        steps * (CHAINS * D::S::LANES * D::PACK) as u64
-    }
-
-    /// Chains of a sum in i16: each has weights of its own, or the compiler would share the product.
-    const SUMS: usize = 6;
-
-    /// # Safety
-    /// The features of `D` are on.
-    #[inline(always)]
-    unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
-        let mut numbers = std::hint::black_box([1u8; 64 * SUMS]);
-        let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
-        // SAFETY: 64 bytes are at least one vector; the features are on.
-        unsafe {
-            let mut w = [D::weights(at); SUMS];
-            for (i, w) in w.iter_mut().enumerate() {
-                *w = D::weights(at.add(i * 64));
-            }
-            let mut acc = w;
-            for _ in 0..steps {
-                // The input may have changed as far as the compiler knows, so that the products are computed again.
-                asm!("", options(nostack, preserves_flags));
-                let x = D::splat(at);
-                for (chain, &w) in acc.iter_mut().zip(&w) {
-                    *chain = D::more(*chain, x, w);
-                }
-            }
-            std::hint::black_box(acc);
-        }
-        steps * (SUMS * D::S::LANES * D::PACK) as u64
-    }
-
-    macro_rules! chain {
-        ($name:ident, $features:literal, $core:ident, $dot:ty) => {
-            /// # Safety
-            /// The CPU has the features.
-            #[target_feature(enable = $features)]
-            pub(super) unsafe fn $name(steps: u64) -> u64 {
-                // SAFETY: the caller's contract.
-                unsafe { $core::<$dot>(steps) }
-            }
-        };
-    }
+    use super::{dots, sums};
+    use crate::simd::{avx2, avx512};
 
     chain!(
         vnni512,
@@ -206,4 +219,14 @@ mod x86 {
     chain!(vnni256, "avx2,fma,avxvnni", dots, avx2::U8Vnni);
     chain!(maddubs256, "avx2,fma", sums, avx2::U8Segmented);
     chain!(fma256, "avx2,fma", dots, avx2::F32);
+}
+
+#[cfg(target_arch = "aarch64")]
+mod arm {
+    use super::dots;
+    use crate::simd::neon;
+
+    chain!(sdot, "neon,dotprod", dots, neon::U7Dot);
+    chain!(widen, "neon", dots, neon::U7);
+    chain!(fma, "neon", dots, neon::F32);
 }

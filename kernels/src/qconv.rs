@@ -3,7 +3,7 @@
 mod epilogue;
 mod kernel;
 mod reference;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod vector;
 
 pub use epilogue::{Epilogue, OutElement};

@@ -7,6 +7,9 @@ pub(crate) mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx512;
 
+#[cfg(target_arch = "aarch64")]
+pub(crate) mod neon;
+
 /// One CPU's vectors: `LANES` f32 or i32 lanes, and twice as many i16 lanes.
 ///
 /// # Safety
@@ -85,6 +88,7 @@ pub(crate) unsafe trait Dot: Copy + 'static {
 ///
 /// # Safety
 /// As for [`Dot`].
+#[cfg(target_arch = "x86_64")]
 pub(crate) unsafe trait SegmentedDot: Dot {
     /// The first group of a segment.
     unsafe fn first(x: Self::V, w: Self::V) -> Self::V;

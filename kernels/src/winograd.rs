@@ -9,7 +9,7 @@
 //!
 //! Input pixels outside the tensor and its padding count as 0. All steps are integers: every tier gives the same bits.
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(crate) mod generic;
 pub(crate) mod reference;
 mod weights;

@@ -262,6 +262,31 @@ fn int8_layers_equal_scalar() {
     }
 }
 
+/// Few and small enough for Miri, which also runs the tiers that the CPU lacks (README).
+#[test]
+fn small_layers_equal_scalar() {
+    let shapes = [
+        conv(8, 17, 1, 3, 1),
+        conv(4, 8, 1, 3, 2),
+        conv(16, 33, 1, 1, 1),
+        deconv(8, 6, 2),
+    ];
+    for (i, shape) in shapes.into_iter().enumerate() {
+        check_q(&Case {
+            shape,
+            height: 3,
+            width: 5,
+            input_max: if shape.in_channels == 4 { 255 } else { 127 },
+            values: Values::Ends,
+            around: i % 3,
+            residual: i % 2 == 0,
+            to_f32: i == 3,
+            parts: 1,
+            seed: 3 + i as u64,
+        });
+    }
+}
+
 prop_compose! {
     fn any_case()(
         groups in 1usize..4,

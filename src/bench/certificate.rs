@@ -71,7 +71,8 @@ pub struct NetworkSpeed {
     pub processor_ms: f64,
     /// Processor time over wall time and threads: well under 1 means that other programs had the cores.
     pub busy: f64,
-    /// By how much the process's resident memory rose at most while this engine was built and ran, MB of 10⁶ bytes.
+    /// By how much the process's resident memory rose at most while this engine was built and ran, MB of 10⁶ bytes;
+    /// measured with the first number of threads only.
     pub memory_mb: Option<f64>,
     /// Bytes of activation buffers.
     pub activation_bytes: usize,

@@ -34,9 +34,12 @@ pub(super) fn maps(people: usize, width: usize, height: usize) -> Maps {
     for person in 0..people {
         let (row, column) = (person / PER_ROW, person % PER_ROW);
         let columns = (people - row * PER_ROW).min(PER_ROW);
-        let x = (column as f32 + 0.5) * width as f32 / columns as f32;
         let y = row as f32 * row_height + 0.25 * row_height;
-        let stature = (0.75 * row_height).min(0.85 * height as f32);
+        let stature = 0.75 * row_height;
+        // Arms stay inside the picture at both ends of a row.
+        let margin = 0.2 * stature + 1.0;
+        let share = (column as f32 + 0.5) / columns as f32;
+        let x = margin + share * (width as f32 - 2.0 * margin);
         draw(&mut maps, [x, y], stature);
     }
     maps

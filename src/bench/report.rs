@@ -73,7 +73,8 @@ impl fmt::Display for Certificate {
                 n.gmac,
                 n.gmacs,
                 percent(n.share_of_peak),
-                n.memory_mb.map_or("?".into(), |mb| format!("{mb:.0} MB")),
+                n.memory_mb
+                    .map_or(String::new(), |mb| format!("{mb:.0} MB")),
                 n.processor_ms,
                 100.0 * n.busy
             )?;

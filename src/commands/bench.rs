@@ -6,8 +6,10 @@ use std::time::Duration;
 
 use indicatif::ProgressBar;
 
-use crate::bench::{BenchOptions, Subject, certify};
+use super::exit::Failure;
+use crate::bench::{BenchOptions, Certificate, Subject, certify};
 use crate::engine::{Model, ModelError};
+use crate::output::AtomicFile;
 
 /// Options of `edgecap bench`.
 #[derive(Debug, clap::Args)]
@@ -38,6 +40,9 @@ pub struct BenchArgs {
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
+    /// Write the JSON to this file too
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -89,6 +94,9 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         spinner.tick();
     })?;
     spinner.finish_and_clear();
+    if let Some(path) = &args.save {
+        save(path, &certificate).map_err(|e| Failure::output(path, &e))?;
+    }
     let mut out = std::io::stdout().lock();
     if args.json {
         serde_json::to_writer_pretty(&mut out, &certificate)?;
@@ -97,6 +105,13 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         write!(out, "{certificate}")?;
     }
     Ok(())
+}
+
+fn save(path: &Path, certificate: &Certificate) -> std::io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    serde_json::to_writer_pretty(&mut file, certificate)?;
+    writeln!(file)?;
+    file.finish()
 }
 
 /// The given or shipped model; `None` in a build without weights.

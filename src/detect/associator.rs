@@ -191,6 +191,7 @@ impl Associator {
             p.joints() >= config.min_joints.max(1)
                 && p.stature() * Maps::STRIDE as f32 >= config.min_stature
                 && p.score(peaks) >= config.min_score
+                && p.score(peaks) * p.joints() as f32 >= config.min_evidence
                 && p.limb_score() >= config.min_limb_score
         });
         self.people

@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::config::TermsConfig;
 use super::energy::Contact;
 use super::skeleton::{Posed, Skeleton};
-use crate::joints::{DOF, PELVIS};
+use crate::joints::{BODY_JOINTS, DOF, PELVIS};
+use crate::message::JointState;
 
 /// The standing joints.
 const ANKLES: [usize; 2] = [10, 13];
@@ -16,9 +17,11 @@ const MOVES: f64 = 0.7;
 /// Seconds of slowness before a foot counts as standing.
 const SETTLE: f64 = 0.1;
 /// Metres away from its place at which a foot has left it.
-const LEFT: f64 = 0.12;
+const LEFT: f64 = 0.1;
+/// Seconds for which a foot that is not seen still stands.
+const HIDDEN: f64 = 0.35;
 /// Error of a place, metres.
-const SIGMA: f64 = 0.03;
+const SIGMA: f64 = 0.035;
 /// Seconds in which a place follows what is seen.
 const DRIFT: f64 = 0.8;
 
@@ -32,6 +35,7 @@ pub struct Feet {
 struct Foot {
     place: Option<DVec3>,
     slow: f64,
+    hidden: f64,
 }
 
 impl Feet {
@@ -54,10 +58,27 @@ impl Feet {
         self.feet.iter().filter_map(|f| f.place)
     }
 
-    /// Takes in a fit, `dt` seconds after the last.
-    pub fn update(&mut self, skeleton: &Skeleton, posed: &Posed, velocity: &[f64; DOF], dt: f64) {
+    /// Takes in a fit, `dt` seconds after the last. A foot that is not seen (by `states`) may have left: it stands nowhere.
+    pub fn update(
+        &mut self,
+        skeleton: &Skeleton,
+        posed: &Posed,
+        velocity: &[f64; DOF],
+        states: &[JointState; BODY_JOINTS],
+        dt: f64,
+    ) {
         for (foot, joint) in self.feet.iter_mut().zip(ANKLES) {
             let ankle = posed.joints[joint];
+            foot.hidden = if states[joint] == JointState::Observed {
+                0.0
+            } else {
+                foot.hidden + dt
+            };
+            if foot.hidden > HIDDEN {
+                foot.place = None;
+                foot.slow = 0.0;
+                continue;
+            }
             // Along the ray the place is hardly seen: the picture decides.
             let speed = joint_velocity(skeleton, posed, velocity, joint)
                 .truncate()
@@ -111,9 +132,10 @@ mod tests {
         let mut pose = Pose::facing_camera(3.0);
         let mut posed = Posed::default();
         let mut velocity = [0.0; DOF];
+        let seen = [JointState::Observed; BODY_JOINTS];
         for _ in 0..10 {
             s.pose(&pose, s.lengths(), &mut posed);
-            feet.update(s, &posed, &velocity, 0.033);
+            feet.update(s, &posed, &velocity, &seen, 0.033);
         }
         assert_eq!(feet.places().count(), 2);
         assert_eq!(
@@ -131,7 +153,7 @@ mod tests {
         velocity[6 + right_hip] = 3.0;
         pose.angles[right_hip] += 0.1;
         s.pose(&pose, s.lengths(), &mut posed);
-        feet.update(s, &posed, &velocity, 0.033);
+        feet.update(s, &posed, &velocity, &seen, 0.033);
         let held: Vec<usize> = feet
             .contacts(&TermsConfig::default())
             .iter()

@@ -10,6 +10,7 @@ use super::assignment::assign;
 use super::confidence::confidence;
 use super::config::{ConfigError, FitConfig};
 use super::evidence::Evidence;
+use super::ground::{Ground, GroundEstimate};
 use super::humanoid::bone_rotations;
 use super::identity::{dissimilarity, reidentification};
 use super::motion::MotionModel;
@@ -40,6 +41,8 @@ const NEWCOMER: f64 = 0.6;
 const WAIT_FOR_LOOKS: u32 = 20;
 /// Seconds without being seen after which somebody may turn up under another name.
 const ABSENT_AFTER: f64 = 0.15;
+/// Seconds between looks at standing feet.
+const FEET_EVERY: f64 = 0.3;
 /// Fewest joints from which a person may be started.
 const BIRTH_JOINTS: usize = 6;
 
@@ -87,6 +90,8 @@ pub struct Fitter {
     gone: Vec<Gone>,
     next_id: u32,
     header: Option<Header>,
+    feet: GroundEstimate,
+    since_feet: f64,
     counters: FitCounters,
 }
 
@@ -126,6 +131,8 @@ impl Fitter {
             gone: Vec::new(),
             next_id: 1,
             header: None,
+            feet: GroundEstimate::default(),
+            since_feet: 0.0,
             counters: FitCounters::default(),
         })
     }
@@ -138,6 +145,32 @@ impl Fitter {
     /// What happened so far.
     pub fn counters(&self) -> FitCounters {
         self.counters
+    }
+
+    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the heights
+    /// that people are taken for.
+    pub fn ground(&self) -> Option<Ground> {
+        match &self.config.ground {
+            Some(known) => Ground::from_config(known),
+            None => self.feet.ground(),
+        }
+    }
+
+    fn learn_ground(&mut self, dt: f64) {
+        self.since_feet += dt;
+        if !self.config.estimate_ground
+            || self.config.ground.is_some()
+            || self.since_feet < FEET_EVERY
+        {
+            return;
+        }
+        self.since_feet = 0.0;
+        for track in self.present.iter().filter(|t| t.id != 0 && t.unseen == 0.0) {
+            let scale = track.stature.scale(&self.config);
+            for place in track.feet.places() {
+                self.feet.add(place * scale, scale);
+            }
+        }
     }
 
     /// Tracks held in memory: present ones, with and without identity, and those remembered after they left.
@@ -186,6 +219,7 @@ impl Fitter {
         self.advance(&seen, &matches, dt);
         self.start_people(&seen, &matches);
         self.confirm(frame.capture_ns);
+        self.learn_ground(dt);
         self.forget(frame.capture_ns);
         self.publish(frame.capture_ns, 0.0, out);
     }
@@ -381,7 +415,10 @@ impl Fitter {
                 let track = &self.present[t];
                 let looks_may_tell =
                     track.appearance.is_none() && track.hits < needed + WAIT_FOR_LOOKS;
-                let wait = looks_may_tell && self.gone.iter().any(|g| g.track.appearance.is_some());
+                let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
+                let wait = looks_may_tell
+                    && (self.gone.iter().any(|g| known(&g.track))
+                        || self.present.iter().any(known));
                 track.id == 0 && track.hits >= needed && track.unseen == 0.0 && !wait
             })
             .collect();

@@ -1,13 +1,10 @@
 //! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings say.
 
-use glam::DVec3;
-
 use super::config::FitConfig;
+use super::ground::{ANKLE, Ground};
 use super::skeleton::Posed;
 use crate::joints::CANONICAL_STATURE;
 
-/// Height of an ankle above the floor at canonical stature, metres.
-const ANKLE: f64 = 0.085;
 /// Statures that are believed, metres.
 const BELIEVED: [f64; 2] = [0.8, 2.3];
 /// Frames over which the first estimate is a plain mean.
@@ -40,13 +37,15 @@ impl Stature {
     /// Takes in a fit at canonical stature. Only a known floor tells a stature: the person is as tall as it takes for the
     /// lower foot to reach it.
     pub fn update(&mut self, config: &FitConfig, posed: &Posed) {
-        let (Some(ground), None) = (&config.ground, config.height) else {
+        if config.height.is_some() {
+            return;
+        }
+        let Some(ground) = config.ground.as_ref().and_then(Ground::from_config) else {
             return;
         };
-        let normal = DVec3::from_array(ground.normal).normalize();
         let stature = [10, 13]
             .map(|ankle| {
-                let below = ANKLE - normal.dot(posed.joints[ankle]);
+                let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
                 CANONICAL_STATURE as f64 * ground.offset / below
             })
             .into_iter()

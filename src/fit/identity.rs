@@ -11,6 +11,9 @@ use crate::joints::PELVIS;
 const NEAR: f64 = 0.35;
 /// … and its growth per second without being seen.
 const SPREAD: f64 = 1.0;
+/// The same, at once, and the longest absence (seconds), where looks are not seen.
+const BLIND_NEAR: f64 = 0.25;
+const BLIND_TRUST: f64 = 0.25;
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
 /// Weight of the mean 3D joint distance, per metre.
@@ -20,10 +23,8 @@ const DEPTH: f64 = 0.6;
 const MOST_DEPTH: f64 = 0.25;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
-/// Handicap per second without being seen, up to one second …
+/// Handicap per second without being seen, up to one second.
 const ABSENT: f64 = 0.25;
-/// … and where looks that could tell are not known.
-const UNKNOWN_LOOKS: f64 = 0.6;
 
 /// Dissimilarity of a track, expected at `expected`, and a person seen; infinite where they cannot be the same.
 pub fn dissimilarity(
@@ -41,7 +42,18 @@ pub fn dissimilarity(
     if apart > 0.7 && apart > 0.5 + 1.5 * alone {
         return f64::INFINITY;
     }
-    let mut cost = apart / (NEAR + SPREAD * alone.min(1.0));
+    // Where looks that could tell are not seen, only somebody who was here a moment ago continues, and only close by: else
+    // whoever comes out of hiding first would take the place of whoever is still hidden.
+    let unknown_looks = track.appearance.is_some() != appearance.is_some();
+    if unknown_looks && track.unseen > BLIND_TRUST {
+        return f64::INFINITY;
+    }
+    let near = if unknown_looks {
+        BLIND_NEAR + 0.5 * SPREAD * alone.min(BLIND_TRUST)
+    } else {
+        NEAR + SPREAD * alone.min(1.0)
+    };
+    let mut cost = apart / near;
     if let Some(shape) = seen.distance3d(expected, 0.5) {
         cost += SHAPE * shape;
     }
@@ -53,8 +65,7 @@ pub fn dissimilarity(
     cost += ABSENT * absent;
     cost += match (&track.appearance, appearance) {
         (Some(a), Some(b)) => config.appearance_weight * (a.distance(b) - LOOKS_NOISE).max(0.0),
-        (None, None) => 0.0,
-        _ => UNKNOWN_LOOKS * absent,
+        _ => 0.0,
     };
     cost
 }

@@ -307,7 +307,6 @@ mod tests {
 
     #[test]
     fn nothing_known_leaves_the_pose_alone() {
-        let s = Skeleton::builtin();
         let start = bent_pose();
         let targets = crate::fit::energy::no_targets(start);
         let mut posed = Posed::default();

@@ -472,8 +472,13 @@ impl Track {
         if torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64 {
             self.bones.update(cx.skeleton, &e.points3d, &self.posed);
         }
-        self.feet
-            .update(cx.skeleton, &self.posed, &self.motion.velocity, dt);
+        self.feet.update(
+            cx.skeleton,
+            &self.posed,
+            &self.motion.velocity,
+            &self.states,
+            dt,
+        );
         self.stature.update(cx.config, &self.posed);
     }
 

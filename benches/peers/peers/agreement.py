@@ -3,7 +3,8 @@
 import numpy as np
 
 HEATMAPS = 14
-CHANNELS = 40 + 63
+HEAD2D = 40
+CHANNELS = HEAD2D + 63
 # A heatmap cell counts as a person's joint from this value on.
 PEAK = 0.3
 # A peak is looked for this many cells around where f32 has it; farther away it is another joint.
@@ -17,7 +18,7 @@ def read(path, rows: int, columns: int) -> np.ndarray:
 
 
 def compare(reference: np.ndarray, maps: np.ndarray, trained: bool) -> dict:
-    """Relative errors over all channels; with trained weights, how far the reference's peaks move, input pixels."""
+    """Relative errors of both heads; with trained weights, how far the reference's peaks move, input pixels."""
     error = maps - reference
     moved, lost = [], 0
     for a, b in zip(reference[..., :HEATMAPS], maps[..., :HEATMAPS]) if trained else ():
@@ -30,8 +31,10 @@ def compare(reference: np.ndarray, maps: np.ndarray, trained: bool) -> dict:
                 else:
                     here = _refine(b[..., joint], *found)
                     moved.append(STRIDE * float(np.hypot(here[0] - there[0], here[1] - there[1])))
+    relative = lambda channels: float(np.sqrt((error[..., channels] ** 2).mean() / (reference[..., channels] ** 2).mean()))
     result = {
-        "relative_rms": float(np.sqrt((error**2).mean() / (reference**2).mean())),
+        "relative_rms_2d": relative(slice(HEAD2D)),
+        "relative_rms_3d": relative(slice(HEAD2D, CHANNELS)),
         "relative_max": float(np.abs(error).max() / np.abs(reference).max()),
         "peaks": len(moved) + lost,
     }

@@ -37,11 +37,11 @@ def _agreement(r: dict) -> list[str]:
     rows = [(n, a) for n in r["networks"] for a in n["agreement"]]
     if not rows:
         return []
-    lines = _head(["network", "engine", "arithmetic", "relative RMS error", "peaks moved, px, mean (95 %)", "peaks lost"])
+    lines = _head(["network", "engine", "arithmetic", "relative RMS error, 2D head", "3D head", "peaks moved, px, mean (95 %)", "peaks lost"])
     for n, a in rows:
         weights = "" if n["trained"] else " (random weights)"
         peaks = [f"{a['moved_mean_px']:.2f} ({a['moved_p95_px']:.2f})", f"{a['peaks_lost']} of {a['peaks']}"] if "moved_mean_px" in a else ["–", "–"]
-        lines.append(_row([NETWORKS.get(n["network"], n["network"]) + weights, NAMES[a["engine"]], a["precision"], f"{a['relative_rms']:.1e}", *peaks]))
+        lines.append(_row([NETWORKS.get(n["network"], n["network"]) + weights, NAMES[a["engine"]], a["precision"], f"{a['relative_rms_2d']:.1e}", f"{a['relative_rms_3d']:.1e}", *peaks]))
     return lines
 
 
@@ -65,9 +65,9 @@ def _conditions(r: dict) -> list[str]:
     ]
     if r["forced_isa"]:
         lines.append(f"Instruction set capped at {r['forced_isa']} for ours and OpenVINO.")
-    if speed and m["load"] > 0.25 * m["cores"]:
-        busy = min(s["cpu_ms"] / s["median_ms"] / s["threads"] for s in speed)
-        lines.append(f"**Other programs were running** (load {m['load']:.1f}; one engine had only {100 * busy:.0f} % of its cores): no certificate.")
+    busy = min((s["cpu_ms"] / s["median_ms"] for s in speed if s["threads"] == 1), default=1)
+    if busy < 0.9:
+        lines.append(f"**Other programs were running** (one engine had only {100 * busy:.0f} % of a core): no certificate.")
     return lines
 
 

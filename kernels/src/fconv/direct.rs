@@ -1,47 +1,40 @@
-//! f32 convolution with the direct kernels of the x86 tiers.
+//! f32 convolution with the direct kernels of this architecture.
 
 use super::{FConvParams, Run};
 use crate::direct::Job;
-use crate::packed::{Grain, Packed};
-use crate::simd::{avx2, avx512};
+use crate::packed::Packed;
 use crate::writers::Float;
-use crate::{Isa, x86};
+use crate::{Isa, arch};
 
 /// Weights and bias in a direct kernel's order.
 #[derive(Debug, Clone)]
 pub(super) struct Direct {
     packed: Packed,
     bias: Vec<f32>,
-    wide: bool,
+    isa: Isa,
 }
 
 impl Direct {
     /// Packs for `isa`, or `None` where only the reference can run the shape.
     pub fn new(isa: Isa, params: &FConvParams) -> Option<Self> {
-        let (wide, grain) = match isa {
-            Isa::Scalar => return None,
-            Isa::Avx2 | Isa::AvxVnni => (false, Grain::of::<avx2::F32>()),
-            Isa::Avx512 | Isa::Avx512Vnni => (true, Grain::of::<avx512::F32>()),
-        };
+        if isa == Isa::Scalar {
+            return None;
+        }
         let shape = &params.shape;
         let depth = shape.in_channels / shape.groups;
-        let packed = Packed::new(shape, grain, |oc, ic, tap| {
+        let packed = Packed::new(shape, arch::f32_grain(isa), |oc, ic, tap| {
             let at = ((oc * depth + ic) * shape.kernel + tap.ky) * shape.kernel + tap.kx;
             params.weights[at].to_le_bytes()
         })?;
         Some(Self {
             bias: packed.per_channel(params.bias),
             packed,
-            wide,
+            isa,
         })
     }
 
     pub fn name(&self) -> &'static str {
-        if self.wide {
-            "f32_direct_8x48__avx512"
-        } else {
-            "f32_direct_4x24__avx2"
-        }
+        arch::f32_name(self.isa)
     }
 
     /// # Safety
@@ -64,11 +57,7 @@ impl Direct {
                 run.out_layout,
                 run.part,
             );
-            if self.wide {
-                x86::f32_direct_avx512(&job, &writer);
-            } else {
-                x86::f32_direct_avx2(&job, &writer);
-            }
+            arch::f32(self.isa, &job, &writer);
         }
     }
 }

@@ -88,7 +88,7 @@ impl Epilogue {
     }
 
     /// Whether the result is clamped to 0..=127 and no value before clamping can leave ±2³¹, as |acc| ≤ 2³¹.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     pub(super) fn is_narrow(&self) -> bool {
         let residual = self.residual_scale().unwrap_or(0.0).abs() * 255.0;
         let all_small = self.scale().iter().all(|scale| scale.abs() <= 0.5);

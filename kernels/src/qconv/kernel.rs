@@ -13,7 +13,7 @@ pub(super) enum Kernel {
     /// The scalar reference of Winograd.
     WinogradReference(TransformedWeights),
     /// A kernel of a vector tier.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     Vector(super::vector::Vector),
 }
 
@@ -42,7 +42,7 @@ impl Kernel {
         let _ = isa;
         match params.algorithm {
             Algorithm::Direct => {
-                #[cfg(target_arch = "x86_64")]
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 if let Some(vector) = super::vector::Vector::direct(isa, params) {
                     return Ok((Kernel::Vector(vector), params.epilogue.clone()));
                 }
@@ -60,7 +60,7 @@ impl Kernel {
                     ));
                 }
                 let epilogue = params.epilogue.divided_by(&transformed.factor);
-                #[cfg(target_arch = "x86_64")]
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 if let Some(vector) =
                     super::vector::Vector::winograd(isa, shape, &transformed, &epilogue)
                 {
@@ -75,7 +75,7 @@ impl Kernel {
         match self {
             Kernel::Reference { .. } => "qs8_direct__scalar",
             Kernel::WinogradReference(_) => "qs8_winograd4__scalar",
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
             Kernel::Vector(vector) => vector.name(),
         }
     }
@@ -83,7 +83,7 @@ impl Kernel {
     pub fn scratch_bytes(&self) -> usize {
         match self {
             Kernel::Reference { .. } | Kernel::WinogradReference(_) => 0,
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
             Kernel::Vector(vector) => vector.scratch_bytes(),
         }
     }
@@ -109,7 +109,7 @@ impl QConv {
             match &self.kernel {
                 Kernel::Reference { weights, bias } => self.run_reference(weights, bias, run),
                 Kernel::WinogradReference(weights) => self.run_winograd_reference(weights, run),
-                #[cfg(target_arch = "x86_64")]
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 Kernel::Vector(vector) => vector.run(&self.epilogue, run, scratch),
             }
         }

@@ -1,20 +1,21 @@
-//! int8 convolution with the vector kernels of the x86 tiers.
+//! int8 convolution with the vector kernels of this architecture.
 
 use super::epilogue::Output;
 use super::kernel::Run;
 use super::{Epilogue, QConvParams};
-use crate::direct::{self, Write};
-use crate::packed::{Grain, Packed};
+use crate::arch::{self, Sum};
+use crate::direct;
+use crate::packed::Packed;
 use crate::segments::Segments;
-use crate::simd::{Simd, avx2, avx512};
 use crate::winograd::generic::{self as winograd, Plan};
 use crate::winograd::{POINTS, TransformedWeights};
 use crate::writers::{Residual, ToF32, ToU8};
-use crate::{ConvShape, Isa, Scratch, x86};
+use crate::{ConvShape, Isa, Scratch};
 
 /// Weights and per-channel constants in a kernel's order.
 #[derive(Debug, Clone)]
 pub(super) struct Vector {
+    isa: Isa,
     packed: Packed,
     bias: Vec<i32>,
     scale: Vec<f32>,
@@ -24,17 +25,10 @@ pub(super) struct Vector {
 
 #[derive(Debug, Clone)]
 enum Method {
-    /// `vpdpbusd`.
-    Avx512Vnni,
-    AvxVnni,
-    /// i16 segments proved from the weights.
-    Avx512(Segments),
-    Avx2(Segments),
-    /// i16 halves: a pair of products can leave i16.
-    Avx512Wide,
-    Avx2Wide,
+    /// The definition; segments where the tier sums in i16.
+    Direct(Sum, Option<Segments>),
     /// F(4×4, 3×3) in i16.
-    Winograd(Isa, Winograd),
+    Winograd(Winograd),
 }
 
 #[derive(Debug, Clone)]
@@ -48,40 +42,34 @@ struct Winograd {
 impl Vector {
     /// Packs a direct convolution for `isa`, or `None` where only the reference can run the shape.
     pub fn direct(isa: Isa, params: &QConvParams) -> Option<Self> {
-        let pack = |grain: Grain| {
+        if isa == Isa::Scalar {
+            return None;
+        }
+        let pack = |sum: Sum| {
             let shape = &params.shape;
             let depth = shape.in_channels / shape.groups;
-            Packed::new(shape, grain, |oc, ic, tap| {
+            Packed::new(shape, arch::int8_grain(isa, sum), |oc, ic, tap| {
                 let at = ((oc * depth + ic) * shape.kernel + tap.ky) * shape.kernel + tap.kx;
                 [params.weights[at] as u8]
             })
         };
-        let segments = |packed: &Packed| Segments::new(packed, params.input_max);
-        let (packed, method) = match isa {
-            Isa::Scalar => return None,
-            Isa::AvxVnni => (pack(Grain::of::<avx2::U8Vnni>())?, Method::AvxVnni),
-            Isa::Avx512Vnni => (pack(Grain::of::<avx512::U8Vnni>())?, Method::Avx512Vnni),
-            Isa::Avx2 => {
-                let packed = pack(Grain::of::<avx2::U8Segmented>())?;
-                match segments(&packed) {
-                    Some(segments) => (packed, Method::Avx2(segments)),
-                    None => (pack(Grain::of::<avx2::U8Wide>())?, Method::Avx2Wide),
-                }
+        let mut sum = arch::int8_sum(isa, params.input_max);
+        let mut packed = pack(sum)?;
+        let mut segments = None;
+        if sum == Sum::Short && arch::is_segmented(isa) {
+            segments = Segments::new(&packed, params.input_max);
+            if segments.is_none() {
+                sum = Sum::Wide;
+                packed = pack(sum)?;
             }
-            Isa::Avx512 => {
-                let packed = pack(Grain::of::<avx512::U8Segmented>())?;
-                match segments(&packed) {
-                    Some(segments) => (packed, Method::Avx512(segments)),
-                    None => (pack(Grain::of::<avx512::U8Wide>())?, Method::Avx512Wide),
-                }
-            }
-        };
+        }
         Some(Self {
+            isa,
             bias: packed.per_channel(params.bias),
             scale: packed.per_channel(params.epilogue.scale()),
             packed,
             narrow: params.epilogue.is_narrow(),
-            method,
+            method: Method::Direct(sum, segments),
         })
     }
 
@@ -92,97 +80,69 @@ impl Vector {
         weights: &TransformedWeights,
         epilogue: &Epilogue,
     ) -> Option<Self> {
+        if isa == Isa::Scalar {
+            return None;
+        }
         let depth = shape.in_channels / shape.groups;
-        let (grain, plan) = match isa {
-            Isa::Scalar => return None,
-            Isa::Avx2 => (Grain::of::<avx2::I16>(), Plan::new::<avx2::I16>(depth)),
-            Isa::AvxVnni => (
-                Grain::of::<avx2::I16Vnni>(),
-                Plan::new::<avx2::I16Vnni>(depth),
-            ),
-            Isa::Avx512 => (Grain::of::<avx512::I16>(), Plan::new::<avx512::I16>(depth)),
-            Isa::Avx512Vnni => (
-                Grain::of::<avx512::I16Vnni>(),
-                Plan::new::<avx512::I16Vnni>(depth),
-            ),
-        };
         // The 36 points take the place of kernel elements.
         let points = ConvShape {
             kernel: 6,
             ..*shape
         };
-        let packed = Packed::new(&points, grain, |oc, ic, tap| {
+        let packed = Packed::new(&points, arch::winograd_grain(isa), |oc, ic, tap| {
             let at = (oc * depth + ic) * POINTS + tap.ky * points.kernel + tap.kx;
             weights.weights[at].to_le_bytes()
         })?;
         let winograd = Winograd {
-            plan,
+            plan: arch::winograd_plan(isa, depth),
             zeros: vec![0; depth],
             padding: shape.padding,
             shift: weights.shift,
         };
         Some(Self {
+            isa,
             bias: packed.per_channel(&weights.bias),
             scale: packed.per_channel(epilogue.scale()),
             packed,
             narrow: epilogue.is_narrow(),
-            method: Method::Winograd(isa, winograd),
+            method: Method::Winograd(winograd),
         })
     }
 
     pub fn name(&self) -> &'static str {
         match &self.method {
-            Method::Avx512Vnni => "qs8_direct_8x48c4__avx512vnni",
-            Method::AvxVnni => "qs8_direct_4x24c4__avxvnni",
-            Method::Avx512(_) => "qs8_direct_4x48c4__avx512",
-            Method::Avx2(_) => "qs8_direct_4x16c4__avx2",
-            Method::Avx512Wide => "qs8_wide_8x32c4__avx512",
-            Method::Avx2Wide => "qs8_wide_4x8c4__avx2",
-            Method::Winograd(Isa::Avx512Vnni, _) => "qs8_winograd4_8x48c2__avx512vnni",
-            Method::Winograd(Isa::Avx512, _) => "qs8_winograd4_8x48c2__avx512",
-            Method::Winograd(Isa::AvxVnni, _) => "qs8_winograd4_4x24c2__avxvnni",
-            Method::Winograd(..) => "qs8_winograd4_4x16c2__avx2",
+            Method::Direct(sum, _) => arch::int8_name(self.isa, *sum),
+            Method::Winograd(_) => arch::winograd_name(self.isa),
         }
     }
 
     pub fn scratch_bytes(&self) -> usize {
         match &self.method {
-            Method::Winograd(_, winograd) => winograd.plan.bytes(),
-            _ => 0,
+            Method::Winograd(winograd) => winograd.plan.bytes(),
+            Method::Direct(..) => 0,
         }
     }
 
     /// # Safety
     /// As `QConv::run_part`; `writer` writes the run's output.
-    unsafe fn run_with<W>(&self, run: &Run, scratch: &mut Scratch, writer: &W)
-    where
-        W: Write<avx512::Avx512, <avx512::Avx512 as Simd>::I>
-            + Write<avx2::Avx2, <avx2::Avx2 as Simd>::I>,
-    {
-        let segments = match &self.method {
-            Method::Avx512(segments) | Method::Avx2(segments) => Some(segments),
-            _ => None,
-        };
+    unsafe fn run_with<W: arch::IntWriter>(&self, run: &Run, scratch: &mut Scratch, writer: &W) {
         // SAFETY: `QConv::new` checked that the CPU has the tier, `QConv::check` that the tensors fit, `QConv::run_part` that
         // the scratch does.
         unsafe {
-            let job = direct::Job::new(
-                &self.packed,
-                segments,
-                &self.bias,
-                run.input,
-                run.in_layout,
-                run.out_layout,
-                run.part,
-            );
             match &self.method {
-                Method::Avx512Vnni => x86::qs8_direct_avx512vnni(&job, writer),
-                Method::AvxVnni => x86::qs8_direct_avxvnni(&job, writer),
-                Method::Avx512(_) => x86::qs8_direct_avx512(&job, writer),
-                Method::Avx2(_) => x86::qs8_direct_avx2(&job, writer),
-                Method::Avx512Wide => x86::qs8_wide_avx512(&job, writer),
-                Method::Avx2Wide => x86::qs8_wide_avx2(&job, writer),
-                Method::Winograd(isa, winograd) => {
+                Method::Direct(sum, segments) => {
+                    let job = direct::Job::new(
+                        &self.packed,
+                        segments.as_ref(),
+                        &self.bias,
+                        run.input,
+                        run.in_layout,
+                        run.out_layout,
+                        run.part,
+                    );
+                    arch::int8(self.isa, *sum, &job, writer);
+                }
+                Method::Winograd(winograd) => {
                     let job = winograd::Job {
                         packed: &self.packed,
                         bias: self.bias.as_ptr(),
@@ -197,12 +157,7 @@ impl Vector {
                         plan: winograd.plan,
                         scratch: scratch.as_mut_bytes().as_mut_ptr(),
                     };
-                    match isa {
-                        Isa::Avx512Vnni => x86::qs8_winograd4_avx512vnni(&job, writer),
-                        Isa::Avx512 => x86::qs8_winograd4_avx512(&job, writer),
-                        Isa::AvxVnni => x86::qs8_winograd4_avxvnni(&job, writer),
-                        _ => x86::qs8_winograd4_avx2(&job, writer),
-                    }
+                    arch::winograd(self.isa, &job, writer);
                 }
             }
         }

@@ -124,7 +124,7 @@ impl CameraFile {
                 })
             }
             _ => Err(
-                "expected either fov alone, or fx, cx, cy, width, height (and fy where pixels are not square); see the sample in the documentation".into(),
+                "expected either fov alone, or fx, cx, cy, width, height (and fy where pixels are not square)".into(),
             ),
         }
     }

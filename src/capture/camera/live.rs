@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! Streaming ──error, or silent for 3 s──▶ Reconnecting ──opened again──▶ Streaming
-//!                                          │    ▲ waits 0.25 s, then twice as long each time, at most 4 s
+//!                                          │    ▲ waits 0.25 s, then twice as long each time, at most 2 s
 //!                                          └────┘ opening failed
 //! ```
 
@@ -21,7 +21,7 @@ pub const SILENCE_LIMIT: Duration = Duration::from_secs(3);
 /// First wait before opening again; doubles with every failure.
 const FIRST_DELAY: Duration = Duration::from_millis(250);
 /// Longest wait before opening again.
-const LAST_DELAY: Duration = Duration::from_secs(4);
+const LAST_DELAY: Duration = Duration::from_secs(2);
 /// Steps by which sequence numbers may jump; more is a camera that counts anew.
 const MAX_JUMP: u32 = 1 << 16;
 
@@ -102,7 +102,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         })
     }
 
-    /// Takes at most about [`STEP_LIMIT`], reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
+    /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
     pub fn step(&mut self, frame: &mut Frame) -> Step {
         match &mut self.state {
             State::Streaming {

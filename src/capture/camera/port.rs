@@ -65,7 +65,7 @@ impl V4l2Port {
             Some(libc::EACCES | libc::EPERM) => not_permitted(&device),
             Some(libc::ENOENT | libc::ENODEV | libc::ENXIO) => CaptureError::Unavailable {
                 what: device,
-                reason: "expected a camera, found none; plug it in, or see which there are with `edgecap doctor`".into(),
+                reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
             },
             Some(libc::ENOTTY) => unusable(device, "is no camera"),
             _ => CaptureError::Unavailable {
