@@ -59,15 +59,18 @@ struct Import {
     /// At most this many pictures, evenly over the folder
     #[arg(long, default_value_t = 64)]
     pictures: usize,
-    /// How ranges are chosen: max, mse or percentile:SHARE; without it, what comes nearest to f32 on some of the pictures
-    #[arg(long)]
-    range: Option<RangeChoice>,
+    /// How ranges are chosen: max, mse or percentile:SHARE
+    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
+    range: RangeChoice,
     /// 0: one range for all channels of a layer; 1: a range of its own for each
     #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
     own_ranges: f32,
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
     no_bias_correction: bool,
+    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options above say
+    #[arg(long)]
+    try_ranges: bool,
     /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
     #[arg(long)]
     width: Option<usize>,
@@ -163,16 +166,15 @@ fn import(a: &Import) -> Result<()> {
                 side(a.width, |p| p.width, reference[0]),
                 side(a.height, |p| p.height, reference[1]),
             );
-            let mut options = CalibrationOptions {
+            let options = CalibrationOptions {
                 size,
                 own_ranges: a.own_ranges.clamp(0.0, 1.0),
                 correct_bias: !a.no_bias_correction,
-                ..CalibrationOptions::default()
+                choice: a.range,
             };
-            options.choice = a.range.unwrap_or(options.choice);
             let inputs = pictures.iter().map(|p| picture::covering(p, size));
             let mut calibration = Calibration::observe(&model, inputs, options)?;
-            if a.range.is_none() {
+            if a.try_ranges {
                 select(&mut calibration, &model, &pictures, size)?;
             }
             model.quantise(Some(&calibration))?
