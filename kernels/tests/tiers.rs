@@ -262,7 +262,7 @@ fn int8_layers_equal_scalar() {
     }
 }
 
-/// Few and small enough for Miri, which also runs the tiers that the CPU lacks (README).
+/// Few and small enough for Miri, which runs a tier that the CPU lacks (README).
 #[test]
 fn small_layers_equal_scalar() {
     let shapes = [

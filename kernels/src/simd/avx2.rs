@@ -161,7 +161,12 @@ unsafe impl Dot for I16Vnni {
         fn load_acc(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
         fn weights(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
         fn splat(at: *const u8) -> __m256i = _mm256_set1_epi32(at.cast::<i32>().read_unaligned());
-        fn dot(acc: __m256i, x: __m256i, w: __m256i) -> __m256i = _mm256_dpwssd_avx_epi32(acc, x, w);
+        // Miri lacks the instruction; this is its definition.
+        fn dot(acc: __m256i, x: __m256i, w: __m256i) -> __m256i = if cfg!(miri) {
+            _mm256_add_epi32(acc, _mm256_madd_epi16(x, w))
+        } else {
+            _mm256_dpwssd_avx_epi32(acc, x, w)
+        };
     }
 }
 

@@ -135,9 +135,6 @@ unsafe impl Dot for U8Vnni {
 #[inline]
 #[target_feature(enable = "avx512f,avx512vnni")]
 fn dpwssd(acc: __m512i, x: __m512i, w: __m512i) -> __m512i {
-    if cfg!(miri) {
-        return _mm512_dpwssd_epi32(acc, x, w);
-    }
     let mut acc = acc;
     // SAFETY: registers only; the features are on.
     unsafe {
