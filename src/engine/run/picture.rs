@@ -2,11 +2,17 @@
 
 use super::step::{Memory, Tensor};
 
-/// The bytes of every pixel of a row and one more; after the last pixel, 0.
-fn fours(row: &[u8]) -> impl Iterator<Item = [u8; 4]> + '_ {
-    let last = row.last_chunk::<3>().map(|&[r, g, b]| [r, g, b, 0]);
-    let all = row.windows(4).step_by(3).map(|w| [w[0], w[1], w[2], w[3]]);
-    all.chain(last)
+/// A row of pixels of 3 bytes to pixels of 4. Four bytes at a time: the fourth is the next pixel's red, which weight 0 meets.
+fn store_fours(row: &[u8], to: &mut [u8]) {
+    let pixels = to.as_chunks_mut::<4>().0;
+    let Some((last, all)) = pixels.split_last_mut() else {
+        return;
+    };
+    for (to, i) in all.iter_mut().zip((0..).step_by(3)) {
+        to.copy_from_slice(&row[i..i + 4]);
+    }
+    let end = 3 * all.len();
+    last[..3].copy_from_slice(&row[end..end + 3]);
 }
 
 /// Writes `rgb`, row-major `[height, width, 3]`, into the input tensor of an engine.
@@ -26,10 +32,7 @@ pub(super) unsafe fn store(rgb: &[u8], to: &Tensor, memory: &Memory) {
                 if l.pixel_stride == 3 {
                     to.copy_from_slice(row);
                 } else if l.pixel_stride == 4 {
-                    // Four bytes at a time: the fourth is the next pixel's red, which weight 0 meets.
-                    for (to, from) in to.as_chunks_mut::<4>().0.iter_mut().zip(fours(row)) {
-                        *to = from;
-                    }
+                    store_fours(row, to);
                 } else {
                     for (to, from) in to.chunks_mut(l.pixel_stride).zip(row.as_chunks::<3>().0) {
                         to[..3].copy_from_slice(from);
