@@ -14,7 +14,7 @@ use super::exit::Failure;
 use super::input::{self, InputArgs};
 use super::pipeline::{Pipeline, PipelineOptions};
 use super::stop::{self, Stop};
-use crate::capture::Frame;
+use crate::capture::{CaptureError, Frame};
 use crate::output::AtomicFile;
 use crate::overlay;
 
@@ -68,7 +68,7 @@ pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
         w.parse().map_err(|_| wrong())?,
         h.parse().map_err(|_| wrong())?,
     );
-    let ok = |n: usize| (64..=4096).contains(&n) && n % 16 == 0;
+    let ok = |n: usize| (64..=4096).contains(&n) && n.is_multiple_of(16);
     if ok(size.0) && ok(size.1) {
         Ok(size)
     } else {
@@ -200,6 +200,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         match source.next_into(&mut frame) {
             Ok(true) => {}
             Ok(false) => break,
+            // The source has logged what is wrong and looks for the camera again.
+            Err(CaptureError::NoPictureYet { .. }) => continue,
             // One bad picture among many does not end the work.
             Err(e) if e.is_skippable() && source.frame_count() != Some(1) => {
                 tracing::warn!("{e}; skipped");

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use anyhow::Context;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
@@ -53,7 +54,7 @@ impl Pipeline {
     /// If the model cannot be read or does not fit the stages.
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
         let model = match options.model {
-            Some(path) => Model::open(path)?,
+            Some(path) => Model::open(path).with_context(|| format!("model {}", path.display()))?,
             None => Model::shipped()?,
         };
         let engine = Engine::new(
