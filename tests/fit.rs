@@ -63,14 +63,26 @@ fn people_who_leave_come_back_as_themselves() {
 }
 
 #[test]
-#[ignore = "ten minutes of six people: run with --release"]
+#[ignore = "half an hour of six people: run with --release"]
 fn five_minutes_of_six_people() {
-    for seed in [1, 2, 3, 4] {
+    for seed in 1..=6 {
         let mut scene = Scene::new(people::wanderers(300.0, seed), Noise::REAL, FPS, seed);
         let r = run(&mut scene, FitConfig::default(), 9000, 30, false);
         println!("{}", line(&format!("wanderers {seed}"), &r));
         check_everywhere(&r);
         assert!(r.idf1 >= 0.95, "IDF1 {}", r.idf1);
+    }
+}
+
+#[test]
+#[ignore = "ten scenes: run with --release"]
+fn many_crossings() {
+    for seed in 1..=10 {
+        let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, seed);
+        let r = run(&mut scene, FitConfig::default(), 900, 30, false);
+        println!("{}", line(&format!("crossing {seed}"), &r));
+        check_everywhere(&r);
+        assert_eq!(r.switches, 0, "seed {seed}");
     }
 }
 
