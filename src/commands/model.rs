@@ -7,7 +7,8 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::npz::{Array, npz};
-use super::picture::{covering, letterboxed};
+use super::picture;
+use crate::capture::Frame;
 use crate::engine::model::{Calibration, RangeChoice, Weights};
 use crate::engine::{
     CalibrationOptions, Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision,
@@ -67,12 +68,12 @@ struct Import {
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
     no_bias_correction: bool,
-    /// Width that pictures are calibrated at
-    #[arg(long, default_value_t = 512)]
-    width: usize,
-    /// Height that pictures are calibrated at
-    #[arg(long, default_value_t = 320)]
-    height: usize,
+    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
+    #[arg(long)]
+    width: Option<usize>,
+    /// Height that pictures are calibrated at; without it about their own
+    #[arg(long)]
+    height: Option<usize>,
     /// Model file to write
     #[arg(short, long)]
     output: PathBuf,
@@ -152,25 +153,27 @@ fn import(a: &Import) -> Result<()> {
         None => model.quantise(None)?,
         Some(folder) => {
             let files = pictures(folder, a.pictures)?;
+            let pictures = files.iter().map(|path| picture::upright(path));
+            let pictures = pictures.collect::<Result<Vec<_>>>()?;
+            let reference = model.contract().input.reference_size;
+            let side = |given: Option<usize>, of: fn(&Frame) -> u32, most| {
+                given.unwrap_or_else(|| usual_side(&pictures, of, most))
+            };
+            let size = (
+                side(a.width, |p| p.width, reference[0]),
+                side(a.height, |p| p.height, reference[1]),
+            );
             let mut options = CalibrationOptions {
-                size: (a.width, a.height),
+                size,
                 own_ranges: a.own_ranges.clamp(0.0, 1.0),
                 correct_bias: !a.no_bias_correction,
                 ..CalibrationOptions::default()
             };
             options.choice = a.range.unwrap_or(options.choice);
-            let mut failed = None;
-            let read = files.iter().map_while(|path| {
-                covering(path, a.width, a.height)
-                    .map_err(|e| failed = Some(e))
-                    .ok()
-            });
-            let mut calibration = Calibration::observe(&model, read, options)?;
-            if let Some(e) = failed {
-                return Err(e);
-            }
+            let inputs = pictures.iter().map(|p| picture::covering(p, size));
+            let mut calibration = Calibration::observe(&model, inputs, options)?;
             if a.range.is_none() {
-                select(&mut calibration, &model, &files)?;
+                select(&mut calibration, &model, &pictures, size)?;
             }
             model.quantise(Some(&calibration))?
         }
@@ -181,13 +184,26 @@ fn import(a: &Import) -> Result<()> {
     Ok(())
 }
 
-/// Settles how ranges are chosen by trial, on pictures letterboxed as they are in use.
-fn select(calibration: &mut Calibration, model: &Model, files: &[PathBuf]) -> Result<()> {
-    let [w, h] = model.contract().input.reference_size;
-    let some = files.iter().step_by(files.len().div_ceil(TRIAL_PICTURES));
-    let pictures = some.map(|path| letterboxed(path, w, h));
-    let pictures = pictures.collect::<Result<Vec<_>>>()?;
-    let trials = calibration.select(model, &pictures, (w, h))?;
+/// The median side of pictures in multiples of 16, at most `most`.
+fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize {
+    let mut sides: Vec<u32> = pictures.iter().map(side).collect();
+    sides.sort_unstable();
+    let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
+    (median.next_multiple_of(16)).min(most)
+}
+
+/// Settles how ranges are chosen by trial on some of the pictures, whole.
+fn select(
+    calibration: &mut Calibration,
+    model: &Model,
+    pictures: &[Frame],
+    size: (usize, usize),
+) -> Result<()> {
+    let some = pictures
+        .iter()
+        .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
+    let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
+    let trials = calibration.select(model, &inputs, size)?;
     println!("error    range               own  bias corrected");
     for t in trials {
         let choice = t.choice.to_string();
@@ -323,7 +339,7 @@ fn run(a: &RunOne) -> Result<()> {
         ..EngineOptions::default()
     };
     let mut engine = Engine::new(&model, options)?;
-    let picture = letterboxed(&a.image, a.width, a.height)?;
+    let picture = picture::letterboxed(&picture::upright(&a.image)?, (a.width, a.height));
     write_maps(engine.run(&picture), &a.npz)
 }
 

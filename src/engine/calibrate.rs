@@ -20,11 +20,12 @@ pub struct CalibrationOptions {
 }
 
 impl Default for CalibrationOptions {
-    /// 512×320; all but one value in 20,000 within the range; channels halfway to a range of their own; biases corrected.
+    /// 512×320; the greatest values seen (wild pictures are left out anyway); channels halfway to a range of their own; biases
+    /// corrected.
     fn default() -> Self {
         Self {
             size: (512, 320),
-            choice: RangeChoice::Percentile(0.99995),
+            choice: RangeChoice::Max,
             own_ranges: 0.5,
             correct_bias: true,
         }
