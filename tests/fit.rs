@@ -63,15 +63,29 @@ fn people_who_leave_come_back_as_themselves() {
 }
 
 #[test]
-#[ignore = "ten minutes of six people: run with --release"]
+#[ignore = "half an hour of six people: run with --release"]
 fn five_minutes_of_six_people() {
-    for seed in [1, 2, 3, 4] {
+    for seed in 1..=6 {
         let mut scene = Scene::new(people::wanderers(300.0, seed), Noise::REAL, FPS, seed);
         let r = run(&mut scene, FitConfig::default(), 9000, 30, false);
         println!("{}", line(&format!("wanderers {seed}"), &r));
         check_everywhere(&r);
         assert!(r.idf1 >= 0.95, "IDF1 {}", r.idf1);
     }
+}
+
+#[test]
+#[ignore = "ten scenes: run with --release"]
+fn many_crossings() {
+    let mut switches = Vec::new();
+    for seed in 1..=10 {
+        let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, seed);
+        let r = run(&mut scene, FitConfig::default(), 900, 30, false);
+        println!("{}", line(&format!("crossing {seed}"), &r));
+        check_everywhere(&r);
+        switches.push(r.switches);
+    }
+    assert_eq!(switches, [0; 10]);
 }
 
 #[test]
@@ -285,7 +299,7 @@ fn half_the_frame_rate_ahead_is_nearer_than_standing_still() {
         fitter.update(&scene.next().0, &mut now);
         fitter.predict(now.capture_ns + 33_333_333, &mut ahead);
         let truths = scene.truths(scene.time(f + 1));
-        let matches = fit_scene::measure::match_bodies(&truths, &now);
+        let matches = fit_scene::measure::match_bodies(&truths, &now, &Default::default());
         for (truth, b) in truths.iter().zip(matches) {
             let Some(b) = b else { continue };
             let grow = truth.height / f64::from(now.bodies[b].height);
@@ -404,6 +418,44 @@ fn memory_of_those_who_left_is_bounded() {
         clock += 600_000_000;
     }
     assert!(fitter.remembered() <= 64 + 64);
+}
+
+/// Resident memory of this process, bytes; `None` where the system does not tell.
+fn resident() -> Option<u64> {
+    let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
+    Some(statm.split(' ').nth(1)?.parse::<u64>().ok()? * 4096)
+}
+
+#[test]
+#[ignore = "a million frames: run with --release"]
+fn memory_stays_flat() {
+    let noise = Noise {
+        phantom: 0.3,
+        ..Noise::REAL
+    };
+    let cast = people::everyday().into_iter().skip(1).take(1).collect();
+    let mut scene = Scene::new(cast, noise, FPS, 3);
+    let frames: Vec<ObservationFrame> = (0..1000).map(|_| scene.next().0).collect();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut clock = 1;
+    let mut early = None;
+    for n in 0..1_000_000usize {
+        let mut frame = frames[n % 1000];
+        clock += 33_333_333;
+        (frame.capture_ns, frame.sequence) = (clock, n as u64);
+        fitter.update(&frame, &mut out);
+        if n == 50_000 {
+            early = resident();
+        }
+    }
+    println!("{early:?} → {:?}, {:?}", resident(), fitter.counters());
+    if let (Some(early), Some(late)) = (early, resident()) {
+        assert!(
+            late < early + (1 << 20),
+            "grew from {early} to {late} bytes"
+        );
+    }
 }
 
 fn wild() -> impl Strategy<Value = f32> {

@@ -151,7 +151,7 @@ fn recorded(
     let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
     let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
     let given = camera.map(CameraFile::read).transpose()?;
-    let for_frame = |width, height| given.clone().unwrap_or_default().for_frame(width, height);
+    let for_frame = |width, height| given.unwrap_or_default().for_frame(width, height);
     let camera = match &given {
         Some(_) => CameraSource::Given(&for_frame),
         None => CameraSource::Recorded {

@@ -14,12 +14,14 @@ use super::exit::Failure;
 use super::input::{self, InputArgs};
 use super::pipeline::{Pipeline, PipelineOptions};
 use super::stop::{self, Stop};
-use crate::capture::Frame;
+use crate::capture::{CaptureError, Frame};
 use crate::output::AtomicFile;
 use crate::overlay;
 
 /// How long to wait for a reader before the first frame of a file, and for it to leave after the last.
 const READER_PATIENCE: Duration = Duration::from_secs(5);
+/// Network input for pictures that lie, pixels.
+const DEFAULT_SIZE: (usize, usize) = (512, 320);
 /// How often leftovers of killed processes are looked for.
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
@@ -50,9 +52,9 @@ pub struct EngineArgs {
     /// Model file; the shipped one when not given
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Network input size, multiples of 16
-    #[arg(long, value_name = "WxH", default_value = "512x320", value_parser = parse_size)]
-    pub size: (usize, usize),
+    /// Network input size, multiples of 16 [default: 512x320, turned for upright pictures]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<(usize, usize)>,
     /// Threads for the network; all cores when not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
@@ -68,7 +70,7 @@ pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
         w.parse().map_err(|_| wrong())?,
         h.parse().map_err(|_| wrong())?,
     );
-    let ok = |n: usize| (64..=4096).contains(&n) && n % 16 == 0;
+    let ok = |n: usize| (64..=4096).contains(&n) && n.is_multiple_of(16);
     if ok(size.0) && ok(size.1) {
         Ok(size)
     } else {
@@ -79,10 +81,10 @@ pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
 impl EngineArgs {
     /// The arguments again, for a child process.
     pub fn to_args(&self) -> Vec<std::ffi::OsString> {
-        let mut args: Vec<std::ffi::OsString> = vec![
-            "--size".into(),
-            format!("{}x{}", self.size.0, self.size.1).into(),
-        ];
+        let mut args: Vec<std::ffi::OsString> = Vec::new();
+        if let Some((w, h)) = self.size {
+            args.extend(["--size".into(), format!("{w}x{h}").into()]);
+        }
         if let Some(model) = &self.model {
             args.extend(["--model".into(), model.into()]);
         }
@@ -92,21 +94,52 @@ impl EngineArgs {
         args
     }
 
-    /// Loads the model and builds the stages.
-    ///
-    /// # Errors
-    /// As [`Pipeline::new`].
-    pub fn pipeline(&self) -> anyhow::Result<Pipeline> {
+    fn build(&self, (width, height): (usize, usize)) -> anyhow::Result<Pipeline> {
         let threads = self.threads.map_or_else(
             || std::thread::available_parallelism().map_or(1, usize::from),
             usize::from,
         );
         Pipeline::new(&PipelineOptions {
             model: self.model.as_deref(),
-            width: self.size.0,
-            height: self.size.1,
+            width,
+            height,
             threads,
         })
+    }
+}
+
+/// The stages, built when the first picture of either orientation comes: people in an upright picture would be small in a
+/// network input that lies.
+struct Pipelines<'a> {
+    engine: &'a EngineArgs,
+    lying: Option<Pipeline>,
+    upright: Option<Pipeline>,
+}
+
+impl<'a> Pipelines<'a> {
+    /// Builds the one for lying pictures, so that a wrong model is told before the first frame.
+    fn new(engine: &'a EngineArgs) -> anyhow::Result<Self> {
+        let lying = engine.build(engine.size.unwrap_or(DEFAULT_SIZE))?;
+        Ok(Self {
+            engine,
+            lying: Some(lying),
+            upright: None,
+        })
+    }
+
+    fn of(&mut self, frame: &Frame) -> anyhow::Result<&mut Pipeline> {
+        let turned = frame.height > frame.width && self.engine.size.is_none();
+        let slot = if turned {
+            &mut self.upright
+        } else {
+            &mut self.lying
+        };
+        if slot.is_none() {
+            let (w, h) = DEFAULT_SIZE;
+            *slot = Some(self.engine.build(if turned { (h, w) } else { (w, h) })?);
+        }
+        slot.as_mut()
+            .ok_or_else(|| anyhow::anyhow!("no stages for this picture"))
     }
 }
 
@@ -186,8 +219,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     } else {
         None
     };
-    let mut pipeline = args.engine.pipeline()?;
-    tracing::info!(source = %label, name = %chosen.name, engine = %pipeline.describe(), "infer starts");
+    let mut pipelines = Pipelines::new(&args.engine)?;
+    tracing::info!(source = %label, name = %chosen.name, "infer starts");
 
     if let (Some(p), true) = (&publisher, args.wait_for_reader) {
         wait_until(&stop, || p.subscriber_count() > 0);
@@ -200,6 +233,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         match source.next_into(&mut frame) {
             Ok(true) => {}
             Ok(false) => break,
+            // The source has logged what is wrong and looks for the camera again.
+            Err(CaptureError::NoPictureYet { .. }) => continue,
             // One bad picture among many does not end the work.
             Err(e) if e.is_skippable() && source.frame_count() != Some(1) => {
                 tracing::warn!("{e}; skipped");
@@ -210,7 +245,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         let intrinsics = camera
             .for_frame(frame.width, frame.height)
             .map_err(Failure::config)?;
-        let seen = pipeline.process(&frame, &intrinsics)?;
+        let seen = pipelines.of(&frame)?.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
                 frame: frame.sequence,

@@ -12,7 +12,7 @@ mod picture;
 mod pipeline;
 mod run;
 mod stop;
-mod synth;
+pub mod synth;
 
 use clap::{Parser, Subcommand};
 

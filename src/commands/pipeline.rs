@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use anyhow::Context;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
@@ -32,7 +33,6 @@ pub struct Pipeline {
     lifter: Lifter,
     resizer: Resizer,
     input: Vec<u8>,
-    description: String,
 }
 
 /// Everyone seen in a frame.
@@ -53,7 +53,7 @@ impl Pipeline {
     /// If the model cannot be read or does not fit the stages.
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
         let model = match options.model {
-            Some(path) => Model::open(path)?,
+            Some(path) => Model::open(path).with_context(|| format!("model {}", path.display()))?,
             None => Model::shipped()?,
         };
         let engine = Engine::new(
@@ -67,26 +67,21 @@ impl Pipeline {
             },
         )?;
         let isa = engine.isa();
+        tracing::info!(
+            isa = isa.name(),
+            width = options.width,
+            height = options.height,
+            threads = options.threads,
+            "stages built"
+        );
         let resizer = Resizer::new(options.width as u32, options.height as u32);
         Ok(Self {
             associator: Associator::new(AssociationConfig::default()),
             lifter: lifter(&model, isa)?,
             input: vec![0; resizer.output_bytes()],
             resizer,
-            description: format!(
-                "{} int8, {}x{}, {} threads",
-                isa.name(),
-                options.width,
-                options.height,
-                options.threads
-            ),
             engine,
         })
-    }
-
-    /// Instruction set, threads and input size, for the log.
-    pub fn describe(&self) -> &str {
-        &self.description
     }
 
     /// Everyone in the frame.

@@ -167,7 +167,7 @@ impl Default for IdentityConfig {
             hold: 2.5,
             memory: 60.0,
             threshold: 1.2,
-            appearance_weight: 1.5,
+            appearance_weight: 1.8,
             reidentify_appearance: 0.3,
             refresh: 30.0,
             birth_score: 0.15,

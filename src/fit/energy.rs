@@ -58,7 +58,7 @@ const fn slot(dof: usize) -> usize {
     DOF - 1 - dof
 }
 
-/// Gauss–Newton matrix and gradient at a pose. Unknown `d` sits in row [`slot`]`(d)`; lower triangle.
+/// Gauss–Newton matrix and gradient at a pose. Unknown `d` sits in row [`Linearised::row`]`(d)`; lower triangle.
 #[derive(Debug, Clone)]
 pub struct Linearised {
     /// Lower triangle of JᵀWJ.

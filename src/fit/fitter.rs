@@ -38,7 +38,7 @@ const DOUBTFUL_TIME: f64 = 0.3;
 /// Share of the threshold for people without identity: chance must not confirm anybody.
 const NEWCOMER: f64 = 0.6;
 /// Observations that a newcomer without looks waits for them, while there is somebody to recognise.
-const WAIT_FOR_LOOKS: u32 = 20;
+const WAIT_FOR_LOOKS: u32 = 60;
 /// Seconds without being seen after which somebody may turn up under another name.
 const ABSENT_AFTER: f64 = 0.15;
 /// Seconds between looks at standing feet.

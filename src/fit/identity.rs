@@ -11,8 +11,8 @@ use crate::joints::PELVIS;
 const NEAR: f64 = 0.35;
 /// … and its growth per second without being seen.
 const SPREAD: f64 = 1.0;
-/// The same, at once, and the longest absence (seconds), where looks are not seen.
-const BLIND_NEAR: f64 = 0.25;
+/// The same where looks are not seen: for somebody seen a frame ago and after an absence, and the longest absence, seconds.
+const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
 const BLIND_TRUST: f64 = 0.25;
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
@@ -23,6 +23,8 @@ const DEPTH: f64 = 0.6;
 const MOST_DEPTH: f64 = 0.25;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
+/// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
+const VETO: f64 = 1.35;
 /// Handicap per second without being seen, up to one second.
 const ABSENT: f64 = 0.25;
 
@@ -49,7 +51,7 @@ pub fn dissimilarity(
         return f64::INFINITY;
     }
     let near = if unknown_looks {
-        BLIND_NEAR + 0.5 * SPREAD * alone.min(BLIND_TRUST)
+        BLIND_NEAR[usize::from(track.unseen > 0.0)]
     } else {
         NEAR + SPREAD * alone.min(1.0)
     };
@@ -64,7 +66,14 @@ pub fn dissimilarity(
     let absent = track.unseen.min(1.0);
     cost += ABSENT * absent;
     cost += match (&track.appearance, appearance) {
-        (Some(a), Some(b)) => config.appearance_weight * (a.distance(b) - LOOKS_NOISE).max(0.0),
+        (Some(a), Some(b)) => {
+            let unlike = a.distance(b);
+            // Whoever was out of sight and comes back in other clothes is somebody else.
+            if track.unseen > 0.0 && unlike > VETO * config.reidentify_appearance {
+                return f64::INFINITY;
+            }
+            config.appearance_weight * (unlike - LOOKS_NOISE).max(0.0)
+        }
         _ => 0.0,
     };
     cost

@@ -136,6 +136,9 @@ fn body_joints(body: &Body) -> [DVec3; BODY_JOINTS] {
     body.joints3d.map(|p| DVec3::from(p.map(f64::from)))
 }
 
+/// Farthest that a body may be from the person it stands for, mean over joints, metres at the person's distance.
+const NEAR: f64 = 0.3;
+
 type History = BTreeMap<usize, Vec<Option<[DVec3; BODY_JOINTS]>>>;
 
 /// Runs a scene through a fitter. `lag`: also measure lag (slower).
@@ -160,7 +163,7 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
         for b in out.bodies() {
             ids.insert(b.id);
         }
-        let matches = match_bodies(&truths, &out);
+        let matches = match_bodies(&truths, &out, &last_id);
         // Identity counts everybody who can be seen and every body that is shown.
         for (i, truth) in truths.iter().enumerate() {
             if truth.detectable {
@@ -320,8 +323,13 @@ fn observed(frame: &ObservationFrame, slot: usize, truth: &Truth) -> [DVec3; BOD
     )
 }
 
-/// Body of every truth: nearest in the picture, within 0.3 m at the person's distance.
-pub fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
+/// Body of every truth: nearest in the picture, within 0.3 m at the person's distance. As in CLEAR MOT, a body that is
+/// still near the person whom it followed in the last frame (`last`) stays with that person.
+pub fn match_bodies(
+    truths: &[Truth],
+    out: &BodyFrame,
+    last: &BTreeMap<usize, u32>,
+) -> Vec<Option<usize>> {
     let bodies = out.bodies();
     let mut costs = Vec::new();
     for truth in truths {
@@ -334,10 +342,12 @@ pub fn match_bodies(truths: &[Truth], out: &BodyFrame) -> Vec<Option<usize>> {
                     m.add((a.truncate() / a.z - b.truncate() / b.z).length() * a.z);
                 }
             }
-            costs.push(if m.n > 0.0 { m.get() } else { f64::INFINITY });
+            let apart = if m.n > 0.0 { m.get() } else { f64::INFINITY };
+            let stays = apart <= NEAR && last.get(&truth.person) == Some(&body.id);
+            costs.push(if stays { apart - NEAR } else { apart });
         }
     }
-    assign(&costs, truths.len(), bodies.len(), 0.3)
+    assign(&costs, truths.len(), bodies.len(), NEAR)
 }
 
 /// Best assignment of identities to people over the whole scene.

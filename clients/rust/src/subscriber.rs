@@ -3,7 +3,7 @@
 use core::ops::Deref;
 use core::time::Duration;
 
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
@@ -64,9 +64,11 @@ impl<M: Message> Subscriber<M> {
         }
         // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive. A wake-up that
         // belongs to a message read above ends this wait early; the caller sees `None` and comes back.
-        self.listener
-            .timed_wait(|_| {}, timeout)
-            .map_err(|e| self.link.failed(e))?;
+        match self.listener.timed_wait(|_| {}, timeout) {
+            // A signal handler ran: the caller looks at its stop flag and comes back.
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => {}
+            Err(e) => return Err(self.link.failed(e)),
+        }
         self.receive()
     }
 
