@@ -35,7 +35,7 @@ from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from pool import Stored
 from real import decode_all, load_photos, load_set
 from skeleton import FLIP14, JOINTS14, LIMBS, NJ, STRIDE
-from stage2 import errors, naive, procrustes
+from measure import errors, naive, procrustes
 
 Group = dict[str, float]  # thresholds of group.people
 

@@ -22,8 +22,10 @@ from torch import Tensor
 
 import rotations as rot
 from body import Body, Mocap, canonical
+from measure import errors, naive
+from mistakes import Mistakes
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
-from skeleton import FLIP14, NB, NJ, PARENTS21, STRIDE
+from skeleton import FLIP14, NB, NJ, PARENTS21, ROOT, STRIDE
 
 LIMB_CHAINS = [
     [3, 4],
@@ -54,8 +56,8 @@ class People3D:
         self.g = torch.Generator(device=device).manual_seed(seed)
 
     @torch.no_grad()
-    def sample(self, n: int) -> tuple[Tensor, Tensor]:
-        """uv [n, 14, 2] in pixels of a 512 x 320 frame, rel3d [n, 21, 3]."""
+    def sample(self, n: int) -> tuple[Tensor, Tensor, Tensor]:
+        """uv [n, 14, 2] in pixels of a 512 x 320 frame, rel3d [n, 21, 3], stature in pixels [n]."""
         d, g, b = self.device, self.g, self.body
 
         def rand(*s: int) -> Tensor:
@@ -81,7 +83,7 @@ class People3D:
         R = rot.matrix(rot.qmul(tilt, turn))
         cam = p @ R.transpose(1, 2)
         uv = cam[:, :NJ, :2] / cam[:, :NJ, 2:].clamp_min(0.2) * f[:, None, None]
-        return uv, canonical(cam, stature)
+        return uv, canonical(cam, stature), f * stature / cam[:, ROOT, 2].clamp_min(0.3)
 
 
 def bones_of(rel: Tensor) -> Tensor:
@@ -179,45 +181,6 @@ def read_out(
     return uv[keep], conf[keep], enc[keep], rel[keep]
 
 
-def procrustes(a: Tensor, b: Tensor) -> Tensor:
-    """a aligned to b by a similarity, batched [n, 21, 3]."""
-    ma, mb = a.mean(1, keepdim=True), b.mean(1, keepdim=True)
-    A, B = a - ma, b - mb
-    U, S, Vt = torch.linalg.svd(A.transpose(1, 2) @ B)
-    sign = torch.det(U @ Vt).sign()
-    D = torch.ones_like(S)
-    D[:, 2] = sign
-    R = (U * D[:, None]) @ Vt
-    s = (S * D).sum(1) / A.square().sum((1, 2)).clamp_min(1e-9)
-    return s[:, None, None] * A @ R + mb
-
-
-def errors(pred: Tensor, rel: Tensor) -> dict[str, float]:
-    """Millimetres at canonical stature, joints relative to the pelvis."""
-    e = (pred - rel).norm(dim=-1) * 1000
-    pa = (procrustes(pred, rel) - rel).norm(dim=-1).mean() * 1000
-    t = torch.arange(0, 151, 5, device=e.device)
-    auc = (e[:, :14].flatten()[:, None] < t).float().mean()
-    return dict(mpjpe=e.mean().item(), pa_mpjpe=pa.item(), pck150=(e[:, :14] < 150).float().mean().item() * 100, auc=auc.item() * 100)
-
-
-def naive(conf: Tensor, enc: Tensor) -> Tensor:
-    """Baseline: chain the bones read off the encodings (first joint seen that carries the bone), zeros where unseen."""
-    from skeleton import JOINTS_OF_BONE, ROOT, TOPO21
-
-    n = len(conf)
-    e = enc.view(n, NJ, NB, 3)
-    out = [torch.zeros(n, 3, device=conf.device) for _ in range(NB)]
-    for b in TOPO21:
-        if b == ROOT:
-            continue
-        js = JOINTS_OF_BONE[b]
-        wgt = (conf[:, js] > 0).float()
-        v = (e[:, js, b] * wgt[..., None]).sum(1) / wgt.sum(1, keepdim=True).clamp_min(1)
-        out[b] = out[PARENTS21[b]] + v
-    return torch.stack(out, 1)
-
-
 def train(a: argparse.Namespace) -> None:
     began = time.time()
     dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
@@ -227,7 +190,15 @@ def train(a: argparse.Namespace) -> None:
     mask = channel_mask(dev)
     data = People3D(a.pack, dev, a.seed)
     held = People3D(a.pack, dev, 4242, held=True)
-    uv, rel_t = held.sample(a.test)
+    uv, rel_t, size = held.sample(a.test)
+    wrong: Mistakes | None = None
+    if a.mistakes:
+        whole_set = Mistakes.load(a.mistakes, dev)
+        cut = len(whole_set.conf) // 7  # records that are only measured with
+        wrong = Mistakes(whole_set.conf[cut:], whole_set.at[cut:], whole_set.off[cut:])
+        kept = Mistakes(whole_set.conf[:cut], whole_set.at[:cut], whole_set.off[:cut])
+        real_uv, real_conf = kept.apply(uv, size, torch.Generator(device=dev).manual_seed(8))
+        real_test = stage2_input(real_uv, real_conf, torch.zeros(len(uv), NJ, 3 * NB, device=dev), mask)
     noisy, conf, enc = imitate(uv, rel_t, torch.Generator(device=dev).manual_seed(7), mask)
     whole = torch.ones_like(conf)
     clean = stage2_input(uv, whole, bones_of(rel_t).flatten(1)[:, None].expand(-1, NJ, -1), mask)
@@ -252,7 +223,7 @@ def train(a: argparse.Namespace) -> None:
     end = began + a.minutes * 60
     weight = torch.tensor([1.0] * 14 + [0.5, 1, 1, 0.7, 0.7, 0.7, 0.7], device=dev)[:, None]
     acc = torch.zeros((), device=dev)
-    fresh: list[tuple[Tensor, Tensor]] = []
+    fresh: list[tuple[Tensor, Tensor, Tensor]] = []
     while (now := time.time()) < end and not (a.steps and step >= a.steps):
         p = step / a.steps if a.steps else (now - t0) / (end - t0)
         for grp in opt.param_groups:
@@ -260,9 +231,15 @@ def train(a: argparse.Namespace) -> None:
         # posing people costs more than the network: use a batch of them with several corruptions
         if step % a.repeat == 0:
             fresh = [data.sample(a.batch)]
-        uv, rel = fresh[0]
+        uv, rel, size = fresh[0]
         x_uv, x_c, x_e = imitate(uv, rel, data.g, mask)
         x_e = x_e * (torch.rand(len(x_e), 1, 1, generator=data.g, device=dev) >= a.without)
+        if wrong is not None:
+            m_uv, m_c = wrong.apply(uv, size, data.g)
+            use = torch.rand(len(uv), 1, generator=data.g, device=dev) < a.share
+            blind_too = use & (torch.rand(len(uv), 1, generator=data.g, device=dev) < 0.8)
+            x_uv, x_c = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c)
+            x_e = x_e * ~blind_too[..., None]
         if true is not None:
             i = torch.randint(len(true[0]), (a.batch,), generator=data.g, device=dev)
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, true[0][i]), (x_c, true[1][i]), (x_e, true[2][i]), (rel, true[3][i])))
@@ -290,7 +267,8 @@ def train(a: argparse.Namespace) -> None:
             print(
                 f"step {step} {a.log / (time.time() - logged):.1f} steps/s loss {acc.item() / a.log:.4f} held-out clips, imitated input: "
                 + " ".join(f"{k} {v:.1f}" for k, v in r.items())
-                + f", from 2D alone: mpjpe {r2['mpjpe']:.1f} pa_mpjpe {r2['pa_mpjpe']:.1f}",
+                + f", from 2D alone: mpjpe {r2['mpjpe']:.1f} pa_mpjpe {r2['pa_mpjpe']:.1f}"
+                + (f", with true mistakes {errors(avg(real_test), rel_t)}" if wrong is not None else ""),
                 flush=True,
             )
             acc.zero_()
@@ -304,6 +282,8 @@ def train(a: argparse.Namespace) -> None:
             "clean, 2D alone": errors(avg(clean2d), rel_t),
             "imitated, chained bones without stage II": errors(naive(conf, enc), rel_t),
         }
+        if wrong is not None:
+            report["Stage I's true mistakes, 2D alone"] = errors(avg(real_test), rel_t)
         full = (conf > 0).all(1)
         report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
         report["imitated, joints missing"] = errors(avg(test[~full]), rel_t[~full])
@@ -328,6 +308,8 @@ if __name__ == "__main__":
     ap.add_argument("--log", type=int, default=200)
     ap.add_argument("--seed", type=int, default=3)
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")
+    ap.add_argument("--mistakes", type=pathlib.Path, help="what mistakes.py collected")
+    ap.add_argument("--share", type=float, default=0.6, help="share of people that carry those mistakes")
     ap.add_argument("--init", type=pathlib.Path, help="stage2.pt to start from")
     ap.add_argument("--threads", type=int, default=0)
     ap.add_argument("--cpu", action="store_true")

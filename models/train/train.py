@@ -201,9 +201,7 @@ class Trainer:
     def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch]:
         h, w = ph.H // 8, ph.W // 8
         r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people)
-        # folders of scenes take turns, in proportion to what they hold
-        share = torch.tensor([float(p.filled) for p in self.pools])
-        pool = self.pools[int(torch.multinomial(share, 1))]
+        pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom)
         x = photometric(torch.cat([r.image, s.image]), pool.g) - 0.5
         tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box)
@@ -370,7 +368,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--resume", action="store_true")
     ap.add_argument("--lr", type=float, default=2e-3)
     ap.add_argument("--init", type=pathlib.Path, help="safetensors file to start from")
-    ap.add_argument("--freeze", type=int, default=0, help="keep the stem and this many modules less one as they are (3: up to 1/4 of the size)")
+    ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
     ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")
     ap.add_argument("--no-bf16", dest="bf16", action="store_false", help="f32 arithmetic; bf16 halves the time on CPUs with AVX512-BF16 and on GPUs")

@@ -24,7 +24,8 @@ from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
-from stage2 import errors, imitate, naive, procrustes
+from measure import errors, naive, procrustes
+from stage2 import imitate
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(

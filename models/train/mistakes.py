@@ -1,0 +1,153 @@
+"""What Stage I really gets wrong, for Stage II to learn from: python mistakes.py PACK OUT.pt --stage1 FILE --scenes FOLDER ...
+
+Every person that the grouping finds in a training picture and that can be matched to a label becomes one record of 14 joints:
+`conf` (0 = missed), `at` (the true joint next to which the answer lies: another one where left is taken for right or an elbow for a
+hand) and `off` (from there, in statures).  `apply` puts the record of one person on the pose of another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pathlib
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+import evaluate
+from group import people
+from letterbox import letterbox
+from model import SelecSLSNet
+from pool import Stored
+from real import decode_all, load_set
+from skeleton import FLIP14, NJ
+
+NEAR = 0.15  # of the stature: a joint that counts for the match
+GROSS = 0.10  # farther off than this, an answer may be another joint's
+
+
+@dataclass
+class Mistakes:
+    """n people: `conf` [n, 14], `at` [n, 14] joint numbers, `off` [n, 14, 2] statures."""
+
+    conf: Tensor
+    at: Tensor
+    off: Tensor
+
+    def save(self, path: pathlib.Path) -> None:
+        torch.save(self.__dict__, path)
+
+    @staticmethod
+    def load(path: pathlib.Path, device: torch.device) -> Mistakes:
+        """In a fixed random order: the first few are a fair sample."""
+        d = torch.load(path, map_location="cpu", weights_only=True)
+        i = torch.randperm(len(d["conf"]), generator=torch.Generator().manual_seed(0))
+        return Mistakes(**{k: v[i].to(device) for k, v in d.items()})
+
+    def apply(self, uv: Tensor, stature_px: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Pixels [n, 14, 2] and confidences [n, 14] as Stage I might report people standing at uv."""
+        n, d = len(uv), uv.device
+        i = torch.randint(len(self.conf), (n,), generator=g, device=d)
+        conf, at, off = self.conf[i], self.at[i], self.off[i]
+        flip = torch.tensor(FLIP14, device=d)
+        mirror = torch.rand(n, generator=g, device=d) < 0.5
+        m = mirror[:, None]
+        conf = torch.where(m, conf[:, flip], conf)
+        at = torch.where(m, flip[at[:, flip]], at)
+        off = torch.where(m[..., None], off[:, flip] * torch.tensor([-1.0, 1.0], device=d), off)
+        # not every record fits every pose: shrink and grow the mistakes a little, so that the same one never comes twice
+        off = off * (0.7 + 0.6 * torch.rand(n, 1, 1, generator=g, device=d)) + 0.006 * torch.randn(n, NJ, 2, generator=g, device=d)
+        return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf
+
+
+def records(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, float]]) -> list[tuple[np.ndarray, ...]]:
+    """Greedy matching of people [14, 3] to (joints [14, 2], labelled [14], stature in pixels)."""
+    near = np.zeros((len(pred), len(truth)))
+    for a, q in enumerate(pred):
+        for k, (j, ok, size) in enumerate(truth):
+            near[a, k] = ((np.linalg.norm(q[:, :2] - j, axis=1) < NEAR * size) & (q[:, 2] > 0) & ok).sum()
+    out = []
+    while near.size and near.max() >= 4:
+        a, k = np.unravel_index(near.argmax(), near.shape)
+        near[a], near[:, k] = 0, 0
+        q, (j, ok, size) = pred[a], truth[k]
+        if not ok.all():
+            continue  # an answer at an unlabelled joint could not be judged
+        gap = np.linalg.norm(q[:, None, :2] - j[None], axis=2) / size
+        own = gap[np.arange(NJ), np.arange(NJ)]
+        at = np.where((own > GROSS) & (gap.min(1) < 0.6 * own), gap.argmin(1), np.arange(NJ))
+        out.append((q[:, 2].clip(0, 1), at, (q[:, :2] - j[at]) / size * (q[:, 2:] > 0)))
+    return out
+
+
+def stature(j: np.ndarray) -> float:
+    """Of a labelled person in pixels: the chain head - neck - hips - longer leg, which bent limbs and perspective shorten."""
+
+    def d(a: int, b: int) -> float:
+        return float(np.linalg.norm(j[a] - j[b]))
+
+    torso = float(np.linalg.norm(j[1] - (j[8] + j[11]) / 2))
+    return max(d(0, 1) + torso + max(d(8, 9) + d(9, 10), d(11, 12) + d(12, 13)), 2.6 * torso)
+
+
+@torch.no_grad()
+def collect(net: SelecSLSNet, pack: pathlib.Path, folders: list[pathlib.Path], photos: int, frames: int, group: evaluate.Group, seed: int) -> Mistakes:
+    rng = np.random.default_rng(seed)
+    out: list[tuple[np.ndarray, ...]] = []
+
+    def maps(x: Tensor) -> Tensor:
+        with torch.autocast("cpu", torch.bfloat16):
+            return net(evaluate.as_input(x), len(x))[0].float()
+
+    for name, share in (("lsp_train", 0.6), ("lspet_train", 0.4)):
+        arc = load_set(pack, name, round(photos * share))
+        for image, j in zip(decode_all(arc.files), arc.joints):
+            k = rng.uniform(0.6, 1.4)  # people of 90 to 200 px
+            h, w = (int(v * k) // 16 * 16 + 32 for v in image.shape[:2])
+            big, s, du, dv = letterbox(image, w, h)
+            ok = j[:, 2] > 0
+            if not ok.all():
+                continue
+            at = j[:, :2] * s + [du, dv]
+            out += records(people(maps(big)[0], **group), [(at, ok, stature(at))])
+    for folder in folders:
+        data = Stored(folder, 0)
+        for i in rng.permutation(data.filled)[:frames]:
+            y = maps(data.data["image"][i : i + 1].float())[0]
+            j, vis, size = (data.data[k][i].numpy() for k in ("joints2d", "visible", "size_px"))
+            truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
+            out += records(people(y, **group), truth)
+    conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*out))
+    return Mistakes(conf.float(), at.long(), off.float())
+
+
+def main(argv: list[str]) -> None:
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("pack", type=pathlib.Path)
+    ap.add_argument("out", type=pathlib.Path)
+    ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
+    ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
+    ap.add_argument("--photos", type=int, default=600)
+    ap.add_argument("--frames", type=int, default=120, help="of each folder of scenes")
+    ap.add_argument("--thr", type=float, default=0.5)
+    ap.add_argument("--paf", type=float, default=0.25)
+    ap.add_argument("--joints", type=int, default=8)
+    ap.add_argument("--threads", type=int, default=1)
+    ap.add_argument("--seed", type=int, default=1)
+    a = ap.parse_args(argv)
+    torch.set_num_threads(a.threads)
+    file = a.stage1 if a.stage1.is_file() else None
+    net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
+    group: evaluate.Group = dict(thr=a.thr, paf_thr=a.paf, min_joints=a.joints)
+    m = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
+    m.save(a.out)
+    seen = m.conf > 0
+    own = m.at == torch.arange(NJ)
+    print(f"{len(m.conf)} people, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
+    print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
