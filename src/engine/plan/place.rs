@@ -355,9 +355,9 @@ mod tests {
                 );
             }
         }
-        // What one buffer per value would take.
+        // About half of what one buffer per value would take without halos.
         let each = graph.values.iter().zip(&plan.sizes);
         let all: usize = each.map(|(v, (h, w))| v.channels * h * w).sum();
-        assert!(2 * plan.len < all, "{} of {all} elements", plan.len);
+        assert!(10 * plan.len < 6 * all, "{} of {all} elements", plan.len);
     }
 }
