@@ -95,6 +95,25 @@ fn the_demo_travels_through_both_processes() {
 }
 
 #[test]
+fn without_arguments_and_camera_the_bundled_clip_plays() {
+    if edgecap::capture::list_cameras().is_ok() {
+        eprintln!("skipped: this machine has a camera");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let out = program::edgecap()
+        .current_dir(folder.path())
+        .args(["--name", &stream("bare")])
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    let result = folder
+        .path()
+        .join(format!("edgecap-out/{}.bodies.jsonl", stream("bare")));
+    assert!(!lines(&result).is_empty());
+}
+
+#[test]
 fn killing_fit_does_not_stop_infer() {
     let name = stream("kill-fit");
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
-use crate::capture::{self, CameraFile, InputSpec, OpenOptions, Source};
+use crate::capture::{self, CameraFile, CaptureError, InputSpec, OpenOptions, Source};
 use crate::synth::demo;
 
 /// Stream name of a camera or pipe when the user gives none.
@@ -125,8 +125,11 @@ pub fn choose(args: &InputArgs) -> Chosen {
         Some(text) => text
             .parse()
             .unwrap_or_else(|never: Infallible| match never {}),
-        None if capture::list_cameras().is_ok_and(|cameras| cameras.is_empty()) => InputSpec::Demo,
-        None => InputSpec::FirstCamera,
+        None => match capture::list_cameras() {
+            Err(CaptureError::Unavailable { .. }) => InputSpec::Demo,
+            // Also a camera that this user may not open: opening it says what to do.
+            _ => InputSpec::FirstCamera,
+        },
     };
     let is_camera = match &spec {
         InputSpec::FirstCamera => true,
