@@ -3,12 +3,17 @@
 //! The way of a frame: [`capture`] → [`engine`] (Stage I) → [`detect`] → [`lift`] (Stage II) → shared memory → [`fit`]
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
 
+pub mod assignment;
+pub mod bench;
 pub mod capture;
 pub mod commands;
 pub mod detect;
 pub mod engine;
+pub mod eval;
 pub mod fit;
 pub mod lift;
+pub mod output;
+pub mod overlay;
 pub mod synth;
 
 pub use edgecap_client::{joints, message};

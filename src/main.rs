@@ -1,3 +1,5 @@
 //! The `edgecap` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    edgecap::commands::main().into()
+}

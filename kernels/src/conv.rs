@@ -45,4 +45,13 @@ impl ConvShape {
     pub fn weight_len(&self) -> usize {
         self.out_channels * (self.in_channels / self.groups) * self.kernel * self.kernel
     }
+
+    /// Padding pixels the input must have readable on every side.
+    pub fn input_halo(&self) -> usize {
+        if self.transposed {
+            (self.kernel - 1).saturating_sub(self.padding) / self.stride
+        } else {
+            self.padding
+        }
+    }
 }

@@ -1,9 +1,60 @@
 //! int8 and f32 kernels: packing, micro-kernels per instruction set, scalar reference beside them, run-time dispatch.
 //!
 //! No I/O, no threads, no dependencies.
+//!
+//! Every operation is built once (weights packed for one [`Isa`]), then run without allocating. `run` is safe and takes
+//! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and threads
+//! can each compute their [`Part`].
 
+// Tiles are loops over constant bounds that index several arrays at once; iterators would hide that they unroll.
+#![allow(clippy::needless_range_loop)]
+
+mod algorithm;
+#[cfg(target_arch = "aarch64")]
+mod arm;
 mod conv;
+mod conv_check;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod direct;
+mod error;
+mod fconv;
+mod isa;
 mod layout;
+mod linear;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod packed;
+mod part;
+mod peak;
+mod phase;
+mod pool;
+mod qconv;
+mod scratch;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod segments;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod simd;
+mod tensor;
+mod winograd;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod writers;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
+#[cfg(target_arch = "aarch64")]
+use arm as arch;
+#[cfg(target_arch = "x86_64")]
+use x86 as arch;
+
+pub use algorithm::Algorithm;
 pub use conv::ConvShape;
+pub use error::KernelError;
+pub use fconv::{FConv, FConvParams};
+pub use isa::{ISA_VARIABLE, Isa, IsaError};
 pub use layout::Layout;
+pub use linear::Linear;
+pub use part::Part;
+pub use peak::Peak;
+pub use pool::{MaxPool, PoolElement};
+pub use qconv::{Epilogue, OutElement, QConv, QConvParams};
+pub use scratch::Scratch;
+pub use tensor::{Element, Tensor, TensorMut};

@@ -1,7 +1,41 @@
 //! Pictures from cameras, video, photos: anything a user can point at goes in, [`Frame`]s come out.
+//!
+//! [`open`] turns an [`InputSpec`] into a [`Source`]; [`Resizer`] turns its frames into the network's input.
 
+mod avi;
+pub mod camera;
+mod error;
+mod exif;
+mod ffmpeg;
 mod frame;
+mod jpeg;
 mod letterbox;
+mod limits;
+#[cfg(feature = "mp4")]
+mod mp4;
+mod natural;
+mod photo;
+mod resize;
+mod source;
+mod spec;
+mod y4m;
+mod yuv;
 
+pub use avi::{AviReader, AviWriter};
+pub use camera::{CameraFile, CameraInfo, CameraSource, DEFAULT_FOV, list_cameras, monotonic_ns};
+pub use error::CaptureError;
+pub use exif::Orientation;
+pub use ffmpeg::{Ffmpeg, FfmpegSource};
 pub use frame::Frame;
+pub use jpeg::JpegPicture;
 pub use letterbox::Letterbox;
+pub use limits::{MAX_PIXELS, MAX_SIDE};
+#[cfg(feature = "mp4")]
+pub use mp4::Mp4Source;
+pub use natural::natural_order;
+pub use photo::{PhotoDecoder, PhotoSource};
+pub use resize::{PADDING, Resizer};
+pub use source::Source;
+pub use spec::{InputSpec, OpenOptions, open, open_bytes};
+pub use y4m::Y4mReader;
+pub use yuv::{Matrix, Range, YuvToRgb};

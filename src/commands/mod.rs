@@ -1,1 +1,86 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
+
+mod bench;
+mod eval;
+mod exit;
+mod fit;
+mod infer;
+mod input;
+mod model;
+mod npz;
+mod picture;
+mod pipeline;
+mod run;
+mod stop;
+pub mod synth;
+
+use clap::{Parser, Subcommand};
+
+/// Motion capture of everyone in front of one ordinary camera, on a CPU, into shared memory.
+#[derive(Debug, Parser)]
+#[command(
+    name = "edgecap",
+    version,
+    about,
+    args_conflicts_with_subcommands = true
+)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+    #[command(flatten)]
+    run: run::RunArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Start and supervise infer and fit; the default
+    Run(run::RunArgs),
+    /// Pictures in, observations out
+    Infer(infer::InferArgs),
+    /// Observations in, bodies out
+    Fit(fit::FitArgs),
+    /// Render synthetic people with exact truth
+    Synth(synth::SynthArgs),
+    /// Measure predictions against ground truth
+    Eval(eval::EvalArgs),
+    /// Measure the speed of this machine, of both networks and of the stages after them
+    Bench(bench::BenchArgs),
+    /// Import, inspect, verify and run models
+    Model(model::ModelArgs),
+}
+
+/// Runs the command line; the exit code.
+pub fn main() -> u8 {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            let _ = e.print();
+            return if e.use_stderr() { exit::USAGE } else { 0 };
+        }
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_env("EDGECAP_LOG")
+        .unwrap_or_else(|_| "warn".into());
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .init();
+    let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
+        Verb::Run(args) => run::run(args),
+        Verb::Infer(args) => infer::infer(args),
+        Verb::Fit(args) => fit::fit(args),
+        Verb::Synth(args) => synth::synth(args),
+        Verb::Eval(args) => eval::eval(args),
+        Verb::Bench(args) => bench::bench(args),
+        Verb::Model(args) => model::model(args),
+    };
+    match done {
+        Ok(()) => 0,
+        Err(e) => {
+            if !exit::is_silent(&e) {
+                eprintln!("edgecap: {e:#}");
+            }
+            exit::code(&e)
+        }
+    }
+}

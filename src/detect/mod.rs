@@ -1,5 +1,12 @@
 //! Association: Stage I's maps go in, people come out. XNect §4.1.1.
 
+mod associator;
+mod config;
 mod detection;
+mod limb;
+mod peaks;
+mod person;
 
+pub use associator::Associator;
+pub use config::AssociationConfig;
 pub use detection::Detection;

@@ -1,1 +1,34 @@
-//! Stage III: observations go in, bodies with identity and joint angles come out. XNect §5.
+//! Stage III. In: [`ObservationFrame`](crate::message::ObservationFrame)s, noisy and without identity. Out:
+//! [`BodyFrame`](crate::message::BodyFrame)s: identified, temporally stable, metric skeletons with joint angles.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a joint's index runs over several arrays at once"
+)]
+
+pub mod appearance;
+pub mod assignment;
+pub mod bodies_line;
+pub mod bones;
+pub mod confidence;
+pub mod config;
+pub mod contact;
+pub mod energy;
+pub mod evidence;
+pub mod fitter;
+pub mod ground;
+pub mod height;
+pub mod humanoid;
+pub mod identity;
+pub mod limbs;
+pub mod motion;
+pub mod offline;
+pub mod one_euro;
+pub mod skeleton;
+pub mod solver;
+pub mod start;
+pub mod swap;
+pub mod track;
+
+pub use config::FitConfig;
+pub use fitter::{FitCounters, Fitter};

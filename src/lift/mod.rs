@@ -1,1 +1,13 @@
 //! Stage II: detections go in, observations (full 3D per person) come out. XNect §4.2.
+
+mod appearance;
+mod error;
+mod input;
+mod lifter;
+mod mlp;
+mod view;
+mod weights;
+
+pub use error::LiftError;
+pub use lifter::{Encodings, Lifter};
+pub use weights::{INPUTS, JOINT_INPUTS, LinearLayer, OUTPUTS, Stage2Weights};

@@ -1,6 +1,26 @@
 //! What a local app takes: the messages of edgecap, the joint layouts, and a subscriber that waits in shared memory.
+//!
+//! ```no_run
+//! use edgecap_client::{message::BodyFrame, Subscriber};
+//! let bodies = Subscriber::<BodyFrame>::open("camera0")?;
+//! loop {
+//!     if let Some(frame) = bodies.newest(std::time::Duration::from_secs(1))? {
+//!         for body in frame.bodies() {
+//!             println!("{} stands at {:?} m", body.id, body.position);
+//!         }
+//!     }
+//! }
+//! # Ok::<(), edgecap_client::LinkError>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
 pub mod joints;
+mod link;
 pub mod message;
+mod publisher;
+mod subscriber;
+
+pub use link::{BUFFER, LinkError, MAX_SUBSCRIBERS, Message};
+pub use publisher::Publisher;
+pub use subscriber::{Received, Subscriber};

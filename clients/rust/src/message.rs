@@ -36,6 +36,8 @@ pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
 
 /// Bit of [`ObservationFrame::flags`] and [`BodyFrame::flags`]: the input has ended, this message holds no new people.
 pub const FLAG_END_OF_STREAM: u32 = 1;
+/// Bit of the flags: `capture_ns` is a file's presentation time, not CLOCK_MONOTONIC.
+pub const FLAG_FILE_TIME: u32 = 2;
 
 /// Pinhole camera of the original picture, pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
@@ -150,8 +152,8 @@ pub struct ObservationFrame {
     pub without_neck: u32,
     /// Valid entries of `people`.
     pub count: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Frames in the input; 0 when not known (cameras, pipes).
+    pub frame_total: u32,
     /// The people, by falling score.
     pub people: [Observation; MAX_PEOPLE],
 }
@@ -169,7 +171,7 @@ impl Default for ObservationFrame {
             flags: 0,
             without_neck: 0,
             count: 0,
-            reserved: 0,
+            frame_total: 0,
             people: [Observation::default(); MAX_PEOPLE],
         }
     }
@@ -293,8 +295,8 @@ pub struct BodyFrame {
     pub flags: u32,
     /// Valid entries of `bodies`.
     pub count: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// [`ObservationFrame::frame_total`].
+    pub frame_total: u32,
     /// The bodies, by rising id.
     pub bodies: [Body; MAX_PEOPLE],
 }
@@ -313,7 +315,7 @@ impl Default for BodyFrame {
             fit_us: 0,
             flags: 0,
             count: 0,
-            reserved: 0,
+            frame_total: 0,
             bodies: [Body::default(); MAX_PEOPLE],
         }
     }

@@ -1,0 +1,77 @@
+//! Stage II for 1, 5, 10 and 20 people on one core, with and without the torso's colours.
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use edgecap::capture::{Frame, Letterbox};
+use edgecap::detect::Detection;
+use edgecap::engine::HEAD3D_CHANNELS;
+use edgecap::joints::EVIDENCE_JOINTS;
+use edgecap::lift::{Encodings, INPUTS, Lifter, LinearLayer, OUTPUTS, Stage2Weights};
+use edgecap::message::Intrinsics;
+use edgecap_kernels::Isa;
+use std::hint::black_box;
+
+const WIDTHS: [usize; 6] = [INPUTS, 160, 256, 256, 128, OUTPUTS];
+
+/// The shipped widths with made-up weights: speed does not depend on them.
+fn weights() -> Stage2Weights {
+    let layer = |(i, w): (usize, &[usize])| LinearLayer {
+        inputs: w[0],
+        outputs: w[1],
+        weights: (0..w[0] * w[1])
+            .map(|k| ((k % 17) as f32 - 8.0) * 1e-2)
+            .collect(),
+        bias: vec![0.1; w[1]],
+        relu: i + 2 < WIDTHS.len(),
+    };
+    let layers = WIDTHS.windows(2).enumerate().map(layer).collect();
+    Stage2Weights::new(layers).expect("the layers fit")
+}
+
+fn person(index: usize) -> Detection {
+    let at = |j: usize| [40.0 * index as f32 + 7.0 * j as f32, 20.0 * j as f32, 0.8];
+    Detection {
+        joints: std::array::from_fn(at),
+        encodings: [[0.1; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
+        score: 0.8,
+    }
+}
+
+fn lift(c: &mut Criterion) {
+    let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
+    let mut lifter = Lifter::new(&weights(), Encodings::Read, isa).expect("the CPU has its tier");
+    let letterbox = Letterbox {
+        scale: 1.0,
+        offset_u: 0.0,
+        offset_v: 0.0,
+    };
+    let frame = Frame {
+        width: 512,
+        height: 320,
+        rgb: (0..512 * 320 * 3).map(|i| (i % 251) as u8).collect(),
+        ..Default::default()
+    };
+    let camera = Intrinsics::from_horizontal_fov(512, 320, 60.0);
+    let mut group = c.benchmark_group("stage2");
+    for count in [1, 5, 10, 20] {
+        let people: Vec<_> = (0..count).map(person).collect();
+        let finite = |p: [[f32; 3]; 21]| p.as_flattened().iter().all(|v| v.is_finite());
+        assert!(
+            lifter
+                .lift_aligned(&people)
+                .is_ok_and(|mut p| p.all(finite))
+        );
+        group.bench_with_input(BenchmarkId::new("network", count), &people, |b, p| {
+            b.iter(|| lifter.lift_aligned(black_box(p)).map(|p| p.len()));
+        });
+        group.bench_with_input(BenchmarkId::new("whole", count), &people, |b, p| {
+            b.iter(|| {
+                let seen = lifter.lift(black_box(p), &frame, &letterbox, &camera);
+                seen.map(|o| o.len())
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, lift);
+criterion_main!(benches);

@@ -1,0 +1,187 @@
+"""Read edgecap's bodies from shared memory: `pip install iceoryx2==0.10.0`, then
+
+    import edgecap
+    for frame in edgecap.bodies("camera0"):
+        for body in frame.people():
+            print(body.id, list(body.position), body.joint("r_wrist"))
+
+Camera frame: x right, y down, z forward, metres; pixels of the original picture; quaternions xyzw; times CLOCK_MONOTONIC
+nanoseconds.  The structures mirror `clients/rust/src/message.rs`, whose tests compare sizes and offsets with this file.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from ctypes import c_float, c_uint8, c_uint32, c_uint64
+
+MAX_PEOPLE, EVIDENCE_JOINTS, BODY_JOINTS, DOF, BINS, BONES = 32, 14, 21, 29, 30, 16
+FLAG_END_OF_STREAM, FLAG_FILE_TIME = 1, 2
+JOINT_NAMES = (
+    "head_top neck r_shoulder r_elbow r_wrist l_shoulder l_elbow l_wrist r_hip r_knee r_ankle l_hip l_knee l_ankle "
+    "pelvis spine head r_hand l_hand r_foot_tip l_foot_tip"
+).split()
+HUMANOID_BONES = (
+    "hips spine neck head rightUpperArm rightLowerArm rightHand leftUpperArm leftLowerArm leftHand "
+    "rightUpperLeg rightLowerLeg rightFoot leftUpperLeg leftLowerLeg leftFoot"
+).split()
+STATES = ("tentative", "tracked", "predicted")
+JOINT_STATES = ("predicted", "occluded", "observed")
+
+
+class Intrinsics(ctypes.Structure):
+    """Pinhole camera of the original picture, pixels."""
+
+    _fields_ = [("fx", c_float), ("fy", c_float), ("cx", c_float), ("cy", c_float)]
+
+
+class StageTimes(ctypes.Structure):
+    """Microseconds spent per stage of `infer`."""
+
+    _fields_ = [(n, c_uint32) for n in ("preprocess_us", "stage1_us", "association_us", "stage2_us")]
+
+
+class Observation(ctypes.Structure):
+    """One person as seen in one frame, before the fit."""
+
+    _fields_ = [
+        ("score", c_float),
+        ("joints2d", c_float * 3 * EVIDENCE_JOINTS),
+        ("joints3d", c_float * 3 * BODY_JOINTS),
+        ("hue", c_float * BINS),
+        ("saturation", c_float * BINS),
+    ]
+
+
+class ObservationFrame(ctypes.Structure):
+    """Everyone seen in one frame."""
+
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("capture_ns", c_uint64),
+        ("publish_ns", c_uint64),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("intrinsics", Intrinsics),
+        ("stage_times", StageTimes),
+        ("flags", c_uint32),
+        ("without_neck", c_uint32),
+        ("count", c_uint32),
+        ("frame_total", c_uint32),
+        ("_people", Observation * MAX_PEOPLE),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "EdgecapObservationFrameV1"
+
+    def people(self) -> list[Observation]:
+        """The valid people."""
+        return list(self._people[: self.count])
+
+
+class Body(ctypes.Structure):
+    """One person with an identity."""
+
+    _fields_ = [
+        ("id", c_uint32),
+        ("_state", c_uint32),
+        ("score", c_float),
+        ("position", c_float * 3),
+        ("orientation", c_float * 4),
+        ("velocity", c_float * 3),
+        ("angles", c_float * DOF),
+        ("joints3d", c_float * 3 * BODY_JOINTS),
+        ("joints2d", c_float * 2 * BODY_JOINTS),
+        ("confidence", c_float * BODY_JOINTS),
+        ("height", c_float),
+        ("bone_lengths", c_float * BODY_JOINTS),
+        ("bone_rotations", c_float * 4 * BONES),
+        ("_joint_states", c_uint8 * (BODY_JOINTS + 3)),
+    ]
+
+    @property
+    def state(self) -> str:
+        """`tracked` or `predicted`."""
+        return STATES[self._state]
+
+    def joint(self, name: str) -> tuple[float, float, float]:
+        """A joint in camera space, metres."""
+        return tuple(self.joints3d[JOINT_NAMES.index(name)])
+
+    def joint_state(self, name: str) -> str:
+        """`observed`, `occluded` or `predicted`."""
+        return JOINT_STATES[self._joint_states[JOINT_NAMES.index(name)]]
+
+    def bone_rotation(self, name: str) -> tuple[float, float, float, float]:
+        """Local rotation of a VRM / Unity humanoid bone, xyzw."""
+        return tuple(self.bone_rotations[HUMANOID_BONES.index(name)])
+
+
+class BodyFrame(ctypes.Structure):
+    """Everyone with an identity."""
+
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("capture_ns", c_uint64),
+        ("pose_ns", c_uint64),
+        ("publish_ns", c_uint64),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("intrinsics", Intrinsics),
+        ("stage_times", StageTimes),
+        ("fit_us", c_uint32),
+        ("flags", c_uint32),
+        ("count", c_uint32),
+        ("frame_total", c_uint32),
+        ("_bodies", Body * MAX_PEOPLE),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "EdgecapBodyFrameV1"
+
+    def people(self) -> list[Body]:
+        """The valid bodies."""
+        return list(self._bodies[: self.count])
+
+
+def _stream(camera: str, stream: str, payload: type[ctypes.Structure], timeout_s: float) -> Iterator[ctypes.Structure]:
+    import iceoryx2 as iox2
+
+    iox2.set_log_level(iox2.LogLevel.Fatal)
+    node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+    name = f"edgecap/v1/{camera}/{stream}"
+    messages = node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
+    wake = node.service_builder(iox2.ServiceName.new(name + "/wake")).event().open()
+    subscriber = messages.subscriber_builder().create()
+    listener = wake.listener_builder().create()
+    while True:
+        sample = subscriber.receive()
+        if sample is None:
+            listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s))
+            sample = subscriber.receive()
+        if sample is None:
+            continue
+        frame = payload.from_buffer_copy(sample.payload().contents)
+        sample.delete()
+        yield frame
+        if frame.flags & FLAG_END_OF_STREAM:
+            return
+
+
+def bodies(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[BodyFrame]:
+    """Every body frame, oldest unread first, until the input ends.  `edgecap run` or `edgecap fit` must have been started."""
+    return _stream(camera, "bodies", BodyFrame, timeout_s)
+
+
+def observations(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[ObservationFrame]:
+    """Every observation frame, oldest unread first, until the input ends."""
+    return _stream(camera, "observations", ObservationFrame, timeout_s)
+
+
+if __name__ == "__main__":
+    import sys
+
+    for f in bodies(*sys.argv[1:2]):
+        print(f.sequence, [(b.id, b.state, [round(v, 2) for v in b.position]) for b in f.people()])

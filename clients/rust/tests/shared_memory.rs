@@ -1,0 +1,87 @@
+//! Publisher and subscriber over real shared memory.
+
+use std::time::Duration;
+
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
+use edgecap_client::{BUFFER, LinkError, Publisher, Subscriber};
+
+fn camera(test: &str) -> String {
+    format!("test-{test}-{}", std::process::id())
+}
+
+const PATIENCE: Duration = Duration::from_secs(5);
+
+#[test]
+fn messages_arrive_in_order_and_whole() {
+    let camera = camera("order");
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
+    let mut message = BodyFrame::default();
+    for n in 0..BUFFER as u64 {
+        message.sequence = n;
+        message.bodies[31].height = n as f32;
+        publisher.publish(&message).unwrap();
+    }
+    for n in 0..BUFFER as u64 {
+        let got = subscriber.next(PATIENCE).unwrap().expect("a message");
+        assert_eq!((got.sequence, got.bodies[31].height), (n, n as f32));
+    }
+    assert!(subscriber.next(Duration::from_millis(1)).unwrap().is_none());
+}
+
+#[test]
+fn a_slow_reader_loses_its_oldest_messages_only() {
+    let camera = camera("overflow");
+    let publisher = Publisher::<ObservationFrame>::open(&camera).unwrap();
+    let subscriber = Subscriber::<ObservationFrame>::open(&camera).unwrap();
+    let mut message = ObservationFrame::default();
+    let total = 3 * BUFFER as u64;
+    for n in 0..total {
+        message.sequence = n;
+        publisher.publish(&message).unwrap();
+    }
+    assert_eq!(
+        subscriber.next(PATIENCE).unwrap().unwrap().sequence,
+        total - BUFFER as u64
+    );
+    assert_eq!(
+        subscriber.newest(PATIENCE).unwrap().unwrap().sequence,
+        total - 1
+    );
+}
+
+#[test]
+fn a_connected_reader_gets_the_last_message_after_its_writer_has_gone() {
+    let camera = camera("outlives");
+    let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    publisher.publish(&BodyFrame::default()).unwrap();
+    assert!(subscriber.next(PATIENCE).unwrap().is_some());
+    let message = BodyFrame {
+        flags: FLAG_END_OF_STREAM,
+        ..BodyFrame::default()
+    };
+    publisher.publish(&message).unwrap();
+    drop(publisher);
+    assert_eq!(
+        subscriber.next(PATIENCE).unwrap().unwrap().flags,
+        FLAG_END_OF_STREAM
+    );
+    assert_eq!(subscriber.publisher_count(), 0);
+}
+
+#[test]
+fn a_second_writer_and_a_bad_name_are_refused() {
+    let camera = camera("second");
+    let _first = Publisher::<BodyFrame>::open(&camera).unwrap();
+    assert!(matches!(
+        Publisher::<BodyFrame>::open(&camera),
+        Err(LinkError::Busy { .. })
+    ));
+    for name in ["", "a/b", "a b", &"x".repeat(65)] {
+        assert!(
+            matches!(Publisher::<BodyFrame>::open(name), Err(LinkError::Name(_))),
+            "{name}"
+        );
+    }
+}

@@ -1,0 +1,84 @@
+//! Checks shared by the int8 and f32 convolutions.
+
+use crate::tensor::Expected;
+use crate::{ConvShape, KernelError, Layout};
+
+/// Refuses shapes that no kernel can run.
+pub(crate) fn check_shape(shape: &ConvShape) -> Result<(), KernelError> {
+    let divides = |channels: usize| channels.checked_rem(shape.groups) == Some(0);
+    if !divides(shape.in_channels) || !divides(shape.out_channels) {
+        return Err(KernelError::Shape(format!(
+            "expected groups to divide both channel counts, found {} groups for {} -> {} channels; correct the channel table",
+            shape.groups, shape.in_channels, shape.out_channels
+        )));
+    }
+    if shape.kernel == 0 || shape.stride == 0 || shape.padding >= shape.kernel {
+        return Err(KernelError::Shape(format!(
+            "expected kernel > padding and stride > 0, found kernel {}, padding {}, stride {}; correct the channel table",
+            shape.kernel, shape.padding, shape.stride
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses arrays of the wrong length.
+pub(crate) fn check_length(
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), KernelError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(KernelError::Length {
+            what,
+            expected,
+            found,
+        })
+    }
+}
+
+/// Checks one layout per role, with the length of its buffer.
+pub(crate) fn check_tensors(
+    shape: &ConvShape,
+    input: (&Layout, usize),
+    residual: Option<(&Layout, usize)>,
+    output: (&Layout, usize),
+) -> Result<(), KernelError> {
+    let (height, width) = (input.0.height, input.0.width);
+    if !shape.transposed && height.min(width) + 2 * shape.padding < shape.kernel {
+        return Err(KernelError::Tensor(format!(
+            "input: expected at least {} rows and columns with padding, found {height}x{width}; use a larger picture",
+            shape.kernel
+        )));
+    }
+    if height == 0 || width == 0 {
+        return Err(KernelError::Tensor(format!(
+            "input: expected at least one pixel, found {height}x{width}; use a larger picture"
+        )));
+    }
+    Expected {
+        role: "input",
+        height,
+        width,
+        channels: shape.in_channels,
+        halo: shape.input_halo(),
+    }
+    .check(input.0, input.1)?;
+    let out = Expected {
+        role: "output",
+        height: shape.output_len(height),
+        width: shape.output_len(width),
+        channels: shape.out_channels,
+        halo: 0,
+    };
+    out.check(output.0, output.1)?;
+    if let Some((layout, len)) = residual {
+        Expected {
+            role: "residual",
+            ..out
+        }
+        .check(layout, len)?;
+    }
+    Ok(())
+}

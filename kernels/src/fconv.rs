@@ -1,0 +1,227 @@
+//! f32 convolution with bias, optional residual and optional ReLU.
+
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod direct;
+mod reference;
+
+use crate::conv_check::{check_length, check_shape, check_tensors};
+use crate::phase::Phase;
+use crate::{ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
+
+/// What an f32 convolution is made of.
+#[derive(Debug, Clone)]
+pub struct FConvParams<'a> {
+    /// Geometry.
+    pub shape: ConvShape,
+    /// `[out_channels, in_channels / groups, kernel, kernel]`.
+    pub weights: &'a [f32],
+    /// One per output channel.
+    pub bias: &'a [f32],
+    /// `max(·, 0)` at the end.
+    pub relu: bool,
+    /// Whether a tensor of the output's size is added before ReLU (ResNet).
+    pub residual: bool,
+}
+
+/// A packed f32 convolution for one instruction set: `relu(bias + Σ weight · input + residual)`.
+///
+/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-6 · (|bias| + Σ|weight · input|)` times a small factor.
+#[derive(Debug, Clone)]
+pub struct FConv {
+    shape: ConvShape,
+    isa: Isa,
+    relu: bool,
+    residual: bool,
+    phases: Vec<Phase>,
+    kernel: Kernel,
+}
+
+/// The packed form.
+#[derive(Debug, Clone)]
+enum Kernel {
+    /// The scalar reference on the weights as given.
+    Reference { weights: Vec<f32>, bias: Vec<f32> },
+    /// A direct kernel of a vector tier.
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+    Direct(direct::Direct),
+}
+
+impl Kernel {
+    fn new(isa: Isa, params: &FConvParams) -> Self {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        if let Some(direct) = direct::Direct::new(isa, params) {
+            return Kernel::Direct(direct);
+        }
+        let _ = isa;
+        Kernel::Reference {
+            weights: params.weights.to_vec(),
+            bias: params.bias.to_vec(),
+        }
+    }
+}
+
+impl FConv {
+    /// Packs a convolution for `isa`.
+    ///
+    /// # Errors
+    /// When the CPU lacks `isa`, or lengths or shape do not fit.
+    pub fn new(isa: Isa, params: &FConvParams) -> Result<Self, KernelError> {
+        let FConvParams {
+            shape,
+            weights,
+            bias,
+            ..
+        } = params;
+        if !isa.is_available() {
+            return Err(KernelError::Unsupported(isa));
+        }
+        check_shape(shape)?;
+        check_length("weights", shape.weight_len(), weights.len())?;
+        check_length("biases", shape.out_channels, bias.len())?;
+        Ok(Self {
+            shape: *shape,
+            isa,
+            relu: params.relu,
+            residual: params.residual,
+            phases: Phase::of(shape),
+            kernel: Kernel::new(isa, params),
+        })
+    }
+
+    /// Geometry.
+    pub fn shape(&self) -> &ConvShape {
+        &self.shape
+    }
+
+    /// The tier it was packed for.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// The kernel's name, for logs and benches.
+    pub fn name(&self) -> &'static str {
+        match &self.kernel {
+            Kernel::Reference { .. } => "f32_direct__scalar",
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+            Kernel::Direct(direct) => direct.name(),
+        }
+    }
+
+    /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
+    pub fn scratch_bytes(&self, _input: &Layout) -> usize {
+        0
+    }
+
+    /// Share `index` of `count` of the work, as even as this kernel can divide it.
+    ///
+    /// # Panics
+    /// Unless `index < count`.
+    pub fn part(&self, out_height: usize, index: usize, count: usize) -> Part {
+        Part::share(out_height, self.shape.groups, 1, index, count)
+    }
+
+    /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
+    ///
+    /// # Errors
+    /// When a tensor does not fit the shape or its buffer, or a residual is missing or not expected.
+    pub fn check(
+        &self,
+        input: (&Layout, usize),
+        residual: Option<(&Layout, usize)>,
+        output: (&Layout, usize),
+    ) -> Result<(), KernelError> {
+        if residual.is_some() != self.residual {
+            return Err(KernelError::Tensor(format!(
+                "residual: expected {}, found {}; pass a tensor exactly when FConvParams::residual is set",
+                self.residual,
+                residual.is_some()
+            )));
+        }
+        check_tensors(&self.shape, input, residual, output)
+    }
+
+    /// Runs over separate buffers.
+    ///
+    /// # Errors
+    /// When a tensor or the scratch does not fit.
+    pub fn run(
+        &self,
+        input: Tensor<f32>,
+        residual: Option<Tensor<f32>>,
+        output: TensorMut<f32>,
+        scratch: &mut Scratch,
+    ) -> Result<(), KernelError> {
+        self.check(
+            (&input.layout, input.data.len()),
+            residual.as_ref().map(|r| (&r.layout, r.data.len())),
+            (&output.layout, output.data.len()),
+        )?;
+        check_length(
+            "bytes of scratch",
+            scratch.len().max(self.scratch_bytes(&input.layout)),
+            scratch.len(),
+        )?;
+        let part = Part::whole(output.layout.height, self.shape.groups);
+        // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
+        // the borrows keep the buffers separate.
+        unsafe {
+            self.run_part(
+                input.data.as_ptr(),
+                &input.layout,
+                residual.as_ref().map(|r| (r.data.as_ptr(), &r.layout)),
+                output.data.as_mut_ptr(),
+                &output.layout,
+                &part,
+                scratch,
+            );
+        }
+        Ok(())
+    }
+
+    /// Runs one share over buffers that may be the same one. Allocates nothing.
+    ///
+    /// # Panics
+    /// When the scratch is too small.
+    ///
+    /// # Safety
+    /// The contract of [`QConv::run_part`](crate::QConv::run_part), with [`check`](Self::check) of this type.
+    #[allow(clippy::too_many_arguments)]
+    pub unsafe fn run_part(
+        &self,
+        input: *const f32,
+        in_layout: &Layout,
+        residual: Option<(*const f32, &Layout)>,
+        output: *mut f32,
+        out_layout: &Layout,
+        part: &Part,
+        scratch: &mut Scratch,
+    ) {
+        assert!(scratch.len() >= self.scratch_bytes(in_layout), "scratch");
+        let run = Run {
+            input,
+            in_layout,
+            residual,
+            output,
+            out_layout,
+            part,
+        };
+        // SAFETY: the caller's contract is the kernels'.
+        unsafe {
+            match &self.kernel {
+                Kernel::Reference { weights, bias } => self.run_reference(weights, bias, &run),
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+                Kernel::Direct(direct) => direct.run(self.relu, &run),
+            }
+        }
+    }
+}
+
+/// The tensors of one run.
+struct Run<'a> {
+    input: *const f32,
+    in_layout: &'a Layout,
+    residual: Option<(*const f32, &'a Layout)>,
+    output: *mut f32,
+    out_layout: &'a Layout,
+    part: &'a Part,
+}

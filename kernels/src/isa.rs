@@ -1,0 +1,156 @@
+//! Instruction set tiers: what this CPU has, and which one to use.
+
+use std::fmt;
+
+/// Environment variable that forces a tier, by [`Isa::name`].
+pub const ISA_VARIABLE: &str = "EDGECAP_ISA";
+
+/// A tier of kernels. All tiers give bit-identical int8 results; scalar is the specification.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Isa {
+    /// Plain Rust: every CPU; the oracle of the others.
+    Scalar,
+    /// AVX2 and FMA.
+    Avx2,
+    /// AVX2, FMA and AVX-VNNI (`vpdpbusd` on 256 bits).
+    AvxVnni,
+    /// AVX-512 F, BW and VL, without VNNI.
+    Avx512,
+    /// AVX-512 F, BW, VL and VNNI.
+    Avx512Vnni,
+    /// NEON: every aarch64 CPU.
+    Neon,
+    /// NEON with dotprod (`sdot`).
+    NeonDot,
+}
+
+impl Isa {
+    /// Every tier, slowest first.
+    pub const ALL: [Isa; 7] = [
+        Isa::Scalar,
+        Isa::Avx2,
+        Isa::AvxVnni,
+        Isa::Avx512,
+        Isa::Avx512Vnni,
+        Isa::Neon,
+        Isa::NeonDot,
+    ];
+
+    /// The name used in `EDGECAP_ISA`, logs and benches.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Scalar => "scalar",
+            Isa::Avx2 => "avx2",
+            Isa::AvxVnni => "avxvnni",
+            Isa::Avx512 => "avx512",
+            Isa::Avx512Vnni => "avx512vnni",
+            Isa::Neon => "neon",
+            Isa::NeonDot => "neondot",
+        }
+    }
+
+    /// Whether this CPU can run the tier.
+    #[cfg(target_arch = "x86_64")]
+    pub fn is_available(self) -> bool {
+        let avx2 = || is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        let avx512 = || {
+            avx2()
+                && is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512vl")
+        };
+        match self {
+            Isa::Scalar => true,
+            Isa::Avx2 => avx2(),
+            Isa::AvxVnni => avx2() && is_x86_feature_detected!("avxvnni"),
+            Isa::Avx512 => avx512(),
+            Isa::Avx512Vnni => avx512() && is_x86_feature_detected!("avx512vnni"),
+            Isa::Neon | Isa::NeonDot => false,
+        }
+    }
+
+    /// Whether this CPU can run the tier.
+    #[cfg(target_arch = "aarch64")]
+    pub fn is_available(self) -> bool {
+        match self {
+            Isa::Scalar | Isa::Neon => true,
+            Isa::NeonDot => std::arch::is_aarch64_feature_detected!("dotprod"),
+            _ => false,
+        }
+    }
+
+    /// Whether this CPU can run the tier.
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    pub fn is_available(self) -> bool {
+        self == Isa::Scalar
+    }
+
+    /// The tiers this CPU can run, slowest first; never empty.
+    pub fn available() -> impl Iterator<Item = Isa> {
+        Self::ALL.into_iter().filter(|isa| isa.is_available())
+    }
+
+    /// The fastest tier of this CPU, or the one forced by `EDGECAP_ISA`.
+    ///
+    /// # Errors
+    /// When the variable names no tier, or one that this CPU lacks.
+    pub fn detect() -> Result<Isa, IsaError> {
+        match std::env::var(ISA_VARIABLE) {
+            Ok(name) if !name.is_empty() => Self::forced(&name),
+            _ => Ok(Self::available().last().unwrap_or(Isa::Scalar)),
+        }
+    }
+
+    /// The tier called `name`, if this CPU can run it.
+    ///
+    /// # Errors
+    /// When there is no such tier, or this CPU lacks it.
+    pub fn forced(name: &str) -> Result<Isa, IsaError> {
+        let isa = Self::ALL
+            .into_iter()
+            .find(|isa| isa.name() == name)
+            .ok_or_else(|| IsaError::Unknown(name.to_owned()))?;
+        if isa.is_available() {
+            Ok(isa)
+        } else {
+            Err(IsaError::Unavailable(isa))
+        }
+    }
+}
+
+impl fmt::Display for Isa {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A forced tier that cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum IsaError {
+    /// No tier of that name.
+    Unknown(String),
+    /// The CPU lacks the tier.
+    Unavailable(Isa),
+}
+
+impl fmt::Display for IsaError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = |isas: &mut dyn Iterator<Item = Isa>| {
+            isas.map(Isa::name).collect::<Vec<_>>().join(", ")
+        };
+        match self {
+            IsaError::Unknown(found) => write!(
+                f,
+                "{ISA_VARIABLE}: expected one of {}, found {found:?}; correct or unset the variable",
+                names(&mut Isa::ALL.into_iter())
+            ),
+            IsaError::Unavailable(isa) => write!(
+                f,
+                "{ISA_VARIABLE}: this CPU has {}, but {isa} was asked for; name one of these or unset the variable",
+                names(&mut Isa::available())
+            ),
+        }
+    }
+}
+
+impl std::error::Error for IsaError {}

@@ -1,0 +1,111 @@
+//! Vectors of 32-bit lanes, and the dot products that kernels are built from.
+//!
+//! The generic cores (`direct`, `winograd`) are inlined into thin functions that switch a tier's features on.
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx2;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx512;
+
+#[cfg(target_arch = "aarch64")]
+pub(crate) mod neon;
+
+/// One CPU's vectors: `LANES` f32 or i32 lanes, and twice as many i16 lanes.
+///
+/// # Safety
+/// Every method may be called only where the implementing tier's features are on. Loads and stores touch exactly the lanes
+/// they name (`n` of them, `n <= LANES`, where there is an `n`).
+pub(crate) unsafe trait Simd: Copy + 'static {
+    /// 32-bit lanes.
+    const LANES: usize;
+    /// f32 lanes.
+    type F: Copy;
+    /// i32 lanes.
+    type I: Copy;
+    /// i16 lanes, 2 · LANES of them.
+    type H: Copy;
+
+    unsafe fn splat_f(value: f32) -> Self::F;
+    unsafe fn load_f(at: *const f32) -> Self::F;
+    unsafe fn load_f_part(at: *const f32, n: usize) -> Self::F;
+    unsafe fn store_f_part(value: Self::F, at: *mut f32, n: usize);
+    unsafe fn add_f(a: Self::F, b: Self::F) -> Self::F;
+    unsafe fn mul_f(a: Self::F, b: Self::F) -> Self::F;
+    unsafe fn max_f(a: Self::F, b: Self::F) -> Self::F;
+    unsafe fn min_f(a: Self::F, b: Self::F) -> Self::F;
+    /// Rounds to nearest, ties to even.
+    unsafe fn f_from_i(value: Self::I) -> Self::F;
+    /// Stores `n` lanes, each within 0..=255, rounded to nearest, ties to even.
+    unsafe fn store_u8_part(value: Self::F, at: *mut u8, n: usize);
+    /// Stores `n` lanes as `clamp(rne(value), 0, 127)`; every value lies within ±2³¹.
+    unsafe fn store_u7_part(value: Self::F, at: *mut u8, n: usize);
+    /// [`store_u7_part`](Self::store_u7_part) of four whole vectors, `step` bytes apart.
+    unsafe fn store_u7_4(values: [Self::F; 4], at: *mut u8, step: usize);
+    unsafe fn load_u8_part(at: *const u8, n: usize) -> Self::F;
+    unsafe fn load_i(at: *const i32) -> Self::I;
+    unsafe fn store_i(value: Self::I, at: *mut i32);
+    unsafe fn add_i(a: Self::I, b: Self::I) -> Self::I;
+    unsafe fn sub_i(a: Self::I, b: Self::I) -> Self::I;
+    /// Arithmetic shift to the right.
+    unsafe fn shr_i(a: Self::I, bits: u32) -> Self::I;
+    unsafe fn shl_i<const BITS: u32>(a: Self::I) -> Self::I;
+
+    /// Loads `n <= 2 · LANES` bytes, zero-extended; the other lanes are 0.
+    unsafe fn load_u8_h(at: *const u8, n: usize) -> Self::H;
+    unsafe fn store_h(value: Self::H, at: *mut i16);
+    unsafe fn add_h(a: Self::H, b: Self::H) -> Self::H;
+    unsafe fn sub_h(a: Self::H, b: Self::H) -> Self::H;
+    unsafe fn shl_h<const BITS: u32>(a: Self::H) -> Self::H;
+    unsafe fn zero_h() -> Self::H;
+}
+
+/// `acc + x · w`, where a lane of `w` and of `x` is one 32-bit group of numbers: an f32, two i16 or four bytes.
+///
+/// # Safety
+/// As for [`Simd`]. `weights` reads `4 · LANES` bytes, `splat` reads 4.
+pub(crate) unsafe trait Dot: Copy + 'static {
+    type S: Simd;
+    /// Accumulator: i32 or f32 lanes.
+    type Acc: Copy;
+    /// A vector of weights or of one input group in every lane.
+    type V: Copy;
+    /// Most vectors of output channels in a tile.
+    const MAX_NV: usize;
+    /// Pixels in a full tile: 4 or 8.
+    const MAX_MR: usize;
+    /// Numbers in a 32-bit group.
+    const PACK: usize;
+
+    /// Loads LANES accumulators.
+    unsafe fn load_acc(at: *const u8) -> Self::Acc;
+    unsafe fn weights(at: *const u8) -> Self::V;
+    unsafe fn splat(at: *const u8) -> Self::V;
+    unsafe fn dot(acc: Self::Acc, x: Self::V, w: Self::V) -> Self::Acc;
+}
+
+/// A dot product in two steps, for CPUs without an instruction for it: products are summed in i16 over a segment of
+/// groups, proved at pack time not to leave i16, and then added to the i32 accumulators.
+///
+/// # Safety
+/// As for [`Dot`].
+#[cfg(target_arch = "x86_64")]
+pub(crate) unsafe trait SegmentedDot: Dot {
+    /// The first group of a segment.
+    unsafe fn first(x: Self::V, w: Self::V) -> Self::V;
+    /// A further group.
+    unsafe fn more(sum: Self::V, x: Self::V, w: Self::V) -> Self::V;
+    /// Adds a segment's sum to the accumulator.
+    unsafe fn spill(acc: Self::Acc, sum: Self::V) -> Self::Acc;
+}
+
+/// Writes trait methods that are one expression of intrinsics.
+macro_rules! ops {
+    ($($(#[$meta:meta])* fn $name:ident $(<const $c:ident: u32>)? ($($arg:ident: $ty:ty),*) $(-> $ret:ty)? = $body:expr;)*) => {
+        $($(#[$meta])* #[inline(always)]
+        unsafe fn $name $(<const $c: u32>)? ($($arg: $ty),*) $(-> $ret)? {
+            // SAFETY: the trait's contract: the tier's features are on, and pointers are good for the lanes named.
+            unsafe { $body }
+        })*
+    };
+}
+pub(crate) use ops;

@@ -1,0 +1,350 @@
+//! The scalar kernels against definitions written in another way.
+
+use edgecap_kernels::{
+    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, Linear, MaxPool, QConv,
+    QConvParams, Scratch, Tensor, TensorMut,
+};
+
+/// Small numbers from a counter, the same in every run.
+fn numbers(count: usize, modulus: i64, shift: i64) -> Vec<i64> {
+    (0..count as i64)
+        .map(|i| (i * 7919 + i * i * 31) % modulus - shift)
+        .collect()
+}
+
+/// Convolution by scattering every input element through the kernel, on plain `[y][x][c]` arrays without halo.
+fn scatter(
+    shape: &ConvShape,
+    height: usize,
+    width: usize,
+    input: &[i64],
+    weights: &[i64],
+) -> Vec<i64> {
+    let (out_height, out_width) = (shape.output_len(height), shape.output_len(width));
+    let mut output = vec![0; out_height * out_width * shape.out_channels];
+    let depth = shape.in_channels / shape.groups;
+    let per_group = shape.out_channels / shape.groups;
+    let land = |i: usize, k: usize, len: usize| -> Option<usize> {
+        let at = if shape.transposed {
+            (i * shape.stride + k).checked_sub(shape.padding)?
+        } else {
+            let reach = (i + shape.padding).checked_sub(k)?;
+            if reach % shape.stride != 0 {
+                return None;
+            }
+            reach / shape.stride
+        };
+        (at < len).then_some(at)
+    };
+    for y in 0..height {
+        for x in 0..width {
+            for ky in 0..shape.kernel {
+                for kx in 0..shape.kernel {
+                    let (Some(oy), Some(ox)) = (land(y, ky, out_height), land(x, kx, out_width))
+                    else {
+                        continue;
+                    };
+                    for oc in 0..shape.out_channels {
+                        for ic in 0..depth {
+                            let c = oc / per_group * depth + ic;
+                            output[(oy * out_width + ox) * shape.out_channels + oc] += input
+                                [(y * width + x) * shape.in_channels + c]
+                                * weights
+                                    [((oc * depth + ic) * shape.kernel + ky) * shape.kernel + kx];
+                        }
+                    }
+                }
+            }
+        }
+    }
+    output
+}
+
+fn shapes() -> Vec<ConvShape> {
+    let base = ConvShape {
+        in_channels: 8,
+        out_channels: 12,
+        groups: 2,
+        kernel: 3,
+        stride: 1,
+        padding: 1,
+        transposed: false,
+    };
+    vec![
+        base,
+        ConvShape { stride: 2, ..base },
+        ConvShape {
+            kernel: 1,
+            padding: 0,
+            groups: 1,
+            ..base
+        },
+        ConvShape {
+            kernel: 1,
+            padding: 0,
+            stride: 2,
+            ..base
+        },
+        ConvShape {
+            kernel: 7,
+            padding: 3,
+            stride: 2,
+            in_channels: 4,
+            groups: 1,
+            ..base
+        },
+        ConvShape {
+            kernel: 4,
+            stride: 2,
+            groups: 4,
+            transposed: true,
+            ..base
+        },
+        ConvShape {
+            kernel: 3,
+            stride: 3,
+            padding: 0,
+            transposed: true,
+            ..base
+        },
+    ]
+}
+
+/// Places plain `[y][x][c]` values in a layout with a halo of zeros.
+fn place<T: Copy + Default>(layout: &Layout, values: &[T]) -> Vec<T> {
+    let mut data = vec![T::default(); layout.buffer_len()];
+    for (i, &value) in values.iter().enumerate() {
+        let (pixel, c) = (i / layout.channels, i % layout.channels);
+        let at = layout.index(
+            (pixel / layout.width) as isize,
+            (pixel % layout.width) as isize,
+        );
+        data[at + c] = value;
+    }
+    data
+}
+
+#[test]
+fn int8_equals_scattered_definition() {
+    let (height, width) = (9, 8);
+    for shape in shapes() {
+        let input = numbers(height * width * shape.in_channels, 128, 0);
+        let weights = numbers(shape.weight_len(), 255, 127);
+        let expected = scatter(&shape, height, width, &input, &weights);
+        let weights: Vec<i8> = weights.iter().map(|&w| w as i8).collect();
+        let bias: Vec<i32> = (0..shape.out_channels as i32)
+            .map(|i| i * 100 - 300)
+            .collect();
+        let conv = QConv::new(
+            Isa::Scalar,
+            &QConvParams {
+                shape,
+                weights: &weights,
+                bias: &bias,
+                input_max: 127,
+                epilogue: Epilogue::F32 {
+                    scale: vec![1.0; shape.out_channels],
+                },
+                algorithm: Algorithm::Direct,
+            },
+        )
+        .unwrap();
+        let in_layout = Layout::dense(height, width, shape.in_channels, shape.input_halo());
+        let bytes: Vec<u8> = input.iter().map(|&v| v as u8).collect();
+        let data = place(&in_layout, &bytes);
+        let out_layout = Layout::dense(
+            shape.output_len(height),
+            shape.output_len(width),
+            shape.out_channels,
+            0,
+        );
+        let mut output = vec![0.0f32; out_layout.buffer_len()];
+        conv.run(
+            Tensor::new(&data, in_layout),
+            None,
+            TensorMut::new(&mut output, out_layout),
+            &mut Scratch::new(conv.scratch_bytes(&in_layout)),
+        )
+        .unwrap();
+        for (i, &value) in output.iter().enumerate() {
+            let wanted = expected[i] + i64::from(bias[i % shape.out_channels]);
+            assert_eq!(value, wanted as f32, "{shape:?} at {i}");
+        }
+    }
+}
+
+#[test]
+fn f32_equals_scattered_definition() {
+    let (height, width) = (6, 7);
+    for shape in shapes() {
+        let input = numbers(height * width * shape.in_channels, 64, 32);
+        let weights = numbers(shape.weight_len(), 64, 32);
+        let expected = scatter(&shape, height, width, &input, &weights);
+        let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+        let bias = vec![3.0; shape.out_channels];
+        let conv = FConv::new(
+            Isa::Scalar,
+            &FConvParams {
+                shape,
+                weights: &weights,
+                bias: &bias,
+                relu: true,
+                residual: false,
+            },
+        )
+        .unwrap();
+        let in_layout = Layout::dense(height, width, shape.in_channels, shape.input_halo());
+        let values: Vec<f32> = input.iter().map(|&v| v as f32).collect();
+        let data = place(&in_layout, &values);
+        let out_layout = Layout::dense(
+            shape.output_len(height),
+            shape.output_len(width),
+            shape.out_channels,
+            0,
+        );
+        let mut output = vec![-1.0f32; out_layout.buffer_len()];
+        conv.run(
+            Tensor::new(&data, in_layout),
+            None,
+            TensorMut::new(&mut output, out_layout),
+            &mut Scratch::default(),
+        )
+        .unwrap();
+        for (i, &value) in output.iter().enumerate() {
+            // Integers below 2^24 are exact in f32 whatever the order.
+            assert_eq!(
+                value,
+                (expected[i] as f32 + 3.0).max(0.0),
+                "{shape:?} at {i}"
+            );
+        }
+    }
+}
+
+#[test]
+fn epilogue_rounds_to_even_clamps_and_adds_the_residual() {
+    let shape = ConvShape {
+        in_channels: 1,
+        out_channels: 1,
+        groups: 1,
+        kernel: 1,
+        stride: 1,
+        padding: 0,
+        transposed: false,
+    };
+    let conv = QConv::new(
+        Isa::Scalar,
+        &QConvParams {
+            shape,
+            weights: &[1],
+            bias: &[-5],
+            input_max: 127,
+            epilogue: Epilogue::U8 {
+                scale: vec![0.5],
+                max: 20,
+                residual_scale: Some(2.0),
+            },
+            algorithm: Algorithm::Direct,
+        },
+    )
+    .unwrap();
+    let layout = Layout::dense(1, 6, 1, 0);
+    let mut output = [0u8; 6];
+    conv.run(
+        Tensor::new(&[0, 6, 8, 6, 127, 10], layout),
+        Some(Tensor::new(&[0, 0, 0, 1, 3, 9], layout)),
+        TensorMut::new(&mut output, layout),
+        &mut Scratch::default(),
+    )
+    .unwrap();
+    // −2.5 → 0; 0.5 → 0; 1.5 → 2; 2.5 → 2; 67 → 20; 20.5 → 20.
+    assert_eq!(output, [0, 0, 2, 2, 20, 20]);
+}
+
+#[test]
+fn pool_and_linear() {
+    let layout = Layout::dense(3, 3, 1, 1);
+    let data = place(&layout, &[1u8, 2, 3, 4, 9, 5, 6, 7, 8]);
+    let pool = MaxPool::new(Isa::Scalar, 3, 2, 1).unwrap();
+    let mut output = [0u8; 4];
+    pool.run(
+        Tensor::new(&data, layout),
+        TensorMut::new(&mut output, Layout::dense(2, 2, 1, 0)),
+    )
+    .unwrap();
+    assert_eq!(output, [9, 9, 9, 9]);
+
+    let linear = Linear::new(
+        Isa::Scalar,
+        2,
+        3,
+        &[1., 2., 3., 4., -5., 6.],
+        &[0., 1., 2.],
+        true,
+    )
+    .unwrap();
+    let mut output = [0.0; 6];
+    linear.run(2, &[1., 1., 2., 0.], &mut output).unwrap();
+    assert_eq!(output, [3., 8., 3., 2., 7., 0.]);
+}
+
+#[test]
+fn wrong_parameters_are_refused() {
+    let shape = shapes()[0];
+    let weights = vec![0i8; shape.weight_len()];
+    let bias = vec![0i32; shape.out_channels];
+    let params = QConvParams {
+        shape,
+        weights: &weights,
+        bias: &bias,
+        input_max: 127,
+        epilogue: Epilogue::F32 {
+            scale: vec![1.0; shape.out_channels],
+        },
+        algorithm: Algorithm::Direct,
+    };
+    let refused = |params: &QConvParams| QConv::new(Isa::Scalar, params).is_err();
+    assert!(!refused(&params));
+    assert!(refused(&QConvParams {
+        weights: &weights[1..],
+        ..params.clone()
+    }));
+    assert!(refused(&QConvParams {
+        shape: ConvShape { groups: 5, ..shape },
+        ..params.clone()
+    }));
+    let mut low = weights.clone();
+    low[3] = -128;
+    assert!(refused(&QConvParams {
+        weights: &low,
+        ..params.clone()
+    }));
+    let mut huge = weights.clone();
+    huge[0] = 1;
+    let mut edge = bias.clone();
+    edge[0] = i32::MAX;
+    assert!(refused(&QConvParams {
+        weights: &huge,
+        bias: &edge,
+        ..params.clone()
+    }));
+
+    let conv = QConv::new(Isa::Scalar, &params).unwrap();
+    let good = Layout::dense(4, 4, 8, 1);
+    let out = Layout::dense(4, 4, 12, 0);
+    let ok = |input: Layout, len: usize| {
+        conv.check((&input, len), None, (&out, out.buffer_len()))
+            .is_ok()
+    };
+    assert!(ok(good, good.buffer_len()));
+    assert!(!ok(good, good.buffer_len() - 1));
+    assert!(!ok(Layout { halo: 0, ..good }, good.buffer_len()));
+    assert!(!ok(
+        Layout {
+            channels: 7,
+            ..good
+        },
+        good.buffer_len()
+    ));
+    assert!(!ok(Layout { origin: 0, ..good }, good.buffer_len()));
+}

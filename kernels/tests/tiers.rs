@@ -1,0 +1,591 @@
+//! Every tier of this CPU against scalar: int8 with `==` over the whole buffer, f32 within a stated tolerance.
+
+use edgecap_kernels::{
+    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, MaxPool, Part, QConv,
+    QConvParams, Scratch, Tensor, TensorMut,
+};
+use proptest::prelude::*;
+
+/// A small generator, so that a failing case is named by its seed alone.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// In `low..=high`.
+    fn within(&mut self, low: i64, high: i64) -> i64 {
+        low + (self.next() >> 33) as i64 % (high - low + 1)
+    }
+
+    fn float(&mut self) -> f32 {
+        self.within(-1000, 1000) as f32 / 500.0
+    }
+}
+
+/// How extreme the numbers are.
+#[derive(Debug, Clone, Copy)]
+enum Values {
+    /// Anything in range.
+    Any,
+    /// Every activation and weight at the end of its range, same signs: the worst sums.
+    Most,
+    /// Every weight −127.
+    Least,
+    /// Ends of the ranges at random.
+    Ends,
+}
+
+#[derive(Debug, Clone)]
+struct Case {
+    shape: ConvShape,
+    height: usize,
+    width: usize,
+    input_max: u8,
+    values: Values,
+    /// Channels of the concat buffer before and behind the input's and the output's slices.
+    around: usize,
+    residual: bool,
+    to_f32: bool,
+    parts: usize,
+    seed: u64,
+}
+
+/// A layout that is a channel slice of a wider buffer, with halo.
+fn sliced(height: usize, width: usize, channels: usize, around: usize, halo: usize) -> Layout {
+    Layout::dense(height, width, channels + 2 * around, halo).channel_slice(around, channels)
+}
+
+/// Whole length of the buffer that `sliced` is a slice of, and some elements more.
+fn buffer_len(layout: &Layout, around: usize) -> usize {
+    layout.buffer_len() + around + 5
+}
+
+fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
+    let Case {
+        shape,
+        height,
+        width,
+        around,
+        ..
+    } = *case;
+    let mut numbers = Numbers(case.seed | 1);
+    let weights: Vec<i8> = (0..shape.weight_len())
+        .map(|_| match case.values {
+            Values::Any => numbers.within(-127, 127) as i8,
+            Values::Most => 127,
+            Values::Least => -127,
+            Values::Ends => numbers.within(0, 1) as i8 * -127 + numbers.within(0, 1) as i8 * 127,
+        })
+        .collect();
+    let bias: Vec<i32> = (0..shape.out_channels)
+        .map(|_| numbers.within(-100_000, 100_000) as i32)
+        .collect();
+    let depth = (shape.weight_len() / shape.out_channels.max(1)) as f32;
+    let scale: Vec<f32> = (0..shape.out_channels)
+        .map(|_| 1.0 / (depth * 40.0) * (1.0 + numbers.float() / 4.0))
+        .collect();
+    let epilogue = if case.to_f32 {
+        Epilogue::F32 { scale }
+    } else {
+        Epilogue::U8 {
+            scale,
+            max: 127,
+            residual_scale: case.residual.then_some(0.71),
+        }
+    };
+    let conv = QConv::new(
+        isa,
+        &QConvParams {
+            shape,
+            weights: &weights,
+            bias: &bias,
+            input_max: case.input_max,
+            epilogue,
+            algorithm,
+        },
+    )
+    .unwrap();
+    let in_layout = sliced(height, width, shape.in_channels, around, shape.input_halo());
+    let max = i64::from(case.input_max);
+    let input: Vec<u8> = (0..buffer_len(&in_layout, around))
+        .map(|_| match case.values {
+            Values::Any => numbers.within(0, max),
+            Values::Most | Values::Least => max,
+            Values::Ends => numbers.within(0, 1) * max,
+        } as u8)
+        .collect();
+    let out_layout = sliced(
+        shape.output_len(height),
+        shape.output_len(width),
+        shape.out_channels,
+        around,
+        1,
+    );
+    let len = buffer_len(&out_layout, around);
+    let residual: Vec<u8> = (0..len).map(|_| numbers.within(0, 127) as u8).collect();
+    let (mut bytes, mut floats) = (vec![222u8; len], vec![-7.5f32; len]);
+    let mut scratch = Scratch::new(conv.scratch_bytes(&in_layout));
+    if case.to_f32 {
+        conv.run(
+            Tensor::new(&input, in_layout),
+            None,
+            TensorMut::new(&mut floats, out_layout),
+            &mut scratch,
+        )
+        .unwrap();
+    } else {
+        let residual_layout = case.residual.then_some(&out_layout);
+        conv.check(
+            (&in_layout, input.len()),
+            residual_layout.map(|layout| (layout, residual.len())),
+            (&out_layout, bytes.len()),
+        )
+        .unwrap();
+        for index in 0..case.parts {
+            let part = conv.part(out_layout.height, index, case.parts);
+            // SAFETY: checked above; the buffers are separate and nobody else touches them.
+            unsafe {
+                conv.run_part(
+                    input.as_ptr(),
+                    &in_layout,
+                    residual_layout.map(|layout| (residual.as_ptr(), layout)),
+                    bytes.as_mut_ptr(),
+                    &out_layout,
+                    &part,
+                    &mut scratch,
+                );
+            }
+        }
+    }
+    (bytes, floats)
+}
+
+fn check_q(case: &Case) {
+    for &algorithm in Algorithm::candidates(&case.shape) {
+        let expected = run_q(Isa::Scalar, algorithm, case);
+        for isa in Isa::available() {
+            let found = run_q(isa, algorithm, case);
+            assert!(
+                found == expected,
+                "{isa} {algorithm:?} differs from scalar: {case:?}"
+            );
+        }
+    }
+}
+
+fn conv(
+    in_channels: usize,
+    out_channels: usize,
+    groups: usize,
+    kernel: usize,
+    stride: usize,
+) -> ConvShape {
+    ConvShape {
+        in_channels,
+        out_channels,
+        groups,
+        kernel,
+        stride,
+        padding: (kernel - 1) / 2,
+        transposed: false,
+    }
+}
+
+fn deconv(in_channels: usize, out_channels: usize, groups: usize) -> ConvShape {
+    ConvShape {
+        padding: 1,
+        transposed: true,
+        ..conv(in_channels, out_channels, groups, 4, 2)
+    }
+}
+
+/// The kinds of layers that the networks are made of, narrowed, and channel counts around the vectors' widths.
+fn layer_shapes() -> Vec<ConvShape> {
+    let mut shapes = vec![
+        conv(4, 32, 1, 3, 2),
+        conv(4, 64, 1, 7, 2),
+        conv(32, 64, 1, 3, 2),
+        conv(64, 32, 1, 3, 1),
+        conv(72, 72, 1, 3, 1),
+        conv(144, 144, 2, 3, 1),
+        conv(288, 288, 4, 3, 2),
+        conv(64, 256, 1, 1, 2),
+        conv(36, 40, 1, 3, 1),
+        conv(36, 63, 1, 3, 1),
+        deconv(256, 192, 4),
+        deconv(8, 6, 2),
+        conv(3, 5, 1, 3, 1),
+        conv(6, 4, 2, 3, 1),
+        conv(4, 1, 1, 1, 1),
+    ];
+    for channels in [
+        7, 8, 9, 15, 16, 17, 23, 24, 25, 31, 32, 33, 47, 48, 49, 63, 64, 65,
+    ] {
+        shapes.push(conv(8, channels, 1, 1, 1));
+    }
+    shapes
+}
+
+#[test]
+fn tiers_that_are_tested_here() {
+    for isa in Isa::ALL {
+        if !isa.is_available() {
+            println!("skipped: this CPU lacks {isa}");
+        }
+    }
+    assert!(Isa::available().count() >= 1);
+}
+
+#[test]
+fn int8_layers_equal_scalar() {
+    for (i, shape) in layer_shapes().into_iter().enumerate() {
+        for values in [Values::Any, Values::Most, Values::Least, Values::Ends] {
+            let picture = shape.in_channels == 4;
+            check_q(&Case {
+                shape,
+                height: 3 + i % 4,
+                width: [1, 4, 5, 9, 11, 16][i % 6].max(if shape.kernel == 7 { 7 } else { 1 }),
+                input_max: if picture { 255 } else { 127 },
+                values,
+                around: i % 3,
+                residual: i % 2 == 0,
+                to_f32: i % 5 == 4,
+                parts: 1 + i % 3,
+                seed: 1 + i as u64,
+            });
+        }
+    }
+}
+
+/// Few and small enough for Miri, which runs a tier that the CPU lacks (README).
+#[test]
+fn small_layers_equal_scalar() {
+    let shapes = [
+        conv(8, 17, 1, 3, 1),
+        conv(4, 8, 1, 3, 2),
+        conv(16, 33, 1, 1, 1),
+        deconv(8, 6, 2),
+    ];
+    for (i, shape) in shapes.into_iter().enumerate() {
+        check_q(&Case {
+            shape,
+            height: 3,
+            width: 5,
+            input_max: if shape.in_channels == 4 { 255 } else { 127 },
+            values: Values::Ends,
+            around: i % 3,
+            residual: i % 2 == 0,
+            to_f32: i == 3,
+            parts: 1,
+            seed: 3 + i as u64,
+        });
+    }
+}
+
+prop_compose! {
+    fn any_case()(
+        groups in 1usize..4,
+        depth in prop_oneof![1usize..6, Just(4), Just(8), Just(12), Just(32), Just(36)],
+        outs in prop_oneof![1usize..20, 30usize..50],
+        kernel in 1usize..5,
+        stride in 1usize..4,
+        padding in 0usize..4,
+        transposed in any::<bool>(),
+    )(
+        shape in Just(ConvShape {
+            in_channels: groups * depth,
+            out_channels: groups * outs,
+            groups,
+            kernel: kernel.max(if transposed { stride } else { 1 }),
+            stride,
+            padding: padding.min(kernel - 1) / if transposed { 2 } else { 1 },
+            transposed,
+        }),
+        height in 4usize..8,
+        width in 4usize..20,
+        input_max in prop_oneof![Just(127u8), Just(255u8)],
+        values in prop_oneof![Just(Values::Any), Just(Values::Most), Just(Values::Least), Just(Values::Ends)],
+        around in 0usize..6,
+        residual in any::<bool>(),
+        to_f32 in any::<bool>(),
+        parts in 1usize..4,
+        seed in any::<u64>(),
+    ) -> Case {
+        Case { shape, height, width, input_max, values, around, residual, to_f32, parts, seed }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn int8_of_any_shape_equals_scalar(case in any_case()) {
+        check_q(&case);
+    }
+}
+
+/// `Σ` in another order and with fused products: within 4 · 2⁻²⁴ · √terms… bounded here by 1e-5 of the sum of magnitudes.
+const F32_TOLERANCE: f32 = 1e-5;
+
+fn check_f(case: &Case) {
+    let Case {
+        shape,
+        height,
+        width,
+        around,
+        ..
+    } = *case;
+    let mut numbers = Numbers(case.seed | 1);
+    let weights: Vec<f32> = (0..shape.weight_len()).map(|_| numbers.float()).collect();
+    let bias: Vec<f32> = (0..shape.out_channels).map(|_| numbers.float()).collect();
+    let in_layout = sliced(height, width, shape.in_channels, around, shape.input_halo());
+    let input: Vec<f32> = (0..buffer_len(&in_layout, around))
+        .map(|_| numbers.float())
+        .collect();
+    let out_layout = sliced(
+        shape.output_len(height),
+        shape.output_len(width),
+        shape.out_channels,
+        around,
+        0,
+    );
+    let len = buffer_len(&out_layout, around);
+    let residual: Vec<f32> = (0..len).map(|_| numbers.float()).collect();
+    let run =
+        |isa: Isa, weights: &[f32], bias: &[f32], input: &[f32], residual: &[f32], relu: bool| {
+            let conv = FConv::new(
+                isa,
+                &FConvParams {
+                    shape,
+                    weights,
+                    bias,
+                    relu,
+                    residual: case.residual,
+                },
+            )
+            .unwrap();
+            let mut output = vec![99.0f32; len];
+            conv.run(
+                Tensor::new(input, in_layout),
+                case.residual.then(|| Tensor::new(residual, out_layout)),
+                TensorMut::new(&mut output, out_layout),
+                &mut Scratch::new(conv.scratch_bytes(&in_layout)),
+            )
+            .unwrap();
+            output
+        };
+    let magnitudes = |values: &[f32]| values.iter().map(|v| v.abs()).collect::<Vec<_>>();
+    let expected = run(Isa::Scalar, &weights, &bias, &input, &residual, case.to_f32);
+    let bound = run(
+        Isa::Scalar,
+        &magnitudes(&weights),
+        &magnitudes(&bias),
+        &magnitudes(&input),
+        &magnitudes(&residual),
+        false,
+    );
+    for isa in Isa::available() {
+        let found = run(isa, &weights, &bias, &input, &residual, case.to_f32);
+        for i in 0..len {
+            let allowed = if expected[i] == 99.0 {
+                0.0
+            } else {
+                bound[i] * F32_TOLERANCE
+            };
+            assert!(
+                (found[i] - expected[i]).abs() <= allowed,
+                "{isa} at {i}: {} for {}, {case:?}",
+                found[i],
+                expected[i]
+            );
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn f32_of_any_shape_is_close_to_scalar(case in any_case()) {
+        check_f(&case);
+    }
+}
+
+#[test]
+fn f32_layers_are_close_to_scalar() {
+    for (i, shape) in layer_shapes().into_iter().enumerate() {
+        check_f(&Case {
+            shape,
+            height: 7,
+            width: 9,
+            input_max: 0,
+            values: Values::Any,
+            around: i % 3,
+            residual: i % 2 == 0,
+            to_f32: i % 3 == 0,
+            parts: 1,
+            seed: 1 + i as u64,
+        });
+    }
+}
+
+#[test]
+fn input_and_output_can_be_slices_of_one_buffer() {
+    let shape = conv(16, 24, 1, 3, 1);
+    let mut numbers = Numbers(5);
+    let weights: Vec<i8> = (0..shape.weight_len())
+        .map(|_| numbers.within(-127, 127) as i8)
+        .collect();
+    let whole = Layout::dense(8, 8, 40, 1);
+    let (in_layout, out_layout) = (whole.channel_slice(24, 16), whole.channel_slice(0, 24));
+    let start: Vec<u8> = (0..whole.buffer_len())
+        .map(|_| numbers.within(0, 127) as u8)
+        .collect();
+    let mut all = Vec::new();
+    for isa in Isa::available() {
+        let conv = QConv::new(
+            isa,
+            &QConvParams {
+                shape,
+                weights: &weights,
+                bias: &[7; 24],
+                input_max: 127,
+                epilogue: Epilogue::U8 {
+                    scale: vec![1e-3; 24],
+                    max: 127,
+                    residual_scale: None,
+                },
+                algorithm: Algorithm::Direct,
+            },
+        )
+        .unwrap();
+        let mut data = start.clone();
+        let part = Part::whole(8, 1);
+        let mut scratch = Scratch::new(conv.scratch_bytes(&in_layout));
+        conv.check((&in_layout, data.len()), None, (&out_layout, data.len()))
+            .unwrap();
+        let pointer = data.as_mut_ptr();
+        // SAFETY: checked above; the slices are disjoint channels, nobody else touches the buffer.
+        unsafe {
+            conv.run_part(
+                pointer,
+                &in_layout,
+                None,
+                pointer,
+                &out_layout,
+                &part,
+                &mut scratch,
+            );
+        }
+        all.push(data);
+    }
+    assert!(all.iter().all(|data| *data == all[0]));
+    assert!(all[0] != start);
+}
+
+#[test]
+fn pool_equals_scalar() {
+    for channels in [1, 5, 16, 31, 32, 64, 65, 100] {
+        let layout = sliced(9, 7, channels, 2, 1);
+        let mut numbers = Numbers(channels as u64 * 2 + 1);
+        let bytes: Vec<u8> = (0..buffer_len(&layout, 2))
+            .map(|_| numbers.within(0, 255) as u8)
+            .collect();
+        let floats: Vec<f32> = bytes.iter().map(|&b| f32::from(b) / 3.0).collect();
+        let mut all = Vec::new();
+        for isa in Isa::available() {
+            let pool = MaxPool::new(isa, 3, 2, 1).unwrap();
+            let out = sliced(pool.output_len(9), pool.output_len(7), channels, 1, 0);
+            let (mut q, mut f) = (
+                vec![1u8; buffer_len(&out, 1)],
+                vec![1.0f32; buffer_len(&out, 1)],
+            );
+            pool.run(Tensor::new(&bytes, layout), TensorMut::new(&mut q, out))
+                .unwrap();
+            pool.run(Tensor::new(&floats, layout), TensorMut::new(&mut f, out))
+                .unwrap();
+            all.push((q, f));
+        }
+        assert!(all.iter().all(|outputs| *outputs == all[0]));
+    }
+}
+
+/// Winograd against the definition: outputs of 7 bits differ by at most one step, and few of them differ.
+#[test]
+fn winograd_is_within_one_step_of_direct() {
+    for (channels, outs, groups) in [
+        (16, 16, 1),
+        (64, 32, 1),
+        (72, 72, 1),
+        (144, 48, 2),
+        (192, 40, 1),
+    ] {
+        let shape = conv(channels, outs, groups, 3, 1);
+        let mut numbers = Numbers(channels as u64);
+        let weights: Vec<i8> = (0..shape.weight_len())
+            .map(|_| numbers.within(-127, 127) as i8)
+            .collect();
+        let bias: Vec<i32> = (0..outs)
+            .map(|_| numbers.within(-9000, 9000) as i32)
+            .collect();
+        let layout = Layout::dense(13, 22, channels, 1);
+        let input: Vec<u8> = (0..layout.buffer_len())
+            .map(|_| numbers.within(0, 127) as u8)
+            .collect();
+        let out_layout = Layout::dense(13, 22, outs, 0);
+        // Two standard deviations of the sum fill the range.
+        let depth = (channels / groups * 9) as f32;
+        let scale = vec![127.0 / (2.0 * depth.sqrt() * 73.0 * 73.0); outs];
+        let run = |algorithm| {
+            let conv = QConv::new(
+                Isa::Scalar,
+                &QConvParams {
+                    shape,
+                    weights: &weights,
+                    bias: &bias,
+                    input_max: 127,
+                    epilogue: Epilogue::U8 {
+                        scale: scale.clone(),
+                        max: 127,
+                        residual_scale: None,
+                    },
+                    algorithm,
+                },
+            )
+            .unwrap();
+            let mut output = vec![0u8; out_layout.buffer_len()];
+            conv.run(
+                Tensor::new(&input, layout),
+                None,
+                TensorMut::new(&mut output, out_layout),
+                &mut Scratch::new(conv.scratch_bytes(&layout)),
+            )
+            .unwrap();
+            output
+        };
+        let (direct, winograd) = (run(Algorithm::Direct), run(Algorithm::Winograd));
+        let used = direct.iter().filter(|&&v| v > 0 && v < 127).count();
+        assert!(
+            used * 3 > direct.len(),
+            "{used} of {} outputs within the range",
+            direct.len()
+        );
+        let different = direct.iter().zip(&winograd).filter(|(a, b)| a != b).count();
+        assert!(
+            direct
+                .iter()
+                .zip(&winograd)
+                .all(|(a, b)| a.abs_diff(*b) <= 1),
+            "{shape:?}"
+        );
+        println!("{shape:?}: {different} of {} differ by one", direct.len());
+        assert!(
+            different * 33 < direct.len(),
+            "{different} of {} differ",
+            direct.len()
+        );
+    }
+}

@@ -1,0 +1,57 @@
+//! Speed of what comes after Stage I, by number of people.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use edgecap_kernels::Isa;
+
+use super::sample::Samples;
+use super::{BenchError, PeopleSpeed, crowd};
+use crate::detect::{AssociationConfig, Associator};
+use crate::engine::model::Stage2;
+use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
+
+/// Association, then Stage II with weights of the shipped shape, for `people` people in maps of `width` × `height` cells.
+pub(super) fn speed(
+    people: usize,
+    (width, height): (usize, usize),
+    isa: Isa,
+    time: Duration,
+) -> Result<PeopleSpeed, BenchError> {
+    let maps = crowd::maps(people, width, height);
+    let mut associator = Associator::new(AssociationConfig::default());
+    let found = associator.associate(&maps).len();
+    if found != people {
+        return Err(BenchError::Crowd { people, found });
+    }
+    let mut association = Samples::default();
+    association.add(time, 10, || {
+        black_box(associator.associate(black_box(&maps)));
+    });
+    let detections = associator.associate(&maps).to_vec();
+    let mut lifter = Lifter::new(&weights()?, Encodings::Read, isa)?;
+    let mut stage2 = Samples::default();
+    stage2.add(time, 10, || {
+        let lifted = lifter.lift_aligned(black_box(&detections));
+        black_box(lifted.map(|l| l.len())).ok();
+    });
+    Ok(PeopleSpeed {
+        people,
+        association: association.timing(),
+        stage2: stage2.timing(),
+    })
+}
+
+/// Layers of the shipped widths; the values cannot change the speed.
+fn weights() -> Result<Stage2Weights, BenchError> {
+    let widths = Stage2::WIDTHS.windows(2);
+    let last = Stage2::WIDTHS.len() - 2;
+    let layer = |(i, w): (usize, &[usize])| LinearLayer {
+        inputs: w[0],
+        outputs: w[1],
+        weights: vec![1.0 / w[0] as f32; w[0] * w[1]],
+        bias: vec![0.01; w[1]],
+        relu: i != last,
+    };
+    Ok(Stage2Weights::new(widths.enumerate().map(layer).collect())?)
+}

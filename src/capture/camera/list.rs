@@ -1,0 +1,86 @@
+//! Which cameras there are.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::v4l2::{Camera, Capabilities};
+use crate::capture::error::CaptureError;
+use crate::capture::natural::natural_order;
+
+/// One camera of this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CameraInfo {
+    /// Device file.
+    pub path: PathBuf,
+    /// What it calls itself.
+    pub name: String,
+    /// Kernel driver.
+    pub driver: String,
+    /// Where it is plugged in.
+    pub bus: String,
+}
+
+impl CameraInfo {
+    /// Whether two device files belong to the same camera in the same socket.
+    pub(crate) fn is_same_camera(&self, other: &Self) -> bool {
+        (&self.name, &self.bus) == (&other.name, &other.bus)
+    }
+
+    pub(crate) fn new(path: PathBuf, caps: Capabilities) -> Self {
+        Self {
+            path,
+            name: caps.card,
+            driver: caps.driver,
+            bus: caps.bus,
+        }
+    }
+}
+
+/// Every camera that gives pictures, by number of its device file.
+///
+/// # Errors
+/// [`CaptureError::Unavailable`] when there is none, [`CaptureError::Permission`] when there are device files that this user may
+/// not open and no other camera.
+pub fn list_cameras() -> Result<Vec<CameraInfo>, CaptureError> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir("/dev")
+        .map_err(|e| CaptureError::from_io_named("/dev", e))?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| {
+            let name = path.file_name().map(|n| n.to_string_lossy());
+            name.and_then(|n| n.strip_prefix("video")?.parse::<u32>().ok())
+                .is_some()
+        })
+        .collect();
+    paths.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    let mut cameras = Vec::new();
+    let mut forbidden = None;
+    for path in paths {
+        match Camera::open(&path).and_then(|camera| camera.capabilities()) {
+            // Webcams have a second file for metadata, which gives no pictures.
+            Ok(caps) if caps.can_stream => cameras.push(CameraInfo::new(path, caps)),
+            Ok(_) => {}
+            Err(e) if e.kind() == io::ErrorKind::PermissionDenied => {
+                forbidden.get_or_insert(path);
+            }
+            Err(e) => tracing::debug!("{}: {e}", path.display()),
+        }
+    }
+    match (cameras.is_empty(), forbidden) {
+        (false, _) => Ok(cameras),
+        (true, Some(path)) => Err(not_permitted(&path.display().to_string())),
+        (true, None) => Err(CaptureError::Unavailable {
+            what: "camera".into(),
+            reason: "expected a camera (/dev/video*), found none; plug one in, or give --input with a photo, a folder or a film".into(),
+        }),
+    }
+}
+
+/// The error of a camera that belongs to others.
+pub(crate) fn not_permitted(device: &str) -> CaptureError {
+    CaptureError::Permission {
+        input: device.into(),
+        remedy:
+            "add this user to the group `video` (sudo usermod -aG video $USER) and log in again"
+                .into(),
+    }
+}

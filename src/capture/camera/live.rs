@@ -1,0 +1,208 @@
+//! A camera that may go away and come back: openings and pictures go in, steps come out. No device here, so that every way of
+//! failing can be tested.
+//!
+//! ```text
+//! Streaming ──error, or silent for 3 s──▶ Reconnecting ──opened again──▶ Streaming
+//!                                          │    ▲ waits 0.25 s, then twice as long each time, at most 2 s
+//!                                          └────┘ opening failed
+//! ```
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use super::clock::Clock;
+use crate::capture::error::CaptureError;
+use crate::capture::frame::Frame;
+
+/// Longest that one step takes while no picture comes: callers look at their stop signal that often.
+pub const STEP_LIMIT: Duration = Duration::from_millis(250);
+/// A camera that sends nothing for so long is closed and opened again.
+pub const SILENCE_LIMIT: Duration = Duration::from_secs(3);
+/// First wait before opening again; doubles with every failure.
+const FIRST_DELAY: Duration = Duration::from_millis(250);
+/// Longest wait before opening again.
+const LAST_DELAY: Duration = Duration::from_secs(2);
+/// Steps by which sequence numbers may jump; more is a camera that counts anew.
+const MAX_JUMP: u32 = 1 << 16;
+
+/// Where a camera is plugged in.
+pub trait CameraPort: Send {
+    /// Opens the camera and starts it.
+    ///
+    /// # Errors
+    /// Why not: absent, busy, not permitted, not usable.
+    fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError>;
+
+    /// The camera's name, for messages.
+    fn name(&self) -> &str;
+}
+
+/// A camera that is open and runs.
+pub trait CameraStream: Send {
+    /// Waits for a picture and overwrites `frame` with the newest one: pixels, size, and CLOCK_MONOTONIC time of capture.
+    /// Returns the camera's own count of it; `None` when none came within `timeout`.
+    ///
+    /// # Errors
+    /// The camera is gone or refuses: it has to be opened again.
+    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>>;
+
+    /// Pictures per second that the camera promised, if it did.
+    fn fps(&self) -> Option<f64>;
+}
+
+/// What a step brought.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Step {
+    /// A new picture.
+    Picture,
+    /// Nothing yet; why.
+    Waiting(String),
+}
+
+/// The state machine.
+pub struct Live<P, C> {
+    port: P,
+    clock: C,
+    state: State,
+    /// Count of the last picture in our terms.
+    sequence: Option<u64>,
+    /// Count of the last picture in the camera's terms, since it was opened.
+    counter: Option<u32>,
+}
+
+enum State {
+    Streaming {
+        stream: Box<dyn CameraStream>,
+        last_picture: Instant,
+    },
+    Reconnecting {
+        reason: String,
+        next_try: Instant,
+        delay: Duration,
+    },
+}
+
+impl<P: CameraPort, C: Clock> Live<P, C> {
+    /// Opens the camera for the first time. What fails now fails for good: a user who names a wrong camera wants to know.
+    ///
+    /// # Errors
+    /// Those of [`CameraPort::open`].
+    pub fn new(mut port: P, clock: C) -> Result<Self, CaptureError> {
+        let stream = port.open()?;
+        let last_picture = clock.now();
+        Ok(Self {
+            port,
+            clock,
+            state: State::Streaming {
+                stream,
+                last_picture,
+            },
+            sequence: None,
+            counter: None,
+        })
+    }
+
+    /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
+    pub fn step(&mut self, frame: &mut Frame) -> Step {
+        match &mut self.state {
+            State::Streaming {
+                stream,
+                last_picture,
+            } => match stream.newest(STEP_LIMIT, frame) {
+                Ok(Some(counter)) => {
+                    *last_picture = self.clock.now();
+                    frame.sequence = self.count(counter);
+                    Step::Picture
+                }
+                Ok(None) => {
+                    let silent = self.clock.now().duration_since(*last_picture);
+                    if silent < SILENCE_LIMIT {
+                        return Step::Waiting("no picture yet".into());
+                    }
+                    self.lose(format!("no picture for {} s", silent.as_secs()))
+                }
+                Err(e) => self.lose(describe(&e)),
+            },
+            State::Reconnecting {
+                reason,
+                next_try,
+                delay,
+            } => {
+                let now = self.clock.now();
+                if now < *next_try {
+                    self.clock.sleep((*next_try - now).min(STEP_LIMIT));
+                    return Step::Waiting(reason.clone());
+                }
+                match self.port.open() {
+                    Ok(stream) => {
+                        tracing::info!("{}: camera is back", self.port.name());
+                        self.counter = None;
+                        self.state = State::Streaming {
+                            stream,
+                            last_picture: self.clock.now(),
+                        };
+                        Step::Waiting("camera is back, no picture yet".into())
+                    }
+                    Err(e) => {
+                        tracing::debug!("{e}");
+                        *delay = (*delay * 2).min(LAST_DELAY);
+                        *next_try = self.clock.now() + *delay;
+                        Step::Waiting(reason.clone())
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether the camera is open, as far as is known.
+    pub fn is_streaming(&self) -> bool {
+        matches!(self.state, State::Streaming { .. })
+    }
+
+    /// The camera's name.
+    pub fn name(&self) -> &str {
+        self.port.name()
+    }
+
+    /// Pictures per second that the camera promised.
+    pub fn fps(&self) -> Option<f64> {
+        match &self.state {
+            State::Streaming { stream, .. } => stream.fps(),
+            State::Reconnecting { .. } => None,
+        }
+    }
+
+    /// Closes the camera, to be opened again soon.
+    fn lose(&mut self, reason: String) -> Step {
+        tracing::warn!("{}: {reason}; reconnecting", self.port.name());
+        self.state = State::Reconnecting {
+            reason: reason.clone(),
+            next_try: self.clock.now() + FIRST_DELAY,
+            delay: FIRST_DELAY,
+        };
+        Step::Waiting(reason)
+    }
+
+    /// From the camera's 32-bit count, which wraps and starts anew, to one that only grows: gaps are dropped pictures.
+    fn count(&mut self, counter: u32) -> u64 {
+        let step = match self.counter.replace(counter) {
+            Some(last) => match counter.wrapping_sub(last) {
+                step @ 1..MAX_JUMP => step,
+                _ => 1,
+            },
+            // What was missed while the camera was away nobody knows: it counts as one.
+            None => 1 + u32::from(self.sequence.is_some()),
+        };
+        let sequence = self.sequence.map_or(0, |s| s + u64::from(step));
+        self.sequence = Some(sequence);
+        sequence
+    }
+}
+
+/// The system's words, with the one that users meet explained.
+fn describe(error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::ENODEV) => "the camera was unplugged".into(),
+        _ => format!("the camera failed ({error})"),
+    }
+}

@@ -1,0 +1,89 @@
+//! One program per camera: a lock that the kernel gives back when its holder ends, however it ends.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+
+use crate::capture::error::CaptureError;
+
+/// The right to use a camera, for as long as this value lives.
+#[derive(Debug)]
+pub struct InstanceLock {
+    /// Holds the lock; `None` where no lock file can be made, and the camera's own refusal has to do.
+    file: Option<File>,
+}
+
+impl InstanceLock {
+    /// Takes the lock of `key` (a device's name) in `$XDG_RUNTIME_DIR`, or in the folder for temporary files.
+    ///
+    /// # Errors
+    /// [`CaptureError::Busy`] when another process, or another place in this one, holds it; the message names the process.
+    pub fn acquire(key: &str) -> Result<Self, CaptureError> {
+        let folder = std::env::var_os("XDG_RUNTIME_DIR")
+            .map(PathBuf::from)
+            .filter(|p| p.is_dir())
+            .unwrap_or_else(std::env::temp_dir);
+        Self::acquire_in(folder, key)
+    }
+
+    /// As [`acquire`](Self::acquire), in a given folder.
+    ///
+    /// # Errors
+    /// As [`acquire`](Self::acquire).
+    pub fn acquire_in(folder: PathBuf, key: &str) -> Result<Self, CaptureError> {
+        let safe: String = key
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
+            .collect();
+        let path = folder.join(format!("edgecap{safe}.lock"));
+        let opened = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            // The folder may be everyone's: nobody shall make us write through a link.
+            .custom_flags(libc::O_NOFOLLOW)
+            .open(&path);
+        let mut file = match opened {
+            Ok(file) => file,
+            Err(e) => {
+                tracing::debug!("no lock file {}: {e}", path.display());
+                return Ok(Self { file: None });
+            }
+        };
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let mut holder = String::new();
+                // A missing number only makes the message shorter.
+                let _ = file.take(16).read_to_string(&mut holder);
+                let holder = match holder.trim().parse::<u32>() {
+                    Ok(pid) => format!("process {pid}"),
+                    Err(_) => "another process".into(),
+                };
+                return Err(CaptureError::Busy {
+                    device: key.into(),
+                    reason: format!(
+                        "edgecap already uses this camera ({holder}); stop it first, or read what it publishes"
+                    ),
+                });
+            }
+            Err(TryLockError::Error(e)) => {
+                tracing::debug!("no lock on {}: {e}", path.display());
+                return Ok(Self { file: None });
+            }
+        }
+        // For the message above only: a failure changes nothing.
+        let _ = file
+            .set_len(0)
+            .and_then(|()| file.seek(SeekFrom::Start(0)))
+            .and_then(|_| writeln!(file, "{}", std::process::id()));
+        Ok(Self { file: Some(file) })
+    }
+
+    /// Whether the kernel guards this camera for us.
+    pub fn is_held(&self) -> bool {
+        self.file.is_some()
+    }
+}

@@ -1,0 +1,25 @@
+//! V4L2 cameras: a device file goes in, the newest picture comes out, for as long as the program runs.
+//!
+//! [`CameraSource`] holds the [lock](InstanceLock) and the [`Live`] state machine, which opens and reopens a [`CameraPort`].
+//! [`V4l2Port`] is the real one.
+
+mod clock;
+mod decode;
+mod intrinsics;
+mod list;
+mod live;
+mod lock;
+mod mode;
+mod port;
+mod source;
+mod v4l2;
+
+pub use clock::{Clock, SystemClock, monotonic_ns};
+pub use decode::{PictureDecoder, PixelFormat, RawLayout};
+pub use intrinsics::{CameraFile, DEFAULT_FOV};
+pub use list::{CameraInfo, list_cameras};
+pub use live::{CameraPort, CameraStream, Live, Step};
+pub use lock::InstanceLock;
+pub use mode::{Mode, choose_mode};
+pub use port::V4l2Port;
+pub use source::CameraSource;

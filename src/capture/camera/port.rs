@@ -1,0 +1,253 @@
+//! The real camera behind [`Live`](super::Live): opening, agreeing on a format, taking the newest picture.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::clock::monotonic_ns;
+use super::decode::{PictureDecoder, PixelFormat, RawLayout};
+use super::list::{CameraInfo, list_cameras, not_permitted};
+use super::live::{CameraPort, CameraStream};
+use super::mode::{Mode, choose_mode};
+use super::v4l2::{Camera, Ready, Sizes, Stream};
+use crate::capture::error::{CaptureError, name_of};
+use crate::capture::frame::Frame;
+use crate::capture::spec::OpenOptions;
+use crate::capture::yuv::Range;
+
+/// Size that is asked for without a wish: enough for several people at a few metres.
+const DEFAULT_SIZE: (u32, u32) = (1280, 720);
+/// Rate that is asked for without a wish.
+const DEFAULT_FPS: f64 = 30.0;
+/// A time stamp further away from now than this is not to be believed.
+const MAX_AGE_NS: u64 = 2_000_000_000;
+
+/// A V4L2 device file.
+pub struct V4l2Port {
+    path: PathBuf,
+    name: String,
+    options: OpenOptions,
+    /// Who was there when it was first opened.
+    camera: Option<CameraInfo>,
+}
+
+impl V4l2Port {
+    /// A camera by its device file, with the user's wishes.
+    pub fn new(path: &Path, options: &OpenOptions) -> Self {
+        Self {
+            path: path.to_owned(),
+            name: name_of(path),
+            options: *options,
+            camera: None,
+        }
+    }
+
+    /// The device file, or the one that the same camera got when it was plugged in again.
+    fn find(&self) -> PathBuf {
+        let Some(camera) = self.camera.as_ref().filter(|_| !self.path.exists()) else {
+            return self.path.clone();
+        };
+        let others = list_cameras().unwrap_or_default();
+        others
+            .into_iter()
+            .find(|other| other.is_same_camera(camera))
+            .map_or_else(|| self.path.clone(), |other| other.path)
+    }
+
+    /// The system's refusal in the user's terms.
+    fn refused(&self, error: io::Error) -> CaptureError {
+        let device = self.name.clone();
+        match error.raw_os_error() {
+            Some(libc::EBUSY) => CaptureError::Busy {
+                device,
+                reason: "another program uses this camera; close it (browser, video call) and try again".into(),
+            },
+            Some(libc::EACCES | libc::EPERM) => not_permitted(&device),
+            Some(libc::ENOENT | libc::ENODEV | libc::ENXIO) => CaptureError::Unavailable {
+                what: device,
+                reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
+            },
+            Some(libc::ENOTTY) => unusable(device, "is no camera"),
+            _ => CaptureError::Unavailable {
+                what: device,
+                reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
+            },
+        }
+    }
+}
+
+fn unusable(device: String, what: &str) -> CaptureError {
+    CaptureError::Unavailable {
+        what: device,
+        reason: format!("this device {what}; choose another one"),
+    }
+}
+
+/// Everything that the camera offers in formats that we understand, sizes of ranges fitted to the wish.
+fn modes(camera: &Camera, wish: (u32, u32)) -> Vec<Mode> {
+    let mut modes = Vec::new();
+    for fourcc in camera.formats() {
+        let Some(format) = PixelFormat::from_fourcc(fourcc) else {
+            continue;
+        };
+        for sizes in camera.sizes(fourcc) {
+            let (width, height) = match sizes {
+                Sizes::One(w, h) => (w, h),
+                Sizes::Range(w, h) => (nearest(w, wish.0), nearest(h, wish.1)),
+            };
+            modes.push(Mode {
+                format,
+                fourcc,
+                width,
+                height,
+                fps: camera.highest_rate(fourcc, width, height),
+            });
+        }
+    }
+    modes
+}
+
+/// The value of `smallest..=largest` in steps that is closest to the wish from below.
+fn nearest([smallest, largest, step]: [u32; 3], wish: u32) -> u32 {
+    let within = wish.clamp(smallest, largest.max(smallest));
+    smallest + (within - smallest) / step.max(1) * step.max(1)
+}
+
+impl CameraPort for V4l2Port {
+    fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
+        let path = self.find();
+        let camera = Camera::open(&path).map_err(|e| self.refused(e))?;
+        let caps = camera.capabilities().map_err(|e| self.refused(e))?;
+        if !caps.can_stream {
+            let what = if caps.multi_plane {
+                "gives multi-plane pictures, which are not supported"
+            } else {
+                "gives no pictures"
+            };
+            return Err(unusable(self.name.clone(), what));
+        }
+        let size = self.options.size.unwrap_or(DEFAULT_SIZE);
+        let wanted_fps = self.options.fps.unwrap_or(DEFAULT_FPS);
+        let mut offered = modes(&camera, size);
+        let is_exact = |m: &Mode| (m.width, m.height) == size;
+        if self.options.size.is_some() && offered.iter().any(is_exact) {
+            // A size that the user names counts for more than the rate.
+            offered.retain(is_exact);
+        }
+        let mode = choose_mode(&offered, size, wanted_fps).ok_or_else(|| {
+            unusable(
+                self.name.clone(),
+                "offers none of the formats YUYV, NV12, RGB24 and MJPEG",
+            )
+        })?;
+        let agreed = camera
+            .set_format(mode.fourcc, mode.width, mode.height)
+            .map_err(|e| self.refused(e))?;
+        let format = PixelFormat::from_fourcc(agreed.fourcc).ok_or_else(|| {
+            unusable(
+                self.name.clone(),
+                "insists on a format other than YUYV, NV12, RGB24 and MJPEG",
+            )
+        })?;
+        let decoder = PictureDecoder::new(RawLayout {
+            format,
+            width: agreed.width,
+            height: agreed.height,
+            stride: agreed.stride,
+            range: if agreed.full_range {
+                Range::Full
+            } else {
+                Range::Limited
+            },
+        })
+        .map_err(|reason| CaptureError::data(self.name.clone(), reason))?;
+        let fps = camera.set_rate(wanted_fps);
+        let stream = Stream::start(&camera).map_err(|e| self.refused(e))?;
+        tracing::info!(
+            "{}: {} ({}), {}x{} {format:?} at {} fps",
+            path.display(),
+            caps.card,
+            caps.driver,
+            agreed.width,
+            agreed.height,
+            fps.map_or("unknown".into(), |f| format!("{f:.1}")),
+        );
+        self.camera = Some(CameraInfo::new(path, caps));
+        Ok(Box::new(V4l2Stream {
+            stream,
+            decoder,
+            fps,
+            damaged: 0,
+        }))
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// A running V4L2 camera.
+struct V4l2Stream {
+    stream: Stream,
+    decoder: PictureDecoder,
+    fps: Option<f64>,
+    /// Pictures left out because they were damaged.
+    damaged: u64,
+}
+
+impl V4l2Stream {
+    /// Every picture that is ready, the newest one kept, the others handed back at once.
+    fn take_newest(&mut self) -> io::Result<Option<super::v4l2::Filled>> {
+        let mut newest = None;
+        while let Some(filled) = self.stream.dequeue()? {
+            let whole =
+                !filled.damaged && self.stream.bytes(&filled).len() >= self.decoder.needed_bytes();
+            if !whole {
+                self.damaged += 1;
+                tracing::debug!("damaged picture left out, {} so far", self.damaged);
+                self.stream.queue(filled)?;
+            } else if let Some(older) = newest.replace(filled) {
+                self.stream.queue(older)?;
+            }
+        }
+        Ok(newest)
+    }
+}
+
+impl CameraStream for V4l2Stream {
+    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if self.stream.wait(left)? == Ready::No {
+                return Ok(None);
+            }
+            let Some(filled) = self.take_newest()? else {
+                if left.is_zero() {
+                    return Ok(None);
+                }
+                continue;
+            };
+            let now = monotonic_ns();
+            frame.time_ns = filled
+                .time_ns
+                .filter(|t| t.abs_diff(now) < MAX_AGE_NS)
+                // Some drivers stamp the end of a picture that they still expect.
+                .map_or(now, |t| t.min(now));
+            let sequence = filled.sequence;
+            let decoded = self.decoder.decode(self.stream.bytes(&filled), frame);
+            self.stream.queue(filled)?;
+            match decoded {
+                Ok(()) => return Ok(Some(sequence)),
+                Err(reason) => {
+                    self.damaged += 1;
+                    tracing::debug!("{reason}; {} damaged pictures so far", self.damaged);
+                }
+            }
+        }
+    }
+
+    fn fps(&self) -> Option<f64> {
+        self.fps
+    }
+}

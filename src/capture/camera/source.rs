@@ -1,0 +1,98 @@
+//! A camera as a [`Source`].
+
+use std::path::Path;
+
+use super::clock::{Clock, SystemClock};
+use super::list::list_cameras;
+use super::live::{CameraPort, Live, Step};
+use super::lock::InstanceLock;
+use super::port::V4l2Port;
+use crate::capture::error::CaptureError;
+use crate::capture::frame::Frame;
+use crate::capture::source::Source;
+use crate::capture::spec::OpenOptions;
+
+/// A camera that is reopened when it goes away.
+pub struct CameraSource<P = V4l2Port, C = SystemClock> {
+    live: Live<P, C>,
+    name: String,
+    _lock: Option<InstanceLock>,
+}
+
+impl CameraSource {
+    /// Opens a camera by its device file, or the first one there is that is not in use.
+    ///
+    /// # Errors
+    /// [`CaptureError::Unavailable`] without a camera, [`CaptureError::Busy`] when it is in use,
+    /// [`CaptureError::Permission`] when this user may not open it.
+    pub fn open(path: Option<&Path>, options: &OpenOptions) -> Result<Self, CaptureError> {
+        let Some(path) = path else {
+            let mut refusal = None;
+            for camera in list_cameras()? {
+                match Self::open_path(&camera.path, options) {
+                    Err(e @ CaptureError::Busy { .. }) => refusal = refusal.or(Some(e)),
+                    other => return other,
+                }
+            }
+            // The list is never empty, so that without a camera there is a refusal.
+            return Err(refusal.unwrap_or(CaptureError::Unavailable {
+                what: "camera".into(),
+                reason: "no camera found; plug one in".into(),
+            }));
+        };
+        Self::open_path(path, options)
+    }
+
+    fn open_path(path: &Path, options: &OpenOptions) -> Result<Self, CaptureError> {
+        let lock = InstanceLock::acquire(&lock_key(path))?;
+        let live = Live::new(V4l2Port::new(path, options), SystemClock)?;
+        Ok(Self::new(live, Some(lock)))
+    }
+}
+
+/// A name that is the same for all links to a device: `/dev/video0` for `/dev/v4l/by-id/usb-…`.
+fn lock_key(path: &Path) -> String {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    real.display().to_string()
+}
+
+impl<P: CameraPort, C: Clock> CameraSource<P, C> {
+    /// Around a state machine; `lock` is held as long as the source lives.
+    pub fn new(live: Live<P, C>, lock: Option<InstanceLock>) -> Self {
+        Self {
+            name: live.name().to_owned(),
+            live,
+            _lock: lock,
+        }
+    }
+
+    /// Whether the camera is there, as far as is known.
+    pub fn is_streaming(&self) -> bool {
+        self.live.is_streaming()
+    }
+}
+
+impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
+    /// Waits at most about a quarter of a second; then [`CaptureError::NoPictureYet`], which is skippable.
+    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        match self.live.step(frame) {
+            Step::Picture => Ok(true),
+            Step::Waiting(reason) => Err(CaptureError::NoPictureYet {
+                device: self.name.clone(),
+                reason,
+            }),
+        }
+    }
+
+    fn fps(&self) -> Option<f64> {
+        self.live.fps()
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}

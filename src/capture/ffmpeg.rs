@@ -1,0 +1,437 @@
+//! Films of any kind through an installed `ffmpeg`: a path goes in, frames come out of the child's pipe.
+//!
+//! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation and sizes that change
+//! need no care here. Times come from `ffprobe`. The child is killed and reaped when the source is dropped; if this process dies
+//! first, the child's next write fails and it ends by itself.
+
+use std::ffi::OsString;
+use std::io::{BufReader, ErrorKind, Read};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::thread::JoinHandle;
+
+use super::error::{CaptureError, name_of};
+use super::frame::Frame;
+use super::limits::check_size;
+use super::source::Source;
+
+/// Bytes read from the pipe at once: the size of a pipe that Linux grants everyone.
+const BUFFER_BYTES: usize = 1 << 20;
+/// How much of the child's complaints is kept.
+const MAX_COMPLAINT: usize = 4096;
+/// Rate for films that do not say theirs.
+const DEFAULT_FPS: f64 = 25.0;
+
+/// Where the two programs are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ffmpeg {
+    /// The decoder.
+    pub ffmpeg: PathBuf,
+    /// The one that reads headers.
+    pub ffprobe: PathBuf,
+}
+
+impl Default for Ffmpeg {
+    /// As found on `PATH`.
+    fn default() -> Self {
+        Self {
+            ffmpeg: "ffmpeg".into(),
+            ffprobe: "ffprobe".into(),
+        }
+    }
+}
+
+/// What is known before the first picture.
+struct Probe {
+    fps: f64,
+    /// Times of the pictures in the order in which they are shown, nanoseconds from the first.
+    times: Vec<u64>,
+    /// Number of pictures according to the file's header.
+    announced: Option<u64>,
+}
+
+/// Plays a film through ffmpeg.
+pub struct FfmpegSource {
+    name: String,
+    child: Child,
+    pipe: BufReader<ChildStdout>,
+    complaints: Option<JoinHandle<String>>,
+    probe: Probe,
+    index: u64,
+    ended: bool,
+}
+
+impl FfmpegSource {
+    /// Starts the child.
+    ///
+    /// # Errors
+    /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is no film
+    /// that they can read.
+    pub fn open(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
+        let name = name_of(path);
+        // The prefix keeps names with a colon or a leading dash from being taken for something else.
+        let mut input = OsString::from("file:");
+        input.push(path);
+        let rate_option = passthrough_option(&programs.ffmpeg, &name)?;
+        let probe = probe(&programs.ffprobe, &input, &name)?;
+        let mut child = command(&programs.ffmpeg)
+            .args([
+                "-nostdin",
+                "-v",
+                "error",
+                "-protocol_whitelist",
+                "file",
+                "-i",
+            ])
+            .arg(&input)
+            .args(["-map", "0:V:0"])
+            .args(rate_option)
+            .args([
+                "-f",
+                "image2pipe",
+                "-c:v",
+                "ppm",
+                "-pix_fmt",
+                "rgb24",
+                "pipe:1",
+            ])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|e| missing(&programs.ffmpeg, &name, e))?;
+        let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+        let (Some(stdout), Some(stderr)) = (stdout, stderr) else {
+            unreachable!("both pipes were asked for");
+        };
+        Ok(Self {
+            name,
+            child,
+            pipe: BufReader::with_capacity(BUFFER_BYTES, stdout),
+            complaints: Some(std::thread::spawn(move || keep_end(stderr))),
+            probe,
+            index: 0,
+            ended: false,
+        })
+    }
+
+    /// Process id of the child.
+    pub fn child_id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Reaps the child after its last picture and judges how it ended.
+    fn finish(&mut self, cut_inside: bool) -> Result<bool, CaptureError> {
+        self.ended = true;
+        let status = self
+            .child
+            .wait()
+            .map_err(|e| CaptureError::from_io_named(&self.name, e))?;
+        let complaints = self.take_complaints();
+        let short = self.probe.announced.is_some_and(|n| self.index < n) && !complaints.is_empty();
+        if status.success() && !cut_inside && !short && self.index > 0 {
+            return Ok(false);
+        }
+        let reason = match complaints.lines().last().map(str::trim) {
+            Some(line) if !line.is_empty() => line.to_owned(),
+            _ => status.to_string(),
+        };
+        Err(CaptureError::data(
+            self.name.clone(),
+            format!(
+                "the film ends after {} pictures{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
+                self.index,
+                self.probe
+                    .announced
+                    .map(|n| format!(" of {n}"))
+                    .unwrap_or_default(),
+            ),
+        ))
+    }
+
+    fn take_complaints(&mut self) -> String {
+        self.complaints
+            .take()
+            .and_then(|thread| thread.join().ok())
+            .unwrap_or_default()
+    }
+}
+
+impl Drop for FfmpegSource {
+    fn drop(&mut self) {
+        // Both fail only when the child has been reaped already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        self.take_complaints();
+    }
+}
+
+impl Source for FfmpegSource {
+    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        if self.ended {
+            return Ok(false);
+        }
+        let (width, height) = match read_ppm_header(&mut self.pipe) {
+            Ok(Some(size)) => size,
+            Ok(None) => return self.finish(false),
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => return self.finish(true),
+            Err(e) => {
+                self.ended = true;
+                return Err(CaptureError::from_io_named(&self.name, e));
+            }
+        };
+        if let Err(reason) = check_size(width.into(), height.into()) {
+            self.ended = true;
+            return Err(CaptureError::data(self.name.clone(), reason));
+        }
+        frame.width = width;
+        frame.height = height;
+        frame.rgb.resize(3 * width as usize * height as usize, 0);
+        match self.pipe.read_exact(&mut frame.rgb) {
+            Ok(()) => {}
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => return self.finish(true),
+            Err(e) => {
+                self.ended = true;
+                return Err(CaptureError::from_io_named(&self.name, e));
+            }
+        }
+        let known = self.probe.times.get(self.index as usize).copied();
+        frame.time_ns =
+            known.unwrap_or_else(|| (self.index as f64 * 1e9 / self.probe.fps).round() as u64);
+        frame.sequence = self.index;
+        self.index += 1;
+        Ok(true)
+    }
+
+    fn frame_count(&self) -> Option<u64> {
+        let counted = Some(self.probe.times.len() as u64).filter(|n| *n > 0);
+        counted.or(self.probe.announced)
+    }
+
+    fn fps(&self) -> Option<f64> {
+        Some(self.probe.fps)
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// A child that hears neither our terminal nor its Ctrl-C: we decide when it ends.
+fn command(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.stdin(Stdio::null()).process_group(0);
+    command
+}
+
+/// The option that gives every picture once, whatever its time. It was renamed in version 5.1.
+fn passthrough_option(ffmpeg: &Path, film: &str) -> Result<[&'static str; 2], CaptureError> {
+    let output = command(ffmpeg)
+        .arg("-version")
+        .output()
+        .map_err(|e| missing(ffmpeg, film, e))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let version = text
+        .strip_prefix("ffmpeg version ")
+        .and_then(|rest| rest.split([' ', '-', '+']).next());
+    Ok(if version.is_some_and(is_before_5_1) {
+        ["-vsync", "passthrough"]
+    } else {
+        ["-fps_mode", "passthrough"]
+    })
+}
+
+/// Whether a release number is below 5.1; nightly builds have none and are not.
+fn is_before_5_1(version: &str) -> bool {
+    let mut numbers = version.trim_start_matches('n').split('.').map(str::parse);
+    match (numbers.next(), numbers.next()) {
+        (Some(Ok(major)), minor) => (major, minor.and_then(Result::ok).unwrap_or(0)) < (5u32, 1u32),
+        _ => false,
+    }
+}
+
+fn missing(program: &Path, film: &str, error: std::io::Error) -> CaptureError {
+    let what = program.display();
+    match error.kind() {
+        ErrorKind::NotFound => CaptureError::Unavailable {
+            what: film.to_owned(),
+            reason: format!(
+                "this film needs {what}, which is not installed; install it (apt install ffmpeg), build with --features mp4, or pipe YUV4MPEG2 into --input -"
+            ),
+        },
+        _ => CaptureError::from_io_named(&what.to_string(), error),
+    }
+}
+
+/// Asks ffprobe for rate, number of pictures and their times.
+fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureError> {
+    let output = command(ffprobe)
+        .args([
+            "-v",
+            "error",
+            "-protocol_whitelist",
+            "file",
+            "-select_streams",
+            "V:0",
+        ])
+        .args([
+            "-show_entries",
+            "stream=avg_frame_rate,nb_frames:packet=pts_time",
+        ])
+        .args(["-of", "csv"])
+        .arg(input)
+        .output()
+        .map_err(|e| missing(ffprobe, name, e))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let probe = parse_probe(&text);
+    match probe {
+        Some(probe) if output.status.success() => Ok(probe),
+        _ => {
+            let complaint = String::from_utf8_lossy(&output.stderr);
+            let last = complaint.lines().last().unwrap_or("no video stream").trim();
+            let last = last.strip_prefix(&format!("file:{name}: ")).unwrap_or(last);
+            Err(CaptureError::data(
+                name,
+                format!(
+                    "expected a film, ffprobe says: {last}; check the file, copy it again if it was cut off"
+                ),
+            ))
+        }
+    }
+}
+
+/// Lines `packet,TIME` and one `stream,RATE,COUNT`; `None` without a stream.
+fn parse_probe(text: &str) -> Option<Probe> {
+    let mut seconds = Vec::new();
+    let mut untimed = false;
+    let mut stream = None;
+    for line in text.lines() {
+        let mut fields = line.trim().split(',');
+        match fields.next() {
+            Some("packet") => match fields.next().and_then(|t| t.parse::<f64>().ok()) {
+                Some(time) if time.is_finite() => seconds.push(time),
+                _ => untimed = true,
+            },
+            Some("stream") => {
+                let fps = fields.next().and_then(parse_rate);
+                let announced = fields.next().and_then(|n| n.parse().ok());
+                stream = Some((fps.unwrap_or(DEFAULT_FPS), announced));
+            }
+            _ => {}
+        }
+    }
+    let (fps, announced) = stream?;
+    if untimed {
+        seconds.clear();
+    }
+    // Packets come in the order of decoding.
+    seconds.sort_by(f64::total_cmp);
+    let start = seconds.first().copied().unwrap_or(0.0);
+    Some(Probe {
+        fps,
+        times: seconds
+            .iter()
+            .map(|t| ((t - start) * 1e9).round() as u64)
+            .collect(),
+        announced,
+    })
+}
+
+/// `30000/1001` → 29.97; `None` for 0/0.
+fn parse_rate(text: &str) -> Option<f64> {
+    let (n, d) = text.split_once('/')?;
+    let rate = n.parse::<f64>().ok()? / d.parse::<f64>().ok()?;
+    (rate.is_finite() && rate > 0.0).then_some(rate)
+}
+
+/// `P6\nWIDTH HEIGHT\n255\n`; `None` at the end of the pipe.
+fn read_ppm_header<R: Read>(pipe: &mut R) -> std::io::Result<Option<(u32, u32)>> {
+    let bad = || {
+        std::io::Error::new(
+            ErrorKind::InvalidData,
+            "ffmpeg wrote something else than PPM",
+        )
+    };
+    let mut header = Vec::with_capacity(24);
+    let mut byte = [0];
+    while header.iter().filter(|b| **b == b'\n').count() < 3 {
+        match pipe.read(&mut byte) {
+            Ok(0) if header.is_empty() => return Ok(None),
+            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+            Ok(_) => header.push(byte[0]),
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+        if header.len() > 64 {
+            return Err(bad());
+        }
+    }
+    let text = String::from_utf8(header).map_err(|_| bad())?;
+    let words: Vec<&str> = text.split_ascii_whitespace().collect();
+    match words[..] {
+        ["P6", w, h, "255"] => match (w.parse(), h.parse()) {
+            (Ok(w), Ok(h)) => Ok(Some((w, h))),
+            _ => Err(bad()),
+        },
+        _ => Err(bad()),
+    }
+}
+
+/// Reads to the end and keeps the last part, so that the child never waits for us to listen.
+fn keep_end<R: Read>(mut pipe: R) -> String {
+    let mut kept = Vec::new();
+    let mut piece = [0; 1024];
+    loop {
+        match pipe.read(&mut piece) {
+            Ok(0) => break,
+            Ok(n) => kept.extend_from_slice(&piece[..n]),
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(_) => break,
+        }
+        if kept.len() > 2 * MAX_COMPLAINT {
+            kept.drain(..kept.len() - MAX_COMPLAINT);
+        }
+    }
+    String::from_utf8_lossy(&kept).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_releases_are_told_from_new_ones() {
+        for (version, old) in [
+            ("4.4.2", true),
+            ("5.0", true),
+            ("5.1.9", false),
+            ("6.1", false),
+            ("n7.0.1", false),
+            ("N", false),
+        ] {
+            assert_eq!(is_before_5_1(version), old, "{version}");
+        }
+    }
+
+    #[test]
+    fn times_are_sorted_and_start_at_zero() {
+        let probe = parse_probe("packet,0.5\npacket,0.7\npacket,0.6\nstream,10/1,3\n").unwrap();
+        assert_eq!(probe.times, [0, 100_000_000, 200_000_000]);
+        assert_eq!((probe.fps, probe.announced), (10.0, Some(3)));
+        assert!(parse_probe("packet,0.5\n").is_none());
+        let probe = parse_probe("packet,N/A\npacket,1\nstream,0/0,N/A\n").unwrap();
+        assert!(probe.times.is_empty());
+        assert_eq!((probe.fps, probe.announced), (DEFAULT_FPS, None));
+    }
+
+    #[test]
+    fn ppm_headers_are_read_exactly() {
+        let mut bytes = &b"P6\n640 360\n255\nxyz"[..];
+        assert_eq!(read_ppm_header(&mut bytes).unwrap(), Some((640, 360)));
+        assert_eq!(bytes, b"xyz");
+        assert_eq!(read_ppm_header(&mut &b""[..]).unwrap(), None);
+        assert!(read_ppm_header(&mut &b"P6\n64"[..]).is_err());
+        assert!(read_ppm_header(&mut &b"P5\n1 1\n255\n"[..]).is_err());
+        assert!(read_ppm_header(&mut &[b'x'; 100][..]).is_err());
+    }
+}

@@ -1,0 +1,267 @@
+//! H.264 films in MP4 files without any other program: a path goes in, frames come out. Feature `mp4`.
+//!
+//! The container is read by `re_mp4`, pictures by Cisco's OpenH264, built from source. Other codecs are left to ffmpeg.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::panic::{self, AssertUnwindSafe};
+use std::path::Path;
+
+use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
+use openh264::formats::YUVSource;
+use re_mp4::{Mp4, Sample, StsdBoxContent, TrackKind};
+
+use super::error::{CaptureError, name_of};
+use super::exif::Orientation;
+use super::frame::Frame;
+use super::limits::check_size;
+use super::source::Source;
+use super::yuv::{Matrix, Range, YuvToRgb};
+
+/// Height from which untagged film is taken for BT.709, as players do.
+const HIGH_DEFINITION_LINES: usize = 720;
+/// What stands before every unit of an H.264 stream outside a container.
+const START_CODE: [u8; 4] = [0, 0, 0, 1];
+
+/// Plays H.264 from an MP4 file.
+pub struct Mp4Source {
+    name: String,
+    file: File,
+    file_bytes: u64,
+    /// In the order of decoding.
+    samples: Vec<Sample>,
+    /// Times of the pictures in the order in which they are shown, nanoseconds.
+    times: Vec<u64>,
+    fps: Option<f64>,
+    /// Bytes of the length before each unit.
+    length_bytes: usize,
+    orientation: Orientation,
+    decoder: Decoder,
+    /// Next sample to decode.
+    position: usize,
+    /// Next picture to show.
+    index: usize,
+    /// Pictures that were still in the decoder after the last sample.
+    rest: VecDeque<Frame>,
+    ended: bool,
+    sample: Vec<u8>,
+    stream: Vec<u8>,
+}
+
+impl Mp4Source {
+    /// Reads the headers. `None`: the film is in another codec than H.264.
+    ///
+    /// # Errors
+    /// [`CaptureError::Data`] when the file is damaged or has no video, [`CaptureError::Io`] when it cannot be read.
+    pub fn open(path: &Path) -> Result<Option<Self>, CaptureError> {
+        let name = name_of(path);
+        let io = |e| CaptureError::from_io(path, e);
+        let file = File::open(path).map_err(io)?;
+        let file_bytes = file.metadata().map_err(io)?.len();
+        let damaged = |what: &str| {
+            CaptureError::data(
+                name.clone(),
+                format!(
+                    "expected an MP4 film, {what}; check the file, copy it again if it was cut off"
+                ),
+            )
+        };
+        let reader = BufReader::new(file.try_clone().map_err(io)?);
+        let mp4 = quietly(move || Mp4::read(reader, file_bytes))
+            .ok_or_else(|| damaged("its tables contradict each other"))?
+            .map_err(|e| damaged(&format!("found damage ({e})")))?;
+        let track = mp4
+            .tracks()
+            .values()
+            .find(|t| t.kind == Some(TrackKind::Video))
+            .ok_or_else(|| damaged("found no video in it"))?;
+        let trak = track.trak(&mp4);
+        let StsdBoxContent::Avc1(avc) = &trak.mdia.minf.stbl.stsd.contents else {
+            return Ok(None);
+        };
+        if track.samples.is_empty() || track.timescale == 0 {
+            return Err(damaged("found no pictures in it"));
+        }
+        let config = &avc.avcc.contents;
+        let mut stream = Vec::new();
+        let sets = config.sequence_parameter_sets.iter();
+        for unit in sets.chain(&config.picture_parameter_sets) {
+            stream.extend_from_slice(&START_CODE);
+            stream.extend_from_slice(&unit.bytes);
+        }
+        let mut decoder = Decoder::new().map_err(|e| damaged(&e.to_string()))?;
+        decoder
+            .decode_with_options(&stream, no_flush())
+            .map_err(|e| damaged(&format!("found damage ({e})")))?;
+        let scale = 1e9 / track.timescale as f64;
+        let mut times: Vec<u64> = track
+            .samples
+            .iter()
+            .map(|s| (s.composition_timestamp.max(0) as f64 * scale).round() as u64)
+            .collect();
+        times.sort_unstable();
+        let seconds = (times[times.len() - 1] - times[0]) as f64 / 1e9;
+        let matrix = &trak.tkhd.matrix;
+        Ok(Some(Self {
+            fps: (seconds > 0.0).then(|| (times.len() - 1) as f64 / seconds),
+            length_bytes: usize::from(config.length_size_minus_one & 3) + 1,
+            orientation: orientation([matrix.a, matrix.b, matrix.c, matrix.d]),
+            samples: track.samples.clone(),
+            times,
+            name,
+            file,
+            file_bytes,
+            decoder,
+            position: 0,
+            index: 0,
+            rest: VecDeque::new(),
+            ended: false,
+            sample: Vec::new(),
+            stream,
+        }))
+    }
+
+    /// Reads the next sample and rewrites its lengths as start codes.
+    fn read_sample(&mut self) -> Result<(), CaptureError> {
+        let sample = self.samples[self.position];
+        let end = sample.offset.checked_add(sample.size);
+        if end.is_none_or(|end| end > self.file_bytes) {
+            self.ended = true;
+            return Err(CaptureError::data(
+                self.name.clone(),
+                format!(
+                    "the file ends inside picture {}; the pictures before it were read, copy the file again for the rest",
+                    self.position
+                ),
+            ));
+        }
+        self.position += 1;
+        // At most the file's own size.
+        self.sample.resize(sample.size as usize, 0);
+        self.file
+            .seek(SeekFrom::Start(sample.offset))
+            .and_then(|_| self.file.read_exact(&mut self.sample))
+            .map_err(|e| CaptureError::from_io_named(&self.name, e))?;
+        self.stream.clear();
+        let mut left = &self.sample[..];
+        while left.len() > self.length_bytes {
+            let (length, body) = left.split_at(self.length_bytes);
+            let length = length.iter().fold(0, |n, b| n << 8 | usize::from(*b));
+            let length = length.min(body.len());
+            self.stream.extend_from_slice(&START_CODE);
+            self.stream.extend_from_slice(&body[..length]);
+            left = &body[length..];
+        }
+        Ok(())
+    }
+
+    /// Gives a picture its place in time and turns it upright.
+    fn finish(&mut self, frame: &mut Frame) {
+        self.orientation.apply(frame);
+        frame.sequence = self.index as u64;
+        frame.time_ns = self.times[self.index.min(self.times.len() - 1)];
+        self.index += 1;
+    }
+}
+
+impl Source for Mp4Source {
+    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        while !self.ended && self.position < self.samples.len() {
+            self.read_sample()?;
+            let picture = |reason| CaptureError::Picture {
+                input: format!("{}, picture {}", self.name, self.position - 1),
+                reason,
+            };
+            let decoded = self
+                .decoder
+                .decode_with_options(&self.stream, no_flush())
+                .map_err(|e| picture(format!("the picture is damaged ({e}); it is left out")))?;
+            if let Some(yuv) = decoded {
+                to_rgb(&yuv, frame).map_err(picture)?;
+                self.finish(frame);
+                return Ok(true);
+            }
+        }
+        if !self.ended {
+            self.ended = true;
+            let rest = self.decoder.flush_remaining().unwrap_or_default();
+            for yuv in &rest {
+                let mut frame = Frame::default();
+                if to_rgb(yuv, &mut frame).is_ok() {
+                    self.rest.push_back(frame);
+                }
+            }
+        }
+        match self.rest.pop_front() {
+            Some(last) => {
+                *frame = last;
+                self.finish(frame);
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+
+    fn frame_count(&self) -> Option<u64> {
+        Some(self.samples.len() as u64)
+    }
+
+    fn fps(&self) -> Option<f64> {
+        self.fps
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// Pictures come in the order in which they are shown only when the decoder may hold some back.
+fn no_flush() -> DecodeOptions {
+    DecodeOptions::new().flush_after_decode(Flush::NoFlush)
+}
+
+/// The decoder's planes → RGB.
+fn to_rgb(yuv: &DecodedYUV<'_>, frame: &mut Frame) -> Result<(), String> {
+    let (width, height) = yuv.dimensions();
+    check_size(width as u64, height as u64)?;
+    frame.width = width as u32;
+    frame.height = height as u32;
+    frame.rgb.resize(3 * width * height, 0);
+    let matrix = if height >= HIGH_DEFINITION_LINES {
+        Matrix::Bt709
+    } else {
+        Matrix::Bt601
+    };
+    let (y, u, _) = yuv.strides();
+    YuvToRgb::new(matrix, Range::Limited).planar(
+        [yuv.y(), yuv.u(), yuv.v()],
+        [y, u],
+        (1, 1),
+        width,
+        &mut frame.rgb,
+    );
+    Ok(())
+}
+
+/// A track's matrix (a, b, c, d) as one of the eight orientations; anything skewed counts as upright.
+fn orientation(matrix: [i32; 4]) -> Orientation {
+    match matrix.map(i32::signum) {
+        [-1, 0, 0, -1] => Orientation::HalfTurn,
+        [0, 1, -1, 0] => Orientation::QuarterClockwise,
+        [0, -1, 1, 0] => Orientation::QuarterCounterClockwise,
+        [-1, 0, 0, 1] => Orientation::MirroredAcross,
+        [1, 0, 0, -1] => Orientation::MirroredDown,
+        _ => Orientation::Upright,
+    }
+}
+
+/// Runs a parser that panics on damaged tables; `None` when it did, without a word on the terminal.
+fn quietly<T>(parse: impl FnOnce() -> T) -> Option<T> {
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    // Whatever the parser was building is dropped with it.
+    let result = panic::catch_unwind(AssertUnwindSafe(parse));
+    panic::set_hook(hook);
+    result.ok()
+}

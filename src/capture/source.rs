@@ -1,0 +1,46 @@
+//! What every input looks like to the rest: pictures, one after the other.
+
+use super::error::CaptureError;
+use super::frame::Frame;
+
+/// An input that gives pictures.
+pub trait Source: Send {
+    /// Overwrites `frame` with the next picture, its buffer reused. `Ok(false)`: the input has ended, `frame` is as it was.
+    ///
+    /// # Errors
+    /// A [skippable](CaptureError::is_skippable) error concerns this one picture: the next call goes on after it. After any
+    /// other error the source has ended. `frame` then holds nothing useful.
+    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError>;
+
+    /// The next picture in a buffer of its own, `None` at the end.
+    ///
+    /// # Errors
+    /// As [`next_into`](Self::next_into).
+    fn next(&mut self) -> Result<Option<Frame>, CaptureError> {
+        let mut frame = Frame::default();
+        Ok(self.next_into(&mut frame)?.then_some(frame))
+    }
+
+    /// How many pictures the whole input has, if that is known: for progress bars, not for allocation.
+    fn frame_count(&self) -> Option<u64> {
+        None
+    }
+
+    /// Pictures per second at which the input was taken, if it is a sequence in time.
+    fn fps(&self) -> Option<f64> {
+        None
+    }
+
+    /// Whether pictures are lost when nobody asks for them.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// What the user pointed at.
+    fn name(&self) -> &str;
+
+    /// Where the newest picture comes from: its file in a folder of photos, else [`name`](Self::name).
+    fn picture(&self) -> String {
+        self.name().to_owned()
+    }
+}

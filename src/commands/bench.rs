@@ -1,0 +1,128 @@
+//! `edgecap bench`: the speed certificate of this machine.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+
+use super::exit::Failure;
+use crate::bench::{BenchOptions, Certificate, Subject, certify};
+use crate::engine::{Model, ModelError};
+use crate::output::AtomicFile;
+
+/// Options of `edgecap bench`.
+#[derive(Debug, clap::Args)]
+pub struct BenchArgs {
+    /// Model file for the pose network; the shipped one when not given
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Networks to measure; those without trained weights run with random ones
+    #[arg(
+        long,
+        value_name = "NAME,…",
+        value_delimiter = ',',
+        default_value = "selecsls,resnet50"
+    )]
+    networks: Vec<String>,
+    /// Network input size, multiples of 16
+    #[arg(long, value_name = "WxH", default_value = "512x320", value_parser = super::infer::parse_size)]
+    size: (usize, usize),
+    /// Numbers of threads to measure with; 1 and all cores when not given
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Vec<u16>,
+    /// Seconds for each network, precision and number of threads
+    #[arg(long, value_name = "S", default_value_t = 3.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Time of every layer too
+    #[arg(long)]
+    layers: bool,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Write the JSON to this file too
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(s) if (0.0..=3600.0).contains(&s) => Ok(s),
+        _ => Err(format!("'{text}': expected seconds from 0 to 3600")),
+    }
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// When a model cannot be read, a network is unknown, or nothing can be printed.
+pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(Duration::from_millis(500));
+    spinner.set_message("weights");
+    let trained = trained(args.model.as_deref())?;
+    let mut names = args.networks.clone();
+    if let Some(given) = trained.as_ref().filter(|_| args.model.is_some())
+        && !names.iter().any(|n| n == given.name())
+    {
+        names.insert(0, given.name().to_owned());
+    }
+    let mut subjects = Vec::new();
+    for name in &names {
+        subjects.push(match trained.as_ref().filter(|t| t.name() == name) {
+            Some(trained) => trained.clone(),
+            None => Subject::random(name, args.size)?,
+        });
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut threads: Vec<usize> = args.threads.iter().map(|&t| t.into()).collect();
+    if threads.is_empty() {
+        threads = vec![1, cores];
+    }
+    threads.sort_unstable();
+    threads.dedup();
+    let options = BenchOptions {
+        size: args.size,
+        threads,
+        time: Duration::from_secs_f64(args.seconds),
+        layers: args.layers,
+    };
+    // A ticking spinner would wake a core now and then while another is measured.
+    spinner.disable_steady_tick();
+    let certificate = certify(&subjects, &options, |next| {
+        spinner.set_message(next.to_owned());
+        spinner.tick();
+    })?;
+    spinner.finish_and_clear();
+    if let Some(path) = &args.save {
+        save(path, &certificate).map_err(|e| Failure::output(path, &e))?;
+    }
+    let mut out = std::io::stdout().lock();
+    if args.json {
+        serde_json::to_writer_pretty(&mut out, &certificate)?;
+        writeln!(out)?;
+    } else {
+        write!(out, "{certificate}")?;
+    }
+    Ok(())
+}
+
+fn save(path: &Path, certificate: &Certificate) -> std::io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    serde_json::to_writer_pretty(&mut file, certificate)?;
+    writeln!(file)?;
+    file.finish()
+}
+
+/// The given or shipped model; `None` in a build without weights.
+fn trained(path: Option<&Path>) -> anyhow::Result<Option<Subject>> {
+    if let Some(path) = path {
+        let origin = path.display().to_string();
+        return Ok(Some(Subject::trained(Model::open(path)?, &origin)));
+    }
+    match Model::shipped() {
+        Ok(model) => Ok(Some(Subject::trained(model, "shipped"))),
+        Err(ModelError::NotShipped) => Ok(None),
+        Err(e) => Err(e.into()),
+    }
+}

@@ -1,0 +1,103 @@
+//! `edgecap eval`: predictions and ground truth in, a table and JSON out.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::exit::Failure;
+use crate::eval::{
+    EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet,
+};
+use crate::output::AtomicFile;
+
+/// Options of `edgecap eval`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct EvalArgs {
+    /// Predictions: the JSON lines that `infer --jsonl` or `run --jsonl` wrote
+    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    pub predictions: Vec<PathBuf>,
+    /// Ground truth; several files of one kind count as one set
+    #[arg(
+        long,
+        value_name = "FILE",
+        num_args = 1..,
+        required_unless_present = "no_people"
+    )]
+    pub truth: Vec<PathBuf>,
+    /// How the truth is written
+    #[arg(long, value_enum, default_value = "auto")]
+    pub format: Format,
+    /// Part of a truth that has parts, such as 'test'
+    #[arg(long, value_name = "NAME")]
+    pub split: Option<String>,
+    /// There is nobody in any of the pictures: everybody predicted is wrong
+    #[arg(long, conflicts_with = "truth")]
+    pub no_people: bool,
+    /// Points that count in OKS
+    #[arg(long, value_enum, default_value = "shared")]
+    pub joints: JointSet,
+    /// Fewest labelled joints of a person who is missed when not found
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub min_joints: usize,
+    /// Least height of such a person, in pixels of the network's 512x320 input
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    pub min_height: f64,
+    /// Write every figure as JSON; '-' for standard output, in place of the table
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// When a file cannot be read, is not what it should be, or no prediction belongs to the truth.
+pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
+    let mut predictions = Predictions::default();
+    for path in &args.predictions {
+        predictions.append(Predictions::read(path).map_err(coded)?);
+    }
+    let report = if args.no_people {
+        Report {
+            quiet: Some(quiet(&predictions)),
+            ..Report::default()
+        }
+    } else {
+        let mut truth = TruthSet::default();
+        for path in &args.truth {
+            let more = TruthSet::read(path, args.format, args.split.as_deref()).map_err(coded)?;
+            truth
+                .append(more, &path.display().to_string())
+                .map_err(coded)?;
+        }
+        let options = EvalOptions {
+            joints: args.joints,
+            min_joints: args.min_joints,
+            min_height: args.min_height,
+        };
+        evaluate(&predictions, &truth, &options).map_err(coded)?
+    };
+    let to_stdout = args.json.as_deref().is_some_and(|p| p.as_os_str() == "-");
+    if let Some(path) = &args.json {
+        let mut text = serde_json::to_string_pretty(&report)?;
+        text.push('\n');
+        if to_stdout {
+            return Ok(std::io::stdout().write_all(text.as_bytes())?);
+        }
+        write(path, &text).map_err(|e| Failure::output(path, &e))?;
+    }
+    write!(std::io::stdout(), "{report}")?;
+    Ok(())
+}
+
+/// Gives an error of the measures its exit code.
+fn coded(error: EvalError) -> anyhow::Error {
+    match error {
+        EvalError::Read { path, source } => Failure::no_input(&path, &source).into(),
+        other => Failure::data(other.to_string()).into(),
+    }
+}
+
+fn write(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(text.as_bytes())?;
+    file.finish()
+}

@@ -1,0 +1,153 @@
+//! Exit codes of `sysexits.h`, and which error earns which.
+
+use edgecap_client::LinkError;
+
+use crate::capture::CaptureError;
+use crate::engine::ModelError;
+use crate::fit::offline::OfflineError;
+
+/// The command line was wrong.
+pub const USAGE: u8 = 64;
+/// The input's content was wrong.
+pub const DATA: u8 = 65;
+/// The input could not be opened.
+pub const NO_INPUT: u8 = 66;
+/// A device or service is not there or is taken.
+pub const UNAVAILABLE: u8 = 69;
+/// Our own fault.
+pub const SOFTWARE: u8 = 70;
+/// The output could not be created.
+pub const CANNOT_CREATE: u8 = 73;
+/// Reading or writing failed on the way.
+pub const IO: u8 = 74;
+/// Ended by the user: 128 + SIGINT, as shells have it.
+pub const INTERRUPTED: u8 = 130;
+/// A configuration file was wrong.
+pub const CONFIG: u8 = 78;
+
+/// An error that carries its exit code.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    /// The user asked for something that does not exist or does not go together.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self {
+            code: USAGE,
+            message: message.into(),
+        }
+    }
+
+    /// A result could not be written.
+    pub fn output(path: &std::path::Path, cause: &std::io::Error) -> Self {
+        let message = format!(
+            "cannot write {}: {cause}; choose a writable place",
+            path.display()
+        );
+        Self {
+            code: CANNOT_CREATE,
+            message,
+        }
+    }
+
+    /// An input file cannot be opened.
+    pub fn no_input(path: &std::path::Path, cause: &std::io::Error) -> Self {
+        let message = format!(
+            "cannot open {}: {cause}; check the path and its permissions",
+            path.display()
+        );
+        Self {
+            code: NO_INPUT,
+            message,
+        }
+    }
+
+    /// An input file's content is wrong.
+    pub fn data(message: impl Into<String>) -> Self {
+        Self {
+            code: DATA,
+            message: message.into(),
+        }
+    }
+
+    /// The user stopped the work before its result was whole.
+    pub fn stopped() -> Self {
+        Self {
+            code: INTERRUPTED,
+            message: "stopped before the end; nothing was written".to_owned(),
+        }
+    }
+
+    /// A configuration file is wrong.
+    pub fn config(message: impl Into<String>) -> Self {
+        Self {
+            code: CONFIG,
+            message: message.into(),
+        }
+    }
+
+    /// A child process failed.
+    pub fn child(code: u8, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            message: message.into(),
+        }
+    }
+
+    /// A child process failed and has already said why.
+    pub fn silent(code: u8) -> Self {
+        Self {
+            code,
+            message: String::new(),
+        }
+    }
+}
+
+/// The exit code for an error: the first cause that knows one, else [`SOFTWARE`].
+pub fn code(error: &anyhow::Error) -> u8 {
+    error
+        .chain()
+        .find_map(|cause| {
+            if let Some(e) = cause.downcast_ref::<Failure>() {
+                return Some(e.code);
+            }
+            if let Some(e) = cause.downcast_ref::<CaptureError>() {
+                return Some(e.exit_code());
+            }
+            if let Some(e) = cause.downcast_ref::<ModelError>() {
+                return Some(model_code(e));
+            }
+            if let Some(e) = cause.downcast_ref::<OfflineError>() {
+                return Some(match e {
+                    OfflineError::Io { .. } => IO,
+                    OfflineError::Line { .. } => DATA,
+                });
+            }
+            match cause.downcast_ref::<LinkError>()? {
+                LinkError::Name(_) => Some(USAGE),
+                LinkError::Busy { .. } | LinkError::Incompatible { .. } => Some(UNAVAILABLE),
+                LinkError::SharedMemory { .. } => Some(IO),
+            }
+        })
+        .unwrap_or(SOFTWARE)
+}
+
+/// Whether the user has been told already.
+pub fn is_silent(error: &anyhow::Error) -> bool {
+    error
+        .downcast_ref::<Failure>()
+        .is_some_and(|f| f.message.is_empty())
+}
+
+fn model_code(error: &ModelError) -> u8 {
+    match error {
+        ModelError::Io { action: "read", .. } | ModelError::NotShipped => NO_INPUT,
+        ModelError::Io { .. } => CANNOT_CREATE,
+        ModelError::NoRange(_) => USAGE,
+        _ => DATA,
+    }
+}

@@ -1,0 +1,186 @@
+//! Which input a verb reads: what the user named, else the first camera, else the bundled clip.
+
+use std::convert::Infallible;
+use std::ffi::OsString;
+use std::os::unix::fs::FileTypeExt;
+use std::path::PathBuf;
+
+use crate::capture::{self, CameraFile, CaptureError, InputSpec, OpenOptions, Source};
+use crate::synth::demo;
+
+/// Stream name of a camera or pipe when the user gives none.
+pub const DEFAULT_NAME: &str = "camera0";
+
+/// Options that choose the input.
+#[derive(Debug, Clone, clap::Args)]
+pub struct InputArgs {
+    /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
+    /// [default: the first camera, else the bundled demo clip]
+    #[arg(long, value_name = "INPUT")]
+    pub input: Option<String>,
+    /// Name under which observations and bodies are published [default: camera0, or the file's name]
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Camera intrinsics: fx, fy, cx, cy, width, height, or fov_degrees (TOML); 60 degrees across when not given
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
+    /// Picture size to ask a camera for
+    #[arg(long, value_name = "WxH", value_parser = parse_capture_size)]
+    pub capture_size: Option<(u32, u32)>,
+    /// Frame rate to ask a camera for, or at which a folder's photos were taken
+    #[arg(long, value_name = "FPS", value_parser = parse_fps)]
+    pub fps: Option<f64>,
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(fps) if (0.1..=1000.0).contains(&fps) => Ok(fps),
+        _ => Err(format!(
+            "'{text}': expected pictures per second, such as 30"
+        )),
+    }
+}
+
+fn parse_capture_size(text: &str) -> Result<(u32, u32), String> {
+    let wrong = || format!("'{text}': expected WIDTHxHEIGHT, such as 1280x720");
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    match (w.parse(), h.parse()) {
+        (Ok(w), Ok(h)) if (16..=8192).contains(&w) && (16..=8192).contains(&h) => Ok((w, h)),
+        _ => Err(wrong()),
+    }
+}
+
+/// An input, named.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chosen {
+    /// What to open.
+    pub spec: InputSpec,
+    /// Stream name.
+    pub name: String,
+    is_camera: bool,
+}
+
+impl InputArgs {
+    /// The arguments again, for a child process that reads `chosen`.
+    pub fn to_args(&self, chosen: &Chosen) -> Vec<OsString> {
+        let mut args: Vec<OsString> = vec!["--input".into(), chosen.spec.to_string().into()];
+        args.extend(["--name".into(), chosen.name.clone().into()]);
+        if let Some((w, h)) = self.capture_size {
+            args.extend(["--capture-size".into(), format!("{w}x{h}").into()]);
+        }
+        if let Some(fps) = self.fps {
+            args.extend(["--fps".into(), fps.to_string().into()]);
+        }
+        if let Some(camera) = &self.camera {
+            args.extend(["--camera".into(), camera.into()]);
+        }
+        args
+    }
+}
+
+impl Chosen {
+    /// Whether the input has an end and its own clock.
+    pub fn is_file(&self) -> bool {
+        !self.is_camera
+    }
+
+    /// Whether it is a photo or a folder of photos.
+    pub fn is_stills(&self) -> bool {
+        const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
+        let InputSpec::Path(path) = &self.spec else {
+            return false;
+        };
+        let extension = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase());
+        path.is_dir() || extension.is_some_and(|e| PHOTOS.contains(&e.as_str()))
+    }
+
+    /// Whether it can be read a second time.
+    pub fn can_reopen(&self) -> bool {
+        !self.is_camera && self.spec != InputSpec::Stdin
+    }
+
+    /// Opens it.
+    ///
+    /// # Errors
+    /// As [`capture::open`].
+    pub fn open(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
+        Ok(match &self.spec {
+            InputSpec::Demo => capture::open_bytes("demo", demo::CLIP)?,
+            spec => {
+                let options = OpenOptions {
+                    size: args.capture_size,
+                    fps: args.fps,
+                };
+                capture::open(spec, &options)?
+            }
+        })
+    }
+}
+
+/// Decides which input the arguments mean.
+pub fn choose(args: &InputArgs) -> Chosen {
+    let spec = match &args.input {
+        Some(text) => text
+            .parse()
+            .unwrap_or_else(|never: Infallible| match never {}),
+        None => match capture::list_cameras() {
+            Err(CaptureError::Unavailable { .. }) => InputSpec::Demo,
+            // Also a camera that this user may not open: opening it says what to do.
+            _ => InputSpec::FirstCamera,
+        },
+    };
+    let is_camera = match &spec {
+        InputSpec::FirstCamera => true,
+        InputSpec::Path(path) => std::fs::metadata(path).map_or_else(
+            |_| path.starts_with("/dev"),
+            |m| m.file_type().is_char_device(),
+        ),
+        InputSpec::Demo | InputSpec::Stdin => false,
+    };
+    let name = args.name.clone().unwrap_or_else(|| match &spec {
+        InputSpec::Demo => "demo".to_owned(),
+        InputSpec::Path(path) => path.file_stem().map_or_else(
+            || DEFAULT_NAME.to_owned(),
+            |s| service_name(&s.to_string_lossy()),
+        ),
+        InputSpec::Stdin | InputSpec::FirstCamera => DEFAULT_NAME.to_owned(),
+    });
+    Chosen {
+        spec,
+        name,
+        is_camera,
+    }
+}
+
+/// The camera that the arguments name.
+///
+/// # Errors
+/// If its file is wrong.
+pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFile> {
+    Ok(match &args.camera {
+        Some(path) => CameraFile::read(path)?,
+        None if chosen.spec == InputSpec::Demo => demo::camera(),
+        None => CameraFile::default(),
+    })
+}
+
+fn service_name(stem: &str) -> String {
+    let name: String = stem
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || c == '-' {
+                c
+            } else {
+                '_'
+            }
+        })
+        .take(64)
+        .collect();
+    if name.is_empty() {
+        DEFAULT_NAME.to_owned()
+    } else {
+        name
+    }
+}

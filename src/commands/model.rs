@@ -1,0 +1,379 @@
+//! `edgecap model`: weights in and out of model files, and single pictures through them.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::npz::{Array, npz};
+use super::picture;
+use crate::capture::Frame;
+use crate::engine::model::{Calibration, RangeChoice, Weights};
+use crate::engine::{
+    CalibrationOptions, Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision,
+};
+use crate::joints::EVIDENCE_JOINTS;
+
+/// Pictures that ways of choosing ranges are tried on.
+const TRIAL_PICTURES: usize = 12;
+
+/// Arguments of `edgecap model`.
+#[derive(Debug, Args)]
+pub struct ModelArgs {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Turn PyTorch weights (safetensors) into a model file: batch norm folded, int8
+    Import(Import),
+    /// Say what a model file holds
+    Info {
+        /// Model file; without it, the weights of this program
+        model: Option<PathBuf>,
+    },
+    /// Check a model file: digest, names, shapes, ranges; then run it once
+    Verify {
+        /// Model file; without it, the weights of this program
+        model: Option<PathBuf>,
+    },
+    /// Run one picture and write the maps as .npz: heatmaps [14,h,w], pafs [26,h,w], encodings [63,h,w]
+    Run(RunOne),
+}
+
+#[derive(Debug, Args)]
+struct Import {
+    /// Weights of Stage I, safetensors with a contract in their metadata
+    weights: PathBuf,
+    /// Weights of Stage II, to go into the same file
+    #[arg(long)]
+    stage2: Option<PathBuf>,
+    /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
+    #[arg(long, default_value = "selecsls")]
+    arch: String,
+    /// Folder of pictures to find activation ranges with, each scaled to cover width x height and cropped; without it the weights' contract must have them
+    #[arg(long)]
+    calibrate: Option<PathBuf>,
+    /// At most this many pictures, evenly over the folder
+    #[arg(long, default_value_t = 64)]
+    pictures: usize,
+    /// How ranges are chosen: max, mse or percentile:SHARE
+    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
+    range: RangeChoice,
+    /// 0: one range for all channels of a layer; 1: a range of its own for each
+    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
+    own_ranges: f32,
+    /// Leave biases as they are instead of correcting the mean error of rounded weights
+    #[arg(long)]
+    no_bias_correction: bool,
+    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options above say
+    #[arg(long)]
+    try_ranges: bool,
+    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
+    #[arg(long)]
+    width: Option<usize>,
+    /// Height that pictures are calibrated at; without it about their own
+    #[arg(long)]
+    height: Option<usize>,
+    /// Model file to write
+    #[arg(short, long)]
+    output: PathBuf,
+}
+
+#[derive(Debug, Args)]
+struct RunOne {
+    /// Model file, or safetensors (then give --arch)
+    model: PathBuf,
+    /// Picture, JPEG or PNG
+    #[arg(long)]
+    image: PathBuf,
+    /// File to write
+    #[arg(long)]
+    npz: PathBuf,
+    /// Arithmetic
+    #[arg(long, value_enum, default_value = "int8")]
+    precision: PrecisionArg,
+    /// Network of safetensors
+    #[arg(long, default_value = "selecsls")]
+    arch: String,
+    /// Network input, pixels across
+    #[arg(long, default_value_t = 512)]
+    width: usize,
+    /// Network input, pixels down
+    #[arg(long, default_value_t = 320)]
+    height: usize,
+    /// Threads
+    #[arg(long, default_value_t = EngineOptions::default().threads)]
+    threads: usize,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    Int8,
+    F32,
+}
+
+/// Runs `edgecap model`.
+pub fn model(args: ModelArgs) -> Result<()> {
+    match args.verb {
+        Verb::Import(a) => import(&a),
+        Verb::Info { model } => info(&open(model.as_deref())?),
+        Verb::Verify { model } => verify(&open(model.as_deref())?),
+        Verb::Run(a) => run(&a),
+    }
+}
+
+fn open(path: Option<&Path>) -> Result<Model> {
+    match path {
+        Some(path) => Model::open(path).with_context(|| path.display().to_string()),
+        None => Ok(Model::shipped()?),
+    }
+}
+
+fn network(arch: &str) -> Result<Network> {
+    if arch.ends_with(".toml") {
+        return Ok(Network::parse(&String::from_utf8(read(Path::new(arch))?)?)?);
+    }
+    Ok(Network::shipped(arch)?)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn import(a: &Import) -> Result<()> {
+    let name = || a.weights.display().to_string();
+    let mut model =
+        Model::from_safetensors(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
+    if let Some(path) = &a.stage2 {
+        model = model
+            .with_stage2(&read(path)?)
+            .with_context(|| path.display().to_string())?;
+    }
+    let model = match &a.calibrate {
+        None => model.quantise(None)?,
+        Some(folder) => {
+            let files = pictures(folder, a.pictures)?;
+            let pictures = files.iter().map(|path| picture::upright(path));
+            let pictures = pictures.collect::<Result<Vec<_>>>()?;
+            let reference = model.contract().input.reference_size;
+            let side = |given: Option<usize>, of: fn(&Frame) -> u32, most| {
+                given.unwrap_or_else(|| usual_side(&pictures, of, most))
+            };
+            let size = (
+                side(a.width, |p| p.width, reference[0]),
+                side(a.height, |p| p.height, reference[1]),
+            );
+            let options = CalibrationOptions {
+                size,
+                own_ranges: a.own_ranges.clamp(0.0, 1.0),
+                correct_bias: !a.no_bias_correction,
+                choice: a.range,
+            };
+            let inputs = pictures.iter().map(|p| picture::covering(p, size));
+            let mut calibration = Calibration::observe(&model, inputs, options)?;
+            if a.try_ranges {
+                select(&mut calibration, &model, &pictures, size)?;
+            }
+            model.quantise(Some(&calibration))?
+        }
+    };
+    model.save(&a.output)?;
+    println!("{} written: {}", a.output.display(), model.calibration());
+    println!("blake3 of the file {}", blake3::hash(&model.to_bytes()?));
+    Ok(())
+}
+
+/// The median side of pictures in multiples of 16, at most `most`.
+fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize {
+    let mut sides: Vec<u32> = pictures.iter().map(side).collect();
+    sides.sort_unstable();
+    let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
+    (median.next_multiple_of(16)).min(most)
+}
+
+/// Settles how ranges are chosen by trial on some of the pictures, whole.
+fn select(
+    calibration: &mut Calibration,
+    model: &Model,
+    pictures: &[Frame],
+    size: (usize, usize),
+) -> Result<()> {
+    let some = pictures
+        .iter()
+        .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
+    let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
+    let trials = calibration.select(model, &inputs, size)?;
+    println!("error    range               own  bias corrected");
+    for t in trials {
+        let choice = t.choice.to_string();
+        println!(
+            "{:.4}   {choice:18}  {:.2}  {}",
+            t.error, t.own_ranges, t.correct_bias
+        );
+    }
+    Ok(())
+}
+
+/// At most `most` pictures of a folder, evenly spaced in order of name.
+fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
+    let entries =
+        std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        let ending = path.extension().map(|e| e.to_ascii_lowercase());
+        if ending.is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|x| e == *x)) {
+            files.push(path);
+        }
+    }
+    if files.is_empty() || most == 0 {
+        bail!(
+            "{}: expected JPEG or PNG pictures to calibrate on, found {}; name another folder",
+            folder.display(),
+            files.len()
+        );
+    }
+    files.sort();
+    let n = most.min(files.len());
+    Ok((0..n).map(|i| files[i * files.len() / n].clone()).collect())
+}
+
+fn info(model: &Model) -> Result<()> {
+    let (network, contract) = (model.network(), model.contract());
+    let graph = network.graph();
+    let [w, h] = contract.input.reference_size;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "network      {}: {}", network.name(), network.about())?;
+    writeln!(
+        out,
+        "size         {:.2} M parameters, {:.2} GMAC at {w}x{h}",
+        graph.parameters() as f64 / 1e6,
+        graph.macs(h, w) as f64 / 1e9
+    )?;
+    let numerics = match model.weights() {
+        Weights::Int8 { .. } => "int8 weights per channel, 7-bit activations",
+        Weights::Float(_) => "f32",
+    };
+    writeln!(out, "numerics     {numerics}")?;
+    writeln!(out, "calibration  {}", model.calibration())?;
+    writeln!(
+        out,
+        "training     {} steps, {} pictures; {}",
+        contract.common.step, contract.common.images, contract.common.trained_on
+    )?;
+    writeln!(
+        out,
+        "3D head      {}",
+        if model.encodings_trained() {
+            "trained"
+        } else {
+            "not trained"
+        }
+    )?;
+    let stage2 = match model.stage2() {
+        Some(s) => format!(
+            "{} layers, {} steps of training",
+            s.layers.len(),
+            s.contract.common.step
+        ),
+        None => "none".into(),
+    };
+    writeln!(out, "stage II     {stage2}")?;
+    for line in model.history() {
+        writeln!(out, "history      {line}")?;
+    }
+    if let Some(digest) = model.digest() {
+        writeln!(out, "blake3       {digest}")?;
+    }
+    Ok(())
+}
+
+fn verify(model: &Model) -> Result<()> {
+    // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give numbers.
+    let options = EngineOptions {
+        width: 128,
+        height: 96,
+        ..EngineOptions::default()
+    };
+    let mut engine = Engine::new(model, options)?;
+    let ramp = (0..3 * 128 * 96)
+        .map(|i| (i * 37 % 256) as u8)
+        .collect::<Vec<_>>();
+    let maps = engine.run(&ramp);
+    if !maps
+        .head2d
+        .iter()
+        .chain(&maps.head3d)
+        .all(|x| x.is_finite())
+    {
+        bail!("the network gives numbers that are not finite: import the weights again");
+    }
+    println!("ok {}", model.digest().unwrap_or("(no digest)"));
+    Ok(())
+}
+
+fn run(a: &RunOne) -> Result<()> {
+    let model = Model::open_any(&a.model, network(&a.arch)?)
+        .with_context(|| a.model.display().to_string())?;
+    let precision = match a.precision {
+        PrecisionArg::Int8 => Precision::Int8,
+        PrecisionArg::F32 => Precision::F32,
+    };
+    if matches!(precision, Precision::F32) && model.is_quantised() {
+        eprintln!(
+            "note: {} holds int8 weights; f32 runs what they stand for, not the trained floats",
+            a.model.display()
+        );
+    }
+    let model = match precision {
+        // Safetensors with ranges in their contract can run in int8 at once.
+        Precision::Int8 => model.quantise(None)?,
+        Precision::F32 => model,
+    };
+    let options = EngineOptions {
+        width: a.width,
+        height: a.height,
+        threads: a.threads,
+        precision,
+        ..EngineOptions::default()
+    };
+    let mut engine = Engine::new(&model, options)?;
+    let picture = picture::letterboxed(&picture::upright(&a.image)?, (a.width, a.height));
+    write_maps(engine.run(&picture), &a.npz)
+}
+
+/// Channel-first copies of the maps, written beside and renamed.
+fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
+    let (h, w) = (maps.height, maps.width);
+    let planes = |map: &[f32], channels: std::ops::Range<usize>| -> Vec<f32> {
+        let stride = map.len() / (h * w);
+        let plane = |c| (0..h * w).map(move |i| map[i * stride + c]);
+        channels.flat_map(plane).collect()
+    };
+    let heatmaps = planes(&maps.head2d, 0..EVIDENCE_JOINTS);
+    let pafs = planes(&maps.head2d, EVIDENCE_JOINTS..HEAD2D_CHANNELS);
+    let encodings = planes(&maps.head3d, 0..maps.head3d.len() / (h * w));
+    let array = |name, data: &[f32]| (name, [data.len() / (h * w), h, w]);
+    let all = [
+        (array("heatmaps", &heatmaps), &heatmaps),
+        (array("pafs", &pafs), &pafs),
+        (array("encodings", &encodings), &encodings),
+    ];
+    let arrays = all
+        .each_ref()
+        .map(|((name, shape), data)| Array { name, shape, data });
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let write = || -> std::io::Result<()> {
+        let mut beside = tempfile::NamedTempFile::new_in(folder)?;
+        beside.write_all(&npz(&arrays))?;
+        beside.persist(path)?;
+        Ok(())
+    };
+    write().with_context(|| format!("cannot write {}", path.display()))
+}

@@ -1,0 +1,135 @@
+//! The stages of `infer`, joined: a frame goes in, observations come out.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Context;
+use edgecap_client::message::{Intrinsics, Observation, StageTimes};
+
+use super::exit::Failure;
+use crate::capture::{Frame, Resizer};
+use crate::detect::{AssociationConfig, Associator};
+use crate::engine::model::Linear;
+use crate::engine::{Engine, EngineOptions, Isa, Model, Precision};
+use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
+
+/// What to run, and how.
+#[derive(Debug, Clone)]
+pub struct PipelineOptions<'a> {
+    /// Model file; `None` for the shipped one.
+    pub model: Option<&'a Path>,
+    /// Network input width, pixels.
+    pub width: usize,
+    /// Network input height, pixels.
+    pub height: usize,
+    /// Threads for the network.
+    pub threads: usize,
+}
+
+/// Letterbox, Stage I, association and Stage II, with their buffers.
+pub struct Pipeline {
+    engine: Engine,
+    associator: Associator,
+    lifter: Lifter,
+    resizer: Resizer,
+    input: Vec<u8>,
+}
+
+/// Everyone seen in a frame.
+#[derive(Debug)]
+pub struct Seen<'a> {
+    /// The people, by falling score.
+    pub people: &'a [Observation],
+    /// People left out because their neck was not found.
+    pub without_neck: u32,
+    /// Time spent per stage.
+    pub times: StageTimes,
+}
+
+impl Pipeline {
+    /// Loads the model and plans the network.
+    ///
+    /// # Errors
+    /// If the model cannot be read or does not fit the stages.
+    pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
+        let model = match options.model {
+            Some(path) => Model::open(path).with_context(|| format!("model {}", path.display()))?,
+            None => Model::shipped()?,
+        };
+        let engine = Engine::new(
+            &model,
+            EngineOptions {
+                width: options.width,
+                height: options.height,
+                threads: options.threads,
+                precision: Precision::Int8,
+                ..EngineOptions::default()
+            },
+        )?;
+        let isa = engine.isa();
+        tracing::info!(
+            isa = isa.name(),
+            width = options.width,
+            height = options.height,
+            threads = options.threads,
+            "stages built"
+        );
+        let resizer = Resizer::new(options.width as u32, options.height as u32);
+        Ok(Self {
+            associator: Associator::new(AssociationConfig::default()),
+            lifter: lifter(&model, isa)?,
+            input: vec![0; resizer.output_bytes()],
+            resizer,
+            engine,
+        })
+    }
+
+    /// Everyone in the frame.
+    ///
+    /// # Errors
+    /// If a kernel refuses its tensors, which would be a fault of this program.
+    pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
+        let start = Instant::now();
+        let letterbox = self.resizer.run(frame, &mut self.input);
+        let letterboxed = Instant::now();
+        let maps = self.engine.run(&self.input);
+        let inferred = Instant::now();
+        let detections = self.associator.associate(maps);
+        let associated = Instant::now();
+        let people = self
+            .lifter
+            .lift(detections, frame, &letterbox, intrinsics)?;
+        let lifted = Instant::now();
+        let us = |a: Instant, b: Instant| (b - a).as_micros() as u32;
+        Ok(Seen {
+            people,
+            without_neck: self.associator.without_neck(),
+            times: StageTimes {
+                preprocess_us: us(start, letterboxed),
+                stage1_us: us(letterboxed, inferred),
+                association_us: us(inferred, associated),
+                stage2_us: us(associated, lifted),
+            },
+        })
+    }
+}
+
+fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
+    let stage2 = model.stage2().ok_or_else(|| {
+        Failure::data("the model has no Stage II: import it again with --stage2 FILE.safetensors")
+    })?;
+    let layer = |l: &Linear| LinearLayer {
+        inputs: l.inputs,
+        outputs: l.outputs,
+        weights: l.weight.clone(),
+        bias: l.bias.clone(),
+        relu: l.relu,
+    };
+    let weights = Stage2Weights::new(stage2.layers.iter().map(layer).collect())?;
+    let encodings = if model.encodings_trained() {
+        Encodings::Read
+    } else {
+        Encodings::Zero
+    };
+    Ok(Lifter::new(&weights, encodings, isa)?)
+}

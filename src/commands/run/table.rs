@@ -1,0 +1,155 @@
+//! The live table: one row a body, one line of figures, a progress bar where the input has an end.
+
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+const REDRAW: Duration = Duration::from_millis(100);
+/// Without a terminal the figures are logged this often.
+const LOG_EVERY: Duration = Duration::from_secs(5);
+/// Weight of the newest frame in the running means.
+const SMOOTH: f64 = 0.1;
+
+/// Shows what `run` receives.
+#[derive(Debug)]
+pub struct Table {
+    bar: ProgressBar,
+    terminal: bool,
+    drawn: Option<Instant>,
+    last_frame: Option<Instant>,
+    seconds_per_frame: f64,
+}
+
+impl Table {
+    /// A table on the terminal's stderr, or a line now and then where there is none.
+    pub fn new() -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let target = if terminal {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        let bar = ProgressBar::with_draw_target(None, target);
+        bar.set_style(spinner());
+        Self {
+            bar,
+            terminal,
+            drawn: None,
+            last_frame: None,
+            seconds_per_frame: 0.0,
+        }
+    }
+
+    /// Takes in one message.
+    pub fn update(&mut self, frame: &BodyFrame, lost: u64) {
+        let now = Instant::now();
+        if let Some(last) = self.last_frame {
+            let dt = (now - last).as_secs_f64();
+            self.seconds_per_frame += if self.seconds_per_frame == 0.0 {
+                dt
+            } else {
+                SMOOTH * (dt - self.seconds_per_frame)
+            };
+        }
+        self.last_frame = Some(now);
+        if frame.frame_total > 0 && self.bar.length().is_none() {
+            self.bar.set_length(u64::from(frame.frame_total));
+            self.bar.set_style(progress());
+        }
+        self.bar.set_position(frame.sequence + 1);
+        let every = if self.terminal { REDRAW } else { LOG_EVERY };
+        if self.drawn.is_some_and(|t| t.elapsed() < every) {
+            return;
+        }
+        self.drawn = Some(now);
+        let figures = self.figures(frame, lost);
+        if self.terminal {
+            self.bar.set_message(format!("{figures}\n{}", rows(frame)));
+        } else {
+            eprintln!(
+                "frame {}: {} people, {figures}",
+                frame.sequence, frame.count
+            );
+        }
+    }
+
+    /// Prints a line above the table.
+    pub fn say(&self, line: &str) {
+        if self.terminal {
+            self.bar.suspend(|| eprintln!("{line}"));
+        } else {
+            eprintln!("{line}");
+        }
+    }
+
+    /// Takes the table off the screen.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn figures(&self, frame: &BodyFrame, lost: u64) -> String {
+        let ms = |us: u32| f64::from(us) / 1000.0;
+        let t = frame.stage_times;
+        let mut s = String::new();
+        let fps = if self.seconds_per_frame > 0.0 {
+            1.0 / self.seconds_per_frame
+        } else {
+            0.0
+        };
+        let _ = write!(
+            s,
+            "{fps:.1} fps | ms: letterbox {:.1}, stage I {:.1}, association {:.2}, stage II {:.2}, fit {:.2}",
+            ms(t.preprocess_us),
+            ms(t.stage1_us),
+            ms(t.association_us),
+            ms(t.stage2_us),
+            ms(frame.fit_us)
+        );
+        if frame.flags & FLAG_FILE_TIME == 0 {
+            let _ = write!(
+                s,
+                ", capture to publish {:.1}",
+                frame.publish_ns.saturating_sub(frame.capture_ns) as f64 / 1e6
+            );
+        }
+        if lost > 0 {
+            let _ = write!(s, " | {lost} frames lost");
+        }
+        s
+    }
+}
+
+fn spinner() -> ProgressStyle {
+    ProgressStyle::with_template("{spinner} frame {pos}  {msg}").expect("a valid template")
+}
+
+fn progress() -> ProgressStyle {
+    ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left  {msg}")
+        .expect("a valid template")
+}
+
+fn rows(frame: &BodyFrame) -> String {
+    let mut s = String::from("  id  state          x      y      z  m   height  confidence");
+    for b in frame.bodies() {
+        let state = if b.state == BodyState::Tracked as u32 {
+            "tracked"
+        } else {
+            "predicted"
+        };
+        let [x, y, z] = b.position;
+        let _ = write!(
+            s,
+            "\n{:4}  {state:9} {x:7.2}{y:7.2}{z:7.2}     {:.2} m     {:3.0} %",
+            b.id,
+            b.height,
+            100.0 * b.score
+        );
+    }
+    if frame.bodies().is_empty() {
+        s.push_str("\n      nobody in sight");
+    }
+    s
+}

@@ -1,0 +1,254 @@
+//! `edgecap synth`: renders synthetic people with exact truth.
+
+use std::io::{BufWriter, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use image::ImageEncoder;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::capture::{AviWriter, Frame};
+use crate::synth::shoot::{Reel, Shot, shoot_still};
+use crate::synth::truth::{FORMAT, VERSION};
+use crate::synth::{Truth, TruthFrame};
+
+/// Frames rendered before they are written: bounds memory, keeps every core busy.
+const BATCH: u64 = 32;
+
+/// File type of single pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum PictureFormat {
+    /// With the imitated camera's compression.
+    Jpg,
+    /// Without loss.
+    Png,
+}
+
+/// Render moving, overlapping people with exact truth about them.
+#[derive(Debug, Clone, clap::Args)]
+pub struct SynthArgs {
+    /// New or empty folder for numbered pictures and truth.json.
+    #[arg(long, required_unless_present = "clip")]
+    pub out: Option<PathBuf>,
+    /// Write a Motion-JPEG clip to this AVI file instead; truth.json goes to --out, else beside the clip.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["stills", "format"])]
+    pub clip: Option<PathBuf>,
+    /// Number of frames.
+    #[arg(long, default_value_t = 150, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub frames: u64,
+    /// People in the clip; with --stills at most this many.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=32))]
+    pub people: u32,
+    /// Equal seeds give equal pictures.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Pixels across.
+    #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub width: u32,
+    /// Pixels down.
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub height: u32,
+    /// Frames per second of a clip.
+    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=240))]
+    pub fps: u32,
+    /// Every frame is an independent scene: new people, camera, light and place.
+    #[arg(long)]
+    pub stills: bool,
+    /// JPEG quality; default: that of the imitated camera, 60 for a clip.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pub quality: Option<u8>,
+    /// File type of single pictures.
+    #[arg(long, value_enum, default_value_t = PictureFormat::Jpg)]
+    pub format: PictureFormat,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// The output folder holds files already, or something cannot be written.
+pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
+    if let (None, Some(out)) = (&args.clip, &args.out) {
+        expect_empty(out)?;
+    }
+    let size = (args.width, args.height);
+    let people = args.people as usize;
+    let bar = ProgressBar::new(args.frames);
+    let reel =
+        (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
+    let shot = |k: u64| {
+        let shot = match &reel {
+            Some(reel) => reel.shot(k),
+            None => shoot_still(args.seed, k, size, people),
+        };
+        bar.inc(1);
+        shot
+    };
+    match &args.clip {
+        Some(file) => film(&args, file, shot)?,
+        None => album(&args, args.out.as_deref().unwrap_or(Path::new(".")), shot)?,
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
+    Truth {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        seed: args.seed,
+        width: args.width,
+        height: args.height,
+        fps: if args.stills { 0.0 } else { args.fps as f32 },
+        frames,
+    }
+}
+
+/// Folder in which a path's last part lies.
+fn parent(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// Refuses a folder that holds files, before any work is done.
+fn expect_empty(out: &Path) -> anyhow::Result<()> {
+    match std::fs::read_dir(out) {
+        Ok(mut entries) => {
+            if entries.next().is_some() {
+                bail!(
+                    "expected a new or empty folder, but {} holds files; choose another --out",
+                    out.display()
+                );
+            }
+        }
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+        Err(e) => {
+            return Err(e)
+                .with_context(|| format!("cannot use {} as output folder", out.display()));
+        }
+    }
+    Ok(())
+}
+
+/// Writes numbered pictures and the truth into a folder that appears only when it is complete.
+fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
+    let beside = parent(out);
+    std::fs::create_dir_all(&beside)
+        .with_context(|| format!("cannot create folder {}", beside.display()))?;
+    let partial = tempfile::Builder::new()
+        .prefix(".edgecap-synth-")
+        .permissions(std::fs::Permissions::from_mode(0o755))
+        .tempdir_in(&beside)
+        .with_context(|| format!("cannot write to folder {}", beside.display()))?;
+    let frames = (0..args.frames)
+        .into_par_iter()
+        .map(|k| -> anyhow::Result<TruthFrame> {
+            let mut shot = shot(k);
+            let (ending, bytes) = match args.format {
+                PictureFormat::Jpg => (
+                    "jpg",
+                    jpeg(&shot.frame, args.quality.unwrap_or(shot.quality))?,
+                ),
+                PictureFormat::Png => ("png", png(&shot.frame)?),
+            };
+            let name = format!("{k:06}.{ending}");
+            let path = partial.path().join(&name);
+            std::fs::write(&path, bytes)
+                .with_context(|| format!("cannot write picture {}", path.display()))?;
+            shot.truth.file = Some(name);
+            Ok(shot.truth)
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let path = partial.path().join("truth.json");
+    std::fs::write(&path, truth(args, frames).to_text())
+        .with_context(|| format!("cannot write truth file {}", path.display()))?;
+    std::fs::rename(partial.path(), out)
+        .with_context(|| format!("cannot move the finished pictures to {}", out.display()))?;
+    // The folder has its final name: nothing is left to clean up.
+    let _ = partial.keep();
+    Ok(())
+}
+
+/// Writes a clip and its truth.
+fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
+    let folder = parent(file);
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create folder {}", folder.display()))?;
+    let truth_folder = args.out.clone().unwrap_or_else(|| folder.clone());
+    std::fs::create_dir_all(&truth_folder)
+        .with_context(|| format!("cannot create folder {}", truth_folder.display()))?;
+    let wanted = || format!("cannot write clip {}", file.display());
+    let mut partial = shared(&folder).with_context(wanted)?;
+    let mut frames = Vec::with_capacity(args.frames as usize);
+    let mut avi = AviWriter::new(
+        BufWriter::new(partial.as_file_mut()),
+        args.width,
+        args.height,
+        (args.fps, 1),
+    )
+    .with_context(wanted)?;
+    let mut first = 0;
+    while first < args.frames {
+        let next = (first + BATCH).min(args.frames);
+        let batch = (first..next)
+            .into_par_iter()
+            .map(|k| {
+                let shot = shot(k);
+                Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
+            })
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        for (picture, known) in batch {
+            avi.write_jpeg(&picture).with_context(wanted)?;
+            frames.push(known);
+        }
+        first = next;
+    }
+    avi.finish()
+        .with_context(wanted)?
+        .flush()
+        .with_context(wanted)?;
+    let mut text = shared(&truth_folder)?;
+    text.write_all(truth(args, frames).to_text().as_bytes())
+        .with_context(|| format!("cannot write a truth file in {}", truth_folder.display()))?;
+    partial.persist(file).with_context(wanted)?;
+    let path = truth_folder.join("truth.json");
+    text.persist(&path)
+        .with_context(|| format!("cannot write truth file {}", path.display()))?;
+    Ok(())
+}
+
+/// A file beside the wanted one, readable by others once renamed.
+fn shared(folder: &Path) -> anyhow::Result<tempfile::NamedTempFile> {
+    tempfile::Builder::new()
+        .prefix(".edgecap-synth-")
+        .permissions(std::fs::Permissions::from_mode(0o644))
+        .tempfile_in(folder)
+        .with_context(|| format!("cannot write to folder {}", folder.display()))
+}
+
+fn jpeg(frame: &Frame, quality: u8) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode(
+        &frame.rgb,
+        frame.width,
+        frame.height,
+        image::ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
+}
+
+fn png(frame: &Frame) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(
+        &frame.rgb,
+        frame.width,
+        frame.height,
+        image::ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
+}

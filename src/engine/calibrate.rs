@@ -1,0 +1,196 @@
+//! Pictures go in, what every activation of a network did on them comes out.
+
+use super::model::{Calibration, Model, Observed, RangeChoice};
+use super::run::{Engine, EngineError, EngineOptions, Precision};
+
+/// A picture with a maximum beyond so many times the median is left out.
+pub const WILD: f32 = 4.0;
+
+/// How to calibrate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationOptions {
+    /// Width and height that pictures come in; multiples of 16.
+    pub size: (usize, usize),
+    /// How ranges are chosen.
+    pub choice: RangeChoice,
+    /// 0: one range per value; 1: a range of its own for every channel.
+    pub own_ranges: f32,
+    /// Correct biases for the mean error of rounded weights.
+    pub correct_bias: bool,
+}
+
+impl Default for CalibrationOptions {
+    /// 512×320; the greatest values seen (wild pictures are left out anyway); channels halfway to a range of their own; biases
+    /// corrected.
+    fn default() -> Self {
+        Self {
+            size: (512, 320),
+            choice: RangeChoice::Max,
+            own_ranges: 0.5,
+            correct_bias: true,
+        }
+    }
+}
+
+/// One way of quantising and what it cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trial {
+    /// How ranges were chosen.
+    pub choice: RangeChoice,
+    /// How far channels had ranges of their own.
+    pub own_ranges: f32,
+    /// Whether biases were corrected.
+    pub correct_bias: bool,
+    /// Median over pictures of the 2D maps' error: root mean square of int8 - f32, over that of f32.
+    pub error: f32,
+}
+
+impl Calibration {
+    /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value. Pictures on which
+    /// the network runs wild (some value's maximum is beyond [`WILD`] times the median over pictures) are left out: following
+    /// them would cost all others their resolution.
+    ///
+    /// # Errors
+    /// When the network cannot run at this size.
+    ///
+    /// # Panics
+    /// When a picture is not of `options.size`.
+    pub fn observe(
+        model: &Model,
+        pictures: impl IntoIterator<Item = Vec<u8>>,
+        options: CalibrationOptions,
+    ) -> Result<Self, EngineError> {
+        let mut engine = Engine::new(
+            model,
+            EngineOptions {
+                width: options.size.0,
+                height: options.size.1,
+                threads: 1,
+                precision: Precision::F32,
+                ..EngineOptions::default()
+            },
+        )?;
+        let values = &model.network().graph().values;
+        let nothing = || values.iter().map(|v| Observed::new(v.channels)).collect();
+        let pictures: Vec<Vec<u8>> = pictures.into_iter().collect();
+        let mut maxima = Vec::new();
+        for picture in &pictures {
+            let mut one: Vec<Observed> = nothing();
+            engine.observe(picture, &mut one);
+            maxima.push(one.iter().map(Observed::max).collect());
+        }
+        let wild = wild(&maxima);
+        let mut observed: Vec<Observed> = nothing();
+        for (picture, _) in pictures.iter().zip(&wild).filter(|(_, wild)| !**wild) {
+            engine.observe(picture, &mut observed);
+        }
+        Ok(Self {
+            observed,
+            choice: options.choice,
+            own_ranges: options.own_ranges,
+            correct_bias: options.correct_bias,
+            pictures: wild.iter().filter(|w| !**w).count(),
+            left_out: wild.iter().filter(|w| **w).count(),
+        })
+    }
+
+    /// Tries ways of choosing ranges and keeps the one whose int8 maps come nearest to f32 on `pictures`, which should look as
+    /// they will in use. Returns all trials, best first.
+    ///
+    /// # Errors
+    /// When the network cannot run at this size.
+    ///
+    /// # Panics
+    /// When a picture is not of `size`, or there is none.
+    pub fn select(
+        &mut self,
+        model: &Model,
+        pictures: &[Vec<u8>],
+        (width, height): (usize, usize),
+    ) -> Result<Vec<Trial>, EngineError> {
+        assert!(!pictures.is_empty(), "trials need pictures");
+        let options = |precision| EngineOptions {
+            width,
+            height,
+            precision,
+            ..EngineOptions::default()
+        };
+        let mut float = Engine::new(model, options(Precision::F32))?;
+        let expected = pictures.iter().map(|p| float.run(p).head2d.clone());
+        let expected: Vec<Vec<f32>> = expected.collect();
+        drop(float);
+        let mut trials = Vec::new();
+        for choice in [
+            RangeChoice::Max,
+            RangeChoice::Percentile(0.99999),
+            RangeChoice::Percentile(0.9999),
+            RangeChoice::Percentile(0.9997),
+            RangeChoice::Percentile(0.999),
+            RangeChoice::Mse,
+        ] {
+            for (own_ranges, correct_bias) in [(0.0, true), (0.5, true), (0.5, false), (0.75, true)]
+            {
+                (self.choice, self.own_ranges, self.correct_bias) =
+                    (choice, own_ranges, correct_bias);
+                let int8 = model.clone().quantise(Some(self))?;
+                let mut engine = Engine::new(&int8, options(Precision::Int8))?;
+                let errors = pictures.iter().zip(&expected);
+                let mut errors: Vec<f32> = errors
+                    .map(|(p, e)| relative_error(e, &engine.run(p).head2d))
+                    .collect();
+                trials.push(Trial {
+                    choice,
+                    own_ranges,
+                    correct_bias,
+                    error: median(&mut errors),
+                });
+            }
+        }
+        trials.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let best = trials[0];
+        (self.choice, self.own_ranges, self.correct_bias) =
+            (best.choice, best.own_ranges, best.correct_bias);
+        Ok(trials)
+    }
+}
+
+/// Which pictures have a value whose maximum is beyond [`WILD`] times the median over pictures. `maxima` is `[picture][value]`.
+fn wild(maxima: &[Vec<f32>]) -> Vec<bool> {
+    let values = maxima.first().map_or(0, Vec::len);
+    let median_of = |v: usize| {
+        let mut all: Vec<f32> = maxima.iter().map(|m| m[v]).collect();
+        median(&mut all)
+    };
+    let medians: Vec<f32> = (0..values).map(median_of).collect();
+    let is_wild = |m: &Vec<f32>| m.iter().zip(&medians).any(|(m, median)| *m > WILD * median);
+    maxima.iter().map(is_wild).collect()
+}
+
+/// The middle value (the upper one of two); 0 of none.
+fn median(values: &mut [f32]) -> f32 {
+    values.sort_by(f32::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Root mean square of the difference over that of `expected`.
+fn relative_error(expected: &[f32], found: &[f32]) -> f32 {
+    let difference = expected.iter().zip(found).map(|(a, b)| (a - b).powi(2));
+    let scale = expected.iter().map(|a| a.powi(2)).sum::<f32>();
+    (difference.sum::<f32>() / scale.max(f32::MIN_POSITIVE)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_wild_picture_is_seen() {
+        let mut maxima = vec![vec![1.0, 2.0, 0.0]; 9];
+        maxima[3][1] = 9.0;
+        maxima[5][1] = 7.0;
+        let mut expected = vec![false; 9];
+        expected[3] = true;
+        assert_eq!(wild(&maxima), expected);
+        assert!(wild(&[]).is_empty());
+    }
+}

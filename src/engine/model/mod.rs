@@ -1,0 +1,285 @@
+//! A model: a network with its weights, what they mean, and Stage II's layers. Files come in, a [`Model`] goes to the engine.
+
+mod contract;
+mod error;
+mod file;
+mod float;
+mod quant;
+mod random;
+mod ranges;
+mod shipped;
+mod stage2;
+mod tensors;
+
+use std::path::Path;
+
+pub use contract::{Common, Contract, Input, Stage2Contract};
+pub use error::ModelError;
+pub use float::FloatConv;
+pub use quant::{QuantConv, Scale};
+pub(crate) use quant::{dequantise, input_scales};
+pub use ranges::{Observed, RangeChoice};
+pub use stage2::{Linear, Stage2};
+
+use super::network::{Graph, Network, Node, Op};
+use contract::ACTIVATION_LEVELS;
+use quant::SIGNED_LEVELS;
+use tensors::Tensors;
+
+/// Weights of every node of the network, in order; `None` where a node has none.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Weights {
+    /// As trained, batch norm folded.
+    Float(Vec<Option<FloatConv>>),
+    /// Quantised.
+    Int8 {
+        /// Weights of every node.
+        convs: Vec<Option<QuantConv>>,
+        /// How every value is stored; `None` for the network's outputs, which are f32.
+        scales: Vec<Option<Scale>>,
+    },
+}
+
+/// A network that can run.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub(crate) network: Network,
+    pub(crate) contract: Contract,
+    pub(crate) weights: Weights,
+    pub(crate) stage2: Option<Stage2>,
+    pub(crate) calibration: String,
+    pub(crate) history: Vec<String>,
+    pub(crate) digest: Option<String>,
+}
+
+/// What calibration saw of every value of the network, and how to choose ranges from it.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// Per value, in the order of [`Graph::values`].
+    pub observed: Vec<Observed>,
+    /// How ranges are chosen.
+    pub choice: RangeChoice,
+    /// 0: one range per value; 1: a range of its own for every channel; between: see [`Observed::channel_ranges`].
+    pub own_ranges: f32,
+    /// Correct biases for the mean error of rounded weights.
+    pub correct_bias: bool,
+    /// Pictures seen, for the file's record.
+    pub pictures: usize,
+    /// Pictures left out because the network runs wild on them.
+    pub left_out: usize,
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
+    std::fs::read(path).map_err(|source| ModelError::Io {
+        action: "read",
+        path: path.into(),
+        source,
+    })
+}
+
+fn contract_of<'a>(t: &'a Tensors<'_>) -> Result<&'a str, ModelError> {
+    t.metadata("contract").ok_or_else(|| ModelError::Contract {
+        key: "contract".into(),
+        expected: "metadata that says what the weights mean (models/train writes it)".into(),
+        found: "none".into(),
+    })
+}
+
+impl Model {
+    /// Reads a model file (`.ecm`).
+    pub fn open(path: &Path) -> Result<Self, ModelError> {
+        Self::from_bytes(&read_file(path)?)
+    }
+
+    /// Reads the bytes of a model file: digest, names, shapes and ranges are checked.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
+        file::read(bytes)
+    }
+
+    /// The weights that ship with the program.
+    pub fn shipped() -> Result<Self, ModelError> {
+        match shipped::BYTES {
+            Some(bytes) => Self::from_bytes(bytes),
+            None => Err(ModelError::NotShipped),
+        }
+    }
+
+    /// Imports PyTorch weights in safetensors for `network`; they stay floats until [`quantise`](Self::quantise).
+    pub fn from_safetensors(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
+        let mut t = Tensors::parse(bytes)?;
+        let contract = Contract::parse(contract_of(&t)?, &network)?;
+        let convs = float::import(&mut t, &network, &contract)?;
+        t.finish(|n| n.ends_with("num_batches_tracked"))?;
+        let history = vec![format!(
+            "imported safetensors with digest {}",
+            blake3::hash(bytes).to_hex()
+        )];
+        Ok(Self {
+            network,
+            contract,
+            weights: Weights::Float(convs),
+            stage2: None,
+            calibration: "none".into(),
+            history,
+            digest: None,
+        })
+    }
+
+    /// Opens a model file or safetensors, whichever `path` is; `network` is for the latter.
+    pub fn open_any(path: &Path, network: Network) -> Result<Self, ModelError> {
+        let bytes = read_file(path)?;
+        if file::is_model(&Tensors::parse(&bytes)?) {
+            return Self::from_bytes(&bytes);
+        }
+        Self::from_safetensors(&bytes, network)
+    }
+
+    /// Adds Stage II from the training recipe's safetensors.
+    pub fn with_stage2(mut self, bytes: &[u8]) -> Result<Self, ModelError> {
+        self.stage2 = Some(Stage2::from_safetensors(bytes)?);
+        self.history.push(format!(
+            "stage II from safetensors with digest {}",
+            blake3::hash(bytes).to_hex()
+        ));
+        Ok(self)
+    }
+
+    /// Rounds float weights to int8 with ranges from calibration, or from the weights' own contract.
+    pub fn quantise(mut self, calibration: Option<&Calibration>) -> Result<Self, ModelError> {
+        let Weights::Float(floats) = &self.weights else {
+            return Ok(self);
+        };
+        let graph = self.network.graph();
+        let mut scales: Vec<Option<Scale>> = vec![None; graph.values.len()];
+        scales[Graph::INPUT] = Some(Scale::picture());
+        let is_output = |v| graph.outputs.iter().any(|(_, o)| *o == v);
+        // A residual sum has one factor for all channels, so its values have one range.
+        let is_summed = |v| {
+            let sums = |n: &Node| n.residual.is_some_and(|r| r == v || n.output == v);
+            graph.nodes.iter().any(sums)
+        };
+        for node in &graph.nodes {
+            if is_output(node.output) {
+                continue;
+            }
+            scales[node.output] = match &node.op {
+                Op::MaxPool { .. } => scales[node.inputs[0]].clone(),
+                Op::Conv { relu, shape, .. } => {
+                    let levels = if *relu {
+                        ACTIVATION_LEVELS
+                    } else {
+                        SIGNED_LEVELS
+                    };
+                    let ranges = match calibration {
+                        Some(c) => {
+                            let own = if is_summed(node.output) {
+                                0.0
+                            } else {
+                                c.own_ranges
+                            };
+                            c.observed[node.output].channel_ranges(c.choice, levels, own)
+                        }
+                        None => vec![self.contract_range(&node.name)?; shape.out_channels],
+                    };
+                    Some(if *relu {
+                        Scale::unsigned(&ranges)
+                    } else {
+                        Scale::signed(&ranges)
+                    })
+                }
+            };
+        }
+        let correct = calibration.filter(|c| c.correct_bias);
+        let convs = graph.nodes.iter().zip(floats).map(|(node, conv)| {
+            let means: Option<Vec<f32>> = correct.map(|c| {
+                let of = |&v: &usize| c.observed[v].means();
+                node.inputs.iter().flat_map(of).collect()
+            });
+            let round = |c| quant::quantise(node, c, &scales, means.as_deref());
+            conv.as_ref().map(round)
+        });
+        let convs = convs.collect();
+        self.calibration = match calibration {
+            Some(c) => format!(
+                "{}, channels' own share {}, over {} pictures ({} wild ones left out){}",
+                c.choice,
+                c.own_ranges,
+                c.pictures,
+                c.left_out,
+                if c.correct_bias {
+                    ", biases corrected"
+                } else {
+                    ""
+                }
+            ),
+            None => "ranges of the training recipe".into(),
+        };
+        self.history
+            .push(format!("quantised: {}", self.calibration));
+        self.weights = Weights::Int8 { convs, scales };
+        Ok(self)
+    }
+
+    fn contract_range(&self, node: &str) -> Result<f32, ModelError> {
+        let ranges = self.contract.activation_max.as_ref();
+        match ranges.and_then(|r| r.get(&format!("{node}.2"))) {
+            Some(r) if *r > 0.0 && r.is_finite() => Ok(*r),
+            _ => Err(ModelError::NoRange(node.into())),
+        }
+    }
+
+    /// The bytes of a model file.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, ModelError> {
+        file::write(self)
+    }
+
+    /// Writes a model file beside `path`, then renames it.
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        file::save(self, path)
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// What the weights mean.
+    pub fn contract(&self) -> &Contract {
+        &self.contract
+    }
+
+    /// The weights.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// Whether the weights are int8.
+    pub fn is_quantised(&self) -> bool {
+        matches!(self.weights, Weights::Int8 { .. })
+    }
+
+    /// Stage II's layers, where the file has them.
+    pub fn stage2(&self) -> Option<&Stage2> {
+        self.stage2.as_ref()
+    }
+
+    /// Whether the 3D head was trained; where not, Stage II must be fed zeros in place of encodings.
+    pub fn encodings_trained(&self) -> bool {
+        self.contract.encodings_trained
+    }
+
+    /// How activation ranges were found.
+    pub fn calibration(&self) -> &str {
+        &self.calibration
+    }
+
+    /// What was done to the weights, oldest first.
+    pub fn history(&self) -> &[String] {
+        &self.history
+    }
+
+    /// BLAKE3 digest in the file it was read from.
+    pub fn digest(&self) -> Option<&str> {
+        self.digest.as_deref()
+    }
+}

@@ -1,0 +1,209 @@
+//! Networks as data: a file of `models/` goes in, the [`Graph`] of its operations comes out.
+
+mod expand;
+mod graph;
+mod spec;
+
+pub use graph::{Graph, Node, Op, ParamNames, Value, ValueId};
+pub use spec::InputSpec;
+
+use spec::{LayerSpec, NetworkSpec};
+
+/// What is wrong with a network file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NetworkError {
+    /// Not one of the shipped networks.
+    #[error("no network named `{found}`: choose one of {known}, or give the path of a .toml file")]
+    Unknown {
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// Not the format.
+    #[error("the network file does not parse: {0}")]
+    Syntax(#[from] toml::de::Error),
+    /// Parses, but cannot be a network.
+    #[error("network `{network}`: {found}; {remedy}")]
+    Inconsistent {
+        /// Its name.
+        network: String,
+        /// What was found.
+        found: String,
+        /// What to do.
+        remedy: String,
+    },
+}
+
+/// A network without its weights.
+#[derive(Debug, Clone)]
+pub struct Network {
+    name: String,
+    about: String,
+    input: InputSpec,
+    graph: Graph,
+    modules: Vec<[usize; 5]>,
+    source: String,
+}
+
+/// Every network that ships with the program: name, text.
+const SHIPPED: [(&str, &str); 5] = [
+    ("selecsls", include_str!("../../../models/selecsls.toml")),
+    (
+        "selecsls42",
+        include_str!("../../../models/selecsls42.toml"),
+    ),
+    (
+        "selecsls60",
+        include_str!("../../../models/selecsls60.toml"),
+    ),
+    (
+        "selecsls84",
+        include_str!("../../../models/selecsls84.toml"),
+    ),
+    ("resnet50", include_str!("../../../models/resnet50.toml")),
+];
+
+impl Network {
+    /// A network that ships with the program.
+    pub fn shipped(name: &str) -> Result<Self, NetworkError> {
+        match SHIPPED.iter().find(|(n, _)| *n == name) {
+            Some((_, text)) => Self::parse(text),
+            None => Err(NetworkError::Unknown {
+                found: name.into(),
+                known: Self::names().collect::<Vec<_>>().join(", "),
+            }),
+        }
+    }
+
+    /// Names of the networks that ship with the program.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        SHIPPED.iter().map(|(n, _)| *n)
+    }
+
+    /// Reads the text of a network file.
+    pub fn parse(text: &str) -> Result<Self, NetworkError> {
+        let spec: NetworkSpec = toml::from_str(text)?;
+        let graph = expand::expand(&spec)?;
+        let modules = spec.layers.iter().filter_map(|l| match l {
+            LayerSpec::Selecsls { modules, .. } => Some(modules.clone()),
+            _ => None,
+        });
+        Ok(Self {
+            modules: modules.flatten().collect(),
+            name: spec.name,
+            about: spec.about,
+            input: spec.input,
+            graph,
+            source: text.into(),
+        })
+    }
+
+    /// Short name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// One line for people.
+    pub fn about(&self) -> &str {
+        &self.about
+    }
+
+    /// What goes in.
+    pub fn input(&self) -> InputSpec {
+        self.input
+    }
+
+    /// Its operations.
+    pub fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
+    /// The SelecSLS modules `[in, skip, k, out, stride]`; empty for other networks.
+    pub fn modules(&self) -> &[[usize; 5]] {
+        &self.modules
+    }
+
+    /// The text it was read from.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts(name: &str) -> (f64, f64) {
+        let n = Network::shipped(name).unwrap();
+        let g = n.graph();
+        (g.macs(320, 512) as f64 / 1e9, g.parameters() as f64 / 1e6)
+    }
+
+    fn core_macs(name: &str) -> f64 {
+        let n = Network::shipped(name).unwrap();
+        let g = n.graph();
+        let sizes = g.sizes(320, 512);
+        let core = g.nodes.iter().filter(|n| !n.name.starts_with("head"));
+        core.map(|n| {
+            n.conv()
+                .map_or(0, |s| s.macs(sizes[n.inputs[0]].0, sizes[n.inputs[0]].1))
+        })
+        .sum::<u64>() as f64
+            / 1e9
+    }
+
+    #[test]
+    fn stage_one_has_the_published_size() {
+        let (gmac, mparam) = counts("selecsls");
+        assert!((gmac - 8.85).abs() < 0.005, "{gmac} GMAC");
+        assert!((mparam - 6.2).abs() < 0.05, "{mparam} M parameters");
+        assert!((core_macs("selecsls") - 6.60).abs() < 0.005);
+    }
+
+    #[test]
+    fn the_baseline_has_the_published_size() {
+        let (gmac, _) = counts("resnet50");
+        assert!((gmac - 17.3).abs() < 0.05, "{gmac} GMAC");
+        assert!(
+            (core_macs("resnet50") - 14.56).abs() < 0.005,
+            "{}",
+            core_macs("resnet50")
+        );
+    }
+
+    #[test]
+    fn every_shipped_network_gives_both_heads_at_an_eighth() {
+        for name in Network::names() {
+            let n = Network::shipped(name).unwrap();
+            let sizes = n.graph().sizes(320, 512);
+            for (output, channels) in [("head2d", 40), ("head3d", 63)] {
+                let (_, v) = n.graph().outputs.iter().find(|(o, _)| o == output).unwrap();
+                assert_eq!(n.graph().values[*v].channels, channels, "{name} {output}");
+                assert_eq!(sizes[*v], (40, 64), "{name} {output}");
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_tables_say_where() {
+        let text = Network::shipped("selecsls").unwrap().source().to_string();
+        let wrong = text.replace("[128, 0, 128, 128, 2]", "[120, 0, 128, 128, 2]");
+        let e = Network::parse(&wrong).unwrap_err().to_string();
+        assert!(e.contains("features.2") && e.contains("120"), "{e}");
+        let unknown = text.replace("groups = 4 }", "dilation = 4 }");
+        assert!(
+            Network::parse(&unknown)
+                .unwrap_err()
+                .to_string()
+                .contains("dilation")
+        );
+        assert!(
+            Network::shipped("vgg")
+                .unwrap_err()
+                .to_string()
+                .contains("resnet50")
+        );
+    }
+}

@@ -1,0 +1,363 @@
+//! Placement of values in buffers.
+
+use edgecap_kernels::Layout;
+
+use super::lifetime::{self, Lifetime};
+use crate::engine::network::{Graph, Node, Op, ValueId};
+
+/// A network whose values cannot be placed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}; change the order or the concatenations in the network file")]
+pub struct PlanError(String);
+
+/// A buffer of the engine's arena.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Slot {
+    pub height: usize,
+    pub width: usize,
+    pub channels: usize,
+    pub halo: usize,
+    /// Its first element in the arena.
+    pub base: usize,
+    /// Values that live in it and their first channel.
+    pub tenants: Vec<(ValueId, usize)>,
+}
+
+impl Slot {
+    /// The whole buffer as a tensor, indices relative to `base`.
+    pub fn layout(&self) -> Layout {
+        Layout::dense(self.height, self.width, self.channels, self.halo)
+    }
+}
+
+/// Where a tensor lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// In a slot; layout relative to the slot's base.
+    Slot { slot: usize, layout: Layout },
+    /// In an output map.
+    Output { index: usize, layout: Layout },
+}
+
+/// Every value's place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Plan {
+    pub slots: Vec<Slot>,
+    /// Elements of the arena, a multiple of [`Plan::ALIGN`].
+    pub len: usize,
+    /// Place of every value.
+    pub values: Vec<Place>,
+    /// (height, width) of every value.
+    pub sizes: Vec<(usize, usize)>,
+}
+
+/// What a value asks of its buffer; values with different needs never share one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Needs {
+    size: (usize, usize),
+    /// What the halo must hold; shared slots must agree.
+    padding: u8,
+}
+
+impl Plan {
+    /// Slots begin at multiples of this many elements (a cache line of bytes).
+    pub const ALIGN: usize = 64;
+
+    /// Places every value of `graph` for an input of `height` × `width`. `padding` is the stored number of real 0 of a value.
+    pub fn new(
+        graph: &Graph,
+        height: usize,
+        width: usize,
+        padding: impl Fn(ValueId) -> u8,
+    ) -> Result<Self, PlanError> {
+        let sizes = graph.sizes(height, width);
+        let mut b = Builder {
+            graph,
+            lives: lifetime::of(graph),
+            halos: halos(graph),
+            needs: sizes
+                .iter()
+                .enumerate()
+                .map(|(v, &size)| Needs {
+                    size,
+                    padding: padding(v),
+                })
+                .collect(),
+            slots: Vec::new(),
+            at: vec![None; graph.values.len()],
+        };
+        for node in graph.nodes.iter().filter(|n| n.inputs.len() > 1) {
+            b.concatenate(node)?;
+        }
+        for v in 0..graph.values.len() {
+            if b.at[v].is_none() && b.output(v).is_none() {
+                b.single(v);
+            }
+        }
+        let Builder { mut slots, at, .. } = b;
+        let mut len = 0;
+        for slot in &mut slots {
+            slot.base = len;
+            len += slot.layout().buffer_len().next_multiple_of(Self::ALIGN);
+        }
+        let place = |v: ValueId| match at[v] {
+            Some((slot, first)) => Place::Slot {
+                slot,
+                layout: slots[slot]
+                    .layout()
+                    .channel_slice(first, graph.values[v].channels),
+            },
+            None => {
+                let index = graph.outputs.iter().position(|(_, o)| *o == v);
+                Place::Output {
+                    index: index.unwrap_or_else(|| unreachable!("value {v} was not placed")),
+                    layout: Layout::dense(sizes[v].0, sizes[v].1, graph.values[v].channels, 0),
+                }
+            }
+        };
+        let values = (0..graph.values.len()).map(place).collect();
+        let plan = Self {
+            values,
+            slots,
+            len,
+            sizes,
+        };
+        plan.prove(graph)?;
+        Ok(plan)
+    }
+
+    /// Shows what the runner relies on: while a value is alive nobody else writes its elements, and concatenated values are
+    /// neighbours in order. Cheap beside packing weights, so it is done for every plan, not only in tests.
+    fn prove(&self, graph: &Graph) -> Result<(), PlanError> {
+        let lives = lifetime::of(graph);
+        for a in 0..graph.values.len() {
+            for b in 0..a {
+                let (Some(x), Some(y)) = (self.occupied(a), self.occupied(b)) else {
+                    continue;
+                };
+                let apart = x.0 != y.0 || x.2 <= y.1 || y.2 <= x.1;
+                if !apart && lives[a].overlaps(lives[b]) {
+                    return Err(PlanError(format!(
+                        "values `{}` and `{}` would overwrite each other",
+                        graph.values[a].name, graph.values[b].name
+                    )));
+                }
+            }
+        }
+        for node in graph.nodes.iter().filter(|n| n.inputs.len() > 1) {
+            for pair in node.inputs.windows(2) {
+                let (x, y) = (self.occupied(pair[0]), self.occupied(pair[1]));
+                if x.is_none() || x.map(|x| (x.0, x.2)) != y.map(|y| (y.0, y.1)) {
+                    return Err(PlanError(format!(
+                        "the inputs of `{}` are not neighbours",
+                        node.name
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Slot and channels `first..end` that a value occupies in it.
+    fn occupied(&self, v: ValueId) -> Option<(usize, usize, usize)> {
+        match self.values[v] {
+            Place::Slot { slot, layout } => {
+                let first = layout.origin - self.slots[slot].layout().origin;
+                Some((slot, first, first + layout.channels))
+            }
+            Place::Output { .. } => None,
+        }
+    }
+
+    /// The place of a node's input: one value, or neighbours in one slot seen as one tensor.
+    pub fn input(&self, graph: &Graph, node: &Node) -> Place {
+        let first = self.values[node.inputs[0]];
+        match first {
+            Place::Slot { slot, layout } => Place::Slot {
+                slot,
+                layout: Layout {
+                    channels: node.inputs.iter().map(|&v| graph.values[v].channels).sum(),
+                    ..layout
+                },
+            },
+            Place::Output { .. } => first,
+        }
+    }
+}
+
+/// The halo that each value's consumers read.
+fn halos(graph: &Graph) -> Vec<usize> {
+    let mut halos = vec![0; graph.values.len()];
+    for node in &graph.nodes {
+        let halo = match &node.op {
+            Op::Conv { shape, .. } => shape.input_halo(),
+            Op::MaxPool { padding, .. } => *padding,
+        };
+        for &v in &node.inputs {
+            halos[v] = halos[v].max(halo);
+        }
+    }
+    halos
+}
+
+struct Builder<'a> {
+    graph: &'a Graph,
+    lives: Vec<Lifetime>,
+    halos: Vec<usize>,
+    needs: Vec<Needs>,
+    slots: Vec<Slot>,
+    /// Slot and first channel.
+    at: Vec<Option<(usize, usize)>>,
+}
+
+impl Builder<'_> {
+    /// The map that a value is, unless an operation reads it too: then it needs a halo and a slot.
+    fn output(&self, v: ValueId) -> Option<usize> {
+        self.graph.outputs.iter().position(|(_, o)| *o == v)
+    }
+
+    fn channels(&self, v: ValueId) -> usize {
+        self.graph.values[v].channels
+    }
+
+    /// Whether `v` can live at `first..` of `slot` without disturbing its tenants.
+    fn fits(&self, v: ValueId, slot: usize, first: usize) -> bool {
+        let end = first + self.channels(v);
+        self.slots[slot].tenants.iter().all(|&(t, at)| {
+            let apart = end <= at || at + self.channels(t) <= first;
+            apart
+                || (!self.lives[v].overlaps(self.lives[t])
+                    && self.needs[v].padding == self.needs[t].padding)
+        })
+    }
+
+    fn settle(&mut self, v: ValueId, slot: usize, first: usize) {
+        if self.at[v] == Some((slot, first)) {
+            return;
+        }
+        let end = first + self.channels(v);
+        let halo = self.halos[v];
+        let s = &mut self.slots[slot];
+        s.channels = s.channels.max(end);
+        s.halo = s.halo.max(halo);
+        s.tenants.push((v, first));
+        self.at[v] = Some((slot, first));
+    }
+
+    fn new_slot(&mut self, v: ValueId) -> usize {
+        let (height, width) = self.needs[v].size;
+        self.slots.push(Slot {
+            height,
+            width,
+            channels: 0,
+            halo: 0,
+            base: 0,
+            tenants: Vec::new(),
+        });
+        self.slots.len() - 1
+    }
+
+    fn concatenate(&mut self, node: &Node) -> Result<(), PlanError> {
+        let mut first = 0;
+        let mut wanted = Vec::new();
+        for &v in &node.inputs {
+            wanted.push((v, first));
+            first += self.channels(v);
+        }
+        let size = self.needs[node.inputs[0]].size;
+        let takes = |slot: usize| {
+            let s = &self.slots[slot];
+            (s.height, s.width) == size
+                && wanted.iter().all(|&(v, first)| match self.at[v] {
+                    Some(at) => at == (slot, first),
+                    None => self.fits(v, slot, first),
+                })
+        };
+        let slot = (0..self.slots.len()).find(|&s| takes(s));
+        let slot = slot.unwrap_or_else(|| self.new_slot(node.inputs[0]));
+        for (v, first) in wanted {
+            if self.at[v].is_some_and(|at| at != (slot, first)) {
+                return Err(PlanError(format!(
+                    "`{}` is part of two concatenations that cannot share a buffer",
+                    self.graph.values[v].name
+                )));
+            }
+            self.settle(v, slot, first);
+        }
+        Ok(())
+    }
+
+    fn single(&mut self, v: ValueId) {
+        let same = |s: &Slot| {
+            (s.height, s.width) == self.needs[v].size
+                && s.channels == self.channels(v)
+                && s.halo == self.halos[v]
+        };
+        let free = (0..self.slots.len()).find(|&s| same(&self.slots[s]) && self.fits(v, s, 0));
+        let slot = free.unwrap_or_else(|| self.new_slot(v));
+        self.settle(v, slot, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::network::Network;
+
+    fn plan(name: &str) -> (Graph, Plan) {
+        let graph = Network::shipped(name).unwrap().graph().clone();
+        let plan = Plan::new(&graph, 320, 512, |_| 0).unwrap();
+        (graph, plan)
+    }
+
+    #[test]
+    fn every_network_has_a_proved_plan() {
+        for name in Network::names() {
+            let (graph, plan) = plan(name);
+            plan.prove(&graph).unwrap();
+        }
+    }
+
+    #[test]
+    fn the_proof_sees_overlaps_and_gaps() {
+        let (graph, plan) = plan("selecsls");
+        let value = |name: &str| graph.values.iter().position(|v| v.name == name).unwrap();
+        let mut wrong = plan.clone();
+        wrong.values[value("features.1.conv3")] = plan.values[value("features.1.conv1")];
+        assert!(
+            wrong
+                .prove(&graph)
+                .unwrap_err()
+                .to_string()
+                .contains("overwrite")
+        );
+        let mut wrong = plan.clone();
+        wrong
+            .values
+            .swap(value("features.1.conv3"), value("features.1.conv5"));
+        assert!(wrong.prove(&graph).is_err());
+    }
+
+    #[test]
+    fn one_concat_buffer_per_level() {
+        let (graph, plan) = plan("selecsls");
+        let slot = |name: &str| {
+            let v = graph.values.iter().position(|v| v.name == name).unwrap();
+            plan.occupied(v).unwrap().0
+        };
+        for (module, level) in [(0, 0), (1, 0), (2, 2), (3, 2), (4, 2), (5, 5), (8, 5)] {
+            for conv in ["conv1", "conv3", "conv5"] {
+                let a = slot(&format!("features.{module}.{conv}"));
+                assert_eq!(
+                    a,
+                    slot(&format!("features.{level}.conv6")),
+                    "{module} {conv}"
+                );
+            }
+        }
+        // About half of what one buffer per value would take without halos.
+        let each = graph.values.iter().zip(&plan.sizes);
+        let all: usize = each.map(|(v, (h, w))| v.channels * h * w).sum();
+        assert!(10 * plan.len < 6 * all, "{} of {all} elements", plan.len);
+    }
+}

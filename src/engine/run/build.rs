@@ -1,0 +1,278 @@
+//! Model + plan → steps: kernels are chosen, weights packed, every access checked once.
+
+use edgecap_kernels::{
+    Algorithm, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
+};
+
+use super::error::EngineError;
+use super::step::{Kernel, Step, Target, Tensor};
+use crate::engine::model::{
+    FloatConv, ModelError, QuantConv, Scale, Weights, dequantise, input_scales,
+};
+use crate::engine::network::{Graph, Node, Op};
+use crate::engine::plan::{Place, Plan};
+
+/// Weights as the engine is to run them.
+pub(super) enum Source<'a> {
+    /// f32, of every node.
+    Float(Vec<Option<FloatConv>>),
+    /// int8, of every node, with the scale of every value.
+    Int8(&'a [Option<QuantConv>], &'a [Option<Scale>]),
+}
+
+impl<'a> Source<'a> {
+    /// int8 as they are.
+    pub fn int8(weights: &'a Weights) -> Result<Self, EngineError> {
+        match weights {
+            Weights::Int8 { convs, scales } => Ok(Self::Int8(convs, scales)),
+            Weights::Float(_) => Err(EngineError::NotQuantised),
+        }
+    }
+
+    /// f32: as trained, or what int8 weights stand for.
+    pub fn float(graph: &Graph, weights: &Weights) -> Self {
+        match weights {
+            Weights::Float(convs) => Self::Float(convs.clone()),
+            Weights::Int8 { convs, scales } => {
+                let nodes = graph.nodes.iter().zip(convs);
+                let real = nodes.map(|(n, q)| q.as_ref().map(|q| dequantise(n, q, scales)));
+                Self::Float(real.collect())
+            }
+        }
+    }
+
+    /// The stored number of real 0 of a value.
+    pub fn padding(&self, value: usize) -> u8 {
+        match self {
+            Self::Float(_) => 0,
+            Self::Int8(_, scales) => scales[value].as_ref().map_or(0, Scale::padding),
+        }
+    }
+}
+
+/// Channels of the picture as stored for int8: kernels read channels by fours; the fourth has weight 0.
+pub(super) const PICTURE_CHANNELS: usize = 4;
+
+/// The graph with the channels that values have in memory.
+pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
+    let mut stored = graph.clone();
+    let reads = |n: &&Node| n.inputs.contains(&Graph::INPUT);
+    if matches!(source, Source::Int8(..)) && graph.nodes.iter().filter(reads).all(takes_picture) {
+        stored.values[Graph::INPUT].channels = PICTURE_CHANNELS;
+    }
+    stored
+}
+
+/// Whether a node's weights can be given a fourth channel.
+fn takes_picture(node: &Node) -> bool {
+    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups == 1)
+}
+
+/// Builds every step; `shares` says into how many parts the rows of a step may be cut.
+pub(super) fn steps(
+    graph: &Graph,
+    plan: &Plan,
+    source: &Source<'_>,
+    isa: Isa,
+    shares: usize,
+) -> Result<Vec<Step>, EngineError> {
+    let step = |i: usize| step(graph, plan, source, isa, shares, i);
+    (0..graph.nodes.len()).map(step).collect()
+}
+
+fn step(
+    graph: &Graph,
+    plan: &Plan,
+    source: &Source<'_>,
+    isa: Isa,
+    shares: usize,
+    index: usize,
+) -> Result<Step, EngineError> {
+    let node = &graph.nodes[index];
+    let refused = |source: KernelError| EngineError::Kernel {
+        layer: node.name.clone(),
+        source,
+    };
+    let missing = || EngineError::Layer(node.name.clone());
+    let tensor = |place: Place| match place {
+        Place::Slot { slot, layout } => Ok(Tensor {
+            base: plan.slots[slot].base,
+            layout,
+        }),
+        Place::Output { .. } => Err(missing()),
+    };
+    let input = tensor(plan.input(graph, node))?;
+    let residual = match node.residual {
+        Some(v) => Some(tensor(plan.values[v])?),
+        None => None,
+    };
+    let target = match plan.values[node.output] {
+        Place::Output { index, layout } => Target::Map { index, layout },
+        place => Target::Arena(tensor(place)?),
+    };
+    let is_map = matches!(target, Target::Map { .. });
+    let kernel = match (&node.op, source) {
+        (
+            Op::MaxPool {
+                kernel,
+                stride,
+                padding,
+            },
+            _,
+        ) => Kernel::Pool(MaxPool::new(isa, *kernel, *stride, *padding).map_err(refused)?),
+        (Op::Conv { shape, relu, .. }, Source::Float(convs)) => {
+            let conv = convs[index].as_ref().ok_or_else(missing)?;
+            let params = FConvParams {
+                shape: *shape,
+                weights: &conv.weight,
+                bias: &conv.bias,
+                relu: *relu,
+                residual: node.residual.is_some(),
+            };
+            Kernel::Float(FConv::new(isa, &params).map_err(refused)?)
+        }
+        (Op::Conv { relu, .. }, Source::Int8(convs, scales)) => {
+            let conv = convs[index].as_ref().ok_or_else(missing)?;
+            if is_map && (*relu || node.residual.is_some()) {
+                return Err(missing());
+            }
+            check_sum(graph, node, scales)?;
+            let conv = int8(node, input.layout.channels, conv, scales, isa).map_err(refused)?;
+            if is_map {
+                Kernel::Int8ToMap(conv)
+            } else {
+                Kernel::Int8(conv)
+            }
+        }
+    };
+
+    // Lengths count from the tensor's own buffer to the end of the arena (or of the map), which is what its pointer may reach.
+    let reach = |t: &Tensor| plan.len - t.base;
+    let out = match &target {
+        Target::Arena(t) => (&t.layout, reach(t)),
+        Target::Map { layout, .. } => (layout, layout.buffer_len()),
+    };
+    let from = (&input.layout, reach(&input));
+    let also = residual.as_ref().map(|r| (&r.layout, reach(r)));
+    match &kernel {
+        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.check(from, also, out),
+        Kernel::Float(c) => c.check(from, also, out),
+        Kernel::Pool(p) => p.check(from, out),
+    }
+    .map_err(refused)?;
+
+    let height = out.0.height;
+    let count = shares.min(height).max(1);
+    let part = |i: usize| match &kernel {
+        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.part(height, i, count),
+        Kernel::Float(c) => c.part(height, i, count),
+        Kernel::Pool(p) => p.part(height, i, count),
+    };
+    let busy = |p: &Part| !p.rows.is_empty() && !p.groups.is_empty();
+    let parts = (0..count).map(part).filter(busy).collect();
+    let (h, w) = plan.sizes[node.inputs[0]];
+    Ok(Step {
+        name: node.name.clone(),
+        input,
+        residual,
+        target,
+        output: node.output,
+        parts,
+        macs: node.conv().map_or(0, |s| s.macs(h, w)),
+        kernel,
+    })
+}
+
+/// Values of a residual sum have one step for all their channels: the kernel has one factor.
+fn check_sum(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(), EngineError> {
+    for v in node.residual.iter().flat_map(|&r| [r, node.output]) {
+        let steps = scales[v].as_ref().map_or(&[][..], |s| &s.steps);
+        if steps.iter().any(|s| *s != steps[0]) {
+            let name = format!("{}.step", graph.values[v].name);
+            let found = "different steps of the channels of a residual sum".into();
+            return Err(ModelError::Values { name, found }.into());
+        }
+    }
+    Ok(())
+}
+
+/// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual and of
+/// the output are constants per output channel, so they are folded into the bias. `channels` of the input are stored, the last
+/// of which may be more than the network has: they get weight 0.
+fn int8(
+    node: &Node,
+    channels: usize,
+    conv: &QuantConv,
+    scales: &[Option<Scale>],
+    isa: Isa,
+) -> Result<QConv, KernelError> {
+    let Op::Conv { shape, .. } = &node.op else {
+        unreachable!("called for convolutions only");
+    };
+    let zeros: Vec<f32> = input_scales(node, scales).map(|s| s.1).collect();
+    let residual = node.residual.and_then(|v| scales[v].as_ref());
+    let output = scales[node.output].as_ref();
+    let (gi, go) = (
+        shape.in_channels / shape.groups,
+        shape.out_channels / shape.groups,
+    );
+    let taps = shape.kernel * shape.kernel;
+    let mut bias = Vec::with_capacity(shape.out_channels);
+    for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
+        let first = o / go * gi;
+        let of = |(i, &w): (usize, &i8)| f64::from(w) * f64::from(zeros[first + i / taps]);
+        let mut acc = f64::from(conv.bias[o]) / f64::from(conv.scale[o]);
+        acc -= row.iter().enumerate().map(of).sum::<f64>();
+        for (s, sign) in [(residual, -1.0), (output, 1.0)] {
+            let real = s.map_or(0.0, |s| f64::from(s.steps[o]) * f64::from(s.zero));
+            acc += sign * real / f64::from(conv.scale[o]);
+        }
+        bias.push(acc.round() as i32);
+    }
+    let epilogue = match output {
+        None => Epilogue::F32 {
+            scale: conv.scale.clone(),
+        },
+        Some(out) => Epilogue::U8 {
+            scale: conv
+                .scale
+                .iter()
+                .zip(&out.steps)
+                .map(|(s, t)| s / t)
+                .collect(),
+            max: 127,
+            // Values of a residual sum have one step for all their channels.
+            residual_scale: residual.map(|r| r.steps[0] / out.steps[0]),
+        },
+    };
+    let picture = node.inputs.contains(&Graph::INPUT);
+    let mut shape = *shape;
+    let mut weights = std::borrow::Cow::from(&conv.weight);
+    if channels > shape.in_channels {
+        weights = conv
+            .weight
+            .chunks_exact(shape.in_channels * taps)
+            .flat_map(|row| {
+                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels) * taps);
+                row.iter().copied().chain(zeros)
+            })
+            .collect();
+        shape.in_channels = channels;
+    }
+    let pack = |algorithm| {
+        let params = QConvParams {
+            shape,
+            weights: &weights,
+            bias: &bias,
+            input_max: if picture { 255 } else { 127 },
+            epilogue: epilogue.clone(),
+            algorithm,
+        };
+        QConv::new(isa, &params)
+    };
+    // Winograd refuses some weights. Which ones depends on the weights alone, so every machine takes the same way.
+    match pack(Algorithm::preferred(&shape)) {
+        Err(KernelError::Value(_)) => pack(Algorithm::Direct),
+        packed => packed,
+    }
+}

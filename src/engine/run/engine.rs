@@ -1,0 +1,315 @@
+//! The engine: a model, an input size and a number of threads go in; pictures become [`Maps`].
+
+use std::sync::atomic::Ordering;
+
+use edgecap_kernels::{ConvShape, Isa};
+
+use super::arena::Arena;
+use super::build::{self, Source};
+use super::error::EngineError;
+use super::picture;
+use super::step::{Memory, Target, Tensor};
+use super::team::Team;
+use crate::engine::maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
+use crate::engine::model::{Model, Observed};
+use crate::engine::network::Graph;
+use crate::engine::plan::{Place, Plan};
+
+/// Arithmetic of an engine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// int8 weights, 7-bit activations.
+    #[default]
+    Int8,
+    /// f32 throughout. From a model file these are the numbers its int8 weights stand for, not the trained ones.
+    F32,
+}
+
+/// How to run a network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EngineOptions {
+    /// Pixels across; a multiple of 16.
+    pub width: usize,
+    /// Pixels down; a multiple of 16.
+    pub height: usize,
+    /// Threads, the caller's included; at least 1.
+    pub threads: usize,
+    /// Instruction set; `None` takes the fastest, or what `EDGECAP_ISA` says.
+    pub isa: Option<Isa>,
+    /// Arithmetic.
+    pub precision: Precision,
+    /// Bind helper threads to cores.
+    pub pin: bool,
+}
+
+impl Default for EngineOptions {
+    /// 512×320, int8, one thread per core up to four.
+    fn default() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        Self {
+            width: 512,
+            height: 320,
+            threads: cores.min(4),
+            isa: None,
+            precision: Precision::Int8,
+            pin: false,
+        }
+    }
+}
+
+/// One layer of the last run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerProfile {
+    /// Name in the network.
+    pub name: String,
+    /// The kernel's name.
+    pub kernel: &'static str,
+    /// Geometry; `None` for pooling.
+    pub shape: Option<ConvShape>,
+    /// Output (height, width).
+    pub output: (usize, usize),
+    /// Multiply-accumulates.
+    pub macs: u64,
+    /// Nanoseconds.
+    pub ns: u64,
+}
+
+/// A network ready to run: everything is placed, packed and allocated.
+pub struct Engine {
+    team: Team,
+    maps: Maps,
+    /// Which of (head2d, head3d) each of the network's outputs is.
+    order: [usize; 2],
+    input: Tensor,
+    graph: Graph,
+    isa: Isa,
+    options: EngineOptions,
+}
+
+impl Engine {
+    /// Plans, packs and allocates.
+    ///
+    /// # Errors
+    /// When size, precision, instruction set or the model's network do not fit together.
+    pub fn new(model: &Model, options: EngineOptions) -> Result<Self, EngineError> {
+        let network = model.network();
+        let graph = network.graph().clone();
+        let EngineOptions { width, height, .. } = options;
+        let multiple = network.input().multiple.max(1);
+        let fits = |n: usize| n > 0 && n <= 8192 && n.is_multiple_of(multiple);
+        if !fits(width) || !fits(height) || network.input().channels != 3 {
+            return Err(EngineError::Size {
+                multiple,
+                width,
+                height,
+            });
+        }
+        let isa = match options.isa {
+            Some(isa) => isa,
+            None => Isa::detect()?,
+        };
+        let source = match options.precision {
+            Precision::Int8 => Source::int8(model.weights())?,
+            Precision::F32 => Source::float(&graph, model.weights()),
+        };
+        let stored = build::stored(&graph, &source);
+        let plan = Plan::new(&stored, height, width, |v| source.padding(v))?;
+        let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
+        let order = outputs(&graph, &plan, &maps)?;
+        // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a busy one
+        // they gained nothing.
+        let shares = options.threads.max(1);
+        let steps = build::steps(&stored, &plan, &source, isa, shares)?;
+        let Place::Slot { slot, layout } = plan.values[Graph::INPUT] else {
+            return Err(EngineError::Outputs("the input itself".into()));
+        };
+        let input = Tensor {
+            base: plan.slots[slot].base,
+            layout,
+        };
+        let memory = match options.precision {
+            Precision::Int8 => {
+                let mut arena = Arena::new(plan.len);
+                fill_halos(&stored, &plan, &source, arena.as_mut_slice());
+                Memory::Int8(arena)
+            }
+            // Zeroed memory is the halo of real 0.
+            Precision::F32 => Memory::Float(Arena::new(plan.len)),
+        };
+        let team = Team::new(steps, memory, options.threads.max(1), options.pin)
+            .map_err(|e| EngineError::Threads(options.threads, e))?;
+        Ok(Self {
+            team,
+            maps,
+            order,
+            input,
+            graph,
+            isa,
+            options,
+        })
+    }
+
+    /// Runs the network over one picture: `rgb` is row-major `[height, width, 3]`. Allocates nothing.
+    ///
+    /// # Panics
+    /// When `rgb` is not of the engine's size.
+    pub fn run(&mut self, rgb: &[u8]) -> &Maps {
+        self.begin(rgb);
+        self.team.run();
+        &self.maps
+    }
+
+    /// As [`run`](Self::run), adding every value the network computes to `observed` (one entry per value of the graph). Slow:
+    /// one thread. For f32 engines.
+    ///
+    /// # Panics
+    /// When `rgb` is not of the engine's size, or `observed` not of the graph's.
+    pub fn observe(&mut self, rgb: &[u8], observed: &mut [Observed]) -> &Maps {
+        assert_eq!(observed.len(), self.graph.values.len(), "one per value");
+        self.begin(rgb);
+        if let Memory::Float(arena) = &self.team.shared.memory {
+            // SAFETY: no frame is running, and the input was placed within the arena by the plan.
+            unsafe { add(&self.input, arena.as_ptr(), &mut observed[Graph::INPUT]) };
+        }
+        self.team.run_alone(|step, memory| {
+            if let (Memory::Float(arena), Target::Arena(tensor)) = (memory, &step.target) {
+                // SAFETY: `run_alone` has no other thread at work, and the kernel's check put the tensor within the arena.
+                unsafe { add(tensor, arena.as_ptr(), &mut observed[step.output]) };
+            }
+        });
+        &self.maps
+    }
+
+    /// Times of the last run's layers, in order.
+    pub fn profile(&self) -> Vec<LayerProfile> {
+        let nodes = self.graph.nodes.iter().zip(&self.team.shared.steps);
+        let layer =
+            |(i, (node, step)): (usize, (&crate::engine::network::Node, &super::step::Step))| {
+                let out = step.output_layout();
+                LayerProfile {
+                    name: step.name.clone(),
+                    kernel: step.kernel_name(),
+                    shape: node.conv().copied(),
+                    output: (out.height, out.width),
+                    macs: step.macs,
+                    ns: self.team.nanoseconds(i),
+                }
+            };
+        nodes.enumerate().map(layer).collect()
+    }
+
+    /// The result of the last run.
+    pub fn maps(&self) -> &Maps {
+        &self.maps
+    }
+
+    /// The instruction set in use.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Threads in use, the caller's included.
+    pub fn threads(&self) -> usize {
+        self.team.threads()
+    }
+
+    /// What it was built with.
+    pub fn options(&self) -> &EngineOptions {
+        &self.options
+    }
+
+    /// Multiply-accumulates of one run.
+    pub fn macs(&self) -> u64 {
+        self.team.shared.steps.iter().map(|s| s.macs).sum()
+    }
+
+    /// Bytes of activations, all buffers together.
+    pub fn activation_bytes(&self) -> usize {
+        match &self.team.shared.memory {
+            Memory::Int8(a) => a.len(),
+            Memory::Float(a) => 4 * a.len(),
+        }
+    }
+
+    /// Puts the picture into its buffer and tells the steps where the maps are.
+    fn begin(&mut self, rgb: &[u8]) {
+        let EngineOptions { width, height, .. } = self.options;
+        assert_eq!(
+            rgb.len(),
+            3 * width * height,
+            "expected an RGB picture of {width}x{height}, found {} bytes; letterbox it to the engine's input",
+            rgb.len()
+        );
+        // SAFETY: no frame is running (`&mut self`, and `run` returns when all parts are done), so nobody else touches the
+        // arena; the first step's check put the input's layout within it.
+        unsafe { picture::store(rgb, &self.input, &self.team.shared.memory) };
+        let pointers = [self.maps.head2d.as_mut_ptr(), self.maps.head3d.as_mut_ptr()];
+        for (slot, head) in self.team.shared.maps.iter().zip(self.order) {
+            // Helpers see it through the lock that begins a frame.
+            slot.store(pointers[head], Ordering::Relaxed);
+        }
+    }
+}
+
+/// Adds every pixel of a tensor of the arena that begins at `arena`.
+///
+/// # Safety
+/// The tensor lies within the arena, and nobody writes it meanwhile.
+unsafe fn add(tensor: &Tensor, arena: *const f32, observed: &mut Observed) {
+    let l = &tensor.layout;
+    for y in 0..l.height {
+        for x in 0..l.width {
+            let at = tensor.base + l.origin + y * l.row_stride + x * l.pixel_stride;
+            // SAFETY: (y, x) and `channels` elements from it lie within the layout, hence within the arena (caller).
+            observed.add(unsafe { std::slice::from_raw_parts(arena.add(at), l.channels) });
+        }
+    }
+}
+
+/// Checks that the network's outputs are Stage I's two heads; returns which head each output is.
+fn outputs(graph: &Graph, plan: &Plan, maps: &Maps) -> Result<[usize; 2], EngineError> {
+    let found = || {
+        let one = |(name, v): &(String, usize)| {
+            let (h, w) = plan.sizes[*v];
+            format!("{name} [{h}, {w}, {}]", graph.values[*v].channels)
+        };
+        graph.outputs.iter().map(one).collect::<Vec<_>>().join(", ")
+    };
+    let heads = [("head2d", HEAD2D_CHANNELS), ("head3d", HEAD3D_CHANNELS)];
+    let mut order = [usize::MAX; 2];
+    for (i, (name, v)) in graph.outputs.iter().enumerate() {
+        let head = heads.iter().position(|&(n, c)| {
+            n == name
+                && graph.values[*v].channels == c
+                && plan.sizes[*v] == (maps.height, maps.width)
+        });
+        match (head, order.get_mut(i)) {
+            (Some(head), Some(to)) => *to = head,
+            _ => return Err(EngineError::Outputs(found())),
+        }
+    }
+    let complete = order == [0, 1] || order == [1, 0];
+    complete
+        .then_some(order)
+        .ok_or_else(|| EngineError::Outputs(found()))
+}
+
+/// Writes what padding reads, once: nobody writes halos later.
+fn fill_halos(graph: &Graph, plan: &Plan, source: &Source<'_>, arena: &mut [u8]) {
+    for slot in &plan.slots {
+        let l = slot.layout();
+        let halo = l.halo as isize;
+        for &(v, first) in &slot.tenants {
+            let padding = source.padding(v);
+            if padding == 0 {
+                continue;
+            }
+            for y in -halo..l.height as isize + halo {
+                for x in -halo..l.width as isize + halo {
+                    let at = slot.base + l.index(y, x) + first;
+                    arena[at..at + graph.values[v].channels].fill(padding);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Why an engine cannot be built.
+
+use edgecap_kernels::{IsaError, KernelError};
+
+use crate::engine::model::ModelError;
+use crate::engine::plan::PlanError;
+
+/// An engine cannot be built as asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EngineError {
+    /// The input size does not fit the network.
+    #[error(
+        "expected a network input of multiples of {multiple} pixels up to 8192, found {width}x{height}; choose e.g. 512x320"
+    )]
+    Size {
+        /// What sides are multiples of.
+        multiple: usize,
+        /// Asked for.
+        width: usize,
+        /// Asked for.
+        height: usize,
+    },
+    /// int8 was asked of float weights.
+    #[error(
+        "int8 was asked for, but the weights are floats: quantise them with `edgecap model import`, or ask for f32"
+    )]
+    NotQuantised,
+    /// The network's outputs are not Stage I's.
+    #[error(
+        "expected outputs head2d [40] and head3d [63] at 1/8 of the input, found {0}; choose another network"
+    )]
+    Outputs(String),
+    /// A layer does what int8 kernels do not.
+    #[error(
+        "layer `{0}` is an output with ReLU or residual sum, which has no int8 kernel; run it in f32"
+    )]
+    Layer(String),
+    /// Threads cannot be had.
+    #[error("cannot start {0} threads: {1}; ask for fewer")]
+    Threads(usize, std::io::Error),
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Buffers cannot be placed.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// A kernel refuses a layer.
+    #[error("layer `{layer}`: {source}")]
+    Kernel {
+        /// Its name.
+        layer: String,
+        /// Why.
+        source: KernelError,
+    },
+    /// The instruction set asked for.
+    #[error("{0}")]
+    Isa(String),
+}
+
+impl From<IsaError> for EngineError {
+    fn from(e: IsaError) -> Self {
+        Self::Isa(e.to_string())
+    }
+}

@@ -1,0 +1,57 @@
+//! What can be wrong with predictions or truth.
+
+use std::path::PathBuf;
+
+/// A measurement cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A file cannot be read.
+    #[error("cannot read {path}: {source}; check the path")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file holds something else than was expected.
+    #[error("{path}: expected {expected}, found {found}")]
+    Format {
+        /// The file, with the line where there is one.
+        path: String,
+        /// What was expected.
+        expected: String,
+        /// What was found, and what to do.
+        found: String,
+    },
+    /// No frame of the truth has a prediction.
+    #[error(
+        "none of the {truth} pictures of the truth is among the {predictions} predicted ones; expected the predictions' \"source\" to end in the truth's file names: run `edgecap infer` on the same pictures"
+    )]
+    Disjoint {
+        /// Frames in the truth.
+        truth: usize,
+        /// Frames predicted.
+        predictions: usize,
+    },
+}
+
+impl EvalError {
+    pub(crate) fn format(
+        path: impl std::fmt::Display,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Format {
+            path: path.to_string(),
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    pub(crate) fn read(path: &std::path::Path) -> Result<String, Self> {
+        std::fs::read_to_string(path).map_err(|source| Self::Read {
+            path: path.into(),
+            source,
+        })
+    }
+}

@@ -1,0 +1,83 @@
+//! Who is who: how many people were found, and how many predictions are nobody.
+
+use serde::Serialize;
+
+use super::{ImageOks, TruthPerson};
+use crate::assignment::Matcher;
+
+/// Recall and precision at one similarity.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Finding {
+    /// Least OKS of a find.
+    pub oks: f64,
+    /// People of the truth that count.
+    pub people: usize,
+    /// Those found.
+    pub found: usize,
+    /// Predictions that count: those on people to be ignored are left out.
+    pub predictions: usize,
+    /// Predictions that are nobody.
+    pub false_people: usize,
+    /// `found / people`.
+    pub recall: f64,
+    /// `found / predictions`.
+    pub precision: f64,
+    /// Mean OKS of the found.
+    pub mean_oks: f64,
+}
+
+/// Finds people at an OKS of at least `least`, matching each picture so that the total OKS is greatest.
+///
+/// Every picture comes with its scale to network input pixels. `counts` (person, scale) says which people are asked for; the others may be found but are not missed, and a prediction on one of them (or on
+/// a person to be ignored) is neither right nor wrong.
+pub fn find_people<'a>(
+    images: impl Iterator<Item = (&'a ImageOks, &'a [TruthPerson], f64)>,
+    least: f64,
+    counts: &dyn Fn(&TruthPerson, f64) -> bool,
+) -> Finding {
+    let mut matcher = Matcher::default();
+    let (mut people, mut found, mut predictions, mut false_people, mut sum) = (0, 0, 0, 0, 0.0);
+    for (image, truth, scale) in images {
+        let asked: Vec<bool> = truth
+            .iter()
+            .zip(&image.ignored)
+            .map(|(t, ignored)| !ignored && counts(t, scale))
+            .collect();
+        people += asked.iter().filter(|a| **a).count();
+        let scores: Vec<f32> = image
+            .oks
+            .iter()
+            .flatten()
+            .map(|o| if *o >= least { *o as f32 } else { 0.0 })
+            .collect();
+        let pairs = matcher.solve(image.scores.len(), truth.len(), &scores);
+        for (p, pair) in pairs.iter().enumerate() {
+            match *pair {
+                Some(t) if asked[t] => {
+                    found += 1;
+                    predictions += 1;
+                    sum += image.oks[p][t];
+                }
+                Some(_) => {}
+                None => {
+                    // A crowd swallows any number of predictions.
+                    let mut ignored = image.ignored.iter().zip(&image.oks[p]);
+                    if !ignored.any(|(ignored, o)| *ignored && *o >= least) {
+                        predictions += 1;
+                        false_people += 1;
+                    }
+                }
+            }
+        }
+    }
+    Finding {
+        oks: least,
+        people,
+        found,
+        predictions,
+        false_people,
+        recall: found as f64 / people.max(1) as f64,
+        precision: found as f64 / predictions.max(1) as f64,
+        mean_oks: sum / found.max(1) as f64,
+    }
+}

@@ -1,0 +1,154 @@
+//! A JSON-lines file of `infer` or `run` goes in, people per frame come out.
+
+use std::path::Path;
+
+use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use serde::Deserialize;
+
+use super::EvalError;
+use super::oks::Joints2d;
+
+/// Confidence of a body's joint that is given none: bodies are complete, so every joint counts as predicted.
+const LEAST_CONFIDENCE: f32 = 1e-3;
+
+/// One predicted person.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Person {
+    /// Identity; only bodies have one.
+    pub id: Option<u64>,
+    /// How sure the prediction is; orders predictions.
+    pub score: f64,
+    /// Evidence joints, pixels of the original picture; confidence 0 where not seen.
+    pub joints2d: Joints2d,
+    /// Body joints, metres, camera axes: relative to the pelvis for observations, in camera space for bodies.
+    pub joints3d: [[f64; 3]; BODY_JOINTS],
+}
+
+/// Everyone predicted in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PredictedFrame {
+    /// Index of the frame in its input.
+    pub frame: u64,
+    /// Capture time, nanoseconds.
+    pub time_ns: u64,
+    /// The picture or video; empty when the file does not say.
+    pub source: String,
+    /// Width and height of the original picture; 0 when the file does not say.
+    pub size: [f64; 2],
+    /// The people.
+    pub people: Vec<Person>,
+}
+
+/// A file of predictions.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Predictions {
+    /// In order of the file.
+    pub frames: Vec<PredictedFrame>,
+    /// Whether `run` wrote it: camera-space bodies with identities, in true metres, rather than pelvis-relative people of
+    /// canonical stature.
+    pub bodies: bool,
+}
+
+#[derive(Deserialize)]
+struct Line {
+    frame: u64,
+    #[serde(default)]
+    time_ns: u64,
+    #[serde(default)]
+    source: Option<String>,
+    #[serde(default)]
+    width: f64,
+    #[serde(default)]
+    height: f64,
+    people: Vec<LinePerson>,
+}
+
+#[derive(Deserialize)]
+struct LinePerson {
+    id: Option<u64>,
+    score: Option<f64>,
+    position: Option<[f64; 3]>,
+    joints2d: Vec<Vec<f32>>,
+    joints3d: Vec<[f64; 3]>,
+    confidence: Option<serde_json::Value>,
+}
+
+impl Predictions {
+    /// Reads a file written by `infer --jsonl` or `run --jsonl`.
+    pub fn read(path: &Path) -> Result<Self, EvalError> {
+        Self::parse(&EvalError::read(path)?, &path.display().to_string())
+    }
+
+    /// Adds the frames of another file.
+    pub fn append(&mut self, more: Self) {
+        self.bodies |= more.bodies;
+        self.frames.extend(more.frames);
+    }
+
+    /// Reads the text of such a file; `name` is for errors.
+    pub fn parse(text: &str, name: &str) -> Result<Self, EvalError> {
+        let mut out = Self::default();
+        let lines = text.lines().enumerate();
+        for (k, line) in lines.filter(|(_, l)| !l.trim().is_empty()) {
+            let at = || format!("{name}, line {}", k + 1);
+            let line: Line = serde_json::from_str(line).map_err(|e| {
+                EvalError::format(
+                    at(),
+                    "one JSON object per line as `infer --jsonl` or `run --jsonl` writes it",
+                    e.to_string(),
+                )
+            })?;
+            let mut people = Vec::with_capacity(line.people.len());
+            for p in line.people {
+                out.bodies |= p.position.is_some();
+                people.push(p.check(&at)?);
+            }
+            out.frames.push(PredictedFrame {
+                frame: line.frame,
+                time_ns: line.time_ns,
+                source: line.source.unwrap_or_default(),
+                size: [line.width, line.height],
+                people,
+            });
+        }
+        Ok(out)
+    }
+}
+
+impl LinePerson {
+    fn check(self, at: &dyn Fn() -> String) -> Result<Person, EvalError> {
+        let wrong = |what: &str, found: usize| {
+            EvalError::format(at(), what, format!("{found}; write the file again"))
+        };
+        let joints3d = <[_; BODY_JOINTS]>::try_from(self.joints3d)
+            .map_err(|j| wrong("21 joints3d of x, y, z", j.len()))?;
+        // A body may give one confidence for all joints or one per joint; an observation gives it with each point.
+        let confidence = |j: usize| match &self.confidence {
+            Some(serde_json::Value::Array(all)) => all.get(j).and_then(|c| c.as_f64()),
+            Some(one) => one.as_f64(),
+            None => None,
+        };
+        if self.joints2d.len() < EVIDENCE_JOINTS {
+            return Err(wrong("at least 14 joints2d", self.joints2d.len()));
+        }
+        let mut joints2d = [[0.0; 3]; EVIDENCE_JOINTS];
+        for (j, (to, from)) in joints2d.iter_mut().zip(&self.joints2d).enumerate() {
+            *to = match from[..] {
+                [u, v, c] => [u, v, c],
+                [u, v] => {
+                    let c = confidence(j).unwrap_or(0.0) as f32;
+                    [u, v, c.max(LEAST_CONFIDENCE)]
+                }
+                _ => return Err(wrong("joints2d of u, v or u, v, confidence", from.len())),
+            };
+        }
+        let seen = joints2d.iter().filter(|j| j[2] > 0.0);
+        let mean = seen.clone().map(|j| f64::from(j[2])).sum::<f64>() / seen.count().max(1) as f64;
+        Ok(Person {
+            id: self.id,
+            score: self.score.unwrap_or(mean),
+            joints2d,
+            joints3d,
+        })
+    }
+}

@@ -1,0 +1,396 @@
+//! Predictions and truth go in, every measure that they allow comes out.
+
+use edgecap_client::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS, JOINT_NAMES, PELVIS};
+use serde::Serialize;
+
+use super::geometry::{minus, norm};
+use super::identity::{Identity, IdentityScore};
+use super::jitter::Jitter;
+use super::mupots::{Mupots, MupotsPerson, MupotsScore, Protocol};
+use super::oks::{AveragePrecision, ImageOks, Joints2d, average_precision};
+use super::pairing::pair;
+use super::{
+    EvalError, Finding, JointSet, Pck, Person, Pose3d, PoseErrors, PredictedFrame, Predictions,
+    Quiet, TruthFrame, TruthPerson, TruthSet, find_people,
+};
+use crate::assignment::Matcher;
+
+/// Fraction of the torso within which a joint is right.
+const PCK_FRACTION: f64 = 0.2;
+/// Least OKS for a prediction to be taken as this person in the measures of joints: the person was found, however badly.
+const SAME_PERSON: f64 = 0.1;
+/// OKS at which a predicted identity lies on a true one.
+const SAME_IDENTITY: f64 = 0.5;
+/// Heights, network input pixels, that separate the rows of recall by size.
+const HEIGHTS: [f64; 4] = [60.0, 100.0, 150.0, 300.0];
+/// The network's reference input: heights are given in its pixels.
+const NETWORK_INPUT: [f64; 2] = [512.0, 320.0];
+
+/// What to measure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvalOptions {
+    /// Points that count in OKS.
+    pub joints: JointSet,
+    /// People with fewer labelled evidence joints are not asked for in recall.
+    pub min_joints: usize,
+    /// People lower than this, network input pixels, are not asked for in recall.
+    pub min_height: f64,
+}
+
+impl Default for EvalOptions {
+    fn default() -> Self {
+        Self {
+            joints: JointSet::Shared,
+            min_joints: 8,
+            min_height: 0.0,
+        }
+    }
+}
+
+/// Every measure that the predictions and the truth allow.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Report {
+    /// Points that counted in OKS.
+    pub joints: JointSet,
+    /// For pictures that hold nobody; then nothing else is measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quiet: Option<Quiet>,
+    /// Frames of the truth.
+    pub frames: usize,
+    /// Frames of the truth that have no prediction at all, as if nobody had been found.
+    pub frames_without_prediction: usize,
+    /// Predicted people in the others.
+    pub predicted_people: usize,
+    /// COCO's AP and AR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coco: Option<AveragePrecision>,
+    /// Recall and precision at OKS 0.3, 0.5 and 0.75 of people with enough joints.
+    pub finding: Vec<Finding>,
+    /// Recall at OKS 0.5 by height.
+    pub recall_by_height: Vec<HeightRow>,
+    /// PCK@0.2 of the torso over all labelled joints; a person who was not found has all joints wrong.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pck: Option<f64>,
+    /// The same, joint by joint.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pck_per_joint: Vec<(&'static str, Option<f64>)>,
+    /// 3D errors of the found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose3d: Option<Pose3d>,
+    /// MuPoTS-3D's protocol.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mupots: Vec<MupotsScore>,
+    /// Identities over time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identity: Option<IdentityScore>,
+    /// Mean acceleration of predicted joints, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jitter: Option<f64>,
+    /// Mean acceleration of true joints over the same time, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_motion: Option<f64>,
+}
+
+/// Recall of people of some height.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HeightRow {
+    /// Least height, network input pixels.
+    pub from: f64,
+    /// Heights are below this; null in JSON for the last row.
+    pub to: f64,
+    /// People.
+    pub people: usize,
+    /// Share found.
+    pub recall: f64,
+}
+
+/// One frame with everything the measures share.
+struct Scene<'a> {
+    truth: &'a TruthFrame,
+    predicted: Option<&'a PredictedFrame>,
+    /// In the joint set asked for.
+    image: ImageOks,
+    /// Over all evidence joints.
+    evidence: ImageOks,
+    /// Prediction of every true person, over the evidence joints.
+    partner: Vec<Option<usize>>,
+    /// Network input pixels per pixel.
+    scale: f64,
+}
+
+impl Scene<'_> {
+    fn people(&self) -> &[Person] {
+        self.predicted.map_or(&[], |p| &p.people)
+    }
+
+    fn partner(&self, t: usize) -> Option<&Person> {
+        self.partner[t].map(|p| &self.people()[p])
+    }
+}
+
+/// Measures predictions against truth.
+///
+/// # Errors
+/// When no frame of the truth has a prediction.
+pub fn evaluate(
+    predictions: &Predictions,
+    truth: &TruthSet,
+    options: &EvalOptions,
+) -> Result<Report, EvalError> {
+    let pairs = pair(truth, predictions)?;
+    let mut matcher = Matcher::default();
+    let scenes: Vec<Scene> = pairs
+        .into_iter()
+        .map(|(t, p)| scene(t, p, options.joints, &mut matcher))
+        .collect();
+    let mut report = Report {
+        joints: options.joints,
+        frames: scenes.len(),
+        frames_without_prediction: scenes.iter().filter(|s| s.predicted.is_none()).count(),
+        predicted_people: scenes.iter().map(|s| s.people().len()).sum(),
+        ..Report::default()
+    };
+    if !truth.single {
+        let images: Vec<ImageOks> = scenes.iter().map(|s| s.image.clone()).collect();
+        report.coco = Some(average_precision(&images));
+        for least in [0.3, 0.5, 0.75] {
+            let counts = |t: &TruthPerson, scale: f64| {
+                labelled(t) >= options.min_joints && t.height() * scale >= options.min_height
+            };
+            report.finding.push(find(&scenes, least, &counts));
+        }
+        report.recall_by_height = by_height(&scenes, options);
+    }
+    points(&scenes, &mut report);
+    if scenes
+        .iter()
+        .flat_map(|s| &s.truth.people)
+        .any(|t| t.joints3d.is_some())
+    {
+        report.pose3d = pose3d(&scenes, predictions.bodies);
+        report.mupots = mupots(&scenes);
+    }
+    if truth.video {
+        if predictions.bodies {
+            report.identity = Some(identity(&scenes));
+        }
+        (report.jitter, report.true_motion) = jitter(&scenes, predictions.bodies);
+    }
+    Ok(report)
+}
+
+/// Labelled evidence joints.
+fn labelled(t: &TruthPerson) -> usize {
+    let points = t.points.iter();
+    points
+        .filter(|k| k.joint.is_some() && k.is_labelled())
+        .count()
+}
+
+fn scene<'a>(
+    truth: &'a TruthFrame,
+    predicted: Option<&'a PredictedFrame>,
+    joints: JointSet,
+    matcher: &mut Matcher,
+) -> Scene<'a> {
+    let people = predicted.map_or(&[][..], |p| &p.people[..]);
+    let flat: Vec<(f64, Joints2d)> = people.iter().map(|p| (p.score, p.joints2d)).collect();
+    let image = ImageOks::new(&truth.people, &flat, joints);
+    let evidence = ImageOks::new(&truth.people, &flat, JointSet::Evidence);
+    let scores: Vec<f32> = evidence
+        .oks
+        .iter()
+        .flatten()
+        .map(|o| if *o >= SAME_PERSON { *o as f32 } else { 0.0 })
+        .collect();
+    let mut partner = vec![None; truth.people.len()];
+    let pairs = matcher.solve(people.len(), truth.people.len(), &scores);
+    for (p, t) in pairs.iter().enumerate() {
+        if let Some(t) = *t {
+            partner[t] = Some(p);
+        }
+    }
+    let scale = match predicted.map(|p| p.size) {
+        Some([w, h]) if w > 0.0 && h > 0.0 => (NETWORK_INPUT[0] / w).min(NETWORK_INPUT[1] / h),
+        _ => 1.0,
+    };
+    Scene {
+        truth,
+        predicted,
+        image,
+        evidence,
+        partner,
+        scale,
+    }
+}
+
+fn find(scenes: &[Scene], least: f64, counts: &dyn Fn(&TruthPerson, f64) -> bool) -> Finding {
+    let images = scenes
+        .iter()
+        .map(|s| (&s.image, &s.truth.people[..], s.scale));
+    find_people(images, least, counts)
+}
+
+fn by_height(scenes: &[Scene], options: &EvalOptions) -> Vec<HeightRow> {
+    let mut edges = vec![0.0];
+    edges.extend(HEIGHTS);
+    edges.push(f64::INFINITY);
+    let row = |w: &[f64]| {
+        let counts = |t: &TruthPerson, scale: f64| {
+            let height = t.height() * scale;
+            labelled(t) >= options.min_joints && height >= w[0] && height < w[1]
+        };
+        let found = find(scenes, 0.5, &counts);
+        HeightRow {
+            from: w[0],
+            to: w[1],
+            people: found.people,
+            recall: found.recall,
+        }
+    };
+    let rows = edges.windows(2).map(row);
+    rows.filter(|r| r.people > 0).collect()
+}
+
+/// PCK over every person that counts.
+fn points(scenes: &[Scene], report: &mut Report) {
+    let mut pck = Pck::new(PCK_FRACTION);
+    for s in scenes {
+        for (t, person) in s.truth.people.iter().enumerate() {
+            if !s.evidence.ignored[t] {
+                pck.add(person, s.partner(t).map(|p| &p.joints2d));
+            }
+        }
+    }
+    if pck.people() > 0 {
+        report.pck = Some(pck.mean());
+        report.pck_per_joint = JOINT_NAMES[..EVIDENCE_JOINTS]
+            .iter()
+            .copied()
+            .zip(pck.per_joint())
+            .collect();
+    }
+}
+
+fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
+    let (mut errors, mut roots, mut people) = (Vec::new(), Vec::new(), 0);
+    for s in scenes {
+        for (t, person) in s.truth.people.iter().enumerate() {
+            let Some(joints) = person.joints3d.filter(|_| !s.evidence.ignored[t]) else {
+                continue;
+            };
+            people += 1;
+            let Some(p) = s.partner(t) else { continue };
+            // Observations are of canonical stature; a truth that knows the person's is brought to it.
+            let scale = match person.stature {
+                Some(stature) if !bodies => f64::from(CANONICAL_STATURE) / stature,
+                _ => 1.0,
+            };
+            let scaled = joints.map(|j| j.map(|j| j.map(|x| x * scale)));
+            errors.extend(PoseErrors::new(&scaled, &p.joints3d));
+            if let Some(root) = joints[PELVIS].filter(|_| bodies) {
+                roots.push(norm(minus(p.joints3d[PELVIS], root)));
+            }
+        }
+    }
+    Pose3d::pool(&errors, people, &roots)
+}
+
+fn mupots(scenes: &[Scene]) -> Vec<MupotsScore> {
+    let mut mupots = Mupots::default();
+    mupots.begin_sequence();
+    for s in scenes {
+        let truth: Vec<MupotsPerson> = s
+            .truth
+            .people
+            .iter()
+            .zip(&s.evidence.ignored)
+            .filter(|(_, ignored)| !**ignored)
+            .filter_map(|(t, _)| {
+                let mut joints2d = [None; EVIDENCE_JOINTS];
+                for k in t.points.iter().filter(|k| k.is_labelled()) {
+                    if let Some(j) = k.joint {
+                        joints2d[j] = Some([k.u, k.v]);
+                    }
+                }
+                Some(MupotsPerson {
+                    joints2d,
+                    joints3d: t.joints3d?,
+                })
+            })
+            .collect();
+        let predicted: Vec<MupotsPerson> = s
+            .people()
+            .iter()
+            .map(|p| MupotsPerson {
+                joints2d: p
+                    .joints2d
+                    .map(|[u, v, c]| (c > 0.0).then_some([f64::from(u), f64::from(v)])),
+                joints3d: p.joints3d.map(Some),
+            })
+            .collect();
+        mupots.add(&truth, &predicted);
+    }
+    [Protocol::All, Protocol::Matched]
+        .into_iter()
+        .filter_map(|p| mupots.score(p))
+        .collect()
+}
+
+fn identity(scenes: &[Scene]) -> IdentityScore {
+    let mut identity = Identity::default();
+    for s in scenes {
+        let counted: Vec<usize> = (0..s.truth.people.len())
+            .filter(|&t| !s.evidence.ignored[t] && s.truth.people[t].id.is_some())
+            .collect();
+        // A body on somebody who is not asked for, because nearly nothing of him shows, is neither right nor wrong.
+        let on_hidden = |p: usize| {
+            let best = |ignored: bool| {
+                let row = s.evidence.oks[p].iter().zip(&s.evidence.ignored);
+                let row = row.filter(|(_, i)| **i == ignored).map(|(o, _)| *o);
+                row.fold(0.0, f64::max)
+            };
+            best(true) >= SAME_IDENTITY && best(true) > best(false)
+        };
+        let people = s.people();
+        let kept: Vec<usize> = (0..people.len())
+            .filter(|&p| people[p].id.is_some() && !on_hidden(p))
+            .collect();
+        let truth: Vec<u64> = counted
+            .iter()
+            .filter_map(|&t| s.truth.people[t].id)
+            .collect();
+        let predicted: Vec<u64> = kept.iter().filter_map(|&p| people[p].id).collect();
+        let row = |&p: &usize| counted.iter().map(|&t| s.evidence.oks[p][t]).collect();
+        let similarity: Vec<Vec<f64>> = kept.iter().map(row).collect();
+        identity.add(&truth, &predicted, &similarity, SAME_IDENTITY);
+    }
+    identity.score()
+}
+
+/// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where the
+/// predictions have none. Observations are compared relative to the pelvis, bodies in camera space.
+fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
+    let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
+    for s in scenes {
+        let Some(frame) = s.predicted else { continue };
+        let seconds = frame.time_ns as f64 * 1e-9;
+        for (t, person) in s.truth.people.iter().enumerate() {
+            let (Some(id), Some(p)) = (person.id, s.partner(t)) else {
+                continue;
+            };
+            let track = if bodies { p.id.unwrap_or(id) } else { id };
+            predicted.add(track, frame.frame, seconds, &p.joints3d);
+            let Some(joints) = person.joints3d else {
+                continue;
+            };
+            let root = joints[PELVIS].filter(|_| !bodies).unwrap_or_default();
+            let whole: Option<Vec<[f64; 3]>> =
+                joints.iter().map(|j| j.map(|j| minus(j, root))).collect();
+            if let Some(whole) = whole.and_then(|w| w.try_into().ok()) {
+                truth.add(id, frame.frame, seconds, &whole);
+            }
+        }
+    }
+    (predicted.mean(), truth.mean())
+}

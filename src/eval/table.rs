@@ -1,0 +1,129 @@
+//! A report as text.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::{JointSet, Protocol, Report};
+
+fn row(f: &mut Formatter<'_>, name: &str, value: impl Display) -> fmt::Result {
+    writeln!(f, "{name:<34}{value}")
+}
+
+fn percent(x: f64) -> String {
+    if x < 0.0 {
+        "-".into()
+    } else {
+        format!("{:.1} %", 100.0 * x)
+    }
+}
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if let Some(q) = self.quiet {
+            row(f, "pictures without people", q.pictures)?;
+            row(f, "  with nobody reported", percent(q.share()))?;
+            return row(f, "  people reported", q.people);
+        }
+        let missing = match self.frames_without_prediction {
+            0 => String::new(),
+            n => format!(" ({n} without any prediction)"),
+        };
+        row(f, "frames", format!("{}{missing}", self.frames))?;
+        row(f, "people predicted", self.predicted_people)?;
+        self.finding(f)?;
+        self.joints(f)?;
+        self.solid(f)?;
+        self.time(f)
+    }
+}
+
+impl Report {
+    fn finding(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if let Some(c) = self.coco {
+            let set = match self.joints {
+                JointSet::Shared => "12 shared joints",
+                JointSet::Evidence => "evidence joints",
+                JointSet::All => "all labelled points",
+            };
+            row(f, "OKS over", set)?;
+            row(f, "  people that count", c.people)?;
+            let ap = [("AP", c.ap), ("AP50", c.ap50), ("AP75", c.ap75)];
+            for (name, x) in ap.into_iter().chain([("AR", c.ar), ("AR50", c.ar50)]) {
+                row(f, &format!("  {name}"), percent(x))?;
+            }
+        }
+        for k in &self.finding {
+            let text = format!(
+                "recall {} of {}, precision {}, {} false, mean OKS {:.3}",
+                percent(k.recall),
+                k.people,
+                percent(k.precision),
+                k.false_people,
+                k.mean_oks
+            );
+            row(f, &format!("found at OKS {:.2}", k.oks), text)?;
+        }
+        for h in &self.recall_by_height {
+            let name = if h.to.is_finite() {
+                format!("  {:.0}-{:.0} px tall, OKS 0.50", h.from, h.to)
+            } else {
+                format!("  from {:.0} px tall, OKS 0.50", h.from)
+            };
+            row(f, &name, format!("{} of {}", percent(h.recall), h.people))?;
+        }
+        Ok(())
+    }
+
+    fn joints(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(pck) = self.pck else { return Ok(()) };
+        row(f, "PCK@0.2 of the torso", percent(pck))?;
+        for (name, share) in &self.pck_per_joint {
+            if let Some(share) = share {
+                row(f, &format!("  {name}"), percent(*share))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn solid(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if let Some(p) = &self.pose3d {
+            row(f, "3D people found", format!("{} of {}", p.people, p.truth))?;
+            row(f, "  MPJPE", format!("{:.1} mm", p.mpjpe_mm))?;
+            row(f, "  PA-MPJPE", format!("{:.1} mm", p.pa_mpjpe_mm))?;
+            row(f, "  3DPCK@150", percent(p.pck150))?;
+            row(f, "  AUC", percent(p.auc))?;
+            if let Some(root) = p.root_mm {
+                row(f, "  pelvis in camera space", format!("{root:.0} mm"))?;
+            }
+        }
+        for m in &self.mupots {
+            let name = match m.protocol {
+                Protocol::All => "MuPoTS-3D protocol, all",
+                Protocol::Matched => "MuPoTS-3D protocol, matched",
+            };
+            let text = format!("3DPCK@150 {}, AUC {}", percent(m.pck150), percent(m.auc));
+            row(f, name, text)?;
+        }
+        Ok(())
+    }
+
+    fn time(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if let Some(i) = self.identity {
+            row(f, "IDF1", percent(i.idf1))?;
+            row(f, "  identity switches", i.switches)?;
+            let seen = format!("{} of {}", i.matched, i.truth);
+            row(f, "  appearances found", seen)?;
+            let text = format!(
+                "{} for {} people",
+                i.predicted_identities, i.truth_identities
+            );
+            row(f, "  identities", text)?;
+        }
+        if let Some(j) = self.jitter {
+            let truth = self
+                .true_motion
+                .map_or(String::new(), |t| format!(" (truth {t:.2})"));
+            row(f, "mean joint acceleration", format!("{j:.2} m/s²{truth}"))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,184 @@
+//! Ground truth in public formats goes in, labelled people per picture come out.
+
+mod annotations;
+mod coco;
+mod mpii;
+mod synth;
+
+use std::path::Path;
+
+use edgecap_client::joints::BODY_JOINTS;
+
+use super::{EvalError, Keypoint, bounding_box};
+
+/// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the same).
+const AREA_OF_BOX: f64 = 0.53;
+
+/// How a truth file is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Format {
+    /// Whichever of the others the file looks like.
+    #[default]
+    Auto,
+    /// COCO keypoints (`images`, `annotations`, `categories`), any keypoint names; also CrowdPose and OCHuman.
+    Coco,
+    /// A list of people with `image`, `joints` and `joints_vis` in MPII's 16 joints.
+    Mpii,
+    /// A list of pictures of one person each with `file`, `joints` and `split` in the 14 evidence joints (Leeds Sports Pose).
+    People2d,
+    /// A list of pictures of one person each with `file`, `joints2d` and `joints3d_camera_m` in 17 joints.
+    Real3d,
+    /// `truth.json` of `edgecap synth`.
+    Synth,
+}
+
+/// Everyone labelled in one picture.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TruthFrame {
+    /// Path of the picture as the truth names it; empty for videos.
+    pub source: String,
+    /// Index in a video.
+    pub frame: Option<u64>,
+    /// The people.
+    pub people: Vec<TruthPerson>,
+}
+
+/// One labelled person.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TruthPerson {
+    /// Identity, where the truth has one.
+    pub id: Option<u64>,
+    /// Labelled points.
+    pub points: Vec<Keypoint>,
+    /// Area, square pixels.
+    pub area: f64,
+    /// x, y, width, height, pixels.
+    pub bbox: [f64; 4],
+    /// A group that is not labelled one by one, or a person not to be asked for.
+    pub crowd: bool,
+    /// Body joints in camera space, metres.
+    pub joints3d: Option<[Option<[f64; 3]>; BODY_JOINTS]>,
+    /// Height, metres.
+    pub stature: Option<f64>,
+}
+
+impl TruthPerson {
+    /// A person of whom only points are known.
+    fn of_points(points: Vec<Keypoint>) -> Self {
+        let bbox = bounding_box(&points);
+        Self {
+            area: AREA_OF_BOX * bbox[2] * bbox[3],
+            bbox,
+            points,
+            ..Self::default()
+        }
+    }
+
+    /// Height of the person's box, pixels.
+    pub fn height(&self) -> f64 {
+        self.bbox[3]
+    }
+}
+
+/// A truth file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TruthSet {
+    /// In order of the file.
+    pub frames: Vec<TruthFrame>,
+    /// One labelled person a picture, and bystanders without labels: a prediction too many proves nothing.
+    pub single: bool,
+    /// The frames follow each other in time.
+    pub video: bool,
+}
+
+impl TruthSet {
+    /// Adds the frames of another file of the same kind; `name` is for errors.
+    pub fn append(&mut self, more: Self, name: &str) -> Result<(), EvalError> {
+        if self.frames.is_empty() {
+            *self = more;
+            return Ok(());
+        }
+        if self.single != more.single || self.video || more.video {
+            return Err(EvalError::format(
+                name,
+                "truth of the same kind as the files before it, and no video",
+                "another kind; measure it on its own",
+            ));
+        }
+        self.frames.extend(more.frames);
+        Ok(())
+    }
+
+    /// Reads a truth file; `split` picks a part of formats that have parts.
+    pub fn read(path: &Path, format: Format, split: Option<&str>) -> Result<Self, EvalError> {
+        Self::parse(
+            &EvalError::read(path)?,
+            &path.display().to_string(),
+            format,
+            split,
+        )
+    }
+
+    /// Reads the text of a truth file; `name` is for errors.
+    pub fn parse(
+        text: &str,
+        name: &str,
+        format: Format,
+        split: Option<&str>,
+    ) -> Result<Self, EvalError> {
+        let value: serde_json::Value = serde_json::from_str(text)
+            .map_err(|e| EvalError::format(name, "JSON", e.to_string()))?;
+        let format = match format {
+            Format::Auto => recognise(&value).ok_or_else(|| {
+                EvalError::format(
+                    name,
+                    "ground truth of a known format (see `edgecap eval --help`)",
+                    "none of them; say which with --format",
+                )
+            })?,
+            other => other,
+        };
+        let unread = |e: serde_json::Error| {
+            EvalError::format(
+                name,
+                format!("ground truth of format {format:?}"),
+                e.to_string(),
+            )
+        };
+        match format {
+            Format::Coco => coco::read(serde_json::from_value(value).map_err(unread)?, name),
+            Format::Mpii => Ok(mpii::read(serde_json::from_value(value).map_err(unread)?)),
+            Format::People2d => Ok(annotations::people2d(
+                serde_json::from_value(value).map_err(unread)?,
+                split,
+            )),
+            Format::Real3d => {
+                annotations::real3d(serde_json::from_value(value).map_err(unread)?, name)
+            }
+            Format::Synth | Format::Auto => {
+                Ok(synth::read(serde_json::from_value(value).map_err(unread)?))
+            }
+        }
+    }
+}
+
+/// The format by the keys it has.
+fn recognise(value: &serde_json::Value) -> Option<Format> {
+    let has = |v: &serde_json::Value, keys: &[&str]| keys.iter().all(|k| v.get(k).is_some());
+    if has(value, &["images", "annotations"]) {
+        return Some(Format::Coco);
+    }
+    if has(value, &["frames", "fps"]) {
+        return Some(Format::Synth);
+    }
+    let first = value.as_array()?.first()?;
+    if has(first, &["image", "joints", "joints_vis"]) {
+        Some(Format::Mpii)
+    } else if has(first, &["file", "joints2d", "joints3d_camera_m"]) {
+        Some(Format::Real3d)
+    } else if has(first, &["file", "joints"]) {
+        Some(Format::People2d)
+    } else {
+        None
+    }
+}

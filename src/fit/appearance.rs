@@ -1,0 +1,104 @@
+//! In: torso histograms. Out: how alike two people look, and what is remembered of a person. XNect §5.1.
+
+use crate::message::{APPEARANCE_BINS, Observation};
+
+/// Hue and saturation of a torso, each summing to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Appearance {
+    hue: [f32; APPEARANCE_BINS],
+    saturation: [f32; APPEARANCE_BINS],
+}
+
+impl Appearance {
+    /// From an observation; `None` where the torso was not seen.
+    pub fn new(seen: &Observation) -> Option<Self> {
+        Some(Self {
+            hue: normalised(&seen.hue)?,
+            saturation: normalised(&seen.saturation)?,
+        })
+    }
+
+    /// Hellinger distance of the histograms, hue counting twice: 0 alike, 1 nothing in common. Hue is circular and lighting
+    /// shifts it, so both are compared after blurring over the neighbouring bins.
+    pub fn distance(&self, other: &Self) -> f64 {
+        let hue = hellinger(&blurred(&self.hue, true), &blurred(&other.hue, true));
+        let saturation = hellinger(
+            &blurred(&self.saturation, false),
+            &blurred(&other.saturation, false),
+        );
+        (2.0 * hue + saturation) / 3.0
+    }
+
+    /// Moves this memory towards what is seen now.
+    pub fn blend(&mut self, now: &Self, share: f32) {
+        for (a, b) in self.hue.iter_mut().zip(&now.hue) {
+            *a += share * (b - *a);
+        }
+        for (a, b) in self.saturation.iter_mut().zip(&now.saturation) {
+            *a += share * (b - *a);
+        }
+    }
+}
+
+fn normalised(bins: &[f32; APPEARANCE_BINS]) -> Option<[f32; APPEARANCE_BINS]> {
+    if bins.iter().any(|b| !b.is_finite() || *b < 0.0) {
+        return None;
+    }
+    let sum: f32 = bins.iter().sum();
+    (sum > 1e-6 && sum.is_finite()).then(|| bins.map(|b| b / sum))
+}
+
+fn blurred(bins: &[f32; APPEARANCE_BINS], circular: bool) -> [f32; APPEARANCE_BINS] {
+    const N: usize = APPEARANCE_BINS;
+    std::array::from_fn(|i| {
+        let at = |d: isize| {
+            let k = i as isize + d;
+            let k = if circular {
+                k.rem_euclid(N as isize)
+            } else {
+                k.clamp(0, N as isize - 1)
+            };
+            bins[k as usize]
+        };
+        0.25 * at(-1) + 0.5 * at(0) + 0.25 * at(1)
+    })
+}
+
+fn hellinger(a: &[f32; APPEARANCE_BINS], b: &[f32; APPEARANCE_BINS]) -> f64 {
+    let overlap: f32 = a.iter().zip(b).map(|(a, b)| (a * b).sqrt()).sum();
+    f64::from((1.0 - overlap).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peaked(hue: usize, saturation: usize) -> Appearance {
+        let mut seen = Observation::default();
+        seen.hue[hue] = 2.0;
+        seen.saturation[saturation] = 1.0;
+        Appearance::new(&seen).unwrap()
+    }
+
+    #[test]
+    fn distance_orders_people() {
+        let a = peaked(29, 10);
+        assert!(a.distance(&a) < 1e-3);
+        let near = a.distance(&peaked(0, 10));
+        let far = a.distance(&peaked(15, 10));
+        assert!(near < 0.6 && far > near + 0.05, "{near} {far}");
+        assert!(a.distance(&peaked(15, 20)) > 0.99);
+        let mut b = peaked(15, 20);
+        b.blend(&a, 1.0);
+        assert!(b.distance(&a) < 1e-3);
+    }
+
+    #[test]
+    fn unusable_histograms_are_unknown() {
+        assert!(Appearance::new(&Observation::default()).is_none());
+        let mut seen = Observation::default();
+        seen.hue[0] = f32::NAN;
+        seen.saturation[0] = 1.0;
+        assert!(Appearance::new(&seen).is_none());
+    }
+}

@@ -1,0 +1,659 @@
+//! The whole of Stage III. In: observation frames in order. Out: bodies with identities, at the frame's time or, on request,
+//! a little later. Pure and deterministic: time comes from the frames alone. XNect §5, SPEC §5.
+//!
+//! People are fitted one after the other: ten take less than waking a second thread for each would.
+
+use glam::DVec3;
+
+use super::appearance::Appearance;
+use super::assignment::assign;
+use super::confidence::confidence;
+use super::config::{ConfigError, FitConfig};
+use super::evidence::Evidence;
+use super::ground::{Ground, GroundEstimate};
+use super::humanoid::bone_rotations;
+use super::identity::{dissimilarity, reidentification};
+use super::motion::MotionModel;
+use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
+use super::solver::Solver;
+use super::track::{Context, Track, clamp};
+use crate::joints::{BODY_JOINTS, PELVIS};
+use crate::message::{
+    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
+    ObservationFrame,
+};
+
+/// Times that go back by more than this, or ahead by more than the identities' memory, belong to another recording.
+const RESTART_NS: u64 = 500_000_000;
+/// Shortest and longest step between frames, seconds.
+const STEP: [f64; 2] = [1e-3, 1.0];
+/// Most people remembered after they left.
+const MAX_REMEMBERED: usize = 64;
+/// A newcomer nearer than this to somebody already seen (metres, mean over joints) is a double.
+const DOUBLE: f64 = 0.22;
+/// An observation up to this many thresholds away from somebody …
+const DOUBTFUL: f64 = 1.5;
+/// … who was seen this recently (seconds) starts nobody new.
+const DOUBTFUL_TIME: f64 = 0.3;
+/// Share of the threshold for people without identity: chance must not confirm anybody.
+const NEWCOMER: f64 = 0.6;
+/// Observations that a newcomer without looks waits for them, while there is somebody to recognise.
+const WAIT_FOR_LOOKS: u32 = 60;
+/// Seconds without being seen after which somebody may turn up under another name.
+const ABSENT_AFTER: f64 = 0.15;
+/// Seconds between looks at standing feet.
+const FEET_EVERY: f64 = 0.3;
+/// Fewest joints from which a person may be started.
+const BIRTH_JOINTS: usize = 6;
+
+/// Counters of a fitter's life, for status displays.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FitCounters {
+    /// Frames taken in.
+    pub frames: u64,
+    /// Frames left out because they were older than the newest.
+    pub stale_frames: u64,
+    /// Times the input started over.
+    pub restarts: u64,
+    /// Identities given.
+    pub births: u64,
+    /// People recognised when they came back.
+    pub returns: u64,
+}
+
+/// One person of a frame: geometry and looks.
+type Seen = (Evidence, Option<Appearance>);
+
+/// To whom an observation belongs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Match {
+    Nobody,
+    Track(usize),
+    /// Perhaps a bad observation of somebody known.
+    Doubtful,
+}
+
+#[derive(Debug, Clone)]
+struct Gone {
+    track: Track,
+    left_ns: u64,
+}
+
+/// Stage III: identity, filters, bone lengths, fit.
+#[derive(Debug)]
+pub struct Fitter {
+    config: FitConfig,
+    model: MotionModel,
+    solver: Solver,
+    /// Tentative people and those with an identity, seen or missed for a moment.
+    present: Vec<Track>,
+    gone: Vec<Gone>,
+    next_id: u32,
+    header: Option<Header>,
+    feet: GroundEstimate,
+    since_feet: f64,
+    counters: FitCounters,
+}
+
+/// Somebody known who is not seen at the moment: index into the present or into those gone.
+#[derive(Debug, Clone, Copy)]
+enum Absent {
+    Present(usize),
+    Gone(usize),
+}
+
+/// What a body frame repeats of the newest observation frame.
+#[derive(Debug, Clone, Copy)]
+struct Header {
+    sequence: u64,
+    capture_ns: u64,
+    width: u32,
+    height: u32,
+    intrinsics: Intrinsics,
+    stage_times: crate::message::StageTimes,
+    flags: u32,
+    frame_total: u32,
+}
+
+impl Fitter {
+    /// A fitter that has seen nobody.
+    ///
+    /// # Errors
+    /// [`ConfigError`] if a setting is out of range.
+    pub fn new(config: FitConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        let skeleton = Skeleton::builtin();
+        Ok(Self {
+            model: MotionModel::new(skeleton, &config.terms, &config.prediction),
+            config,
+            solver: Solver::default(),
+            present: Vec::new(),
+            gone: Vec::new(),
+            next_id: 1,
+            header: None,
+            feet: GroundEstimate::default(),
+            since_feet: 0.0,
+            counters: FitCounters::default(),
+        })
+    }
+
+    /// The settings.
+    pub fn config(&self) -> &FitConfig {
+        &self.config
+    }
+
+    /// What happened so far.
+    pub fn counters(&self) -> FitCounters {
+        self.counters
+    }
+
+    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the heights
+    /// that people are taken for.
+    pub fn ground(&self) -> Option<Ground> {
+        match &self.config.ground {
+            Some(known) => Ground::from_config(known),
+            None => self.feet.ground(),
+        }
+    }
+
+    fn learn_ground(&mut self, dt: f64) {
+        self.since_feet += dt;
+        if !self.config.estimate_ground
+            || self.config.ground.is_some()
+            || self.since_feet < FEET_EVERY
+        {
+            return;
+        }
+        self.since_feet = 0.0;
+        for track in self.present.iter().filter(|t| t.id != 0 && t.unseen == 0.0) {
+            let scale = track.stature.scale(&self.config);
+            for place in track.feet.places() {
+                self.feet.add(place * scale, scale);
+            }
+        }
+    }
+
+    /// Tracks held in memory: present ones, with and without identity, and those remembered after they left.
+    pub fn remembered(&self) -> usize {
+        self.present.len() + self.gone.len()
+    }
+
+    /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.
+    /// `publish_ns` and `fit_us` are left to whoever publishes.
+    ///
+    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of more than half a second
+    /// starts over with nobody present (identities are never given again). An end of stream without people changes nothing.
+    pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
+        let ended = frame.flags & FLAG_END_OF_STREAM != 0;
+        if ended && frame.count == 0 {
+            if let Some(header) = &mut self.header {
+                header.flags = frame.flags;
+            } else {
+                self.header = Some(Header::of(frame));
+            }
+            let pose_ns = self.header.map_or(frame.capture_ns, |h| h.capture_ns);
+            self.publish(pose_ns, 0.0, out);
+            return;
+        }
+        let dt = match self.step(frame) {
+            Some(dt) => dt,
+            None => {
+                self.counters.stale_frames += 1;
+                let pose_ns = self.header.map_or(frame.capture_ns, |h| h.capture_ns);
+                self.publish(pose_ns, 0.0, out);
+                return;
+            }
+        };
+        self.counters.frames += 1;
+        self.header = Some(Header::of(frame));
+        let camera = usable_camera(frame);
+        let seen: Vec<Seen> = frame
+            .people()
+            .iter()
+            .filter_map(|person| {
+                let evidence = Evidence::new(person, &camera, self.config.min_joint_confidence)?;
+                Some((evidence, Appearance::new(person)))
+            })
+            .collect();
+        let matches = self.match_people(&seen, dt);
+        self.advance(&seen, &matches, dt);
+        self.start_people(&seen, &matches);
+        self.confirm(frame.capture_ns);
+        self.learn_ground(dt);
+        self.forget(frame.capture_ns);
+        self.publish(frame.capture_ns, 0.0, out);
+    }
+
+    /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest frame.
+    /// Changes nothing: call it as often as the display wants.
+    pub fn predict(&self, pose_ns: u64, out: &mut BodyFrame) {
+        let newest = self.header.map_or(pose_ns, |h| h.capture_ns);
+        let most = (self.config.prediction.max * 1e9) as u64;
+        let ahead = pose_ns.saturating_sub(newest).min(most);
+        self.publish(newest.saturating_add(ahead), ahead as f64 * 1e-9, out);
+    }
+
+    /// Seconds since the last frame; `None` for a stale frame. Starts over where the input did.
+    fn step(&mut self, frame: &ObservationFrame) -> Option<f64> {
+        let Some(last) = self.header else {
+            return Some(STEP[0]);
+        };
+        if self.config.stills {
+            self.present.clear();
+            self.gone.clear();
+            return Some(STEP[0]);
+        }
+        let (now, before) = (frame.capture_ns, last.capture_ns);
+        if now <= before {
+            if before - now <= RESTART_NS && frame.sequence <= last.sequence {
+                return None;
+            }
+            if before - now > RESTART_NS {
+                self.start_over();
+                return Some(STEP[0]);
+            }
+            return Some(STEP[0]);
+        }
+        let dt = (now - before) as f64 * 1e-9;
+        if dt > self.config.identity.memory.max(STEP[1]) {
+            self.start_over();
+            return Some(STEP[0]);
+        }
+        if dt > STEP[1] {
+            // A long pause: everybody is somewhere else now, but may be recognised.
+            self.leave_all(before);
+        }
+        Some(dt.clamp(STEP[0], STEP[1]))
+    }
+
+    fn start_over(&mut self) {
+        self.present.clear();
+        self.gone.clear();
+        self.counters.restarts += 1;
+    }
+
+    fn leave_all(&mut self, at_ns: u64) {
+        for track in self.present.drain(..).filter(|t| t.id != 0) {
+            self.gone.push(Gone {
+                track,
+                left_ns: at_ns,
+            });
+        }
+    }
+
+    /// The track of every person seen, and who may not start a new one. Those with an identity choose first: a newcomer
+    /// must not take an observation from somebody known because it fits a little better.
+    fn match_people(&mut self, seen: &[Seen], dt: f64) -> Vec<Match> {
+        let cx = Context {
+            skeleton: Skeleton::builtin(),
+            config: &self.config,
+            model: &self.model,
+            solver: &mut self.solver,
+        };
+        let config = &self.config.identity;
+        let mut matches = vec![Match::Nobody; seen.len()];
+        let mut expected = Posed::default();
+        for known in [true, false] {
+            let tracks: Vec<usize> = (0..self.present.len())
+                .filter(|&t| (self.present[t].id != 0) == known)
+                .collect();
+            let free: Vec<usize> = (0..seen.len())
+                .filter(|&i| !matches!(matches[i], Match::Track(_)))
+                .collect();
+            let mut costs = Vec::with_capacity(free.len() * tracks.len());
+            for &t in &tracks {
+                let track = &self.present[t];
+                track.expected(dt, &cx, &mut expected);
+                for &i in &free {
+                    let (evidence, looks) = &seen[i];
+                    costs.push(dissimilarity(
+                        track,
+                        &expected,
+                        evidence,
+                        looks.as_ref(),
+                        dt,
+                        config,
+                    ));
+                }
+            }
+            let limit = config.threshold * if known { 1.0 } else { NEWCOMER };
+            let pairs = assign(&costs, tracks.len(), free.len(), limit);
+            for (row, pair) in pairs.iter().enumerate() {
+                if let Some(column) = pair {
+                    matches[free[*column]] = Match::Track(tracks[row]);
+                }
+            }
+            if known {
+                // Nearly somebody who was here a moment ago: rather a bad observation than a new person.
+                for (row, _) in pairs.iter().enumerate().filter(|(_, p)| p.is_none()) {
+                    if self.present[tracks[row]].unseen < DOUBTFUL_TIME {
+                        for (column, &i) in free.iter().enumerate() {
+                            let cost = costs[row * free.len() + column];
+                            if cost < DOUBTFUL * config.threshold
+                                && matches!(matches[i], Match::Nobody)
+                            {
+                                matches[i] = Match::Doubtful;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        matches
+    }
+
+    /// Fits everyone who was seen, lets the others coast.
+    fn advance(&mut self, seen: &[Seen], matches: &[Match], dt: f64) {
+        let mut cx = Context {
+            skeleton: Skeleton::builtin(),
+            config: &self.config,
+            model: &self.model,
+            solver: &mut self.solver,
+        };
+        for (t, track) in self.present.iter_mut().enumerate() {
+            match matches.iter().position(|m| *m == Match::Track(t)) {
+                Some(person) => {
+                    let (evidence, looks) = &seen[person];
+                    let alone = !seen
+                        .iter()
+                        .enumerate()
+                        .any(|(i, (other, _))| i != person && overlap(evidence, other));
+                    remember_looks(track, looks.as_ref(), alone, self.config.identity.refresh);
+                    track.observe(evidence.clone(), dt, &mut cx);
+                }
+                None => track.coast(dt, &mut cx),
+            }
+        }
+    }
+
+    /// Starts a track for everyone whom nobody owns and who is no double of somebody else.
+    fn start_people(&mut self, seen: &[Seen], matches: &[Match]) {
+        let mut cx = Context {
+            skeleton: Skeleton::builtin(),
+            config: &self.config,
+            model: &self.model,
+            solver: &mut self.solver,
+        };
+        let mut accepted: Vec<usize> = (0..seen.len())
+            .filter(|&i| matches[i] != Match::Nobody)
+            .collect();
+        for (person, (evidence, looks)) in seen.iter().enumerate() {
+            if matches[person] != Match::Nobody
+                || evidence.score < self.config.identity.birth_score
+                || evidence.joints_seen() < BIRTH_JOINTS
+                || self.present.len() >= 2 * MAX_PEOPLE
+            {
+                continue;
+            }
+            let Some(root) = evidence.root else { continue };
+            let double = accepted.iter().any(|&other| {
+                evidence
+                    .distance_to(&seen[other].0, root.z)
+                    .is_some_and(|d| d < DOUBLE)
+            });
+            if double {
+                continue;
+            }
+            if let Some(mut track) = Track::start(evidence, &mut cx) {
+                track.appearance = *looks;
+                self.present.push(track);
+                accepted.push(person);
+            }
+        }
+    }
+
+    /// Gives identities to those seen often enough: their old one if they are recognised.
+    fn confirm(&mut self, now_ns: u64) {
+        let config = &self.config.identity;
+        let needed = if self.config.stills {
+            1
+        } else {
+            config.confirm_hits
+        };
+        let ready: Vec<usize> = (0..self.present.len())
+            .filter(|&t| {
+                let track = &self.present[t];
+                let looks_may_tell =
+                    track.appearance.is_none() && track.hits < needed + WAIT_FOR_LOOKS;
+                let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
+                let wait = looks_may_tell
+                    && (self.gone.iter().any(|g| known(&g.track))
+                        || self.present.iter().any(known));
+                track.id == 0 && track.hits >= needed && track.unseen == 0.0 && !wait
+            })
+            .collect();
+        if ready.is_empty() {
+            return;
+        }
+        // Those missed for a moment may be standing here under another name as well as those who left.
+        let absent: Vec<Absent> = (0..self.present.len())
+            .filter(|&t| self.present[t].id != 0 && self.present[t].unseen > ABSENT_AFTER)
+            .map(Absent::Present)
+            .chain((0..self.gone.len()).map(Absent::Gone))
+            .collect();
+        let mut costs = Vec::with_capacity(ready.len() * absent.len());
+        for &t in &ready {
+            for who in &absent {
+                let (track, seconds) = match *who {
+                    Absent::Present(p) => (&self.present[p], self.present[p].unseen),
+                    Absent::Gone(g) => {
+                        let gone = &self.gone[g];
+                        let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
+                        (&gone.track, seconds)
+                    }
+                };
+                costs.push(reidentification(&self.present[t], track, seconds, config));
+            }
+        }
+        let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
+        let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
+        for (&t, pair) in ready.iter().zip(pairs) {
+            let Some(who) = pair else {
+                self.present[t].id = self.next_id;
+                self.next_id = self.next_id.wrapping_add(1).max(1);
+                self.counters.births += 1;
+                continue;
+            };
+            let old = match absent[who] {
+                Absent::Present(p) => {
+                    from_present.push(p);
+                    self.present[p].clone()
+                }
+                Absent::Gone(g) => {
+                    from_gone.push(g);
+                    self.gone[g].track.clone()
+                }
+            };
+            self.present[t].succeed(old);
+            self.counters.returns += 1;
+        }
+        remove_all(&mut self.present, from_present);
+        remove_all(&mut self.gone, from_gone);
+    }
+
+    /// Lets go of those missed for too long, and of the memory of those who left long ago.
+    fn forget(&mut self, now_ns: u64) {
+        let config = &self.config.identity;
+        let mut t = 0;
+        while t < self.present.len() {
+            let track = &self.present[t];
+            let grace = if track.id == 0 {
+                config.tentative_grace
+            } else {
+                config.grace.max(config.hold)
+            };
+            let broken = !(track.pose.is_finite() && track.motion.is_finite());
+            if broken || track.unseen > grace {
+                let track = self.present.swap_remove(t);
+                if track.id != 0 && !broken {
+                    let unseen_ns = (track.unseen * 1e9) as u64;
+                    self.gone.push(Gone {
+                        track,
+                        left_ns: now_ns.saturating_sub(unseen_ns),
+                    });
+                }
+            } else {
+                t += 1;
+            }
+        }
+        let memory = (config.memory * 1e9) as u64;
+        self.gone
+            .retain(|g| now_ns.saturating_sub(g.left_ns) <= memory);
+        self.gone.sort_by_key(|g| (g.left_ns, g.track.id));
+        let extra = self.gone.len().saturating_sub(MAX_REMEMBERED);
+        self.gone.drain(..extra);
+    }
+
+    fn publish(&self, pose_ns: u64, ahead: f64, out: &mut BodyFrame) {
+        let shown = |t: &&Track| t.id != 0 && t.unseen <= self.config.identity.grace;
+        let mut known: Vec<&Track> = self.present.iter().filter(shown).collect();
+        // Those seen first, should there be more than fit.
+        known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
+        known.truncate(MAX_PEOPLE);
+        known.sort_by_key(|t| t.id);
+        let Some(header) = self.header else {
+            *out = BodyFrame {
+                pose_ns,
+                ..BodyFrame::default()
+            };
+            return;
+        };
+        out.sequence = header.sequence;
+        out.capture_ns = header.capture_ns;
+        out.pose_ns = pose_ns;
+        out.publish_ns = 0;
+        out.width = header.width;
+        out.height = header.height;
+        out.intrinsics = header.intrinsics;
+        out.stage_times = header.stage_times;
+        out.fit_us = 0;
+        out.flags = header.flags;
+        out.frame_total = header.frame_total;
+        out.count = known.len() as u32;
+        for (body, track) in out.bodies.iter_mut().zip(&known) {
+            self.write_body(track, ahead, &header.intrinsics, body);
+        }
+        out.bodies[known.len()..].fill(Body::default());
+    }
+
+    fn write_body(&self, track: &Track, ahead: f64, camera: &Intrinsics, body: &mut Body) {
+        let skeleton = Skeleton::builtin();
+        let (mut pose, mut posed) = (track.pose, track.posed);
+        if ahead > 0.0 {
+            pose = track.motion.ahead(&track.pose, ahead, &self.model);
+            clamp(skeleton, &mut pose);
+            skeleton.pose(&pose, track.bones.lengths(), &mut posed);
+        }
+        let scale = track.stature.scale(&self.config);
+        let unseen = track.unseen + ahead;
+        let state = if track.unseen > 0.0 {
+            BodyState::Predicted
+        } else {
+            BodyState::Tracked
+        };
+        body.id = track.id;
+        body.state = state as u32;
+        body.position = (pose.position * scale).as_vec3().to_array();
+        body.orientation = pose.rotation.normalize().as_quat().to_array();
+        let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
+        body.velocity = velocity.as_vec3().to_array();
+        body.angles = flat_angles(&pose, scale);
+        let lengths = track.bones.lengths();
+        let mut sum = 0.0;
+        for j in 0..BODY_JOINTS {
+            let p = (posed.joints[j] * scale).as_vec3();
+            body.joints3d[j] = p.to_array();
+            // A joint beside or behind the camera has no pixel; the nearest depth with one stands in for it.
+            body.joints2d[j] = camera.project([p.x, p.y, p.z.max(0.05)]);
+            let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
+            body.confidence[j] = sure as f32;
+            sum += sure;
+            body.bone_lengths[j] = if j == PELVIS {
+                0.0
+            } else {
+                (lengths[j] * scale) as f32
+            };
+            body.joint_states[j] = if track.unseen > 0.0 {
+                JointState::Predicted as u8
+            } else {
+                track.states[j] as u8
+            };
+        }
+        body.joint_states[BODY_JOINTS..].fill(0);
+        body.score = (sum / BODY_JOINTS as f64) as f32;
+        body.height = track.stature.metres(&self.config) as f32;
+        body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
+    }
+}
+
+impl Header {
+    fn of(frame: &ObservationFrame) -> Self {
+        Self {
+            sequence: frame.sequence,
+            capture_ns: frame.capture_ns,
+            width: frame.width,
+            height: frame.height,
+            intrinsics: usable_camera(frame),
+            stage_times: frame.stage_times,
+            flags: frame.flags,
+            frame_total: frame.frame_total,
+        }
+    }
+}
+
+/// The frame's camera, or a plausible one where its numbers make no sense.
+fn usable_camera(frame: &ObservationFrame) -> Intrinsics {
+    let c = frame.intrinsics;
+    let focal = |f: f32| f.is_finite() && f > 1e-3 && f < 1e7;
+    let point = |p: f32| p.is_finite() && p.abs() < 1e7;
+    if focal(c.fx) && focal(c.fy) && point(c.cx) && point(c.cy) {
+        c
+    } else {
+        Intrinsics::from_horizontal_fov(frame.width.max(1), frame.height.max(1), 60.0)
+    }
+}
+
+fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
+    indices.sort_unstable();
+    for i in indices.into_iter().rev() {
+        items.remove(i);
+    }
+}
+
+fn flat_angles(pose: &Pose, scale: f64) -> [f32; crate::joints::DOF] {
+    let turn = rotation_vector(pose.rotation);
+    let place = pose.position * scale;
+    std::array::from_fn(|d| match d {
+        0..3 => place[d] as f32,
+        3..6 => turn[d - 3] as f32,
+        _ => pose.angles[d - 6] as f32,
+    })
+}
+
+/// Whether the boxes of two people overlap by more than a tenth of the smaller.
+fn overlap(a: &Evidence, b: &Evidence) -> bool {
+    let ((al, ah), (bl, bh)) = (a.bounds(), b.bounds());
+    let common = (ah.min(bh) - al.max(bl)).max(glam::DVec2::ZERO);
+    let area = |l: glam::DVec2, h: glam::DVec2| ((h - l).x * (h - l).y).max(1e-12);
+    common.x * common.y > 0.1 * area(al, ah).min(area(bl, bh))
+}
+
+/// Learns the looks of new people at once and refreshes those of others now and then, while nobody stands before them.
+fn remember_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool, refresh: f64) {
+    let Some(looks) = looks else { return };
+    match &mut track.appearance {
+        None => {
+            track.appearance = Some(*looks);
+            track.appearance_age = 0.0;
+        }
+        Some(known) if track.hits < 30 && alone => {
+            known.blend(looks, 1.0 / (track.hits + 1) as f32);
+            track.appearance_age = 0.0;
+        }
+        Some(known) if track.appearance_age > refresh && alone => {
+            known.blend(looks, 0.5);
+            track.appearance_age = 0.0;
+        }
+        Some(_) => {}
+    }
+}

@@ -1,0 +1,109 @@
+//! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings say.
+
+use super::config::FitConfig;
+use super::ground::{ANKLE, Ground};
+use super::skeleton::Posed;
+use crate::joints::CANONICAL_STATURE;
+
+/// Statures that are believed, metres.
+const BELIEVED: [f64; 2] = [0.8, 2.3];
+/// Frames over which the first estimate is a plain mean.
+const FIRST: u32 = 30;
+/// Step of the running median, as a share of the stature.
+const STEP: f64 = 0.003;
+
+/// Running estimate of one person's stature.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Stature {
+    frames: u32,
+    estimate: f64,
+}
+
+impl Stature {
+    /// Stature in metres.
+    pub fn metres(&self, config: &FitConfig) -> f64 {
+        config.height.unwrap_or(if self.frames > 0 {
+            self.estimate
+        } else {
+            config.default_height
+        })
+    }
+
+    /// Factor from the space of canonical stature to metres.
+    pub fn scale(&self, config: &FitConfig) -> f64 {
+        self.metres(config) / CANONICAL_STATURE as f64
+    }
+
+    /// Takes in a fit at canonical stature. Only a known floor tells a stature: the person is as tall as it takes for the
+    /// lower foot to reach it.
+    pub fn update(&mut self, config: &FitConfig, posed: &Posed) {
+        if config.height.is_some() {
+            return;
+        }
+        let Some(ground) = config.ground.as_ref().and_then(Ground::from_config) else {
+            return;
+        };
+        let stature = [10, 13]
+            .map(|ankle| {
+                let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
+                CANONICAL_STATURE as f64 * ground.offset / below
+            })
+            .into_iter()
+            .filter(|s| *s > 0.0)
+            .fold(f64::INFINITY, f64::min);
+        if !(stature > BELIEVED[0] && stature < BELIEVED[1]) {
+            return;
+        }
+        self.frames = self.frames.saturating_add(1);
+        if self.frames <= FIRST {
+            self.estimate += (stature - self.estimate) / self.frames as f64;
+        } else {
+            self.estimate *= 1.0 + STEP * ((stature - self.estimate) / 0.02).clamp(-1.0, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::config::GroundConfig;
+    use crate::fit::skeleton::{Pose, Skeleton};
+
+    #[test]
+    fn the_floor_tells_the_height() {
+        let s = Skeleton::builtin();
+        let truth = 1.86;
+        let scale = truth / 1.70;
+        let camera_height = 1.4;
+        let config = FitConfig {
+            ground: Some(GroundConfig {
+                normal: [0.0, -2.0, 0.0],
+                offset: camera_height,
+            }),
+            ..FitConfig::default()
+        };
+        let mut stature = Stature::default();
+        assert_eq!(stature.metres(&config), 1.70);
+        let mut posed = Posed::default();
+        for i in 0..200 {
+            let mut pose = Pose::facing_camera(3.0 + 0.01 * f64::from(i));
+            s.pose(&pose, s.lengths(), &mut posed);
+            // Stand it on the floor in true metres, then look at it at canonical stature.
+            let low = posed.joints[10].y;
+            let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
+            pose.position.y += (camera_height - jump) / scale - ANKLE - low;
+            s.pose(&pose, s.lengths(), &mut posed);
+            stature.update(&config, &posed);
+        }
+        assert!(
+            (stature.metres(&config) - truth).abs() < 0.03,
+            "{}",
+            stature.metres(&config)
+        );
+        let known = FitConfig {
+            height: Some(1.5),
+            ..config
+        };
+        assert_eq!(stature.metres(&known), 1.5);
+    }
+}

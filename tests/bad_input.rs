@@ -1,0 +1,123 @@
+//! Wrong input gets one clear line and a sysexits code, and nothing is left behind.
+
+mod program;
+
+use program::{assert_fails, stream};
+
+#[test]
+fn inputs_that_are_not_there() {
+    let empty = tempfile::tempdir().unwrap();
+    let folder = empty.path().to_str().unwrap();
+    for verb in ["infer", "run"] {
+        assert_fails(
+            &[
+                verb,
+                "--input",
+                "/nowhere/clip.y4m",
+                "--name",
+                &stream("none"),
+            ],
+            66,
+            &["/nowhere/clip.y4m"],
+        );
+        assert_fails(
+            &[verb, "--input", folder, "--name", &stream("empty")],
+            66,
+            &[folder],
+        );
+        assert_fails(
+            &[verb, "--input", "/dev/video97", "--name", &stream("camera")],
+            69,
+            &["/dev/video97"],
+        );
+    }
+    assert!(
+        !std::path::Path::new("edgecap-out").exists(),
+        "a failed run leaves no folder"
+    );
+}
+
+#[test]
+fn content_that_is_no_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, bytes) in [
+        ("a.jpg", &b"not a picture"[..]),
+        ("b.png", b"\x89PNG\r\n\x1a\n"),
+        ("c.y4m", b"YUV4MPEG2 W16 H"),
+        ("d.avi", b"RIFF"),
+    ] {
+        let path = folder.path().join(file);
+        std::fs::write(&path, bytes).unwrap();
+        let out = folder.path().join("out.jsonl");
+        assert_fails(
+            &[
+                "infer",
+                "--input",
+                path.to_str().unwrap(),
+                "--jsonl",
+                out.to_str().unwrap(),
+            ],
+            65,
+            &[file],
+        );
+        assert!(!out.exists(), "{file}: half a result is left");
+    }
+    let left = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(left, 4, "only the inputs are left");
+}
+
+#[test]
+fn outputs_that_cannot_be_written() {
+    let out = ["--jsonl", "/proc/nowhere/out.jsonl"];
+    assert_fails(
+        &["infer", "--input", "demo", out[0], out[1]],
+        73,
+        &["/proc/nowhere/out.jsonl"],
+    );
+    assert_fails(
+        &[
+            "run",
+            "--input",
+            "demo",
+            "--name",
+            &stream("out"),
+            out[0],
+            out[1],
+        ],
+        73,
+        &["/proc/nowhere/out.jsonl"],
+    );
+}
+
+#[test]
+fn a_model_that_is_corrupt() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.ecm");
+    std::fs::write(&path, [0x40u8; 4096]).unwrap();
+    let out = folder.path().join("out.jsonl");
+    assert_fails(
+        &[
+            "infer",
+            "--input",
+            "demo",
+            "--model",
+            path.to_str().unwrap(),
+            "--jsonl",
+            out.to_str().unwrap(),
+        ],
+        65,
+        &["bad.ecm"],
+    );
+}
+
+#[test]
+fn command_lines_that_mean_nothing() {
+    for args in [
+        &["infer", "--size", "100x100"][..],
+        &["run", "--rate", "0"],
+        &["fly"],
+        &["fit", "--input", "x"],
+    ] {
+        assert_eq!(program::output(args).status.code(), Some(64), "{args:?}");
+    }
+}

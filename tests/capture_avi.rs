@@ -1,0 +1,210 @@
+//! Motion-JPEG AVI: what is written can be read, and nothing that is read can harm.
+
+use std::io::Cursor;
+
+use edgecap::capture::{AviReader, AviWriter, CaptureError, Frame, Source};
+use proptest::prelude::*;
+
+const WIDTH: u32 = 48;
+const HEIGHT: u32 = 32;
+
+/// A smooth picture that moves with `k`.
+fn picture(k: u32) -> Frame {
+    let mut rgb = Vec::new();
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            rgb.extend_from_slice(&[(4 * x + k) as u8, (6 * y) as u8, (2 * (x + y)) as u8]);
+        }
+    }
+    Frame {
+        width: WIDTH,
+        height: HEIGHT,
+        rgb,
+        ..Frame::default()
+    }
+}
+
+fn clip(frames: u32) -> Vec<u8> {
+    let mut writer =
+        AviWriter::new(Cursor::new(Vec::new()), WIDTH, HEIGHT, (30_000, 1001)).unwrap();
+    for k in 0..frames {
+        writer.write_frame(&picture(8 * k), 95).unwrap();
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+fn mean_difference(a: &[u8], b: &[u8]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let sum: u64 = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| u64::from(a.abs_diff(*b)))
+        .sum();
+    sum as f64 / a.len() as f64
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let mut reader = AviReader::new(Cursor::new(clip(5)), "clip").unwrap();
+    assert!(reader.is_motion_jpeg());
+    assert_eq!(reader.frame_count(), Some(5));
+    assert!((reader.fps().unwrap() - 29.97).abs() < 1e-3);
+    let mut frame = Frame::default();
+    for k in 0..5 {
+        assert!(reader.next_into(&mut frame).unwrap());
+        assert_eq!(
+            (frame.width, frame.height, frame.sequence),
+            (WIDTH, HEIGHT, k)
+        );
+        assert_eq!(frame.time_ns, k * 1001 * 1_000_000_000 / 30_000);
+        let d = mean_difference(&frame.rgb, &picture(8 * k as u32).rgb);
+        assert!(d < 3.0, "frame {k} differs by {d}");
+    }
+    assert!(!reader.next_into(&mut frame).unwrap());
+}
+
+#[test]
+fn sizes_in_the_headers_add_up() {
+    let bytes = clip(3);
+    let at = |i: usize| u32::from_le_bytes(bytes[i..i + 4].try_into().unwrap()) as usize;
+    assert_eq!(at(4) + 8, bytes.len(), "RIFF");
+    let (hdrl, movi) = (12, 12 + 8 + at(16));
+    assert_eq!(&bytes[hdrl + 8..hdrl + 12], b"hdrl");
+    assert_eq!(&bytes[movi..movi + 4], b"LIST");
+    assert_eq!(&bytes[movi + 8..movi + 12], b"movi");
+    let index = movi + 8 + at(movi + 4);
+    assert_eq!(&bytes[index..index + 4], b"idx1");
+    assert_eq!(at(index + 4), 3 * 16);
+    for k in 0..3 {
+        // Offsets count from the code `movi`.
+        let chunk = movi + 8 + at(index + 8 + 16 * k + 8);
+        assert_eq!(&bytes[chunk..chunk + 4], b"00dc");
+        assert_eq!(at(chunk + 4), at(index + 8 + 16 * k + 12));
+        assert_eq!(bytes[chunk + 8..chunk + 10], [0xFF, 0xD8]);
+    }
+}
+
+#[test]
+fn a_file_cut_off_gives_its_whole_frames_then_one_error() {
+    let whole = clip(4);
+    let last = whole.windows(4).rposition(|w| w == b"00dc").unwrap();
+    // The index names every chunk too; the pictures' own codes come before it.
+    let index = whole.windows(4).position(|w| w == b"idx1").unwrap();
+    assert!(last > index);
+    let cut = index - 20;
+    let mut reader = AviReader::new(Cursor::new(whole[..cut].to_vec()), "cut.avi").unwrap();
+    let mut frame = Frame::default();
+    for _ in 0..3 {
+        assert!(reader.next_into(&mut frame).unwrap());
+    }
+    let error = reader.next_into(&mut frame).unwrap_err();
+    assert_eq!(error.exit_code(), 65);
+    assert!(error.to_string().contains("cut.avi") && error.to_string().contains("frame 3"));
+    assert!(
+        !reader.next_into(&mut frame).unwrap(),
+        "one error, then the end"
+    );
+}
+
+#[test]
+fn outer_lengths_of_zero_last_to_the_end() {
+    let mut bytes = clip(3);
+    let movi = bytes.windows(4).position(|w| w == b"movi").unwrap();
+    bytes[4..8].fill(0);
+    bytes[movi - 4..movi].fill(0);
+    let reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
+    assert_eq!(reader.frame_count(), Some(3));
+}
+
+#[test]
+fn one_damaged_picture_is_skipped() {
+    let mut bytes = clip(3);
+    let second = bytes
+        .windows(4)
+        .enumerate()
+        .filter(|(_, w)| *w == b"00dc")
+        .nth(1)
+        .unwrap()
+        .0;
+    bytes[second + 8] = 0;
+    let mut reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
+    let mut frame = Frame::default();
+    assert!(reader.next_into(&mut frame).unwrap());
+    let error = reader.next_into(&mut frame).unwrap_err();
+    assert!(
+        error.is_skippable() && error.to_string().starts_with("clip.avi, frame 1"),
+        "{error}"
+    );
+    assert!(reader.next_into(&mut frame).unwrap());
+    assert_eq!(frame.sequence, 2);
+}
+
+#[test]
+fn other_bytes_are_refused_by_name() {
+    for bytes in [
+        &b""[..],
+        b"RIFF",
+        b"RIFF\0\0\0\0AVI ",
+        b"hello, this is no film",
+    ] {
+        let error = AviReader::new(Cursor::new(bytes), "x.avi").err().unwrap();
+        assert!(matches!(error, CaptureError::Data { .. }), "{error:?}");
+        assert!(error.to_string().starts_with("x.avi: "));
+    }
+}
+
+#[test]
+fn impossible_sizes_are_refused() {
+    for (w, h, rate) in [
+        (0, 1, (1, 1)),
+        (1, 70_000, (1, 1)),
+        (1, 1, (0, 1)),
+        (1, 1, (1, 0)),
+    ] {
+        assert!(AviWriter::new(Cursor::new(Vec::new()), w, h, rate).is_err());
+    }
+    let mut writer = AviWriter::new(Cursor::new(Vec::new()), 3, 3, (1, 1)).unwrap();
+    assert!(writer.write_frame(&picture(0), 90).is_err());
+}
+
+/// Reads to the end; counts what comes.
+fn drain(bytes: &[u8]) -> usize {
+    let Ok(mut reader) = AviReader::new(Cursor::new(bytes), "x") else {
+        return 0;
+    };
+    let mut frame = Frame::default();
+    for n in 0.. {
+        match reader.next_into(&mut frame) {
+            Ok(true) => assert_eq!(frame.rgb.len(), 3 * (frame.width * frame.height) as usize),
+            Ok(false) => return n,
+            Err(e) if e.is_skippable() => {}
+            Err(_) => return n,
+        }
+    }
+    unreachable!()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn random_bytes_never_panic(tail in prop::collection::vec(any::<u8>(), 0..400)) {
+        let mut bytes = b"RIFF\xFF\0\0\0AVI ".to_vec();
+        bytes.extend_from_slice(&tail);
+        drain(&bytes);
+    }
+
+    #[test]
+    fn damaged_files_never_panic(
+        cut in 0usize..4000,
+        hits in prop::collection::vec((0usize..4000, any::<u8>()), 0..12),
+    ) {
+        let mut bytes = clip(2);
+        for (at, value) in hits {
+            let n = bytes.len();
+            bytes[at % n] = value;
+        }
+        bytes.truncate(cut.max(12).min(bytes.len()));
+        drain(&bytes);
+    }
+}

@@ -1,0 +1,532 @@
+//! Cameras without a camera: formats, modes, the lock, the lens, and every way of going away.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use edgecap::capture::camera::{
+    CameraPort, CameraStream, Clock, InstanceLock, Live, Mode, PictureDecoder, PixelFormat,
+    RawLayout, Step, choose_mode,
+};
+use edgecap::capture::{
+    AviWriter, CameraFile, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range,
+    Source, monotonic_ns, open,
+};
+use proptest::prelude::*;
+
+/// What the fake camera does next.
+#[derive(Debug)]
+enum Act {
+    /// A picture with this count.
+    Picture(u32),
+    /// Nothing for as long as the step waits.
+    Silence,
+    /// This system error.
+    Fail(i32),
+}
+
+/// What opening does next.
+enum Opening {
+    Works(Vec<Act>),
+    Fails,
+}
+
+#[derive(Clone)]
+struct FakeClock(Arc<Mutex<Instant>>);
+
+impl FakeClock {
+    fn new() -> Self {
+        Self(Arc::new(Mutex::new(Instant::now())))
+    }
+}
+
+impl Clock for FakeClock {
+    fn now(&self) -> Instant {
+        *self.0.lock().unwrap()
+    }
+
+    fn sleep(&self, duration: Duration) {
+        *self.0.lock().unwrap() += duration;
+    }
+}
+
+struct FakePort {
+    openings: VecDeque<Opening>,
+    clock: FakeClock,
+    /// When each opening was tried, and how many streams are open.
+    log: Arc<Mutex<Vec<Instant>>>,
+    alive: Arc<Mutex<i32>>,
+}
+
+struct FakeStream {
+    acts: VecDeque<Act>,
+    clock: FakeClock,
+    alive: Arc<Mutex<i32>>,
+}
+
+impl Drop for FakeStream {
+    fn drop(&mut self) {
+        *self.alive.lock().unwrap() -= 1;
+    }
+}
+
+impl CameraPort for FakePort {
+    fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
+        self.log.lock().unwrap().push(self.clock.now());
+        assert_eq!(*self.alive.lock().unwrap(), 0, "opened while still open");
+        match self.openings.pop_front() {
+            Some(Opening::Works(acts)) => {
+                *self.alive.lock().unwrap() += 1;
+                Ok(Box::new(FakeStream {
+                    acts: acts.into(),
+                    clock: self.clock.clone(),
+                    alive: self.alive.clone(),
+                }))
+            }
+            _ => Err(CaptureError::Unavailable {
+                what: "fake".into(),
+                reason: "not there".into(),
+            }),
+        }
+    }
+
+    fn name(&self) -> &str {
+        "fake"
+    }
+}
+
+impl CameraStream for FakeStream {
+    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>> {
+        match self.acts.pop_front() {
+            Some(Act::Picture(count)) => {
+                self.clock.sleep(Duration::from_millis(33));
+                frame.rgb = vec![count as u8; 3];
+                (frame.width, frame.height) = (1, 1);
+                Ok(Some(count))
+            }
+            Some(Act::Fail(code)) => Err(io::Error::from_raw_os_error(code)),
+            Some(Act::Silence) | None => {
+                self.clock.sleep(timeout);
+                Ok(None)
+            }
+        }
+    }
+
+    fn fps(&self) -> Option<f64> {
+        Some(30.0)
+    }
+}
+
+/// A state machine over a script, its clock, and the times of its openings.
+fn live(
+    openings: Vec<Opening>,
+) -> (
+    Live<FakePort, FakeClock>,
+    FakeClock,
+    Arc<Mutex<Vec<Instant>>>,
+) {
+    let clock = FakeClock::new();
+    let log = Arc::new(Mutex::new(Vec::new()));
+    let port = FakePort {
+        openings: openings.into(),
+        clock: clock.clone(),
+        log: log.clone(),
+        alive: Arc::default(),
+    };
+    (Live::new(port, clock.clone()).unwrap(), clock, log)
+}
+
+/// Steps until a picture comes; its sequence and the reasons before it.
+fn next_picture(live: &mut Live<FakePort, FakeClock>) -> (u64, Vec<String>) {
+    let mut frame = Frame::default();
+    let mut reasons = Vec::new();
+    for _ in 0..1000 {
+        match live.step(&mut frame) {
+            Step::Picture => return (frame.sequence, reasons),
+            Step::Waiting(reason) => reasons.push(reason),
+        }
+    }
+    panic!("no picture: {reasons:?}");
+}
+
+#[test]
+fn unplugged_then_back() {
+    let (mut live, _, log) = live(vec![
+        Opening::Works(vec![
+            Act::Picture(0),
+            Act::Picture(1),
+            Act::Fail(libc::ENODEV),
+        ]),
+        Opening::Fails,
+        Opening::Fails,
+        Opening::Works(vec![Act::Silence, Act::Picture(0), Act::Picture(1)]),
+    ]);
+    assert_eq!(next_picture(&mut live).0, 0);
+    assert_eq!(next_picture(&mut live).0, 1);
+    assert!(live.is_streaming() && live.fps() == Some(30.0));
+    assert!(
+        matches!(live.step(&mut Frame::default()), Step::Waiting(r) if r.contains("unplugged"))
+    );
+    assert!(!live.is_streaming() && live.fps().is_none());
+    let (sequence, reasons) = next_picture(&mut live);
+    assert!(
+        reasons.iter().any(|r| r.contains("unplugged")),
+        "{reasons:?}"
+    );
+    assert_eq!(sequence, 3, "the gap shows as one lost picture");
+    assert_eq!(next_picture(&mut live).0, 4);
+    assert_eq!(log.lock().unwrap().len(), 4);
+}
+
+#[test]
+fn every_error_leads_to_reopening() {
+    for code in [
+        libc::EIO,
+        libc::EINVAL,
+        libc::EPROTO,
+        libc::ENODEV,
+        libc::EPIPE,
+    ] {
+        let (mut live, _, _) = live(vec![
+            Opening::Works(vec![Act::Fail(code)]),
+            Opening::Works(vec![Act::Picture(7)]),
+        ]);
+        assert_eq!(next_picture(&mut live).0, 0, "error {code}");
+    }
+}
+
+#[test]
+fn waits_grow_to_a_limit() {
+    let mut openings = vec![Opening::Works(vec![Act::Fail(libc::ENODEV)])];
+    openings.extend((0..8).map(|_| Opening::Fails));
+    openings.push(Opening::Works(vec![Act::Picture(0)]));
+    let (mut live, _, log) = live(openings);
+    next_picture(&mut live);
+    let log = log.lock().unwrap();
+    let waits: Vec<u128> = log.windows(2).map(|w| (w[1] - w[0]).as_millis()).collect();
+    assert_eq!(waits, [250, 500, 1000, 2000, 2000, 2000, 2000, 2000, 2000]);
+}
+
+#[test]
+fn no_step_takes_long() {
+    let (mut live, clock, _) = live(vec![Opening::Works(vec![]), Opening::Fails, Opening::Fails]);
+    for _ in 0..100 {
+        let before = clock.now();
+        live.step(&mut Frame::default());
+        assert!(clock.now() - before <= Duration::from_millis(250));
+    }
+}
+
+#[test]
+fn a_silent_camera_is_opened_again() {
+    let (mut live, clock, _) = live(vec![
+        Opening::Works(vec![Act::Picture(0)]),
+        Opening::Works(vec![Act::Picture(0)]),
+    ]);
+    next_picture(&mut live);
+    let before = clock.now();
+    let (_, reasons) = next_picture(&mut live);
+    let waited = clock.now() - before;
+    assert!(
+        reasons.iter().any(|r| r == "no picture for 3 s"),
+        "{reasons:?}"
+    );
+    assert!(
+        (Duration::from_secs(3)..Duration::from_secs(4)).contains(&waited),
+        "{waited:?}"
+    );
+}
+
+#[test]
+fn counts_that_wrap_or_start_anew_only_grow() {
+    let counts = [u32::MAX - 2, u32::MAX, 1, 4, 2, 3, 0, 1_000_000];
+    let acts = counts.into_iter().map(Act::Picture).collect();
+    let (mut live, _, _) = live(vec![Opening::Works(acts)]);
+    let seen: Vec<u64> = counts.iter().map(|_| next_picture(&mut live).0).collect();
+    // Two lost at the wrap; backwards and absurd jumps count as one.
+    assert_eq!(seen, [0, 2, 4, 7, 8, 9, 10, 11]);
+}
+
+#[test]
+fn a_camera_that_is_absent_at_first_is_an_error() {
+    let clock = FakeClock::new();
+    let port = FakePort {
+        openings: VecDeque::new(),
+        clock: clock.clone(),
+        log: Arc::default(),
+        alive: Arc::default(),
+    };
+    assert_eq!(Live::new(port, clock).err().unwrap().exit_code(), 69);
+}
+
+#[test]
+fn a_source_says_when_there_is_no_picture() {
+    let (live, _, _) = live(vec![Opening::Works(vec![Act::Picture(0), Act::Silence])]);
+    let mut source = CameraSource::new(live, None);
+    assert!(source.is_live() && source.frame_count().is_none());
+    assert_eq!(source.next().unwrap().unwrap().rgb, [0; 3]);
+    let error = source.next().unwrap_err();
+    assert!(error.is_skippable() && matches!(error, CaptureError::NoPictureYet { .. }));
+}
+
+#[test]
+fn devices_that_are_no_camera_are_refused() {
+    for (path, code) in [("/dev/null", 65), ("/dev/video4095", 69)] {
+        let error = open(&InputSpec::Path(path.into()), &OpenOptions::default())
+            .err()
+            .unwrap();
+        assert_eq!(error.exit_code(), code, "{error}");
+        assert!(error.to_string().contains(path));
+    }
+}
+
+#[test]
+fn one_program_per_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let acquire = |key| InstanceLock::acquire_in(folder.path().to_owned(), key);
+    let first = acquire("/dev/video0").unwrap();
+    assert!(first.is_held());
+    let error = acquire("/dev/video0").unwrap_err();
+    assert_eq!(error.exit_code(), 75);
+    let text = error.to_string();
+    assert!(
+        text.contains("/dev/video0") && text.contains(&format!("process {}", std::process::id())),
+        "{text}"
+    );
+    assert!(acquire("/dev/video1").unwrap().is_held());
+    drop(first);
+    assert!(acquire("/dev/video0").unwrap().is_held());
+}
+
+#[test]
+fn a_lock_file_that_is_a_link_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let victim = folder.path().join("victim");
+    std::fs::write(&victim, "precious").unwrap();
+    std::os::unix::fs::symlink(&victim, folder.path().join("edgecap-dev-video0.lock")).unwrap();
+    let lock = InstanceLock::acquire_in(folder.path().to_owned(), "/dev/video0").unwrap();
+    assert!(!lock.is_held());
+    assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
+}
+
+fn mode(format: PixelFormat, width: u32, height: u32, fps: f64) -> Mode {
+    Mode {
+        format,
+        fourcc: *b"....",
+        width,
+        height,
+        fps,
+    }
+}
+
+#[test]
+fn modes_are_chosen_for_rate_size_and_cost() {
+    use PixelFormat::{Mjpeg, Nv12, Yuyv};
+    // A common USB 2 webcam: large pictures are fast with MJPEG only.
+    let webcam = [
+        mode(Yuyv, 640, 480, 30.0),
+        mode(Yuyv, 1280, 720, 10.0),
+        mode(Yuyv, 160, 120, 60.0),
+        mode(Mjpeg, 640, 480, 30.0),
+        mode(Mjpeg, 1280, 720, 30.0),
+        mode(Mjpeg, 1920, 1080, 30.0),
+    ];
+    assert_eq!(choose_mode(&webcam, (1280, 720), 30.0), Some(webcam[4]));
+    assert_eq!(choose_mode(&webcam, (640, 480), 30.0), Some(webcam[0]));
+    assert_eq!(choose_mode(&webcam, (1280, 720), 10.0), Some(webcam[1]));
+    assert_eq!(choose_mode(&webcam, (4000, 3000), 30.0), Some(webcam[5]));
+    // Without MJPEG a smaller picture at full rate is better than a slide show.
+    assert_eq!(
+        choose_mode(&webcam[..3], (1280, 720), 30.0),
+        Some(webcam[0])
+    );
+    // A driver that keeps its rates to itself is not passed over.
+    let silent = [mode(Nv12, 1280, 720, 0.0), mode(Yuyv, 1280, 720, 15.0)];
+    assert_eq!(choose_mode(&silent, (1280, 720), 30.0), Some(silent[0]));
+    assert_eq!(choose_mode(&[], (1280, 720), 30.0), None);
+}
+
+fn layout(format: PixelFormat, width: u32, height: u32, stride: u32) -> RawLayout {
+    RawLayout {
+        format,
+        width,
+        height,
+        stride,
+        range: Range::Limited,
+    }
+}
+
+#[test]
+fn raw_buffers_become_pictures() {
+    let mut frame = Frame::default();
+    // Rows with padding, the last one cut after its pixels, as drivers may do.
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Rgb24, 2, 2, 8)).unwrap();
+    let bytes = [1, 2, 3, 4, 5, 6, 0, 0, 7, 8, 9, 10, 11, 12];
+    decoder.decode(&bytes, &mut frame).unwrap();
+    assert_eq!(frame.rgb, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+
+    // White, black; without chroma.
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Yuyv, 2, 1, 0)).unwrap();
+    decoder.decode(&[235, 128, 16, 128], &mut frame).unwrap();
+    assert_eq!(frame.rgb, [255, 255, 255, 0, 0, 0]);
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Nv12, 2, 2, 2)).unwrap();
+    decoder
+        .decode(&[235, 16, 16, 235, 128, 128], &mut frame)
+        .unwrap();
+    assert_eq!(frame.rgb[..6], [255, 255, 255, 0, 0, 0]);
+    assert_eq!(decoder.layout().stride, 2);
+
+    for format in [
+        PixelFormat::Yuyv,
+        PixelFormat::Nv12,
+        PixelFormat::Rgb24,
+        PixelFormat::Mjpeg,
+    ] {
+        for (w, h) in [(1, 1), (3, 5), (6, 2)] {
+            let mut decoder = PictureDecoder::new(layout(format, w, h, 0)).unwrap();
+            let needed = decoder.needed_bytes();
+            for bytes in 0..needed {
+                let error = decoder.decode(&vec![0; bytes], &mut frame).unwrap_err();
+                assert!(error.contains("bytes"), "{error}");
+            }
+            let whole = decoder.decode(&vec![0; needed], &mut frame);
+            assert_eq!(
+                whole.is_ok(),
+                format != PixelFormat::Mjpeg,
+                "{format:?} {w}x{h}"
+            );
+        }
+    }
+    assert!(PictureDecoder::new(layout(PixelFormat::Yuyv, 640, 480, 640)).is_err());
+    assert!(PictureDecoder::new(layout(PixelFormat::Yuyv, 0, 480, 0)).is_err());
+    assert_eq!(PixelFormat::from_fourcc(*b"H264"), None);
+}
+
+/// A small JPEG, as a camera would send it.
+fn jpeg() -> Vec<u8> {
+    let picture = Frame {
+        width: 16,
+        height: 8,
+        rgb: vec![90; 3 * 16 * 8],
+        ..Frame::default()
+    };
+    let mut writer = AviWriter::new(io::Cursor::new(Vec::new()), 16, 8, (30, 1)).unwrap();
+    writer.write_frame(&picture, 90).unwrap();
+    let avi = writer.finish().unwrap().into_inner();
+    let start = avi.windows(2).position(|w| w == [0xFF, 0xD8]).unwrap();
+    let end = avi.windows(2).position(|w| w == [0xFF, 0xD9]).unwrap() + 2;
+    avi[start..end].to_vec()
+}
+
+#[test]
+fn motion_jpeg_with_rubbish_behind_it_is_decoded() {
+    let mut buffer = jpeg();
+    let end = buffer.len();
+    buffer.extend_from_slice(&[0; 5000]);
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Mjpeg, 16, 8, 0)).unwrap();
+    let mut frame = Frame::default();
+    decoder.decode(&buffer, &mut frame).unwrap();
+    assert_eq!((frame.width, frame.height), (16, 8));
+    assert!(frame.rgb.iter().all(|v| v.abs_diff(90) < 3));
+    // Cut short by a lost packet: the picture is drawn as far as it goes.
+    decoder.decode(&buffer[..end - 2], &mut frame).unwrap();
+}
+
+#[test]
+fn the_lens_scales_with_the_picture() {
+    let default = CameraFile::default().for_frame(640, 480).unwrap();
+    assert!((default.fx - 320.0 / 30f32.to_radians().tan()).abs() < 1e-2);
+    assert_eq!((default.cx, default.cy), (319.5, 239.5));
+
+    let file = CameraFile::parse(
+        "fx = 1000.0\nfy = 990.0\ncx = 639.5\ncy = 359.5\nwidth = 1280\nheight = 720\n",
+    )
+    .unwrap();
+    let same = file.for_frame(1280, 720).unwrap();
+    assert_eq!(
+        (same.fx, same.fy, same.cx, same.cy),
+        (1000.0, 990.0, 639.5, 359.5)
+    );
+    let half = file.for_frame(640, 360).unwrap();
+    assert_eq!(
+        (half.fx, half.fy, half.cx, half.cy),
+        (500.0, 495.0, 319.5, 179.5)
+    );
+    // A ray through the same point of the scene stays the same ray.
+    let (a, b) = (
+        same.ray(200.0, 100.0),
+        half.ray(200.5 / 2.0 - 0.5, 100.5 / 2.0 - 0.5),
+    );
+    assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6));
+    assert!(file.for_frame(640, 480).unwrap_err().contains("1280x720"));
+
+    let wide = CameraFile::parse("fov = 90.0")
+        .unwrap()
+        .for_frame(200, 100)
+        .unwrap();
+    assert!((wide.fx - 100.0).abs() < 1e-3);
+}
+
+#[test]
+fn wrong_camera_files_are_refused_with_a_reason() {
+    for (text, word) in [
+        ("", "either fov"),
+        ("fov = 200.0", "1 to 179"),
+        ("fov = 60.0\nfx = 3.0", "either fov"),
+        ("fx = 1000.0\ncx = 1.0\ncy = 1.0", "width"),
+        (
+            "fx = 1000.0\ncx = 9999.0\ncy = 1.0\nwidth = 100\nheight = 100",
+            "principal point",
+        ),
+        (
+            "fx = nan\ncx = 9.0\ncy = 1.0\nwidth = 100\nheight = 100",
+            "focal",
+        ),
+        ("fov = 60.0\nzoom = 2", "line 2"),
+        ("fov = \"wide\"", "line 1"),
+        ("][", "line 1"),
+    ] {
+        let error = CameraFile::parse(text).unwrap_err();
+        assert!(
+            error.contains(word) && !error.contains('\n'),
+            "{text:?}: {error}"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("camera.toml");
+    assert_eq!(CameraFile::read(&path).unwrap_err().exit_code(), 66);
+    std::fs::write(&path, "nothing = true").unwrap();
+    let error = CameraFile::read(&path).unwrap_err();
+    assert_eq!(error.exit_code(), 78);
+    assert!(error.to_string().contains("camera.toml"));
+}
+
+#[test]
+fn the_clock_runs_forward() {
+    let a = monotonic_ns();
+    let b = monotonic_ns();
+    assert!(a > 0 && b >= a);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn damaged_motion_jpeg_never_panics(
+        cut in 0usize..2000,
+        hits in prop::collection::vec((0usize..2000, any::<u8>()), 0..8),
+    ) {
+        let mut bytes = jpeg();
+        let n = bytes.len();
+        for (at, value) in hits {
+            bytes[at % n] = value;
+        }
+        bytes.truncate(cut.clamp(4, n));
+        let mut decoder = PictureDecoder::new(layout(PixelFormat::Mjpeg, 16, 8, 0)).unwrap();
+        let mut frame = Frame::default();
+        if decoder.decode(&bytes, &mut frame).is_ok() {
+            prop_assert_eq!(frame.rgb.len(), 3 * (frame.width * frame.height) as usize);
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! Films: YUV4MPEG2, colours, and whatever ffmpeg can read.
+
+use std::io::Cursor;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use edgecap::capture::{
+    AviWriter, CaptureError, Ffmpeg, FfmpegSource, Frame, InputSpec, Matrix, OpenOptions, Range,
+    Source, Y4mReader, YuvToRgb, open, open_bytes,
+};
+use proptest::prelude::*;
+
+/// The definition in ITU-R BT.601 and BT.709.
+fn exact(y: u8, u: u8, v: u8, matrix: Matrix, range: Range) -> [f64; 3] {
+    let (kr, kb) = match matrix {
+        Matrix::Bt601 => (0.299, 0.114),
+        Matrix::Bt709 => (0.2126, 0.0722),
+    };
+    let (y, u, v) = (f64::from(y), f64::from(u) - 128.0, f64::from(v) - 128.0);
+    let (y, u, v) = match range {
+        Range::Full => (y, u, v),
+        Range::Limited => (
+            (y - 16.0) * 255.0 / 219.0,
+            u * 255.0 / 224.0,
+            v * 255.0 / 224.0,
+        ),
+    };
+    let r = y + 2.0 * (1.0 - kr) * v;
+    let b = y + 2.0 * (1.0 - kb) * u;
+    let g = (y - kr * r - kb * b) / (1.0 - kr - kb);
+    [r, g, b].map(|c| c.clamp(0.0, 255.0))
+}
+
+#[test]
+fn colours_are_within_one_of_the_definition() {
+    for matrix in [Matrix::Bt601, Matrix::Bt709] {
+        for range in [Range::Limited, Range::Full] {
+            let convert = YuvToRgb::new(matrix, range);
+            for u in (0..=255).step_by(5) {
+                for v in (0..=255).step_by(5) {
+                    let luma: Vec<u8> = (0..=255).collect();
+                    let mut rgb = vec![0; 3 * 256];
+                    convert.planar(
+                        [&luma, &[u; 256], &[v; 256]],
+                        [256; 2],
+                        (0, 0),
+                        256,
+                        &mut rgb,
+                    );
+                    for (y, got) in luma.iter().zip(rgb.chunks_exact(3)) {
+                        for (a, b) in got.iter().zip(exact(*y, u, v, matrix, range)) {
+                            assert!((f64::from(*a) - b).abs() <= 1.0, "{y} {u} {v}: {a} {b}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn layouts_agree_on_the_same_picture() {
+    // Narrow, one block, several blocks with a rest, odd and even.
+    for (w, h) in [(1, 1), (7, 5), (64, 2), (131, 3), (192, 2)] {
+        layouts_agree(w, h);
+    }
+}
+
+fn layouts_agree(w: usize, h: usize) {
+    // Chroma constant over 2 × 2 blocks, so that all subsamplings hold the same picture; odd sizes have half blocks.
+    let y = |i: usize, j: usize| (16 + 29 * i + 13 * j) as u8;
+    let u = |i: usize, j: usize| (60 + 40 * (i / 2) + 3 * (j / 2)) as u8;
+    let v = |i: usize, j: usize| 200usize.wrapping_sub(30 * (i / 2) + 20 * (j / 2)) as u8;
+    let plane = |f: &dyn Fn(usize, usize) -> u8, step: usize, step_y: usize| -> Vec<u8> {
+        (0..h)
+            .step_by(step_y)
+            .flat_map(|j| (0..w).step_by(step).map(move |i| (i, j)))
+            .map(|(i, j)| f(i, j))
+            .collect()
+    };
+    let convert = YuvToRgb::new(Matrix::Bt601, Range::Limited);
+    let luma = plane(&y, 1, 1);
+    let planar = |step: usize, step_y: usize, shift| {
+        let mut rgb = vec![0; 3 * w * h];
+        convert.planar(
+            [&luma, &plane(&u, step, step_y), &plane(&v, step, step_y)],
+            [w, w.div_ceil(step)],
+            shift,
+            w,
+            &mut rgb,
+        );
+        rgb
+    };
+    let expected = planar(1, 1, (0, 0));
+    assert_eq!(planar(2, 2, (1, 1)), expected);
+    assert_eq!(planar(2, 1, (1, 0)), expected);
+
+    let stride = 2 * w.div_ceil(2) + 2;
+    let padded: Vec<u8> = luma
+        .chunks(w)
+        .flat_map(|row| {
+            let mut row = row.to_vec();
+            row.resize(stride, 0);
+            row
+        })
+        .collect();
+    let (us, vs) = (plane(&u, 2, 2), plane(&v, 2, 2));
+    let pairs: Vec<u8> = us
+        .chunks(w.div_ceil(2))
+        .zip(vs.chunks(w.div_ceil(2)))
+        .flat_map(|(us, vs)| {
+            let mut row: Vec<u8> = us.iter().zip(vs).flat_map(|(u, v)| [*u, *v]).collect();
+            row.resize(stride, 0);
+            row
+        })
+        .collect();
+    let mut rgb = vec![0; 3 * w * h];
+    convert.nv12(&padded, &pairs, stride, w, &mut rgb);
+    assert_eq!(rgb, expected);
+
+    let mut yuyv = Vec::new();
+    for j in 0..h {
+        for i in (0..w).step_by(2) {
+            let second = if i + 1 < w { y(i + 1, j) } else { 0 };
+            yuyv.extend_from_slice(&[y(i, j), u(i, j), second, v(i, j)]);
+        }
+        yuyv.extend_from_slice(&[9; 4]);
+    }
+    let mut rgb = vec![0; 3 * w * h];
+    convert.yuyv(&yuyv, 4 * w.div_ceil(2) + 4, w, &mut rgb);
+    assert_eq!(rgb, expected);
+}
+
+/// Film of `frames` flat pictures whose luma rises.
+fn film(header: &str, plane_bytes: [usize; 3], frames: u8) -> Vec<u8> {
+    let mut bytes = format!("YUV4MPEG2 {header}\n").into_bytes();
+    for k in 0..frames {
+        bytes.extend_from_slice(b"FRAME\n");
+        for (plane, n) in plane_bytes.iter().enumerate() {
+            bytes.extend(std::iter::repeat_n(
+                if plane == 0 { 16 + 20 * k } else { 128 },
+                *n,
+            ));
+        }
+    }
+    bytes
+}
+
+#[test]
+fn y4m_of_every_layout_is_played() {
+    for (header, planes) in [
+        ("W6 H4 F30:1 Ip A1:1 C420jpeg XYSCSS=420JPEG", [24, 6, 6]),
+        ("W6 H4 F30:1", [24, 6, 6]),
+        ("W5 H3 F30:1 C420mpeg2", [15, 6, 6]),
+        ("W5 H3 F30:1 C422", [15, 9, 9]),
+        ("W5 H3 F30:1 C444", [15, 15, 15]),
+        ("W5 H3 F30:1 Cmono", [15, 0, 0]),
+    ] {
+        let bytes = film(header, planes, 3);
+        let total = Some(bytes.len() as u64);
+        let mut reader = Y4mReader::new(Cursor::new(bytes), "film", total).unwrap();
+        assert_eq!(reader.frame_count(), Some(3), "{header}");
+        assert_eq!(reader.fps(), Some(30.0));
+        for k in 0..3u64 {
+            let frame = reader.next().unwrap().unwrap();
+            let grey = (20.0 * k as f64 * 255.0 / 219.0).round();
+            assert!(
+                frame
+                    .rgb
+                    .iter()
+                    .all(|v| (f64::from(*v) - grey).abs() <= 1.0),
+                "{header}"
+            );
+            assert_eq!((frame.sequence, frame.time_ns), (k, k * 1_000_000_000 / 30));
+        }
+        assert!(reader.next().unwrap().is_none());
+    }
+}
+
+#[test]
+fn full_range_is_honoured() {
+    // Words after FRAME are allowed and skipped.
+    let bytes = b"YUV4MPEG2 W2 H2 F25:1 Cmono XCOLORRANGE=FULL\nFRAME Ip\n\x10\x10\x10\x10FRAME\n\x24\x24\x24\x24".to_vec();
+    let mut reader = Y4mReader::new(Cursor::new(bytes), "film", None).unwrap();
+    assert_eq!(reader.frame_count(), None);
+    reader.next().unwrap();
+    assert_eq!(reader.next().unwrap().unwrap().rgb, [36; 12]);
+}
+
+#[test]
+fn damaged_y4m_is_refused_or_ends_with_one_error() {
+    let refuse = |bytes: &[u8], code: u8, word: &str| {
+        let error = Y4mReader::new(Cursor::new(bytes.to_vec()), "film.y4m", None)
+            .err()
+            .unwrap();
+        assert_eq!(error.exit_code(), code, "{error}");
+        assert!(
+            error.to_string().contains("film.y4m") && error.to_string().contains(word),
+            "{error}"
+        );
+    };
+    refuse(b"", 66, "nothing");
+    refuse(b"YUV4MPEG2 W6", 65, "other bytes");
+    refuse(b"hello\n", 65, "other bytes");
+    refuse(&[b'x'; 5000], 65, "other bytes");
+    refuse(b"YUV4MPEG2 W0 H4\n", 65, "0x4");
+    refuse(b"YUV4MPEG2 W99999 H4\n", 65, "99999x4");
+    refuse(b"YUV4MPEG2 W4 H4 C420p10\n", 65, "C420p10");
+
+    let whole = film("W6 H4 F30:1", [24, 6, 6], 3);
+    for cut in [whole.len() - 1, whole.len() - 36, whole.len() - 41] {
+        let mut reader =
+            Y4mReader::new(Cursor::new(whole[..cut].to_vec()), "film.y4m", None).unwrap();
+        assert!(reader.next().unwrap().is_some());
+        assert!(reader.next().unwrap().is_some());
+        let error = reader.next().unwrap_err();
+        assert_eq!(error.exit_code(), 65);
+        assert!(error.to_string().contains("frame 2"), "{error}");
+        assert!(reader.next().unwrap().is_none());
+    }
+}
+
+#[test]
+fn films_open_from_memory_and_from_files() {
+    let y4m = film("W6 H4 F30:1", [24, 6, 6], 2);
+    let mut writer = AviWriter::new(Cursor::new(Vec::new()), 6, 4, (30, 1)).unwrap();
+    let frame = Frame {
+        width: 6,
+        height: 4,
+        rgb: vec![90; 72],
+        ..Frame::default()
+    };
+    writer.write_frame(&frame, 90).unwrap();
+    writer.write_frame(&frame, 90).unwrap();
+    let avi = writer.finish().unwrap().into_inner();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in [("a.y4m", y4m), ("b.avi", avi)] {
+        // Names do not matter, bytes do.
+        let path = folder.path().join(name).with_extension("bin");
+        std::fs::write(&path, &bytes).unwrap();
+        let from_file = open(&InputSpec::Path(path), &OpenOptions::default()).unwrap();
+        let from_memory = open_bytes("demo", bytes.leak()).unwrap();
+        for mut source in [from_file, from_memory] {
+            assert_eq!(source.frame_count(), Some(2));
+            assert!(source.next().unwrap().is_some() && source.next().unwrap().is_some());
+            assert!(source.next().unwrap().is_none());
+        }
+    }
+    assert!(open_bytes("demo", b"nothing of the kind").is_err());
+}
+
+#[test]
+fn words_become_inputs() {
+    for (text, spec) in [
+        ("camera", InputSpec::FirstCamera),
+        ("-", InputSpec::Stdin),
+        ("demo", InputSpec::Demo),
+        ("./demo", InputSpec::Path("./demo".into())),
+        ("/dev/video3", InputSpec::Path("/dev/video3".into())),
+    ] {
+        assert_eq!(text.parse::<InputSpec>().unwrap(), spec);
+        assert_eq!(spec.to_string(), text);
+    }
+}
+
+/// A folder with stand-ins for the two programs.
+fn stand_ins(folder: &Path, ffmpeg: &str, ffprobe: &str) -> Ffmpeg {
+    let write = |name: &str, body: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{body}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        path
+    };
+    Ffmpeg {
+        ffmpeg: write(
+            "ffmpeg",
+            &format!(
+                "if [ \"$1\" = -version ]; then echo 'ffmpeg version 5.1.9-0 x'; exit; fi\n{ffmpeg}"
+            ),
+        ),
+        ffprobe: write("ffprobe", ffprobe),
+    }
+}
+
+const PICTURE: &str = "printf 'P6\\n2 1\\n255\\nabcdef'";
+
+#[test]
+fn pictures_come_out_of_the_child() {
+    let folder = tempfile::tempdir().unwrap();
+    let programs = stand_ins(
+        folder.path(),
+        &format!("{PICTURE}; {PICTURE}"),
+        "printf 'packet,1.5\\npacket,1.0\\nstream,2/1,2\\n'",
+    );
+    let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
+    assert_eq!((source.frame_count(), source.fps()), (Some(2), Some(2.0)));
+    for k in 0..2 {
+        let frame = source.next().unwrap().unwrap();
+        assert_eq!(
+            (frame.width, frame.height, &frame.rgb[..]),
+            (2, 1, &b"abcdef"[..])
+        );
+        assert_eq!((frame.sequence, frame.time_ns), (k, k * 500_000_000));
+    }
+    assert!(source.next().unwrap().is_none() && source.next().unwrap().is_none());
+}
+
+#[test]
+fn a_film_that_ends_early_is_told_with_the_childs_own_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let probe = "printf 'packet,0.0\\nstream,2/1,9\\n'";
+    for body in [
+        format!("{PICTURE}; echo 'partial file' >&2"),
+        format!("{PICTURE}; echo 'partial file' >&2; exit 1"),
+        format!("{PICTURE}; printf 'P6\\n2 1\\n255\\nab'; echo 'partial file' >&2"),
+    ] {
+        let programs = stand_ins(folder.path(), &body, probe);
+        let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
+        assert!(source.next().unwrap().is_some());
+        let error = source.next().unwrap_err();
+        assert_eq!(error.exit_code(), 65);
+        let text = error.to_string();
+        assert!(
+            text.contains("film.mp4")
+                && text.contains("partial file")
+                && text.contains("1 pictures of 9"),
+            "{text}"
+        );
+        assert!(source.next().unwrap().is_none());
+    }
+}
+
+#[test]
+fn without_ffmpeg_the_remedy_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let absent = Ffmpeg {
+        ffmpeg: folder.path().join("ffmpeg"),
+        ffprobe: folder.path().join("ffprobe"),
+    };
+    let error = FfmpegSource::open(Path::new("film.mp4"), &absent)
+        .err()
+        .unwrap();
+    assert!(matches!(error, CaptureError::Unavailable { .. }));
+    assert!(error.to_string().contains("apt install ffmpeg"), "{error}");
+    assert_eq!(error.exit_code(), 69);
+}
+
+#[test]
+fn a_file_that_is_no_film_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let programs = stand_ins(
+        folder.path(),
+        "exit 1",
+        "echo 'moov atom not found' >&2; exit 1",
+    );
+    let error = FfmpegSource::open(Path::new("film.mp4"), &programs)
+        .err()
+        .unwrap();
+    assert_eq!(error.exit_code(), 65);
+    assert!(error.to_string().contains("moov atom not found"), "{error}");
+}
+
+/// Whether a process exists and is not a zombie of ours.
+fn is_alive(pid: u32) -> bool {
+    std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok()
+}
+
+#[test]
+fn no_child_is_left_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    // Writes for ever.
+    let programs = stand_ins(
+        folder.path(),
+        &format!("while :; do {PICTURE}; done"),
+        "printf 'stream,2/1,N/A\\n'",
+    );
+    let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
+    let pid = source.child_id();
+    assert!(source.next().unwrap().is_some());
+    assert!(is_alive(pid));
+    drop(source);
+    assert!(!is_alive(pid));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn random_y4m_never_panics(
+        header in "[WHFCXIA0-9:. ]{0,30}",
+        tail in prop::collection::vec(any::<u8>(), 0..200),
+    ) {
+        let mut bytes = format!("YUV4MPEG2 W3 H2 {header}\nFRAME\n").into_bytes();
+        bytes.extend_from_slice(&tail);
+        if let Ok(mut reader) = Y4mReader::new(Cursor::new(bytes), "x", Some(300)) {
+            while let Ok(true) = reader.next_into(&mut Frame::default()) {}
+        }
+    }
+}

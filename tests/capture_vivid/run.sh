@@ -1,0 +1,39 @@
+#!/bin/sh
+# Runs the real camera code against the kernel's virtual camera `vivid` in an emulated machine: pictures, unplugging, a driver
+# that fails, a second instance. About two minutes; prints what happened, checks nothing by itself.
+#
+# Debian: apt-get install --no-install-recommends qemu-system-x86 busybox-static v4l-utils cpio kmod
+# Usage: cargo build --release --example camera_probe && tests/capture_vivid/run.sh
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+probe=${1:-$here/../../target/release/examples/camera_probe}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+
+version=$(apt-cache depends linux-image-amd64 | sed -n 's/.*linux-image-\([0-9].*\)$/\1/p')
+apt-get download "linux-image-$version"
+dpkg -x linux-image-*.deb kernel
+depmod -b kernel "$version"
+
+# The first file system: busybox, the modules in the order of their dependencies, and init.
+mkdir -p root/bin root/proc root/sys root/dev root/tmp root/mnt share
+cp "$(command -v busybox)" root/bin/busybox
+for name in sh mount insmod echo cat ls poweroff sleep grep kill mkdir tail; do ln -s busybox "root/bin/$name"; done
+cp "$here/init" root/init
+chmod +x root/init
+modprobe -d kernel -S "$version" --show-depends -a virtio_pci 9p 9pnet_virtio vivid |
+    sed -n 's/^insmod \([^ ]*\).*/\1/p' | awk '!seen[$0]++' | while read -r module; do
+        cp "$module" "root/$(basename "$module")"
+        echo "/$(basename "$module")"
+    done > root/modules
+(cd root && find . | cpio -o -H newc --quiet | gzip -1) > initrd.gz
+
+# What the machine sees under /mnt: the probe, v4l2-ctl and their libraries.
+cp "$probe" share/camera_probe
+cp "$(command -v v4l2-ctl)" "$here/guest.sh" share/
+for library in $(ldd share/camera_probe share/v4l2-ctl | grep -o '/[^ ]*\.so[^ ]*' | sort -u); do cp -L "$library" share/; done
+
+timeout 300 qemu-system-x86_64 -kernel "kernel/boot/vmlinuz-$version" -initrd initrd.gz \
+    -append "console=ttyS0 quiet panic=-1" -nographic -no-reboot -m 768 -smp 1 -cpu max \
+    -virtfs local,path=share,mount_tag=host,security_model=none < /dev/null | tr -d '\r' | grep -v schedule_timeout

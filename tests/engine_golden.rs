@@ -1,0 +1,131 @@
+//! A tiny network with random weights, run by the engine in f32 and int8, against a reference that shares no code with it.
+
+mod common;
+
+use common::{naive, picture, tiny};
+use edgecap::engine::model::{Calibration, RangeChoice, Weights};
+use edgecap::engine::{CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Precision};
+
+const SIZE: (usize, usize) = (48, 32);
+
+fn engine(model: &Model, precision: Precision, threads: usize, isa: Option<Isa>) -> Engine {
+    let options = EngineOptions {
+        width: SIZE.0,
+        height: SIZE.1,
+        threads,
+        isa,
+        precision,
+        pin: false,
+    };
+    Engine::new(model, options).unwrap()
+}
+
+fn quantised(model: &Model) -> Model {
+    let pictures = (0..4).map(|seed| picture(SIZE, seed));
+    let options = CalibrationOptions {
+        size: SIZE,
+        choice: RangeChoice::Max,
+        own_ranges: 0.5,
+        correct_bias: false,
+    };
+    let calibration = Calibration::observe(model, pictures, options).unwrap();
+    model.clone().quantise(Some(&calibration)).unwrap()
+}
+
+/// Root mean square of the difference over that of the reference.
+fn error(expected: &Maps, found: &Maps) -> f32 {
+    let all = |m: &Maps| {
+        let values = m.head2d.iter().chain(&m.head3d);
+        values.copied().collect::<Vec<f32>>()
+    };
+    let (a, b) = (all(expected), all(found));
+    assert_eq!(a.len(), b.len());
+    let difference: f32 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum();
+    (difference / a.iter().map(|a| a.powi(2)).sum::<f32>()).sqrt()
+}
+
+#[test]
+fn f32_is_what_a_naive_reference_computes() {
+    let model = Model::random(tiny(), 3);
+    let picture = picture(SIZE, 9);
+    let Weights::Float(weights) = model.weights() else {
+        panic!("random weights are floats");
+    };
+    let expected = naive(model.network().graph(), weights, &picture, SIZE);
+    for isa in Isa::available() {
+        for threads in [1, 3] {
+            let mut engine = engine(&model, Precision::F32, threads, Some(isa));
+            let e = error(&expected, engine.run(&picture));
+            assert!(e < 1e-5, "{isa}, {threads} threads: {e}");
+        }
+    }
+}
+
+#[test]
+fn int8_is_near_f32_and_the_same_on_every_tier() {
+    let model = Model::random(tiny(), 3);
+    let quantised = quantised(&model);
+    let picture = picture(SIZE, 2);
+    let run = |model, precision, isa| engine(model, precision, 1, isa).run(&picture).clone();
+    let float = run(&model, Precision::F32, None);
+    let scalar = run(&quantised, Precision::Int8, Some(Isa::Scalar));
+    let e = error(&float, &scalar);
+    assert!(e < 0.05, "{e}");
+    for isa in Isa::available() {
+        for threads in [1, 2, 5] {
+            let mut engine = engine(&quantised, Precision::Int8, threads, Some(isa));
+            assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn frames_do_not_remember_each_other() {
+    let model = quantised(&Model::random(tiny(), 5));
+    let mut used = engine(&model, Precision::Int8, 2, None);
+    for seed in 0..20 {
+        let picture = picture(SIZE, seed);
+        let mut fresh = engine(&model, Precision::Int8, 1, None);
+        assert!(used.run(&picture) == fresh.run(&picture), "picture {seed}");
+    }
+}
+
+#[test]
+fn dequantised_weights_are_near_the_trained_ones() {
+    let model = Model::random(tiny(), 3);
+    let picture = picture(SIZE, 2);
+    let run = |model| engine(model, Precision::F32, 1, None).run(&picture).clone();
+    let e = error(&run(&model), &run(&quantised(&model)));
+    assert!(e > 0.0 && e < 0.03, "{e}");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let model = Model::random(tiny(), 3);
+    let with = |width, height, precision| {
+        let options = EngineOptions {
+            width,
+            height,
+            precision,
+            ..EngineOptions::default()
+        };
+        Engine::new(&model, options).err().unwrap().to_string()
+    };
+    assert!(with(500, 320, Precision::F32).contains("500x320"));
+    assert!(with(0, 320, Precision::F32).contains("multiples of 16"));
+    assert!(with(512, 320, Precision::Int8).contains("model import"));
+}
+
+#[test]
+fn profile_names_every_layer_and_counts_its_work() {
+    let model = quantised(&Model::random(tiny(), 3));
+    let mut engine = engine(&model, Precision::Int8, 1, None);
+    engine.run(&picture(SIZE, 0));
+    let profile = engine.profile();
+    let graph = model.network().graph();
+    assert_eq!(profile.len(), graph.nodes.len());
+    let macs: u64 = profile.iter().map(|l| l.macs).sum();
+    assert_eq!(macs, graph.macs(SIZE.1, SIZE.0));
+    assert_eq!(engine.macs(), macs);
+    assert!(profile.iter().all(|l| l.ns > 0));
+}

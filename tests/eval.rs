@@ -1,0 +1,503 @@
+//! Measures against values worked out by hand.
+
+use edgecap::eval::{
+    EvalError, EvalOptions, Format, Identity, ImageOks, Jitter, JointSet, Keypoint, Mupots,
+    MupotsPerson, Pck, Pose3d, PoseErrors, Predictions, Protocol, TruthPerson, TruthSet,
+    align_similarity, average_precision, evaluate, oks, quiet,
+};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+
+type Joints2d = [[f32; 3]; EVIDENCE_JOINTS];
+
+fn near(a: f64, b: f64) {
+    assert!((a - b).abs() < 1e-6, "{a} instead of {b}");
+}
+
+/// A person whose evidence joint j lies at (10 j, 5 j) and whose area is given.
+fn person(area: f64) -> TruthPerson {
+    let points = (0..EVIDENCE_JOINTS).map(|j| Keypoint::at(j, 10.0 * j as f64, 5.0 * j as f64, 2));
+    TruthPerson {
+        points: points.collect(),
+        area,
+        bbox: [0.0, 0.0, 130.0, 65.0],
+        ..TruthPerson::default()
+    }
+}
+
+fn exact() -> Joints2d {
+    std::array::from_fn(|j| [10.0 * j as f32, 5.0 * j as f32, 1.0])
+}
+
+#[test]
+fn oks_is_the_mean_of_the_joints_gaussians() {
+    let truth = person(10_000.0);
+    near(oks(&truth, &exact(), JointSet::All), 1.0);
+    // A right ankle 17.8 px off lies one constant (k s = 2 · 0.089 · 100) away: exp(−½).
+    let mut off = exact();
+    off[10][0] += 17.8;
+    near(
+        oks(&truth, &off, JointSet::All),
+        (13.0 + (-0.5_f64).exp()) / 14.0,
+    );
+    near(
+        oks(&truth, &off, JointSet::Shared),
+        (11.0 + (-0.5_f64).exp()) / 12.0,
+    );
+    // Head and neck are not shared with COCO.
+    let mut headless = exact();
+    headless[0] = [0.0; 3];
+    headless[1] = [0.0; 3];
+    near(oks(&truth, &headless, JointSet::Shared), 1.0);
+    near(oks(&truth, &headless, JointSet::All), 12.0 / 14.0);
+    // Unlabelled points do not count.
+    let mut partly = truth.clone();
+    for k in partly.points.iter_mut().skip(7) {
+        k.visibility = 0;
+    }
+    near(oks(&partly, &off, JointSet::All), 1.0);
+}
+
+fn image(scores: &[f64], oks: &[&[f64]], ignored: &[bool]) -> ImageOks {
+    ImageOks {
+        scores: scores.to_vec(),
+        ignored: ignored.to_vec(),
+        crowd: vec![false; ignored.len()],
+        oks: oks.iter().map(|r| r.to_vec()).collect(),
+    }
+}
+
+#[test]
+fn average_precision_follows_coco() {
+    // Two people; the best prediction is right up to OKS 0.90, the second is nobody, the third right up to 0.60.
+    let i = image(
+        &[0.9, 0.8, 0.7],
+        &[&[0.92, 0.0], &[0.0, 0.1], &[0.0, 0.62]],
+        &[false, false],
+    );
+    let ap = average_precision(std::slice::from_ref(&i));
+    // At 0.50–0.60 the curve is (½, 1), (½, ½), (1, ⅔): recalls 0–0.50 have precision 1, the 50 above ⅔. At 0.65–0.90
+    // only the first is right: 51 of 101. At 0.95 nothing is.
+    let both = (51.0 + 50.0 * 2.0 / 3.0) / 101.0;
+    let one = 51.0 / 101.0;
+    near(ap.ap50, both);
+    near(ap.ap75, one);
+    near(ap.ap, (3.0 * both + 6.0 * one) / 10.0);
+    near(ap.ar, (3.0 * 1.0 + 6.0 * 0.5) / 10.0);
+    assert_eq!(ap.people, 2);
+    // An ignored person takes his prediction out of the count: then nothing false comes before the second person.
+    let i = image(
+        &[0.9, 0.8, 0.7],
+        &[&[0.92, 0.0, 0.0], &[0.0, 0.1, 0.8], &[0.0, 0.62, 0.0]],
+        &[false, false, true],
+    );
+    near(average_precision(&[i]).ap50, 1.0);
+    near(average_precision(&[]).ap, -1.0);
+}
+
+#[test]
+fn every_person_is_claimed_once() {
+    let i = image(&[0.9, 0.8], &[&[0.9], &[0.97]], &[false]);
+    // The surer prediction takes the person although the other fits better; the other is false, after full recall. At 0.95
+    // it is the other way round, and what is right comes second.
+    let ap = average_precision(&[i]);
+    near(ap.ap50, 1.0);
+    near(ap.ap, (9.0 + 0.5) / 10.0);
+    near(ap.ar, 1.0);
+}
+
+#[test]
+fn pck_counts_joints_within_a_fifth_of_the_torso() {
+    // Left shoulder (50, 25) to right hip (80, 40): √1125 = 33.54 px, so the radius is 6.708 px.
+    let truth = person(1.0);
+    let mut predicted = exact();
+    predicted[3][0] += 6.7;
+    predicted[4][0] += 6.8;
+    predicted[7] = [0.0; 3];
+    let mut pck = Pck::new(0.2);
+    assert!(pck.add(&truth, Some(&predicted)));
+    near(pck.mean(), 12.0 / 14.0);
+    assert!(pck.add(&truth, None));
+    near(pck.mean(), 12.0 / 28.0);
+    let joint = pck.per_joint();
+    assert_eq!(
+        (joint[3], joint[4], joint[7]),
+        (Some(0.5), Some(0.0), Some(0.0))
+    );
+    assert_eq!((pck.people(), pck.missed()), (2, 1));
+    let mut no_torso = truth;
+    no_torso.points[5].visibility = 0;
+    assert!(!pck.add(&no_torso, Some(&predicted)));
+}
+
+/// A body of which joint j lies at (j, 0, 0) decimetres, but for a few that lift it out of the line.
+fn body() -> [[f64; 3]; BODY_JOINTS] {
+    std::array::from_fn(|j| {
+        let x = 0.1 * j as f64;
+        [x, 0.3 * (x * 7.0).sin(), 0.4 * x * x]
+    })
+}
+
+#[test]
+fn procrustes_undoes_turn_scale_and_shift_but_no_mirror() {
+    let from = body();
+    let (s, c) = (0.6, 0.8);
+    let moved = from.map(|[x, y, z]| {
+        [
+            1.7 * (c * x - s * y) + 1.0,
+            1.7 * (s * x + c * y) - 2.0,
+            1.7 * z + 3.0,
+        ]
+    });
+    let aligned = align_similarity(&from, &moved);
+    for (a, b) in aligned.iter().zip(&moved) {
+        for k in 0..3 {
+            near(a[k], b[k]);
+        }
+    }
+    let mirrored = from.map(|[x, y, z]| [-x, y, z]);
+    let aligned = align_similarity(&from, &mirrored);
+    let worst = aligned
+        .iter()
+        .zip(&mirrored)
+        .map(|(a, b)| (a[0] - b[0]).abs());
+    assert!(worst.fold(0.0, f64::max) > 0.1);
+}
+
+#[test]
+fn pose_errors_are_root_aligned() {
+    let truth = body();
+    // Everything shifted by a metre, then two joints moved by 102 mm and 200 mm.
+    let mut predicted = truth.map(|[x, y, z]| [x + 1.0, y, z]);
+    predicted[4][1] += 0.102;
+    predicted[7][2] -= 0.2;
+    let errors = PoseErrors::new(&truth.map(Some), &predicted).unwrap();
+    let squares = |e: &[f64]| e.iter().map(|e| e * e).sum::<f64>();
+    assert!(squares(&errors.procrustes) < squares(&errors.aligned));
+    let pooled = Pose3d::pool(&[errors], 2, &[0.5]).unwrap();
+    near(pooled.mpjpe_mm, 302.0 / 21.0);
+    near(pooled.pck150, 20.0 / 21.0);
+    // 19 joints are right from 5 mm on (30 of 31 thresholds), one from 105 mm on (10), one never.
+    near(pooled.auc, (19.0 * 30.0 + 10.0) / 31.0 / 21.0);
+    assert_eq!(
+        (pooled.people, pooled.truth, pooled.root_mm),
+        (1, 2, Some(500.0))
+    );
+    let mut rootless = truth.map(Some);
+    rootless[PELVIS] = None;
+    assert_eq!(PoseErrors::new(&rootless, &predicted), None);
+}
+
+fn mupots_person(shift: f64, scale: f64) -> MupotsPerson {
+    MupotsPerson {
+        joints2d: std::array::from_fn(|j| Some([10.0 * j as f64 + shift, 5.0 * j as f64])),
+        joints3d: body().map(|p| Some(p.map(|x| scale * x + shift))),
+    }
+}
+
+#[test]
+fn mupots_matches_in_order_and_rescales_bones() {
+    let truth = [mupots_person(0.0, 1.0), mupots_person(100.0, 1.0)];
+    // One prediction, between both but within 40 px of the first only, half as large.
+    let predicted = [mupots_person(39.0, 0.5)];
+    let mut m = Mupots::default();
+    m.begin_sequence();
+    m.add(&truth, &predicted);
+    let all = m.score(Protocol::All).unwrap();
+    let matched = m.score(Protocol::Matched).unwrap();
+    near(matched.pck150, 1.0);
+    near(all.pck150, 0.5);
+    // Exact after rescaling: right at every threshold but 0.
+    near(matched.auc, 30.0 / 31.0);
+    near(all.auc, 15.0 / 31.0);
+    // A second sequence with nobody found: pooled over people, but the mean is over sequences.
+    m.begin_sequence();
+    m.add(&truth[..1], &[]);
+    let all = m.score(Protocol::All).unwrap();
+    near(all.pck150, 1.0 / 3.0);
+    near(all.pck150_per_sequence, 0.25);
+    near(m.score(Protocol::Matched).unwrap().pck150_per_sequence, 1.0);
+}
+
+#[test]
+fn idf1_and_switches() {
+    let mut i = Identity::default();
+    let one = |a: f64, b: f64| vec![vec![a, b], vec![b, a]];
+    // Two people for four frames; identities 7 and 8, exchanged in the last frame.
+    for _ in 0..3 {
+        i.add(&[1, 2], &[7, 8], &one(0.9, 0.1), 0.5);
+    }
+    i.add(&[1, 2], &[7, 8], &one(0.1, 0.9), 0.5);
+    // One more frame in which the second is missed and a stranger appears.
+    i.add(&[1, 2], &[8, 9], &[vec![0.9, 0.0], vec![0.0, 0.0]], 0.5);
+    let s = i.score();
+    assert_eq!(
+        (s.truth, s.predicted, s.matched, s.switches),
+        (10, 10, 9, 2)
+    );
+    // Best mapping: 1 → 7 and 2 → 8, right three times each; 1 → 8 and 2 → 7 would be right three times in all.
+    near(s.idf1, 12.0 / 20.0);
+    assert_eq!((s.truth_identities, s.predicted_identities), (2, 3));
+}
+
+#[test]
+fn a_match_that_still_holds_is_kept() {
+    let mut i = Identity::default();
+    i.add(&[1], &[7], &[vec![0.9]], 0.5);
+    // A second body lies nearer, but 7 still lies on the person: no switch.
+    i.add(&[1], &[7, 8], &[vec![0.6], vec![0.9]], 0.5);
+    assert_eq!(i.score().switches, 0);
+}
+
+#[test]
+fn jitter_is_the_mean_acceleration() {
+    let mut j = Jitter::default();
+    // x = ½ · 4 · t²: 4 m/s² at any step.
+    for (k, t) in [0.0, 0.1, 0.2, 0.4].into_iter().enumerate() {
+        let x: f64 = 2.0 * t * t;
+        j.add(1, k as u64, t, &[[x, 0.0, 0.0]; BODY_JOINTS]);
+    }
+    near(j.mean().unwrap(), 4.0);
+    // A gap of one frame starts anew: too few frames on either side.
+    let mut gap = Jitter::default();
+    for k in [0_u64, 1, 3, 4] {
+        gap.add(1, k, k as f64, &[[1.0; 3]; BODY_JOINTS]);
+    }
+    assert_eq!(gap.mean(), None);
+}
+
+fn line(frame: u64, source: &str, people: &str) -> String {
+    format!(
+        r#"{{"frame":{frame},"time_ns":{},"source":"{source}","width":512,"height":320,"people":[{people}]}}"#,
+        frame * 40_000_000
+    )
+}
+
+fn observation(score: f64, joints: &Joints2d) -> String {
+    let solid: Vec<[f64; 3]> = body().to_vec();
+    serde_json::json!({"score": score, "joints2d": joints, "joints3d": solid}).to_string()
+}
+
+#[test]
+fn coco_truth_and_observations_are_read_and_paired() {
+    let names = [
+        "nose",
+        "left_shoulder",
+        "right_shoulder",
+        "left_elbow",
+        "right_elbow",
+        "left_wrist",
+        "right_wrist",
+        "left_hip",
+        "right_hip",
+        "left_knee",
+        "right_knee",
+        "left_ankle",
+        "right_ankle",
+    ];
+    let ours = [0, 5, 2, 6, 3, 7, 4, 11, 8, 12, 9, 13, 10];
+    let keypoints: Vec<f64> = ours
+        .iter()
+        .flat_map(|&j| [10.0 * f64::from(j), 5.0 * f64::from(j), 2.0])
+        .collect();
+    let truth = serde_json::json!({
+        "images": [{"id": 4, "file_name": "a.jpg"}, {"id": 5, "file_name": "b.jpg"}],
+        "categories": [{"id": 1, "keypoints": names}],
+        "annotations": [
+            {"image_id": 4, "category_id": 1, "keypoints": keypoints, "bbox": [0, 0, 130, 65], "area": 5000.0, "iscrowd": 0},
+            {"image_id": 5, "category_id": 1, "keypoints": keypoints, "bbox": [0, 0, 130, 65], "area": 5000.0, "iscrowd": 0},
+        ],
+    });
+    let truth = TruthSet::parse(&truth.to_string(), "t", Format::Auto, None).unwrap();
+    let text = [
+        line(0, "/photos/b.jpg", ""),
+        line(1, "/photos/a.jpg", &observation(0.8, &exact())),
+        line(2, "/photos/unlabelled.jpg", &observation(0.8, &exact())),
+    ]
+    .join("\n");
+    let predictions = Predictions::parse(&text, "p").unwrap();
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    let coco = report.coco.unwrap();
+    assert_eq!(
+        (report.frames, report.predicted_people, coco.people),
+        (2, 1, 2)
+    );
+    near(coco.ap, 51.0 / 101.0);
+    near(coco.ar, 0.5);
+    let found = report.finding[1];
+    assert_eq!((found.people, found.found, found.false_people), (2, 1, 0));
+    near(found.mean_oks, 1.0);
+    // All 13 points: the nose cannot be found.
+    let options = EvalOptions {
+        joints: JointSet::All,
+        ..Default::default()
+    };
+    let all = evaluate(&predictions, &truth, &options).unwrap();
+    near(all.finding[1].mean_oks, 12.0 / 13.0);
+    assert!(report.to_string().contains("50.0 % of 2"), "{report}");
+    let quiet = quiet(&predictions);
+    assert_eq!((quiet.pictures, quiet.quiet, quiet.people), (3, 1, 2));
+}
+
+#[test]
+fn synth_truth_and_bodies_are_read_and_paired() {
+    let joints2d: Vec<[f64; 2]> = (0..BODY_JOINTS)
+        .map(|j| [10.0 * j as f64, 5.0 * j as f64])
+        .collect();
+    let at = |x: f64| body().map(|p| [p[0] + x, p[1], p[2] + 4.0]).to_vec();
+    let frame = |k: u64, visibility: u8| {
+        serde_json::json!({
+            "frame": k, "time_ns": k * 40_000_000, "camera": {},
+            "people": [{
+                "id": 1, "stature": 1.8, "joints3d": at(0.02 * k as f64), "joints2d": joints2d,
+                "visibility": vec![visibility; BODY_JOINTS], "pixels": 900.0,
+            }],
+        })
+    };
+    let truth = serde_json::json!({
+        "format": "edgecap-truth", "version": 1, "seed": 1, "width": 512, "height": 320, "fps": 25.0,
+        "frames": [frame(0, 1), frame(1, 2), frame(2, 1), frame(3, 3)],
+    });
+    let truth = TruthSet::parse(&truth.to_string(), "t", Format::Auto, None).unwrap();
+    let body_line = |k: u64, id: u64| {
+        let person = serde_json::json!({
+            "id": id, "state": "tracked", "position": [0.0, 0.0, 4.0], "orientation": [0.0, 0.0, 0.0, 1.0],
+            "angles": vec![0.0; 29], "joints3d": at(0.02 * k as f64 + 0.3), "joints2d": joints2d,
+            "confidence": vec![0.9; BODY_JOINTS], "height": 1.7,
+        });
+        format!(
+            r#"{{"frame":{k},"time_ns":{},"people":[{person}]}}"#,
+            k * 40_000_000
+        )
+    };
+    let text = [
+        body_line(0, 5),
+        body_line(1, 5),
+        body_line(2, 6),
+        body_line(3, 6),
+    ]
+    .join("\n");
+    let predictions = Predictions::parse(&text, "p").unwrap();
+    assert!(predictions.bodies);
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    let pose = report.pose3d.unwrap();
+    near(pose.mpjpe_mm, 0.0);
+    near(pose.root_mm.unwrap(), 300.0);
+    // In the last frame the person is hidden: neither missed nor, being predicted, wrong.
+    assert_eq!(pose.people, 3);
+    let id = report.identity.unwrap();
+    assert_eq!((id.truth, id.predicted, id.switches), (3, 3, 1));
+    near(id.idf1, 4.0 / 6.0);
+    near(report.mupots[0].pck150, 1.0);
+    // No identity lasted three frames; the person did, at constant speed.
+    assert_eq!(report.jitter, None);
+    near(report.true_motion.unwrap(), 0.0);
+}
+
+#[test]
+fn single_person_sets_are_read() {
+    let joints: Vec<[f64; 3]> = (0..EVIDENCE_JOINTS)
+        .map(|j| {
+            [
+                10.0 * j as f64,
+                5.0 * j as f64,
+                if j == 4 { 0.0 } else { 1.0 },
+            ]
+        })
+        .collect();
+    let people2d = serde_json::json!([
+        {"file": "lsp/a.jpg", "split": "test", "joints": joints},
+        {"file": "lsp/b.jpg", "split": "train", "joints": joints},
+    ]);
+    let truth = TruthSet::parse(&people2d.to_string(), "t", Format::Auto, Some("test")).unwrap();
+    // A bystander who is not labelled does not count against the prediction.
+    let mut stranger = exact();
+    stranger.iter_mut().for_each(|j| j[0] += 300.0);
+    let people = format!(
+        "{},{}",
+        observation(0.9, &stranger),
+        observation(0.5, &exact())
+    );
+    let predictions = Predictions::parse(&line(0, "x/lsp/a.jpg", &people), "p").unwrap();
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    near(report.pck.unwrap(), 1.0);
+    assert_eq!(report.pck_per_joint[4], ("r_wrist", None));
+    assert_eq!(report.coco, None);
+
+    let solid: Vec<[f64; 4]> = (0..17)
+        .map(|j| [0.1 * j as f64, (j % 3) as f64, 3.0, 1.0])
+        .collect();
+    let flat: Vec<[f64; 3]> = (0..17)
+        .map(|j| [10.0 * j as f64, 5.0 * j as f64, 1.0])
+        .collect();
+    let real3d = |set: &str| {
+        let text = serde_json::json!([{
+            "set": set, "file": "a.jpg", "joints2d": flat, "joints3d_camera_m": solid,
+        }]);
+        TruthSet::parse(&text.to_string(), "t", Format::Auto, None)
+    };
+    let h36m = real3d("h36m").unwrap().frames.remove(0).people.remove(0);
+    let joints = h36m.joints3d.unwrap();
+    assert_eq!(joints[PELVIS], Some([0.0, 0.0, 3.0]));
+    assert!(
+        (joints[4].unwrap()[0] - 1.6).abs() < 1e-9,
+        "right wrist is Human3.6M's 16"
+    );
+    assert_eq!((joints[16], joints[20]), (None, None));
+    let dhp = real3d("mpi_inf_3dhp")
+        .unwrap()
+        .frames
+        .remove(0)
+        .people
+        .remove(0);
+    assert!((dhp.joints3d.unwrap()[PELVIS].unwrap()[0] - 1.4).abs() < 1e-9);
+    assert!(matches!(real3d("other"), Err(EvalError::Format { .. })));
+}
+
+#[test]
+fn mpii_people_of_one_picture_come_together() {
+    let joints: Vec<[f64; 2]> = (0..16).map(|j| [f64::from(j), 2.0]).collect();
+    let entry = |image: &str| serde_json::json!({"image": image, "joints": joints, "joints_vis": vec![1; 16], "scale": 1.0, "center": [0, 0]});
+    let text = serde_json::json!([entry("a.jpg"), entry("b.jpg"), entry("a.jpg")]).to_string();
+    let truth = TruthSet::parse(&text, "t", Format::Auto, None).unwrap();
+    assert_eq!(truth.frames.len(), 2);
+    let people = &truth.frames[0].people;
+    assert_eq!(people.len(), 2);
+    let at = |j: usize| {
+        let k = people[0].points.iter().find(|k| k.joint == Some(j));
+        k.map(|k| k.u)
+    };
+    // Right ankle, left shoulder, right wrist, head top, neck (thorax).
+    assert_eq!(
+        [at(10), at(5), at(4), at(0), at(1)],
+        [Some(0.0), Some(13.0), Some(10.0), Some(9.0), Some(7.0)]
+    );
+}
+
+#[test]
+fn what_cannot_be_read_is_said() {
+    let error = |r: Result<TruthSet, EvalError>| r.unwrap_err().to_string();
+    let unknown = error(TruthSet::parse("{}", "t.json", Format::Auto, None));
+    assert!(
+        unknown.contains("t.json") && unknown.contains("--format"),
+        "{unknown}"
+    );
+    let text = format!("{}\nno json", line(0, "a", ""));
+    let bad = Predictions::parse(&text, "p.jsonl")
+        .unwrap_err()
+        .to_string();
+    assert!(bad.contains("p.jsonl, line 2"), "{bad}");
+    let short = r#"{"frame":0,"people":[{"score":1,"joints2d":[[1,2,3]],"joints3d":[[0,0,0]]}]}"#;
+    let bad = Predictions::parse(short, "p").unwrap_err().to_string();
+    assert!(bad.contains("21 joints3d"), "{bad}");
+    let truth = r#"[{"file":"a.jpg","split":"test","joints":[[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1],[1,2,1]]}]"#;
+    let truth = TruthSet::parse(truth, "t", Format::Auto, None).unwrap();
+    let predictions = Predictions::parse(&line(0, "b.jpg", ""), "p").unwrap();
+    let bad = evaluate(&predictions, &truth, &EvalOptions::default());
+    assert!(matches!(
+        bad,
+        Err(EvalError::Disjoint {
+            truth: 1,
+            predictions: 1
+        })
+    ));
+}

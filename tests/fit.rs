@@ -1,0 +1,555 @@
+//! Stage III against exact truth: identities, errors, jitter, limits, times that misbehave, numbers that make no sense.
+
+mod fit_scene;
+
+use edgecap::fit::config::GroundConfig;
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use edgecap::message::{BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, ObservationFrame};
+use fit_scene::measure::{Report, is_finite, line, run};
+use fit_scene::people::{self, Activity, Person};
+use fit_scene::{Noise, Scene};
+use proptest::prelude::*;
+
+const FPS: f64 = 30.0;
+
+fn check_everywhere(report: &Report) {
+    assert!(report.finite, "a number was not finite");
+    assert!(
+        report.beyond <= 5.0,
+        "an angle exceeded its limit by {}°",
+        report.beyond
+    );
+    assert!(
+        report.mpjpe3() <= report.mpjpe2(),
+        "Stage III is worse than Stage II"
+    );
+}
+
+#[test]
+fn everyday_movement_is_steadier_and_nearer_than_stage_two() {
+    let mut scene = Scene::new(people::everyday(), Noise::REAL, FPS, 5);
+    let r = run(&mut scene, FitConfig::default(), 300, 30, true);
+    println!("{}", line("everyday", &r));
+    check_everywhere(&r);
+    assert_eq!((r.switches, r.ids, r.false_bodies), (0, 5, 0));
+    assert!(r.idf1 > 0.98);
+    assert!(r.jitter3.get() < r.jitter2.get() / 5.0);
+    assert!(Report::lag_frames(&r.lag3) - Report::lag_frames(&r.lag2) <= 1.0);
+    assert!(r.depth_known.get() < 0.05);
+    assert!(r.sliding3.get() < 0.35 * r.sliding2.get());
+    assert!(r.mpjpe3() < 0.75 * r.mpjpe2());
+}
+
+#[test]
+fn people_who_cross_keep_their_identities() {
+    for seed in [5, 8] {
+        let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, seed);
+        let r = run(&mut scene, FitConfig::default(), 450, 30, false);
+        println!("{}", line("crossing", &r));
+        check_everywhere(&r);
+        assert_eq!((r.switches, r.ids), (0, 4), "seed {seed}");
+        assert!(r.idf1 >= 0.95);
+    }
+}
+
+#[test]
+fn people_who_leave_come_back_as_themselves() {
+    let mut scene = Scene::new(people::wanderers(60.0, 2), Noise::REAL, FPS, 2);
+    let r = run(&mut scene, FitConfig::default(), 1500, 30, false);
+    println!("{}", line("wanderers", &r));
+    check_everywhere(&r);
+    assert!(r.idf1 >= 0.95, "IDF1 {}", r.idf1);
+}
+
+#[test]
+#[ignore = "half an hour of six people: run with --release"]
+fn five_minutes_of_six_people() {
+    for seed in 1..=6 {
+        let mut scene = Scene::new(people::wanderers(300.0, seed), Noise::REAL, FPS, seed);
+        let r = run(&mut scene, FitConfig::default(), 9000, 30, false);
+        println!("{}", line(&format!("wanderers {seed}"), &r));
+        check_everywhere(&r);
+        assert!(r.idf1 >= 0.95, "IDF1 {}", r.idf1);
+    }
+}
+
+#[test]
+#[ignore = "ten scenes: run with --release"]
+fn many_crossings() {
+    let mut switches = Vec::new();
+    for seed in 1..=10 {
+        let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, seed);
+        let r = run(&mut scene, FitConfig::default(), 900, 30, false);
+        println!("{}", line(&format!("crossing {seed}"), &r));
+        check_everywhere(&r);
+        switches.push(r.switches);
+    }
+    assert_eq!(switches, [0; 10]);
+}
+
+#[test]
+fn confidence_means_what_it_says() {
+    let mut scene = Scene::new(people::everyday(), Noise::REAL, FPS, 9);
+    let mut r = run(&mut scene, FitConfig::default(), 300, 30, false);
+    let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, 9);
+    let other = run(&mut scene, FitConfig::default(), 300, 30, false);
+    let (mut error, mut n) = (0.0, 0.0);
+    for bin in 0..10 {
+        for (into, from) in [
+            (&mut r.calibration[bin], other.calibration[bin]),
+            (&mut r.claimed[bin], other.claimed[bin]),
+        ] {
+            into.sum += from.sum;
+            into.n += from.n;
+        }
+        let (claimed, hit) = (r.claimed[bin].get(), r.calibration[bin].get());
+        println!("claimed {claimed:.2} true {hit:.2} of {}", r.claimed[bin].n);
+        if r.claimed[bin].n > 500.0 {
+            assert!((claimed - hit).abs() < 0.3, "bin {bin}");
+        }
+        error += r.claimed[bin].n * (claimed - hit).abs();
+        n += r.claimed[bin].n;
+    }
+    assert!(error / n < 0.06, "expected calibration error {}", error / n);
+}
+
+#[test]
+fn people_seen_for_one_frame_are_never_born() {
+    let noise = Noise {
+        phantom: 1.0,
+        ..Noise::NONE
+    };
+    let mut scene = Scene::new(Vec::new(), noise, FPS, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..600 {
+        fitter.update(&scene.next().0, &mut out);
+        assert_eq!(out.count, 0);
+    }
+    assert_eq!(fitter.counters().births, 0);
+}
+
+#[test]
+fn a_missed_person_is_predicted_then_gone_then_recognised() {
+    let person = Person::new(
+        3,
+        people::walk(0.0, 1.0, &[(0.0, 4.0), (0.0, 4.0)]),
+        Activity::Wave,
+    );
+    let mut scene = Scene::new(vec![person], Noise::NONE, FPS, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut states = Vec::new();
+    for f in 0..220 {
+        let (mut frame, _) = scene.next();
+        if (60..160).contains(&f) {
+            frame.count = 0;
+        }
+        fitter.update(&frame, &mut out);
+        states.push(
+            out.bodies()
+                .first()
+                .map(|b| (b.id, b.state, b.confidence[4], b.joint_states[4])),
+        );
+    }
+    assert_eq!(states[1], None, "not before it is confirmed");
+    let (id, state, sure, joint) = states[59].unwrap();
+    assert_eq!(
+        (id, state, joint),
+        (1, BodyState::Tracked as u32, JointState::Observed as u8)
+    );
+    let (id, state, unsure, joint) = states[75].unwrap();
+    assert_eq!(
+        (id, state, joint),
+        (1, BodyState::Predicted as u32, JointState::Predicted as u8)
+    );
+    assert!(unsure < sure);
+    assert_eq!(
+        states[150], None,
+        "nobody is shown for long without being seen"
+    );
+    assert_eq!(states[200].unwrap().0, 1, "the same person comes back");
+}
+
+#[test]
+fn the_height_comes_from_settings_or_floor() {
+    let cast = |h: f64| {
+        let legs = people::walk(
+            0.0,
+            1.0,
+            &[(-0.8, 3.5), (0.8, 4.5), (-0.5, 4.0), (0.6, 3.6)],
+        );
+        vec![Person::new(2, legs, Activity::Stand).of_height(h)]
+    };
+    let known = FitConfig {
+        height: Some(1.85),
+        ..FitConfig::default()
+    };
+    let r = run(
+        &mut Scene::new(cast(1.85), Noise::REAL, FPS, 6),
+        known,
+        200,
+        60,
+        false,
+    );
+    assert!(
+        r.depth.get() < 0.05,
+        "known height: depth off by {}",
+        r.depth.get()
+    );
+    let floor = FitConfig {
+        ground: Some(GroundConfig {
+            normal: [0.0, -1.0, 0.0],
+            offset: fit_scene::CAMERA_HEIGHT,
+        }),
+        ..FitConfig::default()
+    };
+    for height in [1.55, 1.85] {
+        let mut scene = Scene::new(cast(height), Noise::REAL, FPS, 6);
+        let mut fitter = Fitter::new(floor.clone()).unwrap();
+        let mut out = BodyFrame::default();
+        for _ in 0..200 {
+            fitter.update(&scene.next().0, &mut out);
+        }
+        let found = f64::from(out.bodies()[0].height);
+        assert!(
+            (found - height).abs() < 0.06 * height,
+            "{height} taken for {found}"
+        );
+    }
+}
+
+#[test]
+fn standing_feet_tell_the_floor() {
+    let cast = people::everyday()
+        .into_iter()
+        .map(|p| p.of_height(1.70))
+        .collect();
+    let mut scene = Scene::new(cast, Noise::REAL, FPS, 5);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..300 {
+        fitter.update(&scene.next().0, &mut out);
+    }
+    let ground = fitter.ground().expect("five people stand about");
+    let tilt = ground.normal.dot(-glam::DVec3::Y).acos().to_degrees();
+    println!("{ground:?}, tilt {tilt:.1}°");
+    assert!(tilt < 5.0);
+    assert!((ground.offset - fit_scene::CAMERA_HEIGHT).abs() < 0.15);
+}
+
+#[test]
+fn the_same_frames_give_the_same_bodies() {
+    let frames: Vec<ObservationFrame> = {
+        let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, 3);
+        (0..90).map(|_| scene.next().0).collect()
+    };
+    let run = || {
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let mut all = Vec::new();
+        for frame in &frames {
+            fitter.update(frame, &mut out);
+            all.push(out);
+        }
+        all
+    };
+    assert!(run() == run());
+}
+
+#[test]
+fn prediction_is_bounded_and_changes_nothing() {
+    let mut scene = Scene::new(people::crossing(), Noise::NONE, FPS, 3);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let (mut now, mut ahead, mut later) = Default::default();
+    for _ in 0..45 {
+        fitter.update(&scene.next().0, &mut now);
+    }
+    fitter.predict(now.capture_ns, &mut ahead);
+    assert!(ahead == now, "no time ahead is the frame itself");
+    fitter.predict(now.capture_ns + 16_000_000, &mut ahead);
+    assert_eq!(ahead.pose_ns, now.capture_ns + 16_000_000);
+    let walker = now
+        .bodies()
+        .iter()
+        .position(|b| b.velocity[0].abs() > 0.5)
+        .expect("somebody walks");
+    let step = ahead.bodies[walker].position[0] - now.bodies[walker].position[0];
+    let expected = now.bodies[walker].velocity[0] * 0.016;
+    assert!(
+        (step - expected).abs() < 0.2 * expected.abs(),
+        "{step} instead of {expected}"
+    );
+    fitter.predict(now.capture_ns + 100_000_000, &mut later);
+    fitter.predict(now.capture_ns + 60_000_000_000, &mut ahead);
+    assert!(ahead == later, "not farther than the bound");
+    assert_eq!(ahead.pose_ns, now.capture_ns + 100_000_000);
+    fitter.predict(0, &mut ahead);
+    assert!(ahead == now, "never back in time");
+}
+
+#[test]
+fn half_the_frame_rate_ahead_is_nearer_than_standing_still() {
+    let mut scene = Scene::new(people::crossing(), Noise::NONE, FPS, 3);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let (mut now, mut ahead) = (BodyFrame::default(), BodyFrame::default());
+    let (mut predicted, mut held) = (0.0, 0.0);
+    for f in 0..120 {
+        fitter.update(&scene.next().0, &mut now);
+        fitter.predict(now.capture_ns + 33_333_333, &mut ahead);
+        let truths = scene.truths(scene.time(f + 1));
+        let matches = fit_scene::measure::match_bodies(&truths, &now, &Default::default());
+        for (truth, b) in truths.iter().zip(matches) {
+            let Some(b) = b else { continue };
+            let grow = truth.height / f64::from(now.bodies[b].height);
+            let x = truth.joints[14].x;
+            predicted += (f64::from(ahead.bodies[b].position[0]) * grow - x).abs();
+            held += (f64::from(now.bodies[b].position[0]) * grow - x).abs();
+        }
+    }
+    assert!(predicted < 0.8 * held, "{predicted} {held}");
+}
+
+#[test]
+fn times_may_misbehave() {
+    let mut scene = Scene::new(people::everyday(), Noise::NONE, FPS, 3);
+    let frames: Vec<ObservationFrame> = (0..80).map(|_| scene.next().0).collect();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for frame in &frames[..40] {
+        fitter.update(frame, &mut out);
+    }
+    let ids: Vec<u32> = out.bodies().iter().map(|b| b.id).collect();
+    assert_eq!(ids.len(), 5);
+    let newest = out;
+    // Late frames and repeated ones change nothing.
+    for k in [39, 35, 30] {
+        fitter.update(&frames[k], &mut out);
+        assert!(out == newest, "a late frame changed something");
+    }
+    assert_eq!(fitter.counters().stale_frames, 3);
+    // Half a second of frames dropped, then a recorder that starts its sequence over while time goes on.
+    for (n, frame) in frames[55..].iter().enumerate() {
+        let mut frame = *frame;
+        frame.sequence = n as u64;
+        fitter.update(&frame, &mut out);
+    }
+    let now: Vec<u32> = out.bodies().iter().map(|b| b.id).collect();
+    assert_eq!(
+        now, ids,
+        "people keep their names over a gap and a restarted camera process"
+    );
+    // Another recording: names are never given twice.
+    for frame in &frames {
+        fitter.update(frame, &mut out);
+    }
+    assert_eq!(fitter.counters().restarts, 1);
+    assert!(out.count == 5 && out.bodies().iter().all(|b| b.id > 5));
+    // A gap longer than anybody's memory.
+    let mut frame = frames[79];
+    frame.capture_ns += 3_600_000_000_000;
+    fitter.update(&frame, &mut out);
+    assert_eq!(out.count, 0);
+    // The end of the stream repeats the last state and says so.
+    let end = ObservationFrame {
+        flags: FLAG_END_OF_STREAM,
+        capture_ns: frame.capture_ns,
+        ..ObservationFrame::default()
+    };
+    fitter.update(&end, &mut out);
+    assert_eq!(out.flags, FLAG_END_OF_STREAM);
+}
+
+#[test]
+fn pictures_that_have_nothing_to_do_with_each_other() {
+    let mut scene = Scene::new(people::everyday(), Noise::NONE, FPS, 3);
+    let config = FitConfig {
+        stills: true,
+        ..FitConfig::default()
+    };
+    let mut fitter = Fitter::new(config).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..3 {
+        let (mut frame, truths) = scene.next();
+        frame.capture_ns = 0;
+        fitter.update(&frame, &mut out);
+        let seen = truths.iter().filter(|t| t.observation.is_some()).count();
+        assert_eq!(out.count as usize, seen, "everybody at once");
+    }
+}
+
+#[test]
+fn any_frame_rate_will_do() {
+    for fps in [5.0, 12.0, 120.0] {
+        let mut scene = Scene::new(people::everyday(), Noise::REAL, fps, 5);
+        let frames = (8.0 * fps) as u64;
+        let r = run(&mut scene, FitConfig::default(), frames, frames / 4, false);
+        println!("{}", line(&format!("{fps} fps"), &r));
+        check_everywhere(&r);
+        assert!(r.idf1 > 0.9, "IDF1 {} at {fps} fps", r.idf1);
+        assert_eq!(r.switches, 0, "{fps} fps");
+    }
+}
+
+#[test]
+fn memory_of_those_who_left_is_bounded() {
+    // A newcomer every few frames, each in new clothes and never seen again.
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut clock = 0;
+    for person in 0..150u64 {
+        let x = if person % 2 == 0 { -1.2 } else { 1.2 };
+        let legs = people::walk(0.0, 1.0, &[(x, 4.0), (x, 4.0)]);
+        let mut scene = Scene::new(
+            vec![Person::new(person, legs, Activity::Stand)],
+            Noise::NONE,
+            FPS,
+            person,
+        );
+        for _ in 0..5 {
+            let (mut frame, _) = scene.next();
+            clock += 33_333_333;
+            frame.capture_ns = clock;
+            frame.sequence = clock;
+            fitter.update(&frame, &mut out);
+            assert!(out.count <= 32);
+        }
+        clock += 600_000_000;
+    }
+    assert!(fitter.remembered() <= 64 + 64);
+}
+
+/// Resident memory of this process, bytes; `None` where the system does not tell.
+fn resident() -> Option<u64> {
+    let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
+    Some(statm.split(' ').nth(1)?.parse::<u64>().ok()? * 4096)
+}
+
+#[test]
+#[ignore = "a million frames: run with --release"]
+fn memory_stays_flat() {
+    let noise = Noise {
+        phantom: 0.3,
+        ..Noise::REAL
+    };
+    let cast = people::everyday().into_iter().skip(1).take(1).collect();
+    let mut scene = Scene::new(cast, noise, FPS, 3);
+    let frames: Vec<ObservationFrame> = (0..1000).map(|_| scene.next().0).collect();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut clock = 1;
+    let mut early = None;
+    for n in 0..1_000_000usize {
+        let mut frame = frames[n % 1000];
+        clock += 33_333_333;
+        (frame.capture_ns, frame.sequence) = (clock, n as u64);
+        fitter.update(&frame, &mut out);
+        if n == 50_000 {
+            early = resident();
+        }
+    }
+    println!("{early:?} → {:?}, {:?}", resident(), fitter.counters());
+    if let (Some(early), Some(late)) = (early, resident()) {
+        assert!(
+            late < early + (1 << 20),
+            "grew from {early} to {late} bytes"
+        );
+    }
+}
+
+fn wild() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        8 => -2.0f32..2.0,
+        4 => -1e4f32..1e4,
+        1 => any::<f32>(),
+        1 => Just(f32::NAN),
+        1 => Just(f32::INFINITY),
+        1 => Just(0.0f32),
+        1 => Just(f32::MIN_POSITIVE),
+        1 => Just(f32::MAX),
+    ]
+}
+
+/// What is done to one frame of a sensible scene.
+#[derive(Debug, Clone)]
+struct Damage {
+    values: Vec<(usize, usize, f32)>,
+    camera: Option<[f32; 4]>,
+    time: i64,
+    sequence: i64,
+    count: Option<u32>,
+}
+
+fn damage() -> impl Strategy<Value = Damage> {
+    (
+        prop::collection::vec((0usize..8, 0usize..165, wild()), 0..60),
+        prop::option::weighted(0.2, [wild(), wild(), wild(), wild()]),
+        prop_oneof![
+            10 => Just(33_333_333i64),
+            1 => Just(0i64),
+            2 => -2_000_000_000i64..2_000_000_000,
+            1 => any::<i64>()
+        ],
+        -3i64..5,
+        prop::option::weighted(0.1, any::<u32>()),
+    )
+        .prop_map(|(values, camera, time, sequence, count)| Damage {
+            values,
+            camera,
+            time,
+            sequence,
+            count,
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(40) })]
+    #[test]
+    fn no_input_yields_a_number_that_is_none(damages in prop::collection::vec(damage(), 1..40), known in any::<bool>()) {
+        let mut scene = Scene::new(people::ten(), Noise::REAL, FPS, 3);
+        let config = FitConfig {
+            ground: known.then_some(GroundConfig { normal: [0.0, -1.0, 0.0], offset: 1.4 }),
+            ..FitConfig::default()
+        };
+        let mut fitter = Fitter::new(config).unwrap();
+        let (mut out, mut ahead) = (BodyFrame::default(), BodyFrame::default());
+        let (mut time, mut sequence) = (10_000_000_000u64, 100u64);
+        for d in &damages {
+            let (mut frame, _) = scene.next();
+            for &(p, k, v) in &d.values {
+                let person = &mut frame.people[p];
+                match k {
+                    0..42 => person.joints2d[k / 3 % EVIDENCE_JOINTS][k % 3] = v,
+                    42..105 => person.joints3d[(k - 42) / 3 % BODY_JOINTS][k % 3] = v,
+                    105..135 => person.hue[k - 105] = v,
+                    135..164 => person.saturation[k - 135] = v,
+                    _ => person.score = v,
+                }
+            }
+            if let Some([fx, fy, cx, cy]) = d.camera {
+                frame.intrinsics = edgecap::message::Intrinsics { fx, fy, cx, cy };
+            }
+            time = time.saturating_add_signed(d.time);
+            sequence = sequence.saturating_add_signed(d.sequence);
+            frame.capture_ns = time;
+            frame.sequence = sequence;
+            if let Some(count) = d.count {
+                frame.count = count;
+            }
+            fitter.update(&frame, &mut out);
+            prop_assert!(is_finite(&out));
+            fitter.predict(time.saturating_add(50_000_000), &mut ahead);
+            prop_assert!(is_finite(&ahead));
+            let mut r = Report::default();
+            fit_scene::measure::limits(&out, &mut r);
+            fit_scene::measure::limits(&ahead, &mut r);
+            prop_assert!(r.beyond <= 5.0);
+            prop_assert!(out.bodies().is_sorted_by(|a, b| a.id < b.id));
+            for body in out.bodies() {
+                prop_assert!(body.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+                prop_assert!((0.3..3.0).contains(&body.height));
+            }
+        }
+    }
+}

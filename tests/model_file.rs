@@ -1,0 +1,248 @@
+//! Model files: what was written is read, what is damaged or foreign is refused with one clear line.
+
+use std::collections::HashMap;
+
+use edgecap::engine::model::Weights;
+use edgecap::engine::{Model, Network};
+use safetensors::tensor::{Dtype, TensorView};
+
+const TINY: &str = r#"
+    name = "tiny"
+    about = "small"
+    input = { channels = 3, multiple = 16 }
+    output = { head2d = "a", head3d = "b" }
+    layers = [
+      { kind = "conv", name = "stem", out = 4, kernel = 3, stride = 2 },
+      { kind = "deconv", name = "up", out = 4, kernel = 4, stride = 2, groups = 2 },
+      { kind = "conv", name = "a", from = ["up"], out = 40, kernel = 1, norm = false, relu = false },
+      { kind = "conv", name = "b", from = ["up"], out = 63, kernel = 1, norm = false, relu = false },
+    ]
+"#;
+
+fn tiny() -> Network {
+    Network::parse(TINY).unwrap()
+}
+
+/// The contract that the training recipe writes, with ranges.
+fn contract() -> serde_json::Value {
+    serde_json::json!({
+        "step": 1, "images": 2, "quantised": false,
+        "joints": edgecap::joints::JOINT_NAMES[..14],
+        "joints3d": edgecap::joints::JOINT_NAMES,
+        "parents3d": edgecap::joints::PARENTS,
+        "canonical_stature_m": 1.7,
+        "frame3d": "x right, y down, z forward, metres, relative to the pelvis, person rescaled to canonical_stature_m; view-aligned: turn by the least rotation that takes +z to the viewing ray through the neck to get camera axes",
+        "trained_on": "nothing",
+        "input": {"layout": "NCHW", "colour": "RGB", "formula": "x/255-0.5", "size_multiple": 16, "reference_size": [512, 320]},
+        "stride": 8,
+        "cell_centre": "px = 8*c + 3.5 (pixel centres are integers)",
+        "limbs": edgecap::joints::LIMB_JOINTS,
+        "batchnorm_eps": 1e-5,
+        "outputs": {},
+        "bones_at": vec![Vec::<usize>::new(); 14],
+        "activation_max": {"stem.2": 3.0, "up.2": 2.0},
+        "activation_bits": 7,
+    })
+}
+
+type Blobs = Vec<(&'static str, Vec<usize>, Vec<f32>)>;
+
+/// Weights that fit [`TINY`], numbered so that an exchanged pair would be seen.
+fn blobs() -> Blobs {
+    let mut blobs: Blobs = vec![
+        ("stem.0.weight", vec![4, 3, 3, 3], vec![]),
+        ("up.0.weight", vec![4, 2, 4, 4], vec![]),
+        ("a.weight", vec![40, 4, 1, 1], vec![]),
+        ("a.bias", vec![40], vec![]),
+        ("b.weight", vec![63, 4, 1, 1], vec![]),
+        ("b.bias", vec![63], vec![]),
+    ];
+    for name in [
+        "stem.1.weight",
+        "stem.1.bias",
+        "stem.1.running_mean",
+        "stem.1.running_var",
+    ] {
+        blobs.push((name, vec![4], vec![]));
+    }
+    for name in [
+        "up.1.weight",
+        "up.1.bias",
+        "up.1.running_mean",
+        "up.1.running_var",
+    ] {
+        blobs.push((name, vec![4], vec![]));
+    }
+    for (i, (_, shape, data)) in blobs.iter_mut().enumerate() {
+        let n: usize = shape.iter().product();
+        data.extend((0..n).map(|j| 0.5 + (i * 31 + j) as f32 % 7.0 / 8.0));
+    }
+    blobs
+}
+
+fn safetensors(blobs: &Blobs, contract: Option<&serde_json::Value>) -> Vec<u8> {
+    let bytes: Vec<Vec<u8>> = blobs
+        .iter()
+        .map(|(_, _, data)| data.iter().flat_map(|x| x.to_le_bytes()).collect())
+        .collect();
+    let views = blobs.iter().zip(&bytes).map(|((name, shape, _), bytes)| {
+        (
+            *name,
+            TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
+        )
+    });
+    let metadata = contract.map(|c| HashMap::from([("contract".into(), c.to_string())]));
+    safetensors::serialize(views, metadata).unwrap()
+}
+
+fn import(blobs: &Blobs, contract: Option<&serde_json::Value>) -> Result<Model, String> {
+    Model::from_safetensors(&safetensors(blobs, contract), tiny()).map_err(|e| e.to_string())
+}
+
+fn refusal(blobs: &Blobs, contract: Option<&serde_json::Value>) -> String {
+    import(blobs, contract).expect_err("must be refused")
+}
+
+#[test]
+fn batch_norm_is_folded_and_deconvolution_turned_round() {
+    let blobs = blobs();
+    let model = import(&blobs, Some(&contract())).unwrap();
+    let Weights::Float(convs) = model.weights() else {
+        panic!("imported weights are floats");
+    };
+    let get = |name: &str| &blobs.iter().find(|b| b.0 == name).unwrap().2;
+    let up = convs[1].as_ref().unwrap();
+    for o in 0..4 {
+        let a = get("up.1.weight")[o] / (get("up.1.running_var")[o] + 1e-5).sqrt();
+        let bias = get("up.1.bias")[o] - get("up.1.running_mean")[o] * a;
+        assert!((up.bias[o] - bias).abs() < 1e-6);
+        for i in 0..2 {
+            for t in 0..16 {
+                // PyTorch: [in over all groups][out in the group][taps].
+                let (input, out) = (o / 2 * 2 + i, o % 2);
+                let w = get("up.0.weight")[(input * 2 + out) * 16 + t] * a;
+                assert!(
+                    (up.weight[(o * 2 + i) * 16 + t] - w).abs() < 1e-6,
+                    "{o} {i} {t}"
+                );
+            }
+        }
+    }
+    assert_eq!(convs[2].as_ref().unwrap().bias, *get("a.bias"));
+}
+
+#[test]
+fn what_was_written_is_read() {
+    let model = import(&blobs(), Some(&contract()))
+        .unwrap()
+        .quantise(None)
+        .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ecm");
+    model.save(&path).unwrap();
+    let back = Model::open(&path).unwrap();
+    assert_eq!(back.weights(), model.weights());
+    assert_eq!(back.contract(), model.contract());
+    assert_eq!(back.history(), model.history());
+    assert_eq!(back.to_bytes().unwrap(), std::fs::read(&path).unwrap());
+    assert!(back.encodings_trained());
+    // Nothing is left beside it.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_flipped_bit_or_a_missing_end_is_seen() {
+    let model = import(&blobs(), Some(&contract()))
+        .unwrap()
+        .quantise(None)
+        .unwrap();
+    let bytes = model.to_bytes().unwrap();
+    for length in [0, 7, 8, 100, bytes.len() / 2, bytes.len() - 1] {
+        let e = Model::from_bytes(&bytes[..length]).unwrap_err().to_string();
+        assert!(
+            e.contains("import it again") && !e.contains('\n'),
+            "{length}: {e}"
+        );
+    }
+    for at in (0..bytes.len()).step_by(bytes.len() / 97) {
+        let mut wrong = bytes.clone();
+        wrong[at] ^= 4;
+        assert!(Model::from_bytes(&wrong).is_err(), "bit of byte {at}");
+    }
+    let mut wrong = bytes.clone();
+    *wrong.last_mut().unwrap() ^= 1;
+    let e = Model::from_bytes(&wrong).unwrap_err().to_string();
+    assert!(e.contains("digest"), "{e}");
+}
+
+#[test]
+fn foreign_contracts_are_refused_by_key() {
+    let with = |key: &str, value: serde_json::Value| {
+        let mut c = contract();
+        c[key] = value;
+        refusal(&blobs(), Some(&c))
+    };
+    let cases = [
+        ("stride", serde_json::json!(4)),
+        ("canonical_stature_m", serde_json::json!(1.8)),
+        ("frame3d", serde_json::json!("camera axes")),
+        ("cell_centre", serde_json::json!("px = 8*c")),
+        ("activation_bits", serde_json::json!(8)),
+        ("modules", serde_json::json!([[1, 2, 3, 4, 5]])),
+        ("limbs", serde_json::json!([[1, 0]])),
+        ("colour_space", serde_json::json!("new in a later version")),
+    ];
+    for (key, value) in cases {
+        let e = with(key, value);
+        assert!(e.contains(key), "{key}: {e}");
+    }
+    let e = with(
+        "input",
+        serde_json::json!({"layout": "NCHW", "colour": "BGR", "formula": "x/255-0.5", "size_multiple": 16, "reference_size": [512, 320]}),
+    );
+    assert!(e.contains("BGR"), "{e}");
+    assert!(refusal(&blobs(), None).contains("contract"));
+}
+
+#[test]
+fn tensors_must_be_those_of_the_network() {
+    let contract = contract();
+    let mut missing = blobs();
+    missing.remove(0);
+    assert!(refusal(&missing, Some(&contract)).contains("stem.0.weight"));
+    let mut extra = blobs();
+    extra.push(("stranger", vec![1], vec![0.0]));
+    assert!(refusal(&extra, Some(&contract)).contains("stranger"));
+    let mut shape = blobs();
+    shape[2].1 = vec![40, 2, 2, 1];
+    let e = refusal(&shape, Some(&contract));
+    assert!(
+        e.contains("[40, 4, 1, 1]") && e.contains("[40, 2, 2, 1]"),
+        "{e}"
+    );
+    let mut infinite = blobs();
+    infinite[0].2[5] = f32::INFINITY;
+    assert!(refusal(&infinite, Some(&contract)).contains("inf at element 5"));
+}
+
+#[test]
+fn int8_without_ranges_says_how_to_get_them() {
+    let mut c = contract();
+    c["activation_max"] = serde_json::json!({"stem.2": 3.0});
+    let model = import(&blobs(), Some(&c)).unwrap();
+    let e = model.quantise(None).unwrap_err().to_string();
+    assert!(e.contains("up") && e.contains("--calibrate"), "{e}");
+}
+
+#[test]
+fn shipped_weights_are_whole() {
+    let model = match Model::shipped() {
+        Ok(model) => model,
+        Err(e) => {
+            println!("skipped: {e}");
+            return;
+        }
+    };
+    assert_eq!(model.network().name(), "selecsls");
+    assert!(model.is_quantised() && model.stage2().is_some());
+}

@@ -1,0 +1,146 @@
+//! Running the built program and looking at its processes.
+#![allow(dead_code, reason = "every test file uses its own part")]
+
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The built program.
+pub fn edgecap() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_edgecap"));
+    command.stdin(Stdio::null()).env_remove("EDGECAP_LOG");
+    command
+}
+
+/// Runs it to its end.
+pub fn output(args: &[&str]) -> Output {
+    edgecap().args(args).output().expect("the program starts")
+}
+
+/// A stream name that no other test uses.
+pub fn stream(test: &str) -> String {
+    format!("test-{test}-{}", std::process::id())
+}
+
+/// The program's own lines on stderr.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Asserts one clear line and the exit code.
+pub fn assert_fails(args: &[&str], code: i32, words: &[&str]) {
+    let out = output(args);
+    let err = stderr(&out);
+    assert_eq!(out.status.code(), Some(code), "{args:?}: {err}");
+    let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("edgecap: ")).collect();
+    assert_eq!(lines.len(), 1, "{args:?} should say one line, said: {err}");
+    for word in words {
+        assert!(
+            lines[0].contains(word),
+            "{args:?}: '{word}' is missing in: {}",
+            lines[0]
+        );
+    }
+}
+
+/// A child process that is killed when the test ends early.
+pub struct Running(pub Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    /// Starts the program.
+    pub fn start(args: &[&str]) -> Self {
+        Self(
+            edgecap()
+                .args(args)
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .expect("the program starts"),
+        )
+    }
+
+    /// Its process id.
+    pub fn pid(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Waits for its end.
+    pub fn wait(mut self, patience: Duration) -> Output {
+        let start = Instant::now();
+        while self.0.try_wait().expect("its state").is_none() {
+            assert!(
+                start.elapsed() < patience,
+                "still running after {patience:?}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let status = self.0.wait().expect("its status");
+        let mut out = Output {
+            status,
+            stdout: Vec::new(),
+            stderr: Vec::new(),
+        };
+        use std::io::Read;
+        self.0
+            .stdout
+            .take()
+            .expect("piped")
+            .read_to_end(&mut out.stdout)
+            .expect("stdout");
+        self.0
+            .stderr
+            .take()
+            .expect("piped")
+            .read_to_end(&mut out.stderr)
+            .expect("stderr");
+        out
+    }
+
+    /// The process of `verb` below it, once there is one.
+    pub fn child(&self, verb: &str) -> Option<u32> {
+        let children =
+            std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", self.pid())).ok()?;
+        children
+            .split_whitespace()
+            .filter_map(|p| p.parse().ok())
+            .find(|&p| verb_of(p).as_deref() == Some(verb))
+    }
+}
+
+fn verb_of(pid: u32) -> Option<String> {
+    let line = std::fs::read(PathBuf::from(format!("/proc/{pid}/cmdline"))).ok()?;
+    line.split(|&b| b == 0)
+        .nth(1)
+        .map(|v| String::from_utf8_lossy(v).into_owned())
+}
+
+/// Waits until `found` finds something.
+pub fn eventually<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(t) = found() {
+            return t;
+        }
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "waited in vain for {what}"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Sends a signal by name.
+pub fn signal(pid: u32, name: &str) {
+    let sent = Command::new("kill")
+        .args([&format!("-{name}"), &pid.to_string()])
+        .status()
+        .expect("kill runs");
+    assert!(sent.success());
+}
