@@ -31,10 +31,21 @@ fn inputs_that_are_not_there() {
             &["/dev/video97"],
         );
     }
-    assert!(
-        !std::path::Path::new("edgecap-out").exists(),
-        "a failed run leaves no folder"
-    );
+    let here = tempfile::tempdir().unwrap();
+    let out = program::edgecap()
+        .current_dir(here.path())
+        .args([
+            "run",
+            "--input",
+            "/nowhere/clip.y4m",
+            "--name",
+            &stream("here"),
+        ])
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(66));
+    let left = std::fs::read_dir(here.path()).unwrap().count();
+    assert_eq!(left, 0, "a failed run leaves no folder");
 }
 
 #[test]
