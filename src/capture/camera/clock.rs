@@ -3,17 +3,11 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rustix::time::{ClockId, clock_gettime};
+
 /// CLOCK_MONOTONIC, nanoseconds: what [`Frame::time_ns`](crate::capture::Frame::time_ns) of a camera counts.
 pub fn monotonic_ns() -> u64 {
-    let mut now = libc::timespec {
-        tv_sec: 0,
-        tv_nsec: 0,
-    };
-    // SAFETY: `now` is one writable timespec, which is all that the call writes. It cannot fail for this clock on Linux; if it
-    // did, `now` would stay 0, which is a valid value.
-    unsafe {
-        libc::clock_gettime(libc::CLOCK_MONOTONIC, &mut now);
-    }
+    let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
