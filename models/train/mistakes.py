@@ -1,8 +1,10 @@
-"""What Stage I really gets wrong, for Stage II to learn from: python mistakes.py PACK OUT.pt --stage1 FILE --scenes FOLDER ...
+"""What Stage I really reports, for Stage II to learn from: python mistakes.py PACK OUT.pt --stage1 FILE --scenes FOLDER ...
 
 Every person that the grouping finds in a training picture and that can be matched to a label becomes one record of 14 joints:
 `conf` (0 = missed), `at` (the true joint next to which the answer lies: another one where left is taken for right or an elbow for a
 hand) and `off` (from there, in statures).  `apply` puts the record of one person on the pose of another.
+
+Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`).
 """
 
 from __future__ import annotations
@@ -36,13 +38,10 @@ class Mistakes:
     at: Tensor
     off: Tensor
 
-    def save(self, path: pathlib.Path) -> None:
-        torch.save(self.__dict__, path)
-
     @staticmethod
     def load(path: pathlib.Path, device: torch.device) -> Mistakes:
         """In a fixed random order: the first few are a fair sample."""
-        d = torch.load(path, map_location="cpu", weights_only=True)
+        d = torch.load(path, map_location="cpu", weights_only=True)["mistakes"]
         i = torch.randperm(len(d["conf"]), generator=torch.Generator().manual_seed(0))
         return Mistakes(**{k: v[i].to(device) for k, v in d.items()})
 
@@ -62,7 +61,24 @@ class Mistakes:
         return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf
 
 
-def records(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, float]]) -> list[tuple[np.ndarray, ...]]:
+@dataclass
+class Seen:
+    """n people as Stage I reported them and as they are: `uv` [n, 14, 2] pixels, `conf` [n, 14] (0 = missed), `enc` [n, 14, 63] metres,
+    `rel` [n, 21, 3] metres about the pelvis at canonical stature, view-aligned."""
+
+    uv: Tensor
+    conf: Tensor
+    enc: Tensor
+    rel: Tensor
+
+    @staticmethod
+    def load(path: pathlib.Path, device: torch.device) -> Seen:
+        d = torch.load(path, map_location="cpu", weights_only=True)["seen"]
+        i = torch.randperm(len(d["conf"]), generator=torch.Generator().manual_seed(0))
+        return Seen(**{k: v[i].float().to(device) for k, v in d.items()})
+
+
+def match(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, float]]) -> list[tuple[int, int]]:
     """Greedy matching of people [14, 3] to (joints [14, 2], labelled [14], stature in pixels)."""
     near = np.zeros((len(pred), len(truth)))
     for a, q in enumerate(pred):
@@ -70,16 +86,18 @@ def records(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, fl
             near[a, k] = ((np.linalg.norm(q[:, :2] - j, axis=1) < NEAR * size) & (q[:, 2] > 0) & ok).sum()
     out = []
     while near.size and near.max() >= 4:
-        a, k = np.unravel_index(near.argmax(), near.shape)
+        a, k = (int(v) for v in np.unravel_index(near.argmax(), near.shape))
         near[a], near[:, k] = 0, 0
-        q, (j, ok, size) = pred[a], truth[k]
-        if not ok.all():
-            continue  # an answer at an unlabelled joint could not be judged
-        gap = np.linalg.norm(q[:, None, :2] - j[None], axis=2) / size
-        own = gap[np.arange(NJ), np.arange(NJ)]
-        at = np.where((own > GROSS) & (gap.min(1) < 0.6 * own), gap.argmin(1), np.arange(NJ))
-        out.append((q[:, 2].clip(0, 1), at, (q[:, :2] - j[at]) / size * (q[:, 2:] > 0)))
+        out.append((a, k))
     return out
+
+
+def record(q: np.ndarray, j: np.ndarray, size: float) -> tuple[np.ndarray, ...]:
+    """`conf`, `at` and `off` of an answer [14, 3] to a wholly labelled person."""
+    gap = np.linalg.norm(q[:, None, :2] - j[None], axis=2) / size
+    own = gap[np.arange(NJ), np.arange(NJ)]
+    at = np.where((own > GROSS) & (gap.min(1) < 0.6 * own), gap.argmin(1), np.arange(NJ))
+    return q[:, 2].clip(0, 1), at, (q[:, :2] - j[at]) / size * (q[:, 2:] > 0)
 
 
 def stature(j: np.ndarray) -> float:
@@ -93,34 +111,49 @@ def stature(j: np.ndarray) -> float:
 
 
 @torch.no_grad()
-def collect(net: SelecSLSNet, pack: pathlib.Path, folders: list[pathlib.Path], photos: int, frames: int, group: evaluate.Group, seed: int) -> Mistakes:
+def collect(
+    net: SelecSLSNet, pack: pathlib.Path, folders: list[pathlib.Path], photos: int, frames: int, group: evaluate.Group, seed: int
+) -> tuple[Mistakes, Seen]:
     rng = np.random.default_rng(seed)
-    out: list[tuple[np.ndarray, ...]] = []
+    wrong: list[tuple[np.ndarray, ...]] = []
+    seen: list[tuple[Tensor, ...]] = []
 
-    def maps(x: Tensor) -> Tensor:
+    def look(x: Tensor, truth: list[tuple[np.ndarray, np.ndarray, float]], rel: list[Tensor | None]) -> None:
         with torch.autocast("cpu", torch.bfloat16):
-            return net(evaluate.as_input(x), len(x))[0].float()
+            y, e = net(evaluate.as_input(x))
+        pred = people(y[0].float(), **group)
+        for a, k in match(pred, truth):
+            j, ok, size = truth[k]
+            if ok.all():  # an answer at an unlabelled joint could not be judged
+                wrong.append(record(pred[a], j, size))
+            if (r := rel[k]) is not None:
+                uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
+                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r))
 
-    for name, share in (("lsp_train", 0.6), ("lspet_train", 0.4)):
-        arc = load_set(pack, name, round(photos * share))
-        for image, j in zip(decode_all(arc.files), arc.joints):
-            k = rng.uniform(0.6, 1.4)  # people of 90 to 200 px
+    # the teacher's rows follow the same order: LSP-Extended, then LSP
+    path = pack / "teacher.npz"
+    z = dict(np.load(path)) if path.exists() else None
+    first = 0
+    for name, share in (("lspet_train", 0.5), ("lsp_train", 0.5)):
+        arc = load_set(pack, name)
+        pick = np.sort(rng.permutation(len(arc.files))[: round(photos * share)])
+        for i, image in zip(pick, decode_all([arc.files[i] for i in pick])):
+            j, k = arc.joints[i], rng.uniform(0.6, 1.4)  # people of 90 to 200 px
             h, w = (int(v * k) // 16 * 16 + 32 for v in image.shape[:2])
             big, s, du, dv = letterbox(image, w, h)
-            ok = j[:, 2] > 0
-            if not ok.all():
-                continue
             at = j[:, :2] * s + [du, dv]
-            out += records(people(maps(big)[0], **group), [(at, ok, stature(at))])
+            lent = z is not None and bool(z["lift"][first + i])
+            look(big, [(at, j[:, 2] > 0, stature(at))], [torch.from_numpy(z["bones"][first + i]).float() if lent and z else None])
+        first += len(arc.files)
     for folder in folders:
         data = Stored(folder, 0)
         for i in rng.permutation(data.filled)[:frames]:
-            y = maps(data.data["image"][i : i + 1].float())[0]
             j, vis, size = (data.data[k][i].numpy() for k in ("joints2d", "visible", "size_px"))
-            truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
-            out += records(people(y, **group), truth)
-    conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*out))
-    return Mistakes(conf.float(), at.long(), off.float())
+            here = [p for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
+            truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in here]
+            look(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here])
+    conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
+    return Mistakes(conf.float(), at.long(), off.float()), Seen(*(torch.stack(x) for x in zip(*seen)))
 
 
 def main(argv: list[str]) -> None:
@@ -129,8 +162,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
-    ap.add_argument("--photos", type=int, default=600)
-    ap.add_argument("--frames", type=int, default=120, help="of each folder of scenes")
+    ap.add_argument("--photos", type=int, default=1200)
+    ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
     ap.add_argument("--thr", type=float, default=0.5)
     ap.add_argument("--paf", type=float, default=0.25)
     ap.add_argument("--joints", type=int, default=8)
@@ -141,11 +174,11 @@ def main(argv: list[str]) -> None:
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
     group: evaluate.Group = dict(thr=a.thr, paf_thr=a.paf, min_joints=a.joints)
-    m = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
-    m.save(a.out)
+    m, known = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
+    torch.save({"mistakes": m.__dict__, "seen": known.__dict__}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
-    print(f"{len(m.conf)} people, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
+    print(f"{len(known.conf)} people with known 3D; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
     print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
 
 

@@ -54,6 +54,14 @@ class Group:
         dist.broadcast(t, 0)
         return t.tolist()
 
+    def any(self, wish: bool) -> bool:
+        """True everywhere if it is true anywhere."""
+        if self.count == 1:
+            return wish
+        t = torch.tensor(float(wish))
+        dist.all_reduce(t)
+        return bool(t > 0)
+
     def wait(self) -> None:
         """Until every rank is here."""
         if self.count > 1:

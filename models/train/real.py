@@ -13,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from skeleton import FLIP14, NJ
+from skeleton import FLIP14, FLIP21, NB, NJ
 
 
 def decode(buf: bytes) -> np.ndarray:
@@ -92,6 +92,8 @@ class RealBatch:
     box: Tensor  # bool [B, P, h, w]: inside the person's box (its unlabelled joints are ignored there)
     photo: Tensor  # [B] background photo, by index
     empty: Tensor  # bool [B]: nobody was pasted
+    rel3d: Tensor  # [B, P, 21, 3] the teacher's 3D, metres at canonical stature
+    lifted: Tensor  # bool [B, P]: it is to be trusted
 
 
 class People:
@@ -116,6 +118,8 @@ class People:
         joints = np.concatenate([s.joints for s in sets])
         lsp = np.repeat([0, 1], [len(s.files) for s in sets])
         S = int(size.max())
+        self.S = S
+        joints = self._teacher(pack / "teacher.npz", joints, size, limit)
         stored = cache / f"people_{len(files)}_{S}.npy" if cache else None
         if stored is not None and stored.exists():
             self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
@@ -130,7 +134,6 @@ class People:
                 self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
         self.pictures = self.pictures.to(device)
         self.size = torch.from_numpy(size).to(device)
-        self.S = S
         self.joints = torch.from_numpy(joints[..., :2]).to(device)
         self.lab = torch.from_numpy(joints[..., 2] > 0).to(device)
         ok = (joints[..., 2] > 0).sum(1) >= 7
@@ -151,7 +154,26 @@ class People:
         est = up + np.maximum(*leg)
         full_ok = (j[..., 2] > 0).all(1)
         self.stature = torch.from_numpy(np.where(full_ok, np.clip(est, 90, 200), 150.0).astype(np.float32)).to(device)
-        self.flip = torch.tensor(FLIP14, device=device)
+        self.flip, self.flip21 = torch.tensor(FLIP14, device=device), torch.tensor(FLIP21, device=device)
+
+    def _teacher(self, path: pathlib.Path, joints: np.ndarray, size: np.ndarray, limit: int) -> np.ndarray:
+        """Take up teacher.py's answers, if the pack has them; returns the labels with joints filled in where LSP has none."""
+        n = len(joints)
+        if limit or not path.exists():
+            self.bones, self.lift = torch.zeros(n, NB, 3, device=self.device), torch.zeros(n, dtype=torch.bool, device=self.device)
+            self.mask, self.cut = torch.zeros(n, 1, 1, dtype=torch.uint8), self.lift
+            return joints
+        z = np.load(path)
+        if len(z["ok"]) != n:
+            raise SystemExit(f"expected {n} rows in {path}, found {len(z['ok'])}: run teacher.py on this pack again")
+        t = z["joints"]
+        inside = (t[..., 0] > 2) & (t[..., 1] > 2) & (t[..., 0] < size[:, None, 1] - 3) & (t[..., 1] < size[:, None, 0] - 3)
+        fill = (joints[..., 2] == 0) & (t[..., 2] > 0.8) & inside & z["ok"][:, None]
+        joints = np.where(fill[..., None], np.concatenate([t[..., :2], np.ones_like(t[..., 2:])], -1), joints)
+        self.bones = torch.from_numpy(z["bones"].astype(np.float32)).to(self.device)
+        self.lift = torch.from_numpy(z["lift"]).to(self.device)
+        self.mask, self.cut = torch.from_numpy(z["mask"]).to(self.device), torch.from_numpy(z["ok"]).to(self.device)
+        return joints
 
     @staticmethod
     def _decode(files: list[bytes], S: int) -> Tensor:
@@ -233,7 +255,13 @@ class People:
             -1,
         )
         cell = px[::8, ::8] + 3.5
+        bones = self.bones[id_]
+        bones = torch.where(fl[..., None, None], bones[:, :, self.flip21] * torch.tensor([-1.0, 1.0, 1.0], device=d), bones)
+        ca, sa = a.cos()[..., None], a.sin()[..., None]
+        bones = torch.stack([bones[..., 0] * ca - bones[..., 1] * sa, bones[..., 0] * sa + bones[..., 1] * ca, bones[..., 2]], -1)
         whole = (n == 1) & (rand(B) < 0.85)
+        # people cut out along the teacher's outline stand in the scene; the others bring a box of their own surroundings along
+        cut = self.cut[id_] & ~whole[:, None] & (rand(B, P) < 0.7)
         known = torch.ones(B, h, w, device=d)
         boxes = torch.zeros(B, P, h, w, dtype=torch.bool, device=d)
         for p in range(P):
@@ -254,14 +282,22 @@ class People:
             uv = torch.where(small, (q - 0.5) / 2, q)
             tex = F.grid_sample(self.pictures[pick].float() / 255, (uv * 2 + 1) / self.S - 1, align_corners=False, padding_mode="border")
             pic, box = cover(q, 8.0)
-            alpha = torch.where(whole[:, None, None], pic, pic * box) * used[:, p, None, None]
+            alpha = torch.where(whole[:, None, None], pic, pic * box)
+            if d.type == "cuda" or cut[:, p].any():  # asking a GPU would wait for it
+                side = self.mask.shape[-1]
+                outline = F.grid_sample(
+                    self.mask[id_[:, p], None].float() / 255, (q + 0.5) / side - 1, align_corners=False, padding_mode="zeros"
+                )[:, 0]
+                alpha = torch.where(cut[:, p, None, None], pic * (outline * 2.5 - 0.6).clamp(0, 1), alpha)
+            alpha = alpha * used[:, p, None, None]
             canvas = canvas + (tex - canvas) * alpha[:, None]
             pic, box = cover(src(cell), 1.0)
             inbox = (pic * box > 0.5) & used[:, p, None, None]
             pasted = torch.where(whole[:, None, None], pic, pic * cover(src(cell), 16.0)[1]) > 0.02
             # what was pasted is unknown (bystanders) except in the labelled person's box; a later paste hides earlier ones
-            known = torch.where(pasted & used[:, p, None, None], inbox.float(), known)
             hides = F.interpolate(alpha[:, None], (h, w), mode="area")[:, 0] > 0.5
+            pasted = torch.where(cut[:, p, None, None], hides, pasted)
+            known = torch.where(pasted & used[:, p, None, None], (inbox | cut[:, p, None, None]).float(), known)
             if p:
                 boxes[:, :p] &= ~hides[:, None]
                 ci = (J[:, :p] / 8).long()
@@ -269,4 +305,4 @@ class People:
                 hid = hides.flatten(1).gather(1, (y * w + x).flatten(1)).view(B, p, NJ)
                 lab[:, :p] &= ~hid
             boxes[:, p] = inbox
-        return RealBatch(canvas, J, lab, torch.where(used, tall, 0.0), known, boxes, photo, n == 0)
+        return RealBatch(canvas, J, lab, torch.where(used, tall, 0.0), known, boxes, photo, n == 0, bones, self.lift[id_])

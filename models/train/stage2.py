@@ -23,9 +23,9 @@ from torch import Tensor
 import rotations as rot
 from body import Body, Mocap, canonical
 from measure import errors, naive
-from mistakes import Mistakes
+from mistakes import Mistakes, Seen
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
-from skeleton import FLIP14, NB, NJ, PARENTS21, ROOT, STRIDE
+from skeleton import FLIP14, FLIP21, NB, NECK, NJ, PARENTS21, ROOT, STRIDE
 
 LIMB_CHAINS = [
     [3, 4],
@@ -181,6 +181,23 @@ def read_out(
     return uv[keep], conf[keep], enc[keep], rel[keep]
 
 
+def mirrored(uv: Tensor, conf: Tensor, enc: Tensor, rel: Tensor, g: torch.Generator) -> tuple[Tensor, ...]:
+    """Every second person as in a mirror, and all of them a little displaced: the same few thousand answers come again and again."""
+    n, d = len(uv), uv.device
+    f14, f21 = torch.tensor(FLIP14, device=d), torch.tensor(FLIP21, device=d)
+    flip = torch.rand(n, generator=g, device=d) < 0.5
+    left = torch.tensor([-1.0, 1.0, 1.0], device=d)
+    e = enc.unflatten(2, (NB, 3))
+    enc = torch.where(flip[:, None, None, None], e[:, f14][:, :, f21] * left, e).flatten(2)
+    uv = torch.where(flip[:, None, None], uv[:, f14] * left[:2], uv)
+    conf = torch.where(flip[:, None], conf[:, f14], conf)
+    rel = torch.where(flip[:, None, None], rel[:, f21] * left, rel)
+    size = (uv - uv.mean(1, keepdim=True)).square().sum(-1).mean(1).sqrt()[:, None, None]
+    uv = uv + 0.02 * size * torch.randn(uv.shape, generator=g, device=d)
+    drop = (torch.rand(conf.shape, generator=g, device=d) < 0.05) & (torch.arange(NJ, device=d) != NECK)
+    return uv, conf * ~drop, enc, rel
+
+
 def train(a: argparse.Namespace) -> None:
     began = time.time()
     dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
@@ -206,6 +223,13 @@ def train(a: argparse.Namespace) -> None:
     test = stage2_input(noisy, conf, enc, mask)
     blind = stage2_input(noisy, conf, torch.zeros_like(enc), mask)  # what a runtime without a trained 3D head feeds
     true: tuple[Tensor, ...] | None = None
+    if a.mistakes:
+        seen = Seen.load(a.mistakes, dev)
+        cut = len(seen.conf) // 7
+        true = tuple(t[cut:] for t in (seen.uv, seen.conf, seen.enc, seen.rel))
+        seen_rel = seen.rel[:cut]
+        seen_test = stage2_input(seen.uv[:cut], seen.conf[:cut], seen.enc[:cut], mask)
+        seen_blind = stage2_input(seen.uv[:cut], seen.conf[:cut], torch.zeros_like(seen.enc[:cut]), mask)
     if a.stage1:
         import checkpoint
 
@@ -242,7 +266,9 @@ def train(a: argparse.Namespace) -> None:
             x_e = x_e * ~blind_too[..., None]
         if true is not None:
             i = torch.randint(len(true[0]), (a.batch,), generator=data.g, device=dev)
-            x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, true[0][i]), (x_c, true[1][i]), (x_e, true[2][i]), (rel, true[3][i])))
+            t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in true), data.g)
+            t_e = t_e * (torch.rand(len(t_e), 1, 1, generator=data.g, device=dev) >= a.without / 2)
+            x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
         out = net2(stage2_input(x_uv, x_c, x_e, mask))
         # Smooth L1 in decimetres on joints and on bones: bones keep limb lengths consistent
         loss = (F.smooth_l1_loss(out * 10, rel * 10, reduction="none", beta=0.3) * weight).mean() + 0.5 * F.smooth_l1_loss(
@@ -268,7 +294,7 @@ def train(a: argparse.Namespace) -> None:
                 f"step {step} {a.log / (time.time() - logged):.1f} steps/s loss {acc.item() / a.log:.4f} held-out clips, imitated input: "
                 + " ".join(f"{k} {v:.1f}" for k, v in r.items())
                 + f", from 2D alone: mpjpe {r2['mpjpe']:.1f} pa_mpjpe {r2['pa_mpjpe']:.1f}"
-                + (f", with true mistakes {errors(avg(real_test), rel_t)}" if wrong is not None else ""),
+                + (f", as seen {errors(avg(seen_test), seen_rel)}" if wrong is not None else ""),
                 flush=True,
             )
             acc.zero_()
@@ -284,6 +310,8 @@ def train(a: argparse.Namespace) -> None:
         }
         if wrong is not None:
             report["Stage I's true mistakes, 2D alone"] = errors(avg(real_test), rel_t)
+            report["as Stage I sees people"] = errors(avg(seen_test), seen_rel)
+            report["as Stage I sees people, 2D alone"] = errors(avg(seen_blind), seen_rel)
         full = (conf > 0).all(1)
         report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
         report["imitated, joints missing"] = errors(avg(test[~full]), rel_t[~full])

@@ -61,29 +61,28 @@ GPU_PHASES = [
 # A CPU has no time for empty pixels: small tiles full of people, and now and then a large one for large people and crowds.
 CPU_PHASES = [
     Phase(
-        0.45,
+        0.50,
         [
-            Mix(128, 128, 7, 3, (50, 130), [0.10, 0.66, 0.24], (0.5, 1.0)),
-            Mix(128, 128, 7, 3, (50, 130), [0.10, 0.66, 0.24], (0.5, 1.0)),
-            Mix(192, 192, 3, 1, (50, 195), [0.12, 0.38, 0.30, 0.20], (0.6, 1.1)),
+            Mix(128, 128, 10, 4, (55, 132), [0.08, 0.64, 0.28], (0.5, 1.0)),
+            Mix(192, 192, 5, 2, (60, 200), [0.10, 0.46, 0.28, 0.16], (0.6, 1.1)),
         ],
     ),
     Phase(
-        0.86,
+        0.84,
         [
-            Mix(160, 160, 4, 2, (45, 165), [0.14, 0.50, 0.26, 0.10], (0.5, 1.0)),
-            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
+            Mix(160, 160, 7, 3, (45, 165), [0.12, 0.50, 0.26, 0.12], (0.5, 1.0)),
+            Mix(256, 256, 3, 1, (45, 290), [0.14, 0.36, 0.25, 0.15, 0.10], (0.7, 1.1)),
         ],
     ),
     Phase(
         1.1,
         [
-            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
-            Mix(256, 256, 2, 1, (45, 280), [0.16, 0.34, 0.25, 0.15, 0.10], (0.7, 1.1)),
-            Mix(320, 512, 1, 1, (45, 310), [0.15, 0.25, 0.25, 0.20, 0.15], (0.95, 1.15)),
+            Mix(256, 256, 3, 1, (45, 290), [0.14, 0.36, 0.25, 0.15, 0.10], (0.7, 1.1)),
+            Mix(320, 512, 1, 1, (45, 320), [0.15, 0.25, 0.25, 0.20, 0.15], (0.95, 1.15)),
         ],
     ),
 ]
+EMA_EVERY = 4  # steps between two updates of the averaged weights
 TINY_PHASES = [
     Phase(0.7, [Mix(96, 96, 4, 4, (50, 95), [0.06, 0.72, 0.22], (0.5, 0.9))]),
     Phase(1.1, [Mix(128, 160, 2, 2, (50, 120), [0.06, 0.60, 0.34], (0.4, 0.7))]),
@@ -156,8 +155,7 @@ class Trainer:
             [dict(params=dec, weight_decay=self.a.wd), dict(params=rest, weight_decay=0.0)],
             lr=self.a.lr,
             betas=(0.9, 0.98),
-            fused=True if self.cuda else None,
-            foreach=None if self.cuda else True,
+            fused=True,
         )
 
     def _pairs(self) -> None:
@@ -204,7 +202,7 @@ class Trainer:
         pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom)
         x = photometric(torch.cat([r.image, s.image]), pool.g) - 0.5
-        tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box)
+        tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted)
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
         return x.contiguous(memory_format=torch.channels_last), tr, ts, r
 
@@ -213,13 +211,17 @@ class Trainer:
     def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0) -> tuple[Tensor, Tensor]:
         """The six losses, and the joint maps of the real tiles."""
         n = len(tr.maps)
+        first3d = 0 if self.people.lift.any() else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.a.bf16):
-            y, e = self.fwd(x, n)
+            y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
         hr, pr = targets.loss2d(y[:n], tr, peak)
         hs, ps = targets.loss2d(y[n:], ts, peak)
         where = targets.location_loss(y[:n], tr) + targets.location_loss(y[n:], ts)
-        return torch.stack([hr, pr, hs, ps, targets.loss3d(e, ts), where]), y[:n].detach()
+        enc = targets.loss3d(e[n - first3d :], ts)
+        if not first3d:  # a teacher's depth counts less than the renderer's
+            enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
+        return torch.stack([hr, pr, hs, ps, enc, where]), y[:n].detach()
 
     def step(self, ph: Mix, p: float) -> Tensor:
         lr = lr_at(p, self.a.lr) * self.meta["lr_scale"]
@@ -231,7 +233,8 @@ class Trainer:
         synth = self.a.synth
         loss = (L * torch.tensor([1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm], device=self.dev)).sum()
         loss.backward()
-        self.group.average_grads(self.net)
+        if self.a.sync == 1:
+            self.group.average_grads(self.net)
         norm = nn.utils.clip_grad_norm_(self.net.parameters(), 4.0 if self.meta["step"] > 50 else 10.0, foreach=True)
         self.opt.step()
         self.opt.zero_grad(set_to_none=True)
@@ -245,8 +248,12 @@ class Trainer:
         self.meta["step"] += 1
         k = self.meta["step"]
         self.meta["images"] += (ph.real + ph.synth) * self.group.count
-        with torch.no_grad():
-            torch._foreach_lerp_(self.ema_t, self.net_t, 1 - min(self.a.ema, (1 + k) / (20 + k)))
+        if self.a.sync > 1 and k % self.a.sync == 0:
+            with torch.no_grad():
+                self.group.average(list(self.net.parameters()))
+        if k % EMA_EVERY == 0:
+            with torch.no_grad():
+                torch._foreach_lerp_(self.ema_t, self.net_t, 1 - min(self.a.ema**EMA_EVERY, (1 + k) / (20 + k)))
         return torch.cat([L.detach(), norm.detach()[None]])
 
     def choose_groups(self, ph: Mix) -> None:
@@ -274,6 +281,8 @@ class Trainer:
     # -------------------------------------------------------------------- run
 
     def save(self, t0: float, off: float) -> None:
+        with torch.no_grad():
+            self.group.average(list(self.net.parameters()))
         self.group.average_statistics(self.net)
         self.group.average_statistics(self.ema)
         self.meta["elapsed"] = off + time.time() - t0
@@ -306,9 +315,12 @@ class Trainer:
             now = time.time()
             p = (off + now - t0) / total
             stop = p >= 1 or now >= end or self.stop or (a.steps and self.meta["step"] >= a.steps)
-            p, stop, due = self.group.same([p, float(stop), float(now - saved > a.save_every)])
-            if stop:
-                break
+            if self.meta["step"] % a.sync == 0:
+                p, stop, due = self.group.same([p, float(stop), float(now - saved > a.save_every)])
+                if stop:
+                    break
+            else:
+                due = 0.0
             if a.quant_last and p > 1 - a.quant_last and not self.meta["quant"]:
                 self._quantise()
                 self.fwd = self.net  # a compiled graph would not see the new modules
@@ -329,8 +341,7 @@ class Trainer:
                     self._log(log, v, p, ph, (self.meta["images"] - images) / (time.time() - logged))
                 acc.zero_()
                 n, images, logged = 0, self.meta["images"], time.time()
-                (bad,) = self.group.same([float(not all(map(math.isfinite, v)))])
-                if bad:
+                if self.group.any(not all(map(math.isfinite, v))):
                     self.recover()
             if due:
                 self.save(t0, off)
@@ -371,6 +382,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
     ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")
+    ap.add_argument("--sync", type=int, default=1, help="1: ranks share every gradient; k: they go their own ways and average weights every k steps")
     ap.add_argument("--no-bf16", dest="bf16", action="store_false", help="f32 arithmetic; bf16 halves the time on CPUs with AVX512-BF16 and on GPUs")
     ap.add_argument("--cache", type=pathlib.Path, help="folder for decoded photos, shared by the ranks")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[], help="folders of prerender.py, instead of rendering on the way")
@@ -378,6 +390,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--synth", type=float, default=1.0, help="weight of the synthetic tiles' 2D losses")
     ap.add_argument("--wd", type=float, default=0.02)
     ap.add_argument("--w3d", type=float, default=0.35, help="weight of the encodings' loss")
+    ap.add_argument("--lend", type=float, default=0.7, help="weight of the teacher's 3D of real people, against 1 for rendered ones")
     ap.add_argument("--where", type=float, default=0.004, help="weight of the joint maps' location loss")
     ap.add_argument("--ema", type=float, default=0.999)
     ap.add_argument("--pool", type=int, default=4096, help="scenes kept on the device (0.5 MB each)")
