@@ -91,7 +91,7 @@ impl TransformedWeights {
             let t = i64::from(result.factor[oc]);
             for kernel in &exact[oc * depth..(oc + 1) * depth] {
                 let points = (0..POINTS)
-                    .map(|i| round_576(i64::from(kernel[i]) * (t << result.shift[i])) as i16);
+                    .map(|i| round_576(f64::from(kernel[i]) * (t << result.shift[i]) as f64) as i16);
                 result.weights.extend(points);
             }
             let start = i64::from(bias) * (t << shift[BIAS_POINT]);
@@ -153,9 +153,12 @@ fn greatest_factor(weights: &[i8], bias: i32, input_max: u8, most: i64, depth: i
     by_sum.min(by_weight).min(i64::from(i16::MAX)).max(0)
 }
 
-/// `value / 576`, ties away from zero.
-fn round_576(value: i64) -> i64 {
-    (value.abs() + 288) / 576 * value.signum()
+/// `value / 576` of an integer below 2^48, ties away from zero.
+///
+/// In f64, because compilers turn that into vectors, and not i64 division; start-up waits for millions of them. It is exact: a
+/// quotient is a multiple of 1/576, so it is either an integer or too far from one to be rounded to it.
+fn round_576(value: f64) -> f64 {
+    ((value.abs() + 288.0) / 576.0).floor().copysign(value)
 }
 
 #[cfg(test)]
@@ -175,8 +178,11 @@ mod tests {
     #[test]
     fn rounding_is_to_nearest() {
         assert_eq!(
-            [0, 287, 288, 576, 863, 864, -288, -287].map(round_576),
+            [0, 287, 288, 576, 863, 864, -288, -287].map(|v| round_576(f64::from(v)) as i16),
             [0, 0, 1, 1, 1, 2, -1, 0]
         );
+        let large = 576.0 * 32_766.0 * 4096.0;
+        assert_eq!(round_576(large + 287.0), large / 576.0);
+        assert_eq!(round_576(large + 288.0), large / 576.0 + 1.0);
     }
 }

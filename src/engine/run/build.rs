@@ -4,6 +4,8 @@ use edgecap_kernels::{
     Algorithm, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
 };
 
+use rayon::prelude::*;
+
 use super::error::EngineError;
 use super::step::{Kernel, Step, Target, Tensor};
 use crate::engine::model::{
@@ -77,7 +79,8 @@ pub(super) fn steps(
     shares: usize,
 ) -> Result<Vec<Step>, EngineError> {
     let step = |i: usize| step(graph, plan, source, isa, shares, i);
-    (0..graph.nodes.len()).map(step).collect()
+    // Packing is most of the start-up: every layer is packed on its own.
+    (0..graph.nodes.len()).into_par_iter().map(step).collect()
 }
 
 fn step(
