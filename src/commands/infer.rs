@@ -49,9 +49,12 @@ pub struct InferArgs {
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, clap::Args)]
 pub struct EngineArgs {
-    /// Model file; the shipped one when not given
+    /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
+    /// Weights of Stage II (safetensors) in place of the model's own
+    #[arg(long, value_name = "FILE")]
+    pub stage2: Option<PathBuf>,
     /// Network input size, multiples of 16 [default: 512x320, turned for upright pictures]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<(usize, usize)>,
@@ -88,6 +91,9 @@ impl EngineArgs {
         if let Some(model) = &self.model {
             args.extend(["--model".into(), model.into()]);
         }
+        if let Some(path) = &self.stage2 {
+            args.extend(["--stage2".into(), path.into()]);
+        }
         if let Some(threads) = self.threads {
             args.extend(["--threads".into(), threads.to_string().into()]);
         }
@@ -101,6 +107,7 @@ impl EngineArgs {
         );
         Pipeline::new(&PipelineOptions {
             model: self.model.as_deref(),
+            stage2: self.stage2.as_deref(),
             width,
             height,
             threads,

@@ -10,14 +10,16 @@ use super::exit::Failure;
 use crate::capture::{Frame, Resizer};
 use crate::detect::{AssociationConfig, Associator};
 use crate::engine::model::Linear;
-use crate::engine::{Engine, EngineOptions, Isa, Model, Precision};
+use crate::engine::{Engine, EngineOptions, Isa, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
 
 /// What to run, and how.
 #[derive(Debug, Clone)]
 pub struct PipelineOptions<'a> {
-    /// Model file; `None` for the shipped one.
+    /// Model file, or PyTorch weights of SelecSLS in safetensors, which run in f32; `None` for the shipped one.
     pub model: Option<&'a Path>,
+    /// Weights of Stage II (safetensors) in place of the model's own.
+    pub stage2: Option<&'a Path>,
     /// Network input width, pixels.
     pub width: usize,
     /// Network input height, pixels.
@@ -52,9 +54,11 @@ impl Pipeline {
     /// # Errors
     /// If the model cannot be read or does not fit the stages.
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
-        let model = match options.model {
-            Some(path) => Model::open(path).with_context(|| format!("model {}", path.display()))?,
-            None => Model::shipped()?,
+        let model = open(options)?;
+        let precision = if model.is_quantised() {
+            Precision::Int8
+        } else {
+            Precision::F32
         };
         let engine = Engine::new(
             &model,
@@ -62,13 +66,14 @@ impl Pipeline {
                 width: options.width,
                 height: options.height,
                 threads: options.threads,
-                precision: Precision::Int8,
+                precision,
                 ..EngineOptions::default()
             },
         )?;
         let isa = engine.isa();
         tracing::info!(
             isa = isa.name(),
+            ?precision,
             width = options.width,
             height = options.height,
             threads = options.threads,
@@ -114,9 +119,26 @@ impl Pipeline {
     }
 }
 
+fn open(options: &PipelineOptions) -> anyhow::Result<Model> {
+    let named = |path: &Path| format!("model {}", path.display());
+    let model = match options.model {
+        Some(path) => {
+            Model::open_any(path, Network::shipped("selecsls")?).with_context(|| named(path))?
+        }
+        None => Model::shipped()?,
+    };
+    match options.stage2 {
+        Some(path) => {
+            let bytes = std::fs::read(path).map_err(|e| Failure::no_input(path, &e))?;
+            model.with_stage2(&bytes).with_context(|| named(path))
+        }
+        None => Ok(model),
+    }
+}
+
 fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
     let stage2 = model.stage2().ok_or_else(|| {
-        Failure::data("the model has no Stage II: import it again with --stage2 FILE.safetensors")
+        Failure::data("the model has no Stage II: give --stage2 FILE.safetensors")
     })?;
     let layer = |l: &Linear| LinearLayer {
         inputs: l.inputs,
