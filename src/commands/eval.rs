@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
 use crate::eval::{
-    EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet,
+    EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
+    TruthSet, Units, evaluate, quiet,
 };
 use crate::output::AtomicFile;
 
@@ -26,9 +27,15 @@ pub struct EvalArgs {
     /// How the truth is written
     #[arg(long, value_enum, default_value = "auto")]
     pub format: Format,
-    /// Part of a truth that has parts, such as 'test'
+    /// Part of a truth that has parts, such as 'test' or a sequence
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
+    /// Order of a NumPy archive's joints; default: what the archive says
+    #[arg(long, value_enum, value_name = "ORDER")]
+    pub joint_order: Option<JointOrder>,
+    /// Unit of a NumPy archive's 3D joints; default: what the archive says, or metres
+    #[arg(long, value_enum)]
+    pub units: Option<Units>,
     /// There is nobody in any of the pictures: everybody predicted is wrong
     #[arg(long, conflicts_with = "truth")]
     pub no_people: bool,
@@ -62,8 +69,14 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         }
     } else {
         let mut truth = TruthSet::default();
+        let reading = ReadOptions {
+            format: args.format,
+            split: args.split,
+            joint_order: args.joint_order,
+            units: args.units,
+        };
         for path in &args.truth {
-            let more = TruthSet::read(path, args.format, args.split.as_deref()).map_err(coded)?;
+            let more = TruthSet::read(path, &reading).map_err(coded)?;
             truth
                 .append(more, &path.display().to_string())
                 .map_err(coded)?;
