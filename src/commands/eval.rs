@@ -1,14 +1,14 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::exit::Failure;
 use crate::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
 };
-use crate::output::AtomicFile;
+use crate::output;
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
@@ -95,7 +95,7 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         if to_stdout {
             return Ok(std::io::stdout().write_all(text.as_bytes())?);
         }
-        write(path, &text).map_err(|e| Failure::output(path, &e))?;
+        output::write(path, text.as_bytes()).map_err(|e| Failure::output(path, &e))?;
     }
     write!(std::io::stdout(), "{report}")?;
     Ok(())
@@ -107,10 +107,4 @@ fn coded(error: EvalError) -> anyhow::Error {
         EvalError::Read { path, source } => Failure::no_input(&path, &source).into(),
         other => Failure::data(other.to_string()).into(),
     }
-}
-
-fn write(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(text.as_bytes())?;
-    file.finish()
 }

@@ -14,7 +14,7 @@ use crate::engine::{
 };
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
-use crate::output::AtomicFile;
+use crate::output;
 
 /// Pictures that ways of choosing ranges are tried on.
 const TRIAL_PICTURES: usize = 12;
@@ -366,10 +366,7 @@ fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
     let arrays = all
         .each_ref()
         .map(|((name, shape), data)| npz::Array { name, shape, data });
-    let write = || -> std::io::Result<()> {
-        let mut file = AtomicFile::create(path)?;
-        file.write_all(&npz::write(&arrays)?)?;
-        file.finish()
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    npz::write(&arrays)
+        .and_then(|bytes| output::write(path, &bytes))
+        .with_context(|| format!("cannot write {}", path.display()))
 }
