@@ -365,8 +365,8 @@ fn videos_in_world_axes_are_seen_through_their_camera() {
     let person = &truth.frames[0].people[0];
     let joints = person.joints3d.unwrap();
     assert_eq!((person.id, joints[16]), (Some(0), None));
-    for j in 0..16 {
-        for (a, b) in joints[j].unwrap().into_iter().zip(there(0.0)[j]) {
+    for (j, joint) in joints.iter().enumerate().take(16) {
+        for (a, b) in joint.unwrap().into_iter().zip(there(0.0)[j]) {
             near(a, b);
         }
         if j < EVIDENCE_JOINTS {
