@@ -17,7 +17,7 @@ use edgecap::capture::{Frame, Letterbox, PhotoSource, Resizer, Source};
 use edgecap::detect::{AssociationConfig, Associator};
 use edgecap::engine::{Engine, EngineOptions, HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps, Model};
 use edgecap::eval::{
-    EvalOptions, Format, Person, PredictedFrame, Predictions, TruthSet, evaluate, quiet,
+    EvalOptions, Person, PredictedFrame, Predictions, ReadOptions, TruthSet, evaluate, quiet,
 };
 use edgecap::joints::BODY_JOINTS;
 
@@ -175,7 +175,7 @@ fn main() -> anyhow::Result<()> {
     };
     let (mut truth, mut photos) = (TruthSet::default(), Vec::new());
     for path in &args.truth {
-        let more = TruthSet::read(path, Format::Auto, None)?;
+        let more = TruthSet::read(path, &ReadOptions::default())?;
         let folder = path
             .parent()
             .context("an annotation file lies in a folder")?;
@@ -184,7 +184,11 @@ fn main() -> anyhow::Result<()> {
     }
     let (mut single, mut portraits) = (TruthSet::default(), Vec::new());
     if let Some(path) = &args.single {
-        single = TruthSet::read(path, Format::Auto, Some("test"))?;
+        let test = ReadOptions {
+            split: Some("test".into()),
+            ..ReadOptions::default()
+        };
+        single = TruthSet::read(path, &test)?;
         single.frames.truncate(args.limit);
         let folder = path
             .parent()

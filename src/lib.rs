@@ -12,6 +12,7 @@ pub mod engine;
 pub mod eval;
 pub mod fit;
 pub mod lift;
+pub mod npz;
 pub mod output;
 pub mod overlay;
 pub mod synth;

@@ -1,11 +1,25 @@
-//! Files that appear whole or not at all: written beside their place, then renamed.
+//! Files and folders that appear whole or not at all: written beside their place, then renamed.
 
 use std::fs;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempDir};
+
+/// Start of the names of what is not finished.
+const PREFIX: &str = ".edgecap-";
+const SUFFIX: &str = ".part";
+
+/// Writes a whole file, replacing an older one; missing parent folders are made.
+///
+/// # Errors
+/// Those of [`AtomicFile::create`] and [`AtomicFile::finish`], or of writing.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}
 
 /// A file being written; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
 #[derive(Debug)]
@@ -23,10 +37,7 @@ impl AtomicFile {
     /// # Errors
     /// If the folder cannot be made or written.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
+        let folder = parent(path);
         let made = (!folder.exists()).then(|| folder.to_owned());
         fs::create_dir_all(folder)?;
         if path.is_dir() {
@@ -37,8 +48,8 @@ impl AtomicFile {
         }
         // Temporary files are private by default; results are as readable as any file the user makes.
         let file = tempfile::Builder::new()
-            .prefix(".edgecap-")
-            .suffix(".part")
+            .prefix(PREFIX)
+            .suffix(SUFFIX)
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
         Ok(Self {
@@ -46,6 +57,16 @@ impl AtomicFile {
             path: path.to_owned(),
             made,
         })
+    }
+
+    /// Brings everything written so far onto the disk, so that not even a power cut leaves half a file under the name.
+    ///
+    /// # Errors
+    /// If the disk is full or fails.
+    pub fn sync(&mut self) -> io::Result<()> {
+        let writer = self.inner()?;
+        writer.flush()?;
+        writer.get_ref().as_file().sync_all()
     }
 
     /// Gives the file its name, replacing an older one.
@@ -80,6 +101,12 @@ impl Write for AtomicFile {
     }
 }
 
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner()?.seek(to)
+    }
+}
+
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         self.writer = None;
@@ -87,6 +114,57 @@ impl Drop for AtomicFile {
             // Fails when somebody else put something there meanwhile; then it stays.
             let _ = fs::remove_dir(folder);
         }
+    }
+}
+
+/// A folder being filled; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
+#[derive(Debug)]
+pub struct AtomicFolder {
+    beside: TempDir,
+    path: PathBuf,
+}
+
+impl AtomicFolder {
+    /// Starts what will become `path`; missing parent folders are made.
+    ///
+    /// # Errors
+    /// If the parent folder cannot be made or written.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let folder = parent(path);
+        fs::create_dir_all(folder)?;
+        let beside = tempfile::Builder::new()
+            .prefix(PREFIX)
+            .suffix(SUFFIX)
+            .permissions(fs::Permissions::from_mode(0o777))
+            .tempdir_in(folder)?;
+        Ok(Self {
+            beside,
+            path: path.to_owned(),
+        })
+    }
+
+    /// Where to put what belongs into the folder.
+    pub fn beside(&self) -> &Path {
+        self.beside.path()
+    }
+
+    /// Gives the folder its name; an empty folder of that name is replaced.
+    ///
+    /// # Errors
+    /// If there is something else of that name.
+    pub fn finish(self) -> io::Result<()> {
+        fs::rename(self.beside.path(), &self.path)?;
+        // The folder has its final name: nothing is left to clean up.
+        let _ = self.beside.keep();
+        Ok(())
+    }
+}
+
+/// Folder in which a path's last part lies.
+pub fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
     }
 }
 
@@ -103,6 +181,37 @@ mod tests {
         assert!(!path.exists(), "not before it is whole");
         file.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_was_written_can_be_gone_back_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"....tail").unwrap();
+        file.seek(SeekFrom::Start(0)).unwrap();
+        file.write_all(b"head").unwrap();
+        file.sync().unwrap();
+        assert!(!path.exists(), "on the disk, but not by its name");
+        file.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"headtail");
+        write(&path, b"other").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"other");
+    }
+
+    #[test]
+    fn a_folder_appears_filled_and_only_where_nothing_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/album");
+        let album = AtomicFolder::create(&path).unwrap();
+        fs::write(album.beside().join("a"), "a").unwrap();
+        assert!(!path.exists());
+        album.finish().unwrap();
+        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "a");
+        let again = AtomicFolder::create(&path).unwrap();
+        assert!(again.finish().is_err(), "it holds a file");
+        drop(AtomicFolder::create(&path).unwrap());
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
     }
 

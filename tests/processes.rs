@@ -2,16 +2,60 @@
 
 mod program;
 
+use std::path::PathBuf;
+use std::process::Output;
 use std::time::Duration;
 
 use edgecap::joints::{NECK, PELVIS};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap::synth::Truth;
 use edgecap::synth::truth::VISIBLE;
-use edgecap_client::Subscriber;
+use edgecap_client::{Message, Subscriber};
 use program::{Running, eventually, signal, stream};
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
+
+/// `edgecap run` on the bundled clip, with its bodies in a file of a folder of its own.
+struct Demo {
+    run: Running,
+    name: String,
+    folder: tempfile::TempDir,
+}
+
+impl Demo {
+    fn start(test: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let name = stream(test);
+        let result = folder.path().join("bodies.jsonl");
+        let bodies = ["--jsonl", result.to_str().unwrap()];
+        let args = [&["run", "--input", "demo", "--name", &name], &bodies[..]].concat();
+        Self {
+            run: Running::start(&args),
+            name,
+            folder,
+        }
+    }
+
+    fn result(&self) -> PathBuf {
+        self.folder.path().join("bodies.jsonl")
+    }
+
+    fn listen<T: Message>(&self) -> Subscriber<T> {
+        Subscriber::open(&self.name).unwrap()
+    }
+
+    /// Waits for its end; the folder stays until the second is dropped.
+    fn wait(self, patience: Duration) -> (Output, tempfile::TempDir) {
+        (self.run.wait(patience), self.folder)
+    }
+
+    /// Both processes below the supervisor, once they run.
+    fn children(&self) -> [u32; 2] {
+        eventually("both processes", || {
+            Some([self.run.child("infer")?, self.run.child("fit")?])
+        })
+    }
+}
 
 fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(path).expect("the result");
@@ -50,22 +94,11 @@ fn necks_found(frames: &[serde_json::Value], truth: &Truth) -> (usize, usize) {
 
 #[test]
 fn the_demo_travels_through_both_processes() {
-    let folder = tempfile::tempdir().unwrap();
-    let result = folder.path().join("bodies.jsonl");
-    let name = stream("demo");
-    let run = Running::start(&[
-        "run",
-        "--input",
-        "demo",
-        "--name",
-        &name,
-        "--jsonl",
-        result.to_str().unwrap(),
-    ]);
-    let infer = eventually("infer", || run.child("infer"));
-    let fit = eventually("fit", || run.child("fit"));
+    let demo = Demo::start("demo");
+    let result = demo.result();
+    let [infer, fit] = demo.children();
     assert_ne!(infer, fit);
-    let out = run.wait(WHOLE_CLIP);
+    let (out, _folder) = demo.wait(WHOLE_CLIP);
     assert!(out.status.success(), "{}", program::stderr(&out));
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
@@ -115,30 +148,18 @@ fn without_arguments_and_camera_the_bundled_clip_plays() {
 
 #[test]
 fn killing_fit_does_not_stop_infer() {
-    let name = stream("kill-fit");
-    let folder = tempfile::tempdir().unwrap();
-    let result = folder.path().join("bodies.jsonl");
-    let run = Running::start(&[
-        "run",
-        "--input",
-        "demo",
-        "--name",
-        &name,
-        "--jsonl",
-        result.to_str().unwrap(),
-    ]);
-    let observations = Subscriber::<ObservationFrame>::open(&name).unwrap();
-    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let demo = Demo::start("kill-fit");
+    let observations = demo.listen::<ObservationFrame>();
+    let bodies = demo.listen::<BodyFrame>();
     let wait = Duration::from_millis(100);
     let before = eventually("bodies", || bodies.next(wait).unwrap().map(|b| b.sequence));
-    let (infer, fit) = (
-        run.child("infer").expect("infer runs"),
-        run.child("fit").expect("fit runs"),
-    );
+    let [infer, fit] = demo.children();
     signal(fit, "KILL");
-    let again = eventually("a new fit", || run.child("fit").filter(|&pid| pid != fit));
+    let again = eventually("a new fit", || {
+        demo.run.child("fit").filter(|&pid| pid != fit)
+    });
     assert_ne!(again, fit);
-    assert_eq!(run.child("infer"), Some(infer), "infer goes on");
+    assert_eq!(demo.run.child("infer"), Some(infer), "infer goes on");
     let after = eventually("bodies of the new fit", || {
         bodies
             .next(wait)
@@ -155,33 +176,24 @@ fn killing_fit_does_not_stop_infer() {
             >= after
     );
     drop((observations, bodies));
-    let out = run.wait(WHOLE_CLIP);
+    let result = demo.result();
+    let (out, _folder) = demo.wait(WHOLE_CLIP);
     assert!(out.status.success(), "{}", program::stderr(&out));
     assert!(lines(&result).len() > 10);
 }
 
 #[test]
 fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
-    let name = stream("stop");
-    let folder = tempfile::tempdir().unwrap();
-    let result = folder.path().join("bodies.jsonl");
-    let run = Running::start(&[
-        "run",
-        "--input",
-        "demo",
-        "--name",
-        &name,
-        "--jsonl",
-        result.to_str().unwrap(),
-    ]);
-    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let demo = Demo::start("stop");
+    let bodies = demo.listen::<BodyFrame>();
     eventually("bodies", || {
         bodies.next(Duration::from_millis(100)).unwrap().map(|_| ())
     });
-    let children = [run.child("infer").unwrap(), run.child("fit").unwrap()];
+    let children = demo.children();
     drop(bodies);
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(20));
+    let result = demo.result();
+    signal(demo.run.pid(), "TERM");
+    let (out, folder) = demo.wait(Duration::from_secs(20));
     assert_eq!(out.status.code(), Some(0), "{}", program::stderr(&out));
     for pid in children {
         assert!(
@@ -203,20 +215,9 @@ fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
 
 #[test]
 fn children_end_when_their_supervisor_is_killed() {
-    let name = stream("orphans");
-    let folder = tempfile::tempdir().unwrap();
-    let result = folder.path().join("bodies.jsonl");
-    let run = Running::start(&[
-        "run",
-        "--input",
-        "demo",
-        "--name",
-        &name,
-        "--jsonl",
-        result.to_str().unwrap(),
-    ]);
-    let children = eventually("both", || Some([run.child("infer")?, run.child("fit")?]));
-    signal(run.pid(), "KILL");
+    let demo = Demo::start("orphans");
+    let children = demo.children();
+    signal(demo.run.pid(), "KILL");
     for pid in children {
         let gone = || (!std::path::Path::new(&format!("/proc/{pid}/exe")).exists()).then_some(());
         eventually("the child's end", gone);

@@ -1,10 +1,29 @@
 //! Checks shared by the int8 and f32 convolutions.
 
 use crate::tensor::Expected;
-use crate::{ConvShape, KernelError, Layout};
+use crate::{ConvShape, Isa, KernelError, Layout, Scratch};
 
-/// Refuses shapes that no kernel can run.
-pub(crate) fn check_shape(shape: &ConvShape) -> Result<(), KernelError> {
+/// Refuses what cannot be packed: a tier that the CPU lacks, a shape that no kernel can run, arrays of the wrong length.
+pub(crate) fn check_params(
+    isa: Isa,
+    shape: &ConvShape,
+    weights: usize,
+    bias: usize,
+) -> Result<(), KernelError> {
+    if !isa.is_available() {
+        return Err(KernelError::Unsupported(isa));
+    }
+    check_shape(shape)?;
+    check_length("weights", shape.weight_len(), weights)?;
+    check_length("biases", shape.out_channels, bias)
+}
+
+/// Refuses a scratch with less than `needed` bytes.
+pub(crate) fn check_scratch(needed: usize, scratch: &Scratch) -> Result<(), KernelError> {
+    check_length("bytes of scratch", needed.max(scratch.len()), scratch.len())
+}
+
+fn check_shape(shape: &ConvShape) -> Result<(), KernelError> {
     let divides = |channels: usize| channels.checked_rem(shape.groups) == Some(0);
     if !divides(shape.in_channels) || !divides(shape.out_channels) {
         return Err(KernelError::Shape(format!(

@@ -4,7 +4,7 @@
 mod direct;
 mod reference;
 
-use crate::conv_check::{check_length, check_shape, check_tensors};
+use crate::conv_check::{check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
 use crate::{ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
 
@@ -72,12 +72,7 @@ impl FConv {
             bias,
             ..
         } = params;
-        if !isa.is_available() {
-            return Err(KernelError::Unsupported(isa));
-        }
-        check_shape(shape)?;
-        check_length("weights", shape.weight_len(), weights.len())?;
-        check_length("biases", shape.out_channels, bias.len())?;
+        check_params(isa, shape, weights.len(), bias.len())?;
         Ok(Self {
             shape: *shape,
             isa,
@@ -156,11 +151,7 @@ impl FConv {
             residual.as_ref().map(|r| (&r.layout, r.data.len())),
             (&output.layout, output.data.len()),
         )?;
-        check_length(
-            "bytes of scratch",
-            scratch.len().max(self.scratch_bytes(&input.layout)),
-            scratch.len(),
-        )?;
+        check_scratch(self.scratch_bytes(&input.layout), scratch)?;
         let part = Part::whole(output.layout.height, self.shape.groups);
         // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
         // the borrows keep the buffers separate.

@@ -21,6 +21,7 @@ mod fconv;
 mod isa;
 mod layout;
 mod linear;
+mod naive;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod packed;
 mod part;

@@ -8,7 +8,7 @@ mod vector;
 
 pub use epilogue::{Epilogue, OutElement};
 
-use crate::conv_check::{check_length, check_shape, check_tensors};
+use crate::conv_check::{check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
 use crate::{
     Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut, winograd,
@@ -60,12 +60,7 @@ impl QConv {
             epilogue,
             algorithm,
         } = params;
-        if !isa.is_available() {
-            return Err(KernelError::Unsupported(isa));
-        }
-        check_shape(shape)?;
-        check_length("weights", shape.weight_len(), weights.len())?;
-        check_length("biases", shape.out_channels, bias.len())?;
+        check_params(isa, shape, weights.len(), bias.len())?;
         epilogue.check(shape.out_channels)?;
         check_range(shape, weights, bias, *input_max)?;
         let (kernel, epilogue) = Kernel::new(isa, params)?;
@@ -147,14 +142,7 @@ impl QConv {
             (&output.layout, output.data.len()),
         )?;
         self.epilogue.check_element::<O>()?;
-        let needed = self.scratch_bytes(&input.layout);
-        if scratch.len() < needed {
-            return Err(KernelError::Length {
-                what: "bytes of scratch",
-                expected: needed,
-                found: scratch.len(),
-            });
-        }
+        check_scratch(self.scratch_bytes(&input.layout), scratch)?;
         let part = Part::whole(output.layout.height, self.shape.groups);
         // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
         // the borrows keep the buffers separate; the element type and the scratch are checked above.

@@ -1,13 +1,14 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::exit::Failure;
 use crate::eval::{
-    EvalError, EvalOptions, Format, JointSet, Predictions, Report, TruthSet, evaluate, quiet,
+    EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
+    TruthSet, Units, evaluate, quiet,
 };
-use crate::output::AtomicFile;
+use crate::output;
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
@@ -26,9 +27,15 @@ pub struct EvalArgs {
     /// How the truth is written
     #[arg(long, value_enum, default_value = "auto")]
     pub format: Format,
-    /// Part of a truth that has parts, such as 'test'
+    /// Part of a truth that has parts, such as 'test' or a sequence
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
+    /// Order of a NumPy archive's joints; default: what the archive says
+    #[arg(long, value_enum, value_name = "ORDER")]
+    pub joint_order: Option<JointOrder>,
+    /// Unit of a NumPy archive's 3D joints; default: what the archive says, or metres
+    #[arg(long, value_enum)]
+    pub units: Option<Units>,
     /// There is nobody in any of the pictures: everybody predicted is wrong
     #[arg(long, conflicts_with = "truth")]
     pub no_people: bool,
@@ -62,8 +69,14 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         }
     } else {
         let mut truth = TruthSet::default();
+        let reading = ReadOptions {
+            format: args.format,
+            split: args.split,
+            joint_order: args.joint_order,
+            units: args.units,
+        };
         for path in &args.truth {
-            let more = TruthSet::read(path, args.format, args.split.as_deref()).map_err(coded)?;
+            let more = TruthSet::read(path, &reading).map_err(coded)?;
             truth
                 .append(more, &path.display().to_string())
                 .map_err(coded)?;
@@ -82,7 +95,7 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         if to_stdout {
             return Ok(std::io::stdout().write_all(text.as_bytes())?);
         }
-        write(path, &text).map_err(|e| Failure::output(path, &e))?;
+        output::write(path, text.as_bytes()).map_err(|e| Failure::output(path, &e))?;
     }
     write!(std::io::stdout(), "{report}")?;
     Ok(())
@@ -94,10 +107,4 @@ fn coded(error: EvalError) -> anyhow::Error {
         EvalError::Read { path, source } => Failure::no_input(&path, &source).into(),
         other => Failure::data(other.to_string()).into(),
     }
-}
-
-fn write(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(text.as_bytes())?;
-    file.finish()
 }

@@ -7,7 +7,6 @@ mod fit;
 mod infer;
 mod input;
 mod model;
-mod npz;
 mod picture;
 mod pipeline;
 mod run;

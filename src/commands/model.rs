@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::npz::{Array, npz};
 use super::picture;
 use crate::capture::Frame;
 use crate::engine::model::{Calibration, RangeChoice, Weights};
@@ -14,6 +13,8 @@ use crate::engine::{
     CalibrationOptions, Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision,
 };
 use crate::joints::EVIDENCE_JOINTS;
+use crate::npz;
+use crate::output;
 
 /// Pictures that ways of choosing ranges are tried on.
 const TRIAL_PICTURES: usize = 12;
@@ -345,7 +346,7 @@ fn run(a: &RunOne) -> Result<()> {
     write_maps(engine.run(&picture), &a.npz)
 }
 
-/// Channel-first copies of the maps, written beside and renamed.
+/// Channel-first copies of the maps.
 fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
     let (h, w) = (maps.height, maps.width);
     let planes = |map: &[f32], channels: std::ops::Range<usize>| -> Vec<f32> {
@@ -364,16 +365,8 @@ fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
     ];
     let arrays = all
         .each_ref()
-        .map(|((name, shape), data)| Array { name, shape, data });
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let write = || -> std::io::Result<()> {
-        let mut beside = tempfile::NamedTempFile::new_in(folder)?;
-        beside.write_all(&npz(&arrays))?;
-        beside.persist(path)?;
-        Ok(())
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+        .map(|((name, shape), data)| npz::Array { name, shape, data });
+    npz::write(&arrays)
+        .and_then(|bytes| output::write(path, &bytes))
+        .with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,7 +1,6 @@
 //! `edgecap synth`: renders synthetic people with exact truth.
 
-use std::io::{BufWriter, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -11,7 +10,9 @@ use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use super::exit::Failure;
 use crate::capture::{AviWriter, Frame};
+use crate::output::{AtomicFile, AtomicFolder, parent};
 use crate::synth::shoot::{Reel, Shot, shoot_still};
 use crate::synth::truth::{FORMAT, VERSION};
 use crate::synth::{Truth, TruthFrame};
@@ -107,14 +108,6 @@ fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
     }
 }
 
-/// Folder in which a path's last part lies.
-fn parent(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
-        _ => PathBuf::from("."),
-    }
-}
-
 /// Refuses a folder that holds files, before any work is done.
 fn expect_empty(out: &Path) -> anyhow::Result<()> {
     match std::fs::read_dir(out) {
@@ -137,14 +130,7 @@ fn expect_empty(out: &Path) -> anyhow::Result<()> {
 
 /// Writes numbered pictures and the truth into a folder that appears only when it is complete.
 fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
-    let beside = parent(out);
-    std::fs::create_dir_all(&beside)
-        .with_context(|| format!("cannot create folder {}", beside.display()))?;
-    let partial = tempfile::Builder::new()
-        .prefix(".edgecap-synth-")
-        .permissions(std::fs::Permissions::from_mode(0o755))
-        .tempdir_in(&beside)
-        .with_context(|| format!("cannot write to folder {}", beside.display()))?;
+    let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let frames = (0..args.frames)
         .into_par_iter()
         .map(|k| -> anyhow::Result<TruthFrame> {
@@ -157,41 +143,29 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
                 PictureFormat::Png => ("png", png(&shot.frame)?),
             };
             let name = format!("{k:06}.{ending}");
-            let path = partial.path().join(&name);
-            std::fs::write(&path, bytes)
-                .with_context(|| format!("cannot write picture {}", path.display()))?;
+            let path = album.beside().join(&name);
+            std::fs::write(&path, bytes).map_err(|e| Failure::output(&path, &e))?;
             shot.truth.file = Some(name);
             Ok(shot.truth)
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let path = partial.path().join("truth.json");
-    std::fs::write(&path, truth(args, frames).to_text())
-        .with_context(|| format!("cannot write truth file {}", path.display()))?;
-    std::fs::rename(partial.path(), out)
-        .with_context(|| format!("cannot move the finished pictures to {}", out.display()))?;
-    // The folder has its final name: nothing is left to clean up.
-    let _ = partial.keep();
+    let path = album.beside().join("truth.json");
+    std::fs::write(&path, truth(args, frames).to_text()).map_err(|e| Failure::output(&path, &e))?;
+    album.finish().map_err(|e| Failure::output(out, &e))?;
     Ok(())
 }
 
 /// Writes a clip and its truth.
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
-    let folder = parent(file);
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot create folder {}", folder.display()))?;
-    let truth_folder = args.out.clone().unwrap_or_else(|| folder.clone());
-    std::fs::create_dir_all(&truth_folder)
-        .with_context(|| format!("cannot create folder {}", truth_folder.display()))?;
-    let wanted = || format!("cannot write clip {}", file.display());
-    let mut partial = shared(&folder).with_context(wanted)?;
+    let truth_folder = args.out.as_deref().unwrap_or_else(|| parent(file));
+    let truth_path = truth_folder.join("truth.json");
+    let no_clip = |e: std::io::Error| Failure::output(file, &e);
+    let no_truth = |e: std::io::Error| Failure::output(&truth_path, &e);
+    let mut clip = AtomicFile::create(file).map_err(no_clip)?;
+    let mut text = AtomicFile::create(&truth_path).map_err(no_truth)?;
     let mut frames = Vec::with_capacity(args.frames as usize);
-    let mut avi = AviWriter::new(
-        BufWriter::new(partial.as_file_mut()),
-        args.width,
-        args.height,
-        (args.fps, 1),
-    )
-    .with_context(wanted)?;
+    let mut avi =
+        AviWriter::new(&mut clip, args.width, args.height, (args.fps, 1)).map_err(no_clip)?;
     let mut first = 0;
     while first < args.frames {
         let next = (first + BATCH).min(args.frames);
@@ -203,32 +177,17 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
         for (picture, known) in batch {
-            avi.write_jpeg(&picture).with_context(wanted)?;
+            avi.write_jpeg(&picture).map_err(no_clip)?;
             frames.push(known);
         }
         first = next;
     }
-    avi.finish()
-        .with_context(wanted)?
-        .flush()
-        .with_context(wanted)?;
-    let mut text = shared(&truth_folder)?;
+    avi.finish().map_err(no_clip)?;
     text.write_all(truth(args, frames).to_text().as_bytes())
-        .with_context(|| format!("cannot write a truth file in {}", truth_folder.display()))?;
-    partial.persist(file).with_context(wanted)?;
-    let path = truth_folder.join("truth.json");
-    text.persist(&path)
-        .with_context(|| format!("cannot write truth file {}", path.display()))?;
+        .map_err(no_truth)?;
+    clip.finish().map_err(no_clip)?;
+    text.finish().map_err(no_truth)?;
     Ok(())
-}
-
-/// A file beside the wanted one, readable by others once renamed.
-fn shared(folder: &Path) -> anyhow::Result<tempfile::NamedTempFile> {
-    tempfile::Builder::new()
-        .prefix(".edgecap-synth-")
-        .permissions(std::fs::Permissions::from_mode(0o644))
-        .tempfile_in(folder)
-        .with_context(|| format!("cannot write to folder {}", folder.display()))
 }
 
 fn jpeg(frame: &Frame, quality: u8) -> anyhow::Result<Vec<u8>> {

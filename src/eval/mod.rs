@@ -31,4 +31,4 @@ pub use pose3d::{Pose3d, PoseErrors, align_similarity};
 pub use predictions::{Person, PredictedFrame, Predictions};
 pub use quiet::{Quiet, quiet};
 pub use report::{EvalOptions, HeightRow, Report, evaluate};
-pub use truth::{Format, TruthFrame, TruthPerson, TruthSet};
+pub use truth::{Format, JointOrder, ReadOptions, TruthFrame, TruthPerson, TruthSet, Units};

@@ -1,16 +1,20 @@
 //! MuPoTS-3D's protocol (Mehta et al. 2018): 3DPCK of 14 joints over every person of a multi-person sequence.
 //!
-//! Predictions are matched in the truth's order by the number of joints within 40 px, their bones rescaled to the true lengths
-//! from the pelvis outwards, and people without a match count as wrong ("all") or are left out ("matched").
+//! Predictions are matched in the truth's order by the number of joints within 40 px (head top left out), their bones rescaled
+//! to the true lengths from the pelvis outwards, and people without a match count as wrong ("all") or are left out ("matched").
+//! Agrees with the data set's own `mpii_mupots_multiperson_eval` in its relative mode.
 
-use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PARENTS, PELVIS, ROOT_FIRST};
+use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PARENTS, PELVIS, ROOT_FIRST};
 use serde::Serialize;
 
 use super::geometry::{Point, mean, minus, norm, plus};
 use super::pose3d::{area_under_curve, correct};
 
+const HEAD_TOP: usize = 0;
 /// Joints this near in u and in v agree, pixels.
 const NEAR: f64 = 40.0;
+/// Joints that tell who is who: the evidence joints without the head top.
+const MATCHED: std::ops::Range<usize> = 1..EVIDENCE_JOINTS;
 /// Error of every joint of a person without a match: no threshold reaches it.
 const MISSED: f64 = f64::INFINITY;
 
@@ -45,6 +49,8 @@ pub struct Mupots {
 pub struct MupotsScore {
     /// Which people count.
     pub protocol: Protocol,
+    /// Sequences with people that count.
+    pub sequences: usize,
     /// 3DPCK@150 mm over all joints.
     pub pck150: f64,
     /// Area under the curve over all joints.
@@ -95,6 +101,7 @@ impl Mupots {
         let pooled: Vec<f64> = sequences.iter().flatten().copied().collect();
         (!pooled.is_empty()).then(|| MupotsScore {
             protocol,
+            sequences: sequences.len(),
             pck150: correct(&pooled),
             auc: area_under_curve(&pooled),
             pck150_per_sequence: mean(&sequences.iter().map(|s| correct(s)).collect::<Vec<_>>()),
@@ -109,7 +116,8 @@ fn claim(truth: &[MupotsPerson], predicted: &[MupotsPerson]) -> Vec<Option<usize
             (Some(a), Some(b)) => (a[0] - b[0]).abs() < NEAR && (a[1] - b[1]).abs() < NEAR,
             _ => false,
         };
-        t.joints2d.iter().zip(&p.joints2d).filter(near).count()
+        let pairs = t.joints2d[MATCHED].iter().zip(&p.joints2d[MATCHED]);
+        pairs.filter(near).count()
     };
     let mut taken = vec![false; predicted.len()];
     let choose = |t: &MupotsPerson| {
@@ -128,6 +136,15 @@ fn claim(truth: &[MupotsPerson], predicted: &[MupotsPerson]) -> Vec<Option<usize
     truth.iter().map(choose).collect()
 }
 
+/// Parent of a joint in the data set's `mpii_get_joints('relevant')`: ours, but that the head top hangs on the neck.
+fn parent(joint: usize) -> usize {
+    if joint == HEAD_TOP {
+        NECK
+    } else {
+        PARENTS[joint]
+    }
+}
+
 /// Predicted joints relative to the pelvis with the truth's bone lengths; a bone that the truth does not have keeps its own.
 fn rescaled(
     predicted: &[Option<Point>; BODY_JOINTS],
@@ -137,7 +154,7 @@ fn rescaled(
     let mut out = [None; BODY_JOINTS];
     out[PELVIS] = Some([0.0; 3]);
     for &j in ROOT_FIRST.iter().filter(|j| **j != PELVIS) {
-        let parent = PARENTS[j];
+        let parent = parent(j);
         let (Some(base), Some(a), Some(b)) = (out[parent], predicted[parent], predicted[j]) else {
             continue;
         };

@@ -1,5 +1,7 @@
 //! Predictions and truth go in, every measure that they allow comes out.
 
+use std::collections::BTreeMap;
+
 use edgecap_client::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS, JOINT_NAMES, PELVIS};
 use serde::Serialize;
 
@@ -297,44 +299,56 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
 }
 
 fn mupots(scenes: &[Scene]) -> Vec<MupotsScore> {
-    let mut mupots = Mupots::default();
-    mupots.begin_sequence();
+    let mut sequences: BTreeMap<&str, Vec<&Scene>> = BTreeMap::new();
     for s in scenes {
-        let truth: Vec<MupotsPerson> = s
-            .truth
-            .people
-            .iter()
-            .zip(&s.evidence.ignored)
-            .filter(|(_, ignored)| !**ignored)
-            .filter_map(|(t, _)| {
-                let mut joints2d = [None; EVIDENCE_JOINTS];
-                for k in t.points.iter().filter(|k| k.is_labelled()) {
-                    if let Some(j) = k.joint {
-                        joints2d[j] = Some([k.u, k.v]);
-                    }
-                }
-                Some(MupotsPerson {
-                    joints2d,
-                    joints3d: t.joints3d?,
-                })
-            })
-            .collect();
-        let predicted: Vec<MupotsPerson> = s
-            .people()
-            .iter()
-            .map(|p| MupotsPerson {
-                joints2d: p
-                    .joints2d
-                    .map(|[u, v, c]| (c > 0.0).then_some([f64::from(u), f64::from(v)])),
-                joints3d: p.joints3d.map(Some),
-            })
-            .collect();
-        mupots.add(&truth, &predicted);
+        sequences.entry(&s.truth.sequence).or_default().push(s);
+    }
+    let mut mupots = Mupots::default();
+    for sequence in sequences.values() {
+        mupots.begin_sequence();
+        for s in sequence {
+            let (truth, predicted) = mupots_people(s);
+            mupots.add(&truth, &predicted);
+        }
     }
     [Protocol::All, Protocol::Matched]
         .into_iter()
         .filter_map(|p| mupots.score(p))
         .collect()
+}
+
+/// Everybody true that counts, and everybody predicted.
+fn mupots_people(s: &Scene) -> (Vec<MupotsPerson>, Vec<MupotsPerson>) {
+    let truth: Vec<MupotsPerson> = s
+        .truth
+        .people
+        .iter()
+        .zip(&s.evidence.ignored)
+        .filter(|(_, ignored)| !**ignored)
+        .filter_map(|(t, _)| {
+            let mut joints2d = [None; EVIDENCE_JOINTS];
+            for k in t.points.iter().filter(|k| k.is_labelled()) {
+                if let Some(j) = k.joint {
+                    joints2d[j] = Some([k.u, k.v]);
+                }
+            }
+            Some(MupotsPerson {
+                joints2d,
+                joints3d: t.joints3d?,
+            })
+        })
+        .collect();
+    let predicted: Vec<MupotsPerson> = s
+        .people()
+        .iter()
+        .map(|p| MupotsPerson {
+            joints2d: p
+                .joints2d
+                .map(|[u, v, c]| (c > 0.0).then_some([f64::from(u), f64::from(v)])),
+            joints3d: p.joints3d.map(Some),
+        })
+        .collect();
+    (truth, predicted)
 }
 
 fn identity(scenes: &[Scene]) -> IdentityScore {

@@ -100,7 +100,11 @@ impl Report {
                 Protocol::All => "MuPoTS-3D protocol, all",
                 Protocol::Matched => "MuPoTS-3D protocol, matched",
             };
-            let text = format!("3DPCK@150 {}, AUC {}", percent(m.pck150), percent(m.auc));
+            let mut text = format!("3DPCK@150 {}, AUC {}", percent(m.pck150), percent(m.auc));
+            if m.sequences > 1 {
+                let mean = percent(m.pck150_per_sequence);
+                text += &format!(", 3DPCK@150 mean of {} sequences {mean}", m.sequences);
+            }
             row(f, name, text)?;
         }
         Ok(())

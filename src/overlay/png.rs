@@ -1,14 +1,13 @@
 //! A frame goes in, a PNG file comes out: whole or not at all.
 
-use std::fs::Permissions;
-use std::io::{self, BufWriter, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::capture::Frame;
+use crate::output::AtomicFile;
 
 /// Why a picture could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +28,7 @@ impl OverlayError {
     }
 }
 
-/// Writes beside `path`, then renames: nobody ever sees half a file, and nothing is left behind after an error.
+/// Writes the picture: nobody ever sees half a file, and nothing is left behind after an error.
 ///
 /// # Errors
 /// [`OverlayError`] when the file cannot be created, written or renamed.
@@ -41,15 +40,8 @@ pub fn write_png(frame: &Frame, path: &Path) -> Result<(), OverlayError> {
 }
 
 fn write(frame: &Frame, path: &Path) -> io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    let file = tempfile::Builder::new()
-        .prefix(".overlay-")
-        .suffix(".part")
-        // As any other new file; the user's mask applies.
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder.unwrap_or(Path::new(".")))?;
-    let mut buffered = BufWriter::with_capacity(1 << 16, file);
-    PngEncoder::new_with_quality(&mut buffered, CompressionType::Fast, FilterType::Up)
+    let mut file = AtomicFile::create(path)?;
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
         .write_image(
             &frame.rgb,
             frame.width,
@@ -60,8 +52,5 @@ fn write(frame: &Frame, path: &Path) -> io::Result<()> {
             image::ImageError::IoError(e) => e,
             other => io::Error::other(other),
         })?;
-    buffered.flush()?;
-    let file = buffered.into_inner().map_err(|e| e.into_error())?;
-    file.persist(path)?;
-    Ok(())
+    file.finish()
 }

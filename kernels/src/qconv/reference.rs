@@ -4,54 +4,25 @@ use super::QConv;
 use super::epilogue::Output;
 use super::kernel::Run;
 use crate::Layout;
+use crate::naive::{Walk, convolve};
 use crate::winograd::{IN, OUT, POINTS, TransformedWeights, reference};
 
 impl QConv {
     /// # Safety
     /// As [`QConv::run_part`].
     pub(super) unsafe fn run_reference(&self, weights: &[i8], bias: &[i32], run: &Run) {
-        let &Run {
-            input,
-            in_layout,
-            out_layout,
-            part,
-            ..
-        } = run;
-        let shape = &self.shape;
-        let depth = shape.in_channels / shape.groups;
-        let out_per_group = shape.out_channels / shape.groups;
-        for phase in &self.phases {
-            let rows = part
-                .rows
-                .clone()
-                .filter(|row| row % phase.out_step == phase.first_row);
-            for oy in rows {
-                let y = (oy / phase.out_step * phase.in_step) as isize;
-                for ox in (phase.first_column..out_layout.width).step_by(phase.out_step) {
-                    let x = (ox / phase.out_step * phase.in_step) as isize;
-                    let channels =
-                        part.groups.start * out_per_group..part.groups.end * out_per_group;
-                    for oc in channels {
-                        let first = oc / out_per_group * depth;
-                        let mut acc = bias[oc];
-                        for tap in &phase.taps {
-                            let at = in_layout.index(y + tap.dy, x + tap.dx) + first;
-                            for ic in 0..depth {
-                                // SAFETY: `check` proved that the input with its halo lies in the buffer, and taps reach
-                                // at most `input_halo()` pixels beyond the tensor; first + ic < in_channels.
-                                let value = unsafe { *input.add(at + ic) };
-                                let weight = weights[((oc * depth + ic) * shape.kernel + tap.ky)
-                                    * shape.kernel
-                                    + tap.kx];
-                                acc += i32::from(value) * i32::from(weight);
-                            }
-                        }
-                        // SAFETY: (oy, ox, oc) lies in the output.
-                        unsafe { self.finish(run, oy, ox, oc, acc) };
-                    }
-                }
-            }
-        }
+        let walk = Walk {
+            shape: &self.shape,
+            phases: &self.phases,
+            part: run.part,
+            in_layout: run.in_layout,
+            out_width: run.out_layout.width,
+        };
+        let add = |sum, value: u8, weight: i8| sum + i32::from(value) * i32::from(weight);
+        // SAFETY: (oy, ox, oc) lies in the output.
+        let finish = |oy, ox, oc, sum| unsafe { self.finish(run, oy, ox, oc, sum) };
+        // SAFETY: `check` proved that the input with its halo lies in the buffer.
+        unsafe { convolve(&walk, run.input, weights, bias, add, finish) }
     }
 
     /// # Safety

@@ -2,6 +2,7 @@
 //! BLAKE3 digest of the whole file in which the digest's own 64 digits are zeros.
 
 use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
 use std::path::Path;
 
 use safetensors::{Dtype, tensor::TensorView};
@@ -12,6 +13,7 @@ use super::tensors::Tensors;
 use super::{ModelError, QuantConv, Scale, Stage2, Weights};
 use crate::engine::Model;
 use crate::engine::network::{Graph, Network, Op};
+use crate::output::AtomicFile;
 
 const KEY: &str = "edgecap";
 const FORMAT: &str = "edgecap-model";
@@ -206,36 +208,20 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     })
 }
 
-/// Writes beside, then renames: `path` is whole or as it was.
+/// Writes the file; `path` is whole or as it was, even after a power cut.
 pub(crate) fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
-    use std::io::Write;
-
     let bytes = write(model)?;
-    let io = |source| ModelError::Io {
+    let write = || -> std::io::Result<()> {
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(&bytes)?;
+        file.sync()?;
+        file.finish()
+    };
+    write().map_err(|source| ModelError::Io {
         action: "write",
         path: path.into(),
         source,
-    };
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let mut beside = tempfile::Builder::new()
-        .prefix(".edgecap-model-")
-        .permissions(readable())
-        .tempfile_in(folder)
-        .map_err(io)?;
-    beside.write_all(&bytes).map_err(io)?;
-    beside.as_file().sync_all().map_err(io)?;
-    beside.persist(path).map_err(|e| io(e.error))?;
-    Ok(())
-}
-
-/// Temporary files are private by default; a model is for everyone, within the umask.
-fn readable() -> std::fs::Permissions {
-    use std::os::unix::fs::PermissionsExt;
-
-    std::fs::Permissions::from_mode(0o644)
+    })
 }
 
 /// Where the 64 digits of `digest` lie: once, in the header.

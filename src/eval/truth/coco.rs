@@ -99,7 +99,7 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     let frame = |i: Image| TruthFrame {
         people: people.remove(&i.id).unwrap_or_default(),
         source: i.file_name,
-        frame: None,
+        ..TruthFrame::default()
     };
     Ok(TruthSet {
         frames: file.images.into_iter().map(frame).collect(),

@@ -2,13 +2,17 @@
 
 mod annotations;
 mod coco;
+mod joint_order;
 mod mpii;
+mod npz;
 mod synth;
 
 use std::path::Path;
 
-use edgecap_client::joints::BODY_JOINTS;
+use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
+pub use self::joint_order::JointOrder;
+pub use self::npz::Units;
 use super::{EvalError, Keypoint, bounding_box};
 
 /// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the same).
@@ -30,6 +34,22 @@ pub enum Format {
     Real3d,
     /// `truth.json` of `edgecap synth`.
     Synth,
+    /// A NumPy archive of 3D joints as public toolboxes export Human3.6M, MPI-INF-3DHP and MuPoTS-3D: `S` and `part`, or
+    /// `positions_3d` and `positions_2d`.
+    Npz,
+}
+
+/// How to read a truth file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadOptions {
+    /// How it is written.
+    pub format: Format,
+    /// The part wanted of a format that has parts: a split of Leeds Sports Pose, a sequence of an archive.
+    pub split: Option<String>,
+    /// Order of an archive's joints; else the archive says, or their number.
+    pub joint_order: Option<JointOrder>,
+    /// Unit of an archive's 3D joints; else the archive says, or metres.
+    pub units: Option<Units>,
 }
 
 /// Everyone labelled in one picture.
@@ -39,6 +59,8 @@ pub struct TruthFrame {
     pub source: String,
     /// Index in a video.
     pub frame: Option<u64>,
+    /// Recording it belongs to; empty where the format does not tell recordings apart.
+    pub sequence: String,
     /// The people.
     pub people: Vec<TruthPerson>,
 }
@@ -71,6 +93,30 @@ impl TruthPerson {
             bbox,
             points,
             ..Self::default()
+        }
+    }
+
+    /// A person of whom joints are known in the picture (pixels) and in camera space (metres), both asked for by their place
+    /// in a public set's order; `order` holds the body joint at each place.
+    fn of_joints(
+        order: &[Option<usize>],
+        flat: impl Fn(usize) -> Option<[f64; 2]>,
+        solid: impl Fn(usize) -> Option<[f64; 3]>,
+    ) -> Self {
+        let (mut points, mut joints3d) = (Vec::new(), [None; BODY_JOINTS]);
+        for (k, joint) in order.iter().enumerate() {
+            let Some(j) = *joint else { continue };
+            joints3d[j] = solid(k);
+            if j < EVIDENCE_JOINTS {
+                points.push(match flat(k) {
+                    Some([u, v]) => Keypoint::at(j, u, v, 2),
+                    None => Keypoint::at(j, 0.0, 0.0, 0),
+                });
+            }
+        }
+        Self {
+            joints3d: Some(joints3d),
+            ..Self::of_points(points)
         }
     }
 
@@ -109,14 +155,37 @@ impl TruthSet {
         Ok(())
     }
 
-    /// Reads a truth file; `split` picks a part of formats that have parts.
-    pub fn read(path: &Path, format: Format, split: Option<&str>) -> Result<Self, EvalError> {
-        Self::parse(
-            &EvalError::read(path)?,
-            &path.display().to_string(),
-            format,
-            split,
-        )
+    /// Reads a truth file.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is not what it should be.
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self, EvalError> {
+        let name = path.display().to_string();
+        let unreadable = |source| EvalError::Read {
+            path: path.into(),
+            source,
+        };
+        let bytes = std::fs::read(path).map_err(unreadable)?;
+        if options.format == Format::Npz || bytes.starts_with(b"PK") {
+            return npz::read(&bytes, &name, options);
+        }
+        if bytes.starts_with(b"MATLAB") || bytes.starts_with(b"\x89HDF") {
+            return Err(EvalError::format(
+                name,
+                "JSON or a NumPy archive (.npz)",
+                "a MATLAB file; turn it into an archive with tests/reference/mat_to_npz.py",
+            ));
+        }
+        if options.joint_order.is_some() || options.units.is_some() {
+            return Err(EvalError::format(
+                name,
+                "a NumPy archive (.npz) with --joint-order or --units",
+                "another format, which says both; leave them out",
+            ));
+        }
+        let text = String::from_utf8(bytes)
+            .map_err(|_| EvalError::format(&name, "JSON or a NumPy archive (.npz)", "neither"))?;
+        Self::parse(&text, &name, options.format, options.split.as_deref())
     }
 
     /// Reads the text of a truth file; `name` is for errors.
@@ -155,6 +224,11 @@ impl TruthSet {
             Format::Real3d => {
                 annotations::real3d(serde_json::from_value(value).map_err(unread)?, name)
             }
+            Format::Npz => Err(EvalError::format(
+                name,
+                "a NumPy archive (.npz)",
+                "text; name another --format",
+            )),
             Format::Synth | Format::Auto => {
                 Ok(synth::read(serde_json::from_value(value).map_err(unread)?))
             }

@@ -53,7 +53,7 @@ pub(super) fn read(entries: Vec<Entry>) -> TruthSet {
     let frame = |(source, people)| TruthFrame {
         source,
         people,
-        frame: None,
+        ..TruthFrame::default()
     };
     TruthSet {
         frames: people.into_iter().map(frame).collect(),

@@ -78,6 +78,7 @@ pub(super) fn read(file: File) -> TruthSet {
         source: f.file.unwrap_or_default(),
         frame: video.then_some(f.frame),
         people: f.people.into_iter().map(person).collect(),
+        ..TruthFrame::default()
     };
     TruthSet {
         frames: file.frames.into_iter().map(frame).collect(),

@@ -1,0 +1,183 @@
+//! In which order public sets list the joints of a person.
+
+use serde::Deserialize;
+
+/// A public joint order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+pub enum JointOrder {
+    /// Human3.6M: 17 joints from the pelvis (index 0) over the legs to the arms, or the 32 of its motion capture.
+    #[value(name = "h36m")]
+    #[serde(rename = "h36m")]
+    H36m,
+    /// MPI-INF-3DHP and MuPoTS-3D: the 17 of the test sets from the head top (index 0) to the head, or all 28.
+    #[value(name = "mpi-inf-3dhp", alias = "mpi_inf_3dhp")]
+    #[serde(rename = "mpi_inf_3dhp")]
+    MpiInf3dhp,
+}
+
+/// pelvis, right leg, left leg, spine, thorax, nose, head top, left arm, right arm; the nose is none of ours.
+const H36M_17: [Option<usize>; 17] = [
+    Some(14),
+    Some(8),
+    Some(9),
+    Some(10),
+    Some(11),
+    Some(12),
+    Some(13),
+    Some(15),
+    Some(1),
+    None,
+    Some(0),
+    Some(5),
+    Some(6),
+    Some(7),
+    Some(2),
+    Some(3),
+    Some(4),
+];
+
+/// Those of Human3.6M's 32 joints that move, which are its 17.
+const H36M_MOVING: [usize; 17] = [0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27];
+
+/// Of all 28: the upper spine, neck, head, head top, left and right arm with collarbone and hand, left and right leg with foot
+/// (the ball, none of ours) and toe.
+const DHP_28: [Option<usize>; 28] = [
+    None,
+    None,
+    None,
+    Some(15),
+    Some(14),
+    Some(1),
+    Some(16),
+    Some(0),
+    None,
+    Some(5),
+    Some(6),
+    Some(7),
+    Some(18),
+    None,
+    Some(2),
+    Some(3),
+    Some(4),
+    Some(17),
+    Some(11),
+    Some(12),
+    Some(13),
+    None,
+    Some(20),
+    Some(8),
+    Some(9),
+    Some(10),
+    None,
+    Some(19),
+];
+
+impl JointOrder {
+    /// The body joint that each of `count` joints is, `None` for those that are none of ours; `None` when the order does not
+    /// come with so many.
+    pub fn body_joints(self, count: usize) -> Option<Vec<Option<usize>>> {
+        match (self, count) {
+            (Self::H36m, 17) => Some(H36M_17.to_vec()),
+            (Self::H36m, 32) => {
+                let mut all = vec![None; 32];
+                for (moving, joint) in H36M_MOVING.into_iter().zip(H36M_17) {
+                    all[moving] = joint;
+                }
+                Some(all)
+            }
+            // The first 17 of ours are in this order.
+            (Self::MpiInf3dhp, 17) => Some((0..17).map(Some).collect()),
+            (Self::MpiInf3dhp, 28) => Some(DHP_28.to_vec()),
+            _ => None,
+        }
+    }
+
+    /// The only order that comes with so many joints, if there is one.
+    pub fn of_count(count: usize) -> Option<Self> {
+        match count {
+            28 => Some(Self::MpiInf3dhp),
+            32 => Some(Self::H36m),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use edgecap_client::joints::JOINT_NAMES;
+
+    use super::*;
+
+    /// MPI-INF-3DHP's own names of its 28 joints, in its words for ours.
+    const NAMES: [&str; 28] = [
+        "spine3",
+        "spine4",
+        "spine2",
+        "spine",
+        "pelvis",
+        "neck",
+        "head",
+        "head_top",
+        "l_clavicle",
+        "l_shoulder",
+        "l_elbow",
+        "l_wrist",
+        "l_hand",
+        "r_clavicle",
+        "r_shoulder",
+        "r_elbow",
+        "r_wrist",
+        "r_hand",
+        "l_hip",
+        "l_knee",
+        "l_ankle",
+        "l_foot",
+        "l_foot_tip",
+        "r_hip",
+        "r_knee",
+        "r_ankle",
+        "r_foot",
+        "r_foot_tip",
+    ];
+
+    #[test]
+    fn the_28_joints_go_by_their_names() {
+        let map = JointOrder::MpiInf3dhp.body_joints(28).unwrap();
+        for (name, joint) in NAMES.iter().zip(map) {
+            let ours = JOINT_NAMES.iter().position(|n| n == name);
+            assert_eq!(joint, ours, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_test_set_is_the_named_selection_of_the_28() {
+        // `mpii_get_joints('relevant')` of the data set's own tools, from 1.
+        let relevant = [
+            8, 6, 15, 16, 17, 10, 11, 12, 24, 25, 26, 19, 20, 21, 5, 4, 7,
+        ];
+        let all = JointOrder::MpiInf3dhp.body_joints(28).unwrap();
+        let chosen: Vec<_> = relevant.iter().map(|&k| all[k - 1]).collect();
+        assert_eq!(JointOrder::MpiInf3dhp.body_joints(17), Some(chosen));
+    }
+
+    #[test]
+    fn every_order_names_every_joint_once() {
+        let orders = [
+            (JointOrder::H36m, 17),
+            (JointOrder::H36m, 32),
+            (JointOrder::MpiInf3dhp, 17),
+            (JointOrder::MpiInf3dhp, 28),
+        ];
+        for (order, count) in orders {
+            let map = order.body_joints(count).unwrap();
+            assert_eq!(map.len(), count);
+            let mut joints: Vec<usize> = map.into_iter().flatten().collect();
+            joints.sort_unstable();
+            let before = joints.len();
+            joints.dedup();
+            assert_eq!(joints.len(), before, "{order:?} {count}");
+            assert!(joints.starts_with(&[0, 1, 2]) && joints.contains(&14));
+        }
+        assert_eq!(JointOrder::H36m.body_joints(28), None);
+    }
+}

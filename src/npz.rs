@@ -1,0 +1,368 @@
+//! NumPy archives (`.npz`): named arrays go in, a file's bytes come out, and the other way round.
+
+use std::io::{self, Cursor, Read, Seek};
+
+use npyz::{NpyFile, NpyHeader, WriterBuilder, npz};
+use zip::result::ZipError;
+use zip::write::SimpleFileOptions;
+
+/// One array to be written, row-major.
+pub struct Array<'a> {
+    /// Its name in the archive.
+    pub name: &'a str,
+    /// Its shape.
+    pub shape: &'a [usize],
+    /// As many values as the shape says.
+    pub data: &'a [f32],
+}
+
+/// The bytes of an archive of `arrays`, not compressed; the same arrays give the same bytes.
+///
+/// # Errors
+/// When an array holds fewer or more values than its shape says.
+pub fn write(arrays: &[Array<'_>]) -> io::Result<Vec<u8>> {
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default()
+        .compression_method(zip::CompressionMethod::Stored)
+        .last_modified_time(zip::DateTime::default());
+    for array in arrays {
+        zip.start_file(npz::file_name_from_array_name(array.name), options)?;
+        let shape: Vec<u64> = array.shape.iter().map(|&n| n as u64).collect();
+        let mut npy = npyz::WriteOptions::new()
+            .default_dtype()
+            .shape(&shape)
+            .writer(&mut zip)
+            .begin_nd()?;
+        npy.extend(array.data.iter().copied())?;
+        npy.finish()?;
+    }
+    Ok(zip.finish()?.into_inner())
+}
+
+/// Why an archive, or an array of it, cannot be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected}, found {found}")]
+pub struct NpzError {
+    /// What was expected.
+    pub expected: String,
+    /// What was found, and what to do.
+    pub found: String,
+}
+
+impl NpzError {
+    fn new(expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self {
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    fn damaged(what: &str, why: impl std::fmt::Display) -> Self {
+        Self::new(
+            format!("{what} in one piece"),
+            format!("{why}; the file is damaged or cut short, write or download it again"),
+        )
+    }
+}
+
+/// Numbers of any kind as f64, row-major whatever the file's order is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers {
+    /// Shape.
+    pub shape: Vec<usize>,
+    /// Values.
+    pub data: Vec<f64>,
+}
+
+/// An archive being read.
+pub struct Archive<R> {
+    zip: zip::ZipArchive<R>,
+}
+
+impl<R: Read + Seek> Archive<R> {
+    /// Reads the directory of an archive.
+    ///
+    /// # Errors
+    /// When `reader` does not hold one.
+    pub fn new(reader: R) -> Result<Self, NpzError> {
+        let zip = zip::ZipArchive::new(reader)
+            .map_err(|e| NpzError::damaged("a NumPy archive (.npz)", e))?;
+        Ok(Self { zip })
+    }
+
+    /// Names of the arrays, in the order of the archive's directory.
+    pub fn names(&self) -> Vec<String> {
+        let names = self.zip.file_names().flatten();
+        names
+            .filter_map(|file| npz::array_name_from_file_name(&file).map(str::to_owned))
+            .collect()
+    }
+
+    /// An array of numbers or truth values; `None` when there is none of this name.
+    ///
+    /// # Errors
+    /// When it holds something else or is damaged.
+    pub fn numbers(&mut self, name: &str) -> Result<Option<Numbers>, NpzError> {
+        let Some(raw) = self.raw(name)? else {
+            return Ok(None);
+        };
+        let stored = raw.numbers().ok_or_else(|| {
+            let what = format!("'{name}' to be an array of numbers");
+            NpzError::new(what, raw.description())
+        })?;
+        let stored = stored.map_err(|e| NpzError::damaged(&format!("array '{name}'"), e))?;
+        Ok(Some(Numbers {
+            data: raw.row_major(stored),
+            shape: raw.shape,
+        }))
+    }
+
+    /// An array of strings of any shape, or a single one; `None` when there is none of this name.
+    ///
+    /// # Errors
+    /// When it holds something else or is damaged.
+    pub fn texts(&mut self, name: &str) -> Result<Option<Vec<String>>, NpzError> {
+        let Some(raw) = self.raw(name)? else {
+            return Ok(None);
+        };
+        let stored = raw.texts().ok_or_else(|| {
+            let what = format!("'{name}' to be an array of strings");
+            NpzError::new(what, raw.description())
+        })?;
+        let stored = stored.map_err(|e| NpzError::damaged(&format!("array '{name}'"), e))?;
+        Ok(Some(raw.row_major(stored)))
+    }
+
+    /// The array's header and bytes, which are as many as its header says.
+    fn raw(&mut self, name: &str) -> Result<Option<Raw>, NpzError> {
+        let array = format!("array '{name}'");
+        let mut file = match self.zip.by_name(&npz::file_name_from_array_name(name)) {
+            Ok(file) => file,
+            Err(ZipError::FileNotFound) => return Ok(None),
+            Err(e) => return Err(NpzError::damaged(&array, e)),
+        };
+        let header = NpyHeader::from_reader(&mut file).map_err(|e| NpzError::damaged(&array, e))?;
+        if header.uses_pickled_array() {
+            return Err(NpzError::new(
+                format!("'{name}' to hold plain numbers or strings"),
+                "pickled Python objects, which are programs and are not run; save it again as a plain array",
+            ));
+        }
+        let shape: Option<Vec<usize>> = header
+            .shape()
+            .iter()
+            .map(|&n| usize::try_from(n).ok())
+            .collect();
+        let length = |shape: &Vec<usize>| {
+            let count = shape.iter().try_fold(1_usize, |n, &m| n.checked_mul(m))?;
+            count.checked_mul(header.dtype().num_bytes()?)
+        };
+        let Some((shape, length)) = shape.and_then(|s| length(&s).map(|n| (s, n))) else {
+            return Err(NpzError::damaged(
+                &array,
+                format!("an impossible shape {:?}", header.shape()),
+            ));
+        };
+        // Grows with what is really there, whatever the header claims.
+        let mut bytes = Vec::new();
+        file.take(length as u64 + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|e| NpzError::damaged(&array, e))?;
+        if bytes.len() != length {
+            let more = if bytes.len() > length {
+                "more than "
+            } else {
+                ""
+            };
+            return Err(NpzError::damaged(
+                &array,
+                format!(
+                    "{more}{} bytes for shape {shape:?}, which takes {length}",
+                    bytes.len().min(length)
+                ),
+            ));
+        }
+        Ok(Some(Raw {
+            header,
+            shape,
+            bytes,
+        }))
+    }
+}
+
+struct Raw {
+    header: NpyHeader,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Raw {
+    /// Values in the file's order if they are of type `T`.
+    fn values<T: npyz::Deserialize>(&self) -> Option<io::Result<Vec<T>>> {
+        let file = NpyFile::with_header(self.header.clone(), &self.bytes[..]);
+        Some(file.try_data::<T>().ok()?.collect())
+    }
+
+    fn numbers(&self) -> Option<io::Result<Vec<f64>>> {
+        macro_rules! first_of {
+            ($($type:ty),*) => {
+                $(if let Some(values) = self.values::<$type>() {
+                    return Some(values.map(|v| v.into_iter().map(|x| x as f64).collect()));
+                })*
+            };
+        }
+        first_of!(f32, f64, u8, i8, u16, i16, u32, i32, u64, i64);
+        let truth = self.values::<bool>()?;
+        Some(truth.map(|v| v.into_iter().map(|x| f64::from(u8::from(x))).collect()))
+    }
+
+    fn texts(&self) -> Option<io::Result<Vec<String>>> {
+        if let Some(unicode) = self.values::<String>() {
+            return Some(unicode);
+        }
+        let bytes = self.values::<Vec<u8>>()?;
+        let text = |b: Vec<u8>| String::from_utf8(b).map_err(io::Error::other);
+        Some(bytes.and_then(|all| all.into_iter().map(text).collect()))
+    }
+
+    fn description(&self) -> String {
+        format!(
+            "type {} of shape {:?}; save it again as what is expected",
+            self.header.dtype().descr(),
+            self.shape
+        )
+    }
+
+    /// Brings values from the file's order into row-major order.
+    fn row_major<T: Clone>(&self, stored: Vec<T>) -> Vec<T> {
+        if self.header.order() == npyz::Order::C || self.shape.len() < 2 {
+            return stored;
+        }
+        let mut out = Vec::with_capacity(stored.len());
+        let mut index = vec![0; self.shape.len()];
+        for _ in 0..stored.len() {
+            // Column-major: the first index runs fastest.
+            let axes = index.iter().zip(&self.shape).rev();
+            let at = axes.fold(0, |at, (&i, &n)| at * n + i);
+            out.push(stored[at].clone());
+            for (i, &n) in index.iter_mut().zip(&self.shape).rev() {
+                *i += 1;
+                if *i < n {
+                    break;
+                }
+                *i = 0;
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    /// An archive of one array whose `.npy` bytes are given.
+    fn archive(name: &str, npy: &[u8]) -> Vec<u8> {
+        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let deflated = SimpleFileOptions::default();
+        zip.start_file(format!("{name}.npy"), deflated).unwrap();
+        zip.write_all(npy).unwrap();
+        zip.finish().unwrap().into_inner()
+    }
+
+    /// A `.npy` file (format 1.0, as NumPy writes it) from its header's dictionary.
+    fn npy(dictionary: &str, data: &[u8]) -> Vec<u8> {
+        let mut out = b"\x93NUMPY\x01\x00".to_vec();
+        let header = format!("{dictionary}\n");
+        out.extend((header.len() as u16).to_le_bytes());
+        out.extend(header.as_bytes());
+        out.extend(data);
+        out
+    }
+
+    fn read(bytes: &[u8]) -> Archive<Cursor<&[u8]>> {
+        Archive::new(Cursor::new(bytes)).unwrap()
+    }
+
+    #[test]
+    fn what_is_written_is_read_and_has_no_date() {
+        let array = Array {
+            name: "heat",
+            shape: &[2, 3],
+            data: &[1.0, 2.5, -3.0, 4.0, 5.0, 6.0],
+        };
+        let bytes = write(&[array]).unwrap();
+        // DOS date and time of the first local header: 1980-01-01, midnight.
+        assert_eq!(&bytes[10..14], &[0, 0, 0x21, 0]);
+        let mut archive = read(&bytes);
+        assert_eq!(archive.names(), ["heat"]);
+        let numbers = archive.numbers("heat").unwrap().unwrap();
+        assert_eq!(numbers.shape, [2, 3]);
+        assert_eq!(numbers.data, [1.0, 2.5, -3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(archive.numbers("other"), Ok(None));
+        let short = Array {
+            name: "a",
+            shape: &[2],
+            data: &[1.0],
+        };
+        assert!(write(&[short]).is_err(), "a value is missing");
+    }
+
+    #[test]
+    fn column_major_big_endian_integers_come_out_row_major() {
+        // [[1, 2, 3], [4, 5, 6]] stored by columns.
+        let data: Vec<u8> = [1_i16, 4, 2, 5, 3, 6]
+            .into_iter()
+            .flat_map(i16::to_be_bytes)
+            .collect();
+        let text = "{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }";
+        let bytes = archive("a", &npy(text, &data));
+        let numbers = read(&bytes).numbers("a").unwrap().unwrap();
+        assert_eq!(numbers.data, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn strings_of_both_kinds_are_read() {
+        let unicode: Vec<u8> = "äb\0c\0\0"
+            .chars()
+            .flat_map(|c| u32::from(c).to_le_bytes())
+            .collect();
+        let text = "{'descr': '<U3', 'fortran_order': False, 'shape': (2,), }";
+        let bytes = archive("a", &npy(text, &unicode));
+        assert_eq!(read(&bytes).texts("a").unwrap().unwrap(), ["äb", "c"]);
+        assert!(read(&bytes).numbers("a").is_err());
+        let text = "{'descr': '|S4', 'fortran_order': False, 'shape': (), }";
+        let bytes = archive("a", &npy(text, b"mm\0\0"));
+        assert_eq!(read(&bytes).texts("a").unwrap().unwrap(), ["mm"]);
+    }
+
+    #[test]
+    fn what_is_damaged_or_pickled_is_said() {
+        let data = [0_u8; 16];
+        let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }";
+        let whole = archive("a", &npy(text, &data));
+        for cut in [1, 10, 60, whole.len() - 1] {
+            assert!(Archive::new(Cursor::new(&whole[..cut])).is_err());
+        }
+        let few = archive("a", &npy(text, &data[..9]));
+        let error = read(&few).numbers("a").unwrap_err();
+        assert!(error.found.contains("9 bytes"), "{error}");
+        let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (4000000000,), }";
+        let huge = archive("a", &npy(huge, &data));
+        let error = read(&huge).numbers("a").unwrap_err();
+        assert!(error.found.contains("16 bytes"), "{error}");
+        let objects = "{'descr': '|O', 'fortran_order': False, 'shape': (), }";
+        let objects = archive("a", &npy(objects, &data));
+        let error = read(&objects).numbers("a").unwrap_err();
+        assert!(error.found.contains("pickled"), "{error}");
+        let mut flipped = whole.clone();
+        // Inside the compressed data, behind the local header.
+        flipped[45] ^= 0xff;
+        assert!(
+            read(&flipped).numbers("a").is_err(),
+            "the checksum is wrong"
+        );
+    }
+}
