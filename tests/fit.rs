@@ -4,10 +4,10 @@ mod fit_scene;
 
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 use edgecap::message::{BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, ObservationFrame};
 use fit_scene::measure::{Report, is_finite, line, run};
-use fit_scene::people::{self, Activity, Person};
+use fit_scene::people::{self, Activity, Counter, Person};
 use fit_scene::{Noise, Scene};
 use proptest::prelude::*;
 
@@ -218,6 +218,68 @@ fn the_height_comes_from_settings_or_floor() {
             "{height} taken for {found}"
         );
     }
+}
+
+/// Greatest and mean error of the root's distance, as a share, of somebody of known height behind a counter, from the first
+/// half second on. Panics where the person is lost or named anew.
+fn depth_behind_a_counter(counter: Counter, noise: Noise, seed: u64) -> (f64, f64) {
+    let legs = people::walk(0.0, 0.6, &[(-0.5, 4.0), (0.7, 4.4), (-0.2, 3.8)]);
+    let person = Person::new(seed, legs, Activity::Reach)
+        .of_height(1.70)
+        .behind(counter);
+    let mut scene = Scene::new(vec![person], noise, FPS, seed);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let (mut worst, mut sum, mut n) = (0.0f64, 0.0, 0.0);
+    for f in 0..240 {
+        let (frame, truths) = scene.next();
+        fitter.update(&frame, &mut out);
+        if f < 15 || truths[0].observation.is_none() {
+            continue;
+        }
+        let [body] = out.bodies() else {
+            panic!("frame {f}: {} bodies of one person", out.count);
+        };
+        assert_eq!(body.id, 1, "frame {f}: another name");
+        let z = truths[0].joints[PELVIS].z;
+        let error = (f64::from(body.position[2]) / z - 1.0).abs();
+        worst = worst.max(error);
+        sum += error;
+        n += 1.0;
+    }
+    (worst, sum / n)
+}
+
+#[test]
+fn invented_legs_move_nobody_away() {
+    let noise = Noise {
+        phantom: 0.0,
+        ..Noise::REAL
+    };
+    let mut wrong = Vec::new();
+    // Stage II may draw whole legs, or believe the picture; hardest is what contradicts only a little.
+    for (legs3d, most) in [(1.0, [0.18, 0.06]), (0.6, [0.3, 0.12]), (0.2, [0.2, 0.07])] {
+        for (from, to) in [(0.0, 5.0), (2.0, 6.0), (0.0, 99.0)] {
+            let counter = Counter {
+                from,
+                to,
+                legs2d: 0.2,
+                legs3d,
+            };
+            for seed in 1..=4 {
+                let (worst, mean) = depth_behind_a_counter(counter, noise, seed);
+                println!("{counter:?}, seed {seed}: worst {worst:.3}, mean {mean:.3}");
+                if worst > most[0] || mean > most[1] {
+                    wrong.push((legs3d, from, to, seed, worst, mean));
+                }
+            }
+            let (worst, mean) = depth_behind_a_counter(counter, Noise::NONE, 1);
+            if worst > most[0] {
+                wrong.push((legs3d, from, to, 0, worst, mean));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
 }
 
 #[test]

@@ -216,10 +216,10 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
             match stage2 {
                 Some(stage2) => {
                     for j in 0..BODY_JOINTS {
+                        let through = super::SEEN_THROUGH[j];
                         let hidden = usize::from(
-                            frame.people[truth.observation.unwrap()].joints2d
-                                [super::SEEN_THROUGH[j]][2]
-                                == 0.0,
+                            frame.people[truth.observation.unwrap()].joints2d[through][2] == 0.0
+                                || (truth.counter.is_some() && super::LEGS.contains(&through)),
                         );
                         report.stage2[j][hidden].add((stage2[j] - wanted[j]).length());
                         report.stage3[j][hidden].add((stage3[j] - wanted[j]).length());
