@@ -31,6 +31,7 @@ pub mod start;
 pub mod swap;
 pub mod track;
 pub mod trust;
+pub mod world;
 
 pub use config::FitConfig;
 pub use fitter::{FitCounters, Fitter};

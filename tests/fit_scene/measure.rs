@@ -390,23 +390,26 @@ pub fn limits(out: &BodyFrame, report: &mut Report) {
 
 /// Whether every number of every body is finite.
 pub fn is_finite(out: &BodyFrame) -> bool {
-    out.bodies().iter().all(|b| {
-        b.score.is_finite()
-            && b.height.is_finite()
-            && b.position
-                .iter()
-                .chain(&b.orientation)
-                .chain(&b.velocity)
-                .all(|v| v.is_finite())
-            && b.angles
-                .iter()
-                .chain(&b.confidence)
-                .chain(&b.bone_lengths)
-                .all(|v| v.is_finite())
-            && b.joints3d.iter().flatten().all(|v| v.is_finite())
-            && b.joints2d.iter().flatten().all(|v| v.is_finite())
-            && b.bone_rotations.iter().flatten().all(|v| v.is_finite())
-    })
+    let world = out.world.rotation.iter().chain(&out.world.translation);
+    let mut world = world.copied();
+    world.all(f32::is_finite)
+        && out.bodies().iter().all(|b| {
+            b.score.is_finite()
+                && b.height.is_finite()
+                && b.position
+                    .iter()
+                    .chain(&b.orientation)
+                    .chain(&b.velocity)
+                    .all(|v| v.is_finite())
+                && b.angles
+                    .iter()
+                    .chain(&b.confidence)
+                    .chain(&b.bone_lengths)
+                    .all(|v| v.is_finite())
+                && b.joints3d.iter().flatten().all(|v| v.is_finite())
+                && b.joints2d.iter().flatten().all(|v| v.is_finite())
+                && b.bone_rotations.iter().flatten().all(|v| v.is_finite())
+        })
 }
 
 fn check_finite(out: &BodyFrame, report: &mut Report) {
