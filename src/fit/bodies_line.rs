@@ -81,7 +81,7 @@ impl From<&BodyFrame> for BodiesLine {
 
 impl WorldLine {
     fn of(world: &World) -> Option<Self> {
-        world.is_known().then(|| Self {
+        world.is_known().then_some(Self {
             rotation: world.rotation,
             translation: world.translation,
             state: if world.state == WorldState::Given as u32 {

@@ -88,7 +88,7 @@ pub fn disagreement(evidence: &Evidence, root: DVec3, joint: usize) -> f64 {
 
 /// Weighted linear least squares: x·(tz + Z) = tx + X and likewise for y; tx and ty are eliminated by centring.
 fn least_squares(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<DVec3> {
-    let (w, mean_x, mean_a) = means(e, weights)?;
+    let (mean_x, mean_a) = means(e, weights)?;
     let (mut xx, mut xa) = (0.0, 0.0);
     for j in 0..EVIDENCE_JOINTS {
         let dx = e.plane[j] - mean_x;
@@ -98,7 +98,7 @@ fn least_squares(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<DVec3
     }
     let depth = -xa / xx;
     let root = (mean_x * depth + mean_a).extend(depth);
-    (w > 0.0 && root.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]).then_some(root)
+    (root.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]).then_some(root)
 }
 
 /// The root at a given distance, from head, neck and shoulders.
@@ -107,7 +107,7 @@ fn at_depth(e: &Evidence, depth: f64) -> Option<DVec3> {
     for j in [0, 1, 2, 5] {
         weights[j] = e.confidence[j];
     }
-    let (_, mean_x, mean_a) = means(e, &weights)?;
+    let (mean_x, mean_a) = means(e, &weights)?;
     let root = (mean_x * depth + mean_a).extend(depth);
     (root.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]).then_some(root)
 }
@@ -118,14 +118,15 @@ fn moment(e: &Evidence, joint: usize) -> DVec2 {
     e.plane[joint] * p.z - p.truncate()
 }
 
-fn means(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<(f64, DVec2, DVec2)> {
+/// Weighted means of x and of the moments.
+fn means(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<(DVec2, DVec2)> {
     let (mut w, mut x, mut a) = (0.0, DVec2::ZERO, DVec2::ZERO);
     for j in 0..EVIDENCE_JOINTS {
         w += weights[j];
         x += weights[j] * e.plane[j];
         a += weights[j] * moment(e, j);
     }
-    (w.is_finite() && w > 1e-9).then(|| (w, x / w, a / w))
+    (w.is_finite() && w > 1e-9).then(|| (x / w, a / w))
 }
 
 /// Least squares again with joints that disagree weighted down (Geman and McClure's weights).
