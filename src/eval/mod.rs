@@ -8,6 +8,7 @@ mod identity;
 mod jitter;
 mod keypoints;
 mod matching;
+pub mod multiview;
 mod mupots;
 mod noise;
 mod oks;
