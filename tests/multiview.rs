@@ -4,7 +4,7 @@ mod fit_scene;
 
 use edgecap::eval::multiview::{MultiviewCheck, MultiviewReport, View};
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{EVIDENCE_JOINTS, PELVIS};
+use edgecap::joints::PELVIS;
 use edgecap::message::{BodyFrame, Observation, ObservationFrame};
 use fit_scene::gauss;
 use fit_scene::people::{self, Activity, Person};
@@ -54,11 +54,11 @@ fn check(pixels: f64, space: f64) -> MultiviewReport {
                 score: 0.8,
                 ..Observation::default()
             };
-            for j in 0..EVIDENCE_JOINTS {
+            for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
                 let sigma = if v == 3 { pixels } else { 0.0 };
                 let noise = DVec2::new(gauss(&mut rng), gauss(&mut rng)) * sigma;
-                let p = view.project(joints[j]).expect("in front") + noise;
-                seen.joints2d[j] = [p.x as f32, p.y as f32, 0.8];
+                let p = view.project(joint).expect("in front") + noise;
+                *out = [p.x as f32, p.y as f32, 0.8];
             }
             for (j, out) in seen.joints3d.iter_mut().enumerate() {
                 let fixed = [8, 11, PELVIS].contains(&j);

@@ -76,7 +76,7 @@ pub struct Noise {
     pub lost: f64,
     /// Joint off by more than 0.3 m, per joint seen.
     pub outlier: f64,
-    /// Joints of a found person begin to be missing for half a second or longer, per person.
+    /// Joints of a found person begin to be missing for half a second or longer, per person; right within a factor of two.
     pub hidden: f64,
     /// Left and right of arms or legs exchanged in the picture, per person whose sides can be told apart.
     pub swap: f64,
