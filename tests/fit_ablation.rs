@@ -1,10 +1,20 @@
-//! Prints what each part of the fit is worth: `cargo test --release --test fit_ablation -- --ignored --nocapture`.
+//! Prints what each part of the fit is worth: `cargo test --release --test fit_ablation -- --ignored --nocapture`; with
+//! `PROFILE=measured` under the errors that were measured on rendered pictures.
 
 mod fit_scene;
 
 use edgecap::fit::FitConfig;
 use fit_scene::measure::{Report, all, line, run};
 use fit_scene::{Noise, Scene, people};
+
+/// The errors asked for.
+fn profile() -> Noise {
+    match std::env::var("PROFILE").as_deref() {
+        Ok("measured") => Noise::MEASURED,
+        Ok("assumed") | Err(_) => Noise::REAL,
+        Ok(other) => panic!("PROFILE={other}: expected assumed or measured"),
+    }
+}
 
 #[test]
 #[ignore = "prints a table; slow"]
@@ -15,7 +25,7 @@ fn quick_look() {
             ("crossing", people::crossing(), 900),
             ("wanderers", people::wanderers(300.0, seed), 9000),
         ] {
-            let mut scene = Scene::new(people, Noise::REAL, 30.0, seed);
+            let mut scene = Scene::new(people, profile(), 30.0, seed);
             let report = run(
                 &mut scene,
                 FitConfig::default(),
@@ -80,7 +90,7 @@ fn ablation() {
             (people::crossing(), 600, 5),
             (people::wanderers(60.0, 2), 1200, 2),
         ] {
-            let mut scene = Scene::new(cast, Noise::REAL, 30.0, seed);
+            let mut scene = Scene::new(cast, profile(), 30.0, seed);
             total.merge(&run(&mut scene, config.clone(), frames, 60, true));
         }
         println!(
@@ -121,7 +131,7 @@ fn calibration() {
         ("crossing", people::crossing(), 900),
         ("wanderers", people::wanderers(120.0, 3), 3600),
     ] {
-        let mut scene = Scene::new(people, Noise::REAL, 30.0, 9);
+        let mut scene = Scene::new(people, profile(), 30.0, 9);
         let r = run(&mut scene, FitConfig::default(), frames, 30, false);
         println!("{name}: claimed → true (share), all joints | not observed");
         for bin in 0..10 {

@@ -5,6 +5,8 @@
         for body in frame.people():
             print(body.id, list(body.position), body.joint("r_wrist"))
 
+`frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
+
 Camera frame: x right, y down, z forward, metres; pixels of the original picture; quaternions xyzw; times CLOCK_MONOTONIC
 nanoseconds.  The structures mirror `clients/rust/src/message.rs`, whose tests compare sizes and offsets with this file.
 """
@@ -14,6 +16,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from ctypes import c_float, c_uint8, c_uint32, c_uint64
+from dataclasses import dataclass
 
 MAX_PEOPLE, EVIDENCE_JOINTS, BODY_JOINTS, DOF, BINS, BONES = 32, 14, 21, 29, 30, 16
 FLAG_END_OF_STREAM, FLAG_FILE_TIME = 1, 2
@@ -27,6 +30,7 @@ HUMANOID_BONES = (
 ).split()
 STATES = ("tentative", "tracked", "predicted")
 JOINT_STATES = ("predicted", "occluded", "observed")
+WORLD_STATES = ("none", "estimated", "given")
 
 
 class Intrinsics(ctypes.Structure):
@@ -118,6 +122,60 @@ class Body(ctypes.Structure):
         return tuple(self.bone_rotations[HUMANOID_BONES.index(name)])
 
 
+@dataclass(frozen=True)
+class WorldBody:
+    """A body in the floor-aligned world: x to the camera's right, y up, z towards the viewer, metres."""
+
+    position: tuple[float, ...]
+    """Pelvis."""
+    orientation: tuple[float, ...]
+    """Rotation of the pelvis from the skeleton's rest axes to world axes, xyzw; upright and facing the camera: identity."""
+    velocity: tuple[float, ...]
+    """Pelvis velocity, metres per second."""
+    joints3d: list[tuple[float, ...]]
+
+    def joint(self, name: str) -> tuple[float, ...]:
+        """A joint, metres."""
+        return self.joints3d[JOINT_NAMES.index(name)]
+
+
+class World(ctypes.Structure):
+    """The floor-aligned world: world = rotation * camera + translation, origin on the floor below the camera."""
+
+    _fields_ = [("rotation", c_float * 4), ("translation", c_float * 3), ("_state", c_uint32)]
+
+    @property
+    def state(self) -> str:
+        """`none`, `estimated` (from standing feet) or `given` (by the settings)."""
+        return WORLD_STATES[self._state]
+
+    def direction(self, v) -> tuple[float, ...]:
+        """A direction or velocity given in camera axes."""
+        x, y, z, w = self.rotation
+        q = (x, y, z)
+        inner = [c + w * a for c, a in zip(_cross(q, v), v)]
+        return tuple(a + 2.0 * c for a, c in zip(v, _cross(q, inner)))
+
+    def point(self, p) -> tuple[float, ...]:
+        """A camera-space point, metres."""
+        return tuple(a + t for a, t in zip(self.direction(p), self.translation))
+
+    def orientation(self, q) -> tuple[float, ...]:
+        """An orientation given in camera axes, xyzw."""
+        ax, ay, az, aw = self.rotation
+        bx, by, bz, bw = q
+        return (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        )
+
+
+def _cross(a, b) -> tuple[float, float, float]:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
 class BodyFrame(ctypes.Structure):
     """Everyone with an identity."""
 
@@ -134,24 +192,36 @@ class BodyFrame(ctypes.Structure):
         ("flags", c_uint32),
         ("count", c_uint32),
         ("frame_total", c_uint32),
+        ("world", World),
         ("_bodies", Body * MAX_PEOPLE),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "EdgecapBodyFrameV1"
+        return "EdgecapBodyFrameV2"
 
     def people(self) -> list[Body]:
         """The valid bodies."""
         return list(self._bodies[: self.count])
 
+    def in_world(self, body: Body) -> WorldBody | None:
+        """A body of this frame in the floor-aligned world; None while there is no floor."""
+        if self.world.state == "none":
+            return None
+        return WorldBody(
+            position=self.world.point(body.position),
+            orientation=self.world.orientation(body.orientation),
+            velocity=self.world.direction(body.velocity),
+            joints3d=[self.world.point(p) for p in body.joints3d],
+        )
 
-def _stream(camera: str, stream: str, payload: type[ctypes.Structure], timeout_s: float) -> Iterator[ctypes.Structure]:
+
+def _stream(camera: str, stream: str, version: int, payload: type[ctypes.Structure], timeout_s: float) -> Iterator[ctypes.Structure]:
     import iceoryx2 as iox2
 
     iox2.set_log_level(iox2.LogLevel.Fatal)
     node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
-    name = f"edgecap/v1/{camera}/{stream}"
+    name = f"edgecap/v{version}/{camera}/{stream}"
     messages = node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
     wake = node.service_builder(iox2.ServiceName.new(name + "/wake")).event().open()
     subscriber = messages.subscriber_builder().create()
@@ -172,12 +242,12 @@ def _stream(camera: str, stream: str, payload: type[ctypes.Structure], timeout_s
 
 def bodies(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[BodyFrame]:
     """Every body frame, oldest unread first, until the input ends.  `edgecap run` or `edgecap fit` must have been started."""
-    return _stream(camera, "bodies", BodyFrame, timeout_s)
+    return _stream(camera, "bodies", 2, BodyFrame, timeout_s)
 
 
 def observations(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[ObservationFrame]:
     """Every observation frame, oldest unread first, until the input ends."""
-    return _stream(camera, "observations", ObservationFrame, timeout_s)
+    return _stream(camera, "observations", 1, ObservationFrame, timeout_s)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,9 @@ use std::io::Write;
 use serde::Serialize;
 
 use crate::joints::{BODY_JOINTS, DOF};
-use crate::message::{Body, BodyFrame, BodyState, HUMANOID_BONE_COUNT, JointState};
+use crate::message::{
+    Body, BodyFrame, BodyState, HUMANOID_BONE_COUNT, JointState, World, WorldState,
+};
 
 /// One frame of the bodies file. Metres and radians in camera axes, pixels of the original picture, quaternions xyzw.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -14,8 +16,23 @@ pub struct BodiesLine {
     pub frame: u64,
     /// The time the bodies are given for.
     pub time_ns: u64,
+    /// The floor-aligned world; absent while no floor is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub world: Option<WorldLine>,
     /// Everyone with an identity, by rising id.
     pub people: Vec<BodyLine>,
+}
+
+/// The floor-aligned world of a [`BodiesLine`]: x to the camera's right, y up, z towards the viewer, metres, origin on the floor
+/// below the camera. world = rotation · camera + translation.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WorldLine {
+    /// Camera axes to world axes.
+    pub rotation: [f32; 4],
+    /// The camera in the world.
+    pub translation: [f32; 3],
+    /// `estimated` from standing feet, or `given` by the settings.
+    pub state: &'static str,
 }
 
 /// One person of a [`BodiesLine`].
@@ -56,8 +73,23 @@ impl From<&BodyFrame> for BodiesLine {
         Self {
             frame: frame.sequence,
             time_ns: frame.pose_ns,
+            world: WorldLine::of(&frame.world),
             people: frame.bodies().iter().map(BodyLine::from).collect(),
         }
+    }
+}
+
+impl WorldLine {
+    fn of(world: &World) -> Option<Self> {
+        world.is_known().then_some(Self {
+            rotation: world.rotation,
+            translation: world.translation,
+            state: if world.state == WorldState::Given as u32 {
+                "given"
+            } else {
+                "estimated"
+            },
+        })
     }
 }
 
@@ -151,5 +183,15 @@ mod tests {
             );
         }
         assert!(people[0]["height"].is_number());
+        assert!(line.get("world").is_none(), "no floor, no world");
+        frame.world = World {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0, 1.5, 0.0],
+            state: WorldState::Estimated as u32,
+        };
+        let line = serde_json::to_value(BodiesLine::from(&frame)).unwrap();
+        assert_eq!(line["world"]["state"], "estimated");
+        assert_eq!(line["world"]["translation"][1], 1.5);
+        assert_eq!(line["world"]["rotation"].as_array().unwrap().len(), 4);
     }
 }

@@ -3,18 +3,13 @@
 
 use glam::{DVec2, DVec3};
 
+use super::placement::{DEPTHS, place};
 use super::skeleton::Posed;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 use crate::message::{Intrinsics, Observation};
 
-/// Fewest joints from which a person's distance can be told.
-const MIN_JOINTS: usize = 4;
-/// Most distant and nearest root, metres at canonical stature.
-const DEPTHS: [f64; 2] = [0.4, 150.0];
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;
-/// Error of a 2D joint, metres at the person's distance, beyond which it hardly counts for the root.
-const ROOT_SIGMA: f64 = 0.12;
 
 /// The body joint on the other side of the body (itself on the midline).
 const MIRROR_BODY: [usize; BODY_JOINTS] = [
@@ -53,7 +48,6 @@ impl Evidence {
                 0.0
             },
         };
-        let mut joints = 0;
         for (j, &[u, v, c]) in seen.joints2d.iter().enumerate() {
             let p = DVec2::new(
                 (u - camera.cx) as f64 / camera.fx as f64,
@@ -65,7 +59,6 @@ impl Evidence {
             {
                 evidence.plane[j] = p;
                 evidence.confidence[j] = c.min(1.0);
-                joints += 1;
             }
         }
         let pelvis = DVec3::from(seen.joints3d[PELVIS].map(f64::from));
@@ -81,63 +74,16 @@ impl Evidence {
         if !evidence.known3d {
             evidence.points3d = [DVec3::ZERO; BODY_JOINTS];
         }
-        if joints == 0 {
+        if evidence.joints_seen() == 0 {
             return None;
         }
-        if joints >= MIN_JOINTS && evidence.known3d {
-            evidence.root = evidence.place_root();
-        }
+        evidence.root = place(&evidence, None);
         Some(evidence)
     }
 
     /// Number of joints seen.
     pub fn joints_seen(&self) -> usize {
         self.confidence.iter().filter(|&&c| c > 0.0).count()
-    }
-
-    /// The root that best projects `points3d` onto `plane`: linear least squares, twice reweighted against outliers.
-    fn place_root(&self) -> Option<DVec3> {
-        let mut weights = self.confidence;
-        let mut root = DVec3::ZERO;
-        for round in 0..3 {
-            // x·(tz + Z) = tx + X and likewise for y; tx and ty eliminated by centring.
-            let (mut w, mut x, mut a) = (0.0, DVec2::ZERO, DVec2::ZERO);
-            for j in 0..EVIDENCE_JOINTS {
-                let p = self.points3d[j];
-                w += weights[j];
-                x += weights[j] * self.plane[j];
-                a += weights[j] * (self.plane[j] * p.z - p.truncate());
-            }
-            if w.is_nan() || w <= 1e-9 {
-                return None;
-            }
-            let (mean_x, mean_a) = (x / w, a / w);
-            let (mut xx, mut xa) = (0.0, 0.0);
-            for j in 0..EVIDENCE_JOINTS {
-                let p = self.points3d[j];
-                let dx = self.plane[j] - mean_x;
-                let da = self.plane[j] * p.z - p.truncate() - mean_a;
-                xx += weights[j] * dx.length_squared();
-                xa += weights[j] * dx.dot(da);
-            }
-            let depth = -xa / xx;
-            if !(depth.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]) {
-                return None;
-            }
-            root = (mean_x * depth + mean_a).extend(depth);
-            if round < 2 {
-                for j in 0..EVIDENCE_JOINTS {
-                    let q = root + self.points3d[j];
-                    let r2 = if q.z > 0.1 {
-                        ((q.truncate() / q.z - self.plane[j]) * depth).length_squared()
-                    } else {
-                        1.0
-                    };
-                    weights[j] = self.confidence[j] / (1.0 + r2 / (ROOT_SIGMA * ROOT_SIGMA));
-                }
-            }
-        }
-        root.is_finite().then_some(root)
     }
 
     /// Mean distance to a posed skeleton in the picture, metres at its distance, each joint's at most `cap`; `None`

@@ -17,6 +17,7 @@ use super::motion::MotionModel;
 use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use super::solver::Solver;
 use super::track::{Context, Track, clamp};
+use super::world::SteadyFloor;
 use crate::joints::{BODY_JOINTS, PELVIS};
 use crate::message::{
     Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
@@ -91,6 +92,7 @@ pub struct Fitter {
     next_id: u32,
     header: Option<Header>,
     feet: GroundEstimate,
+    floor: SteadyFloor,
     since_feet: f64,
     counters: FitCounters,
 }
@@ -132,6 +134,7 @@ impl Fitter {
             next_id: 1,
             header: None,
             feet: GroundEstimate::default(),
+            floor: SteadyFloor::default(),
             since_feet: 0.0,
             counters: FitCounters::default(),
         })
@@ -157,11 +160,12 @@ impl Fitter {
     }
 
     fn learn_ground(&mut self, dt: f64) {
+        if !self.config.estimate_ground || self.config.ground.is_some() {
+            return;
+        }
+        self.floor.follow(self.feet.ground(), dt);
         self.since_feet += dt;
-        if !self.config.estimate_ground
-            || self.config.ground.is_some()
-            || self.since_feet < FEET_EVERY
-        {
+        if self.since_feet < FEET_EVERY {
             return;
         }
         self.since_feet = 0.0;
@@ -205,7 +209,11 @@ impl Fitter {
             }
         };
         self.counters.frames += 1;
-        self.header = Some(Header::of(frame));
+        let header = Header::of(frame);
+        if self.header.is_some_and(|last| !last.same_camera(&header)) {
+            self.forget_floor();
+        }
+        self.header = Some(header);
         let camera = usable_camera(frame);
         let seen: Vec<Seen> = frame
             .people()
@@ -241,6 +249,7 @@ impl Fitter {
         if self.config.stills {
             self.present.clear();
             self.gone.clear();
+            self.forget_floor();
             return Some(STEP[0]);
         }
         let (now, before) = (frame.capture_ns, last.capture_ns);
@@ -269,7 +278,15 @@ impl Fitter {
     fn start_over(&mut self) {
         self.present.clear();
         self.gone.clear();
+        self.forget_floor();
         self.counters.restarts += 1;
+    }
+
+    /// Another view: feet that stood before say nothing about it.
+    fn forget_floor(&mut self) {
+        self.feet = GroundEstimate::default();
+        self.floor.forget();
+        self.since_feet = 0.0;
     }
 
     fn leave_all(&mut self, at_ns: u64) {
@@ -530,6 +547,8 @@ impl Fitter {
         out.flags = header.flags;
         out.frame_total = header.frame_total;
         out.count = known.len() as u32;
+        let given = self.config.ground.as_ref().and_then(Ground::from_config);
+        out.world = self.floor.world(given);
         for (body, track) in out.bodies.iter_mut().zip(&known) {
             self.write_body(track, ahead, &header.intrinsics, body);
         }
@@ -598,6 +617,11 @@ impl Header {
             flags: frame.flags,
             frame_total: frame.frame_total,
         }
+    }
+
+    /// Whether the picture has the same size and camera.
+    fn same_camera(&self, other: &Self) -> bool {
+        (self.width, self.height, self.intrinsics) == (other.width, other.height, other.intrinsics)
     }
 }
 

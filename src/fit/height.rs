@@ -3,7 +3,8 @@
 use super::config::FitConfig;
 use super::ground::{ANKLE, Ground};
 use super::skeleton::Posed;
-use crate::joints::CANONICAL_STATURE;
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
+use crate::message::JointState;
 
 /// Statures that are believed, metres.
 const BELIEVED: [f64; 2] = [0.8, 2.3];
@@ -35,8 +36,13 @@ impl Stature {
     }
 
     /// Takes in a fit at canonical stature. Only a known floor tells a stature: the person is as tall as it takes for the
-    /// lower foot to reach it.
-    pub fn update(&mut self, config: &FitConfig, posed: &Posed) {
+    /// lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
+    pub fn update(
+        &mut self,
+        config: &FitConfig,
+        posed: &Posed,
+        states: &[JointState; BODY_JOINTS],
+    ) {
         if config.height.is_some() {
             return;
         }
@@ -44,11 +50,12 @@ impl Stature {
             return;
         };
         let stature = [10, 13]
+            .into_iter()
+            .filter(|&ankle| states[ankle] == JointState::Observed)
             .map(|ankle| {
                 let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
                 CANONICAL_STATURE as f64 * ground.offset / below
             })
-            .into_iter()
             .filter(|s| *s > 0.0)
             .fold(f64::INFINITY, f64::min);
         if !(stature > BELIEVED[0] && stature < BELIEVED[1]) {
@@ -84,6 +91,7 @@ mod tests {
         };
         let mut stature = Stature::default();
         assert_eq!(stature.metres(&config), 1.70);
+        let seen = [JointState::Observed; BODY_JOINTS];
         let mut posed = Posed::default();
         for i in 0..200 {
             let mut pose = Pose::facing_camera(3.0 + 0.01 * f64::from(i));
@@ -93,7 +101,11 @@ mod tests {
             let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
             pose.position.y += (camera_height - jump) / scale - ANKLE - low;
             s.pose(&pose, s.lengths(), &mut posed);
-            stature.update(&config, &posed);
+            stature.update(&config, &posed, &seen);
+            // Feet that nobody sees say nothing, wherever they are.
+            pose.position.y -= 0.5;
+            s.pose(&pose, s.lengths(), &mut posed);
+            stature.update(&config, &posed, &[JointState::Occluded; BODY_JOINTS]);
         }
         assert!(
             (stature.metres(&config) - truth).abs() < 0.03,

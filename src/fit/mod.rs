@@ -24,11 +24,14 @@ pub mod limbs;
 pub mod motion;
 pub mod offline;
 pub mod one_euro;
+pub mod placement;
 pub mod skeleton;
 pub mod solver;
 pub mod start;
 pub mod swap;
 pub mod track;
+pub mod trust;
+pub mod world;
 
 pub use config::FitConfig;
 pub use fitter::{FitCounters, Fitter};

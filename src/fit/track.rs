@@ -12,10 +12,12 @@ use super::height::Stature;
 use super::limbs::LIMBS;
 use super::motion::{Motion, MotionModel};
 use super::one_euro::OneEuro;
+use super::placement::place;
 use super::skeleton::{BoneLengths, Pose, Posed, Skeleton};
 use super::solver::{Effort, Problem, Solution, Solver};
 use super::start::{best_branch, first_pose};
 use super::swap::SwapMemory;
+use super::trust::Trust;
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
 
@@ -112,12 +114,15 @@ pub struct Track {
     outliers2d: [u8; EVIDENCE_JOINTS],
     outliers3d: [u8; BODY_JOINTS],
     swaps: SwapMemory,
+    trust: Trust,
     doubt: f64,
 }
 
 impl Track {
     /// Starts a person from a first observation; `None` if it does not determine a pose.
     pub fn start(evidence: &Evidence, cx: &mut Context<'_>) -> Option<Self> {
+        let evidence = &mut evidence.clone();
+        let trust = Trust::first(evidence);
         let mut track = Self {
             id: 0,
             hits: 0,
@@ -138,6 +143,7 @@ impl Track {
             outliers2d: [0; EVIDENCE_JOINTS],
             outliers3d: [0; BODY_JOINTS],
             swaps: SwapMemory::default(),
+            trust,
             doubt: 0.0,
         };
         let pose = track.pose;
@@ -167,6 +173,8 @@ impl Track {
             return;
         }
         self.swaps.undo(&mut evidence, &expected, dt);
+        evidence.root = place(&evidence, Some(predicted.position.z));
+        self.trust.judge(&mut evidence, dt);
         self.filter(&mut evidence, &expected, dt, cx);
         let depth = predicted.position.z.max(0.3);
         let mut targets = self.targets(&evidence, predicted, depth, cx);
@@ -479,7 +487,7 @@ impl Track {
             &self.states,
             dt,
         );
-        self.stature.update(cx.config, &self.posed);
+        self.stature.update(cx.config, &self.posed, &self.states);
     }
 
     fn settle(&mut self, e: &Evidence, targets: &Targets) {

@@ -216,10 +216,10 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
             match stage2 {
                 Some(stage2) => {
                     for j in 0..BODY_JOINTS {
+                        let through = super::SEEN_THROUGH[j];
                         let hidden = usize::from(
-                            frame.people[truth.observation.unwrap()].joints2d
-                                [super::SEEN_THROUGH[j]][2]
-                                == 0.0,
+                            frame.people[truth.observation.unwrap()].joints2d[through][2] == 0.0
+                                || (truth.counter.is_some() && super::LEGS.contains(&through)),
                         );
                         report.stage2[j][hidden].add((stage2[j] - wanted[j]).length());
                         report.stage3[j][hidden].add((stage3[j] - wanted[j]).length());
@@ -390,23 +390,26 @@ pub fn limits(out: &BodyFrame, report: &mut Report) {
 
 /// Whether every number of every body is finite.
 pub fn is_finite(out: &BodyFrame) -> bool {
-    out.bodies().iter().all(|b| {
-        b.score.is_finite()
-            && b.height.is_finite()
-            && b.position
-                .iter()
-                .chain(&b.orientation)
-                .chain(&b.velocity)
-                .all(|v| v.is_finite())
-            && b.angles
-                .iter()
-                .chain(&b.confidence)
-                .chain(&b.bone_lengths)
-                .all(|v| v.is_finite())
-            && b.joints3d.iter().flatten().all(|v| v.is_finite())
-            && b.joints2d.iter().flatten().all(|v| v.is_finite())
-            && b.bone_rotations.iter().flatten().all(|v| v.is_finite())
-    })
+    let world = out.world.rotation.iter().chain(&out.world.translation);
+    let mut world = world.copied();
+    world.all(f32::is_finite)
+        && out.bodies().iter().all(|b| {
+            b.score.is_finite()
+                && b.height.is_finite()
+                && b.position
+                    .iter()
+                    .chain(&b.orientation)
+                    .chain(&b.velocity)
+                    .all(|v| v.is_finite())
+                && b.angles
+                    .iter()
+                    .chain(&b.confidence)
+                    .chain(&b.bone_lengths)
+                    .all(|v| v.is_finite())
+                && b.joints3d.iter().flatten().all(|v| v.is_finite())
+                && b.joints2d.iter().flatten().all(|v| v.is_finite())
+                && b.bone_rotations.iter().flatten().all(|v| v.is_finite())
+        })
 }
 
 fn check_finite(out: &BodyFrame, report: &mut Report) {

@@ -39,7 +39,20 @@ pub struct Person {
     /// Direction faced when standing, 0 towards the camera.
     pub facing: f64,
     pub clothes: [[f64; APPEARANCE_BINS]; 2],
+    /// Seconds between which a counter hides everything below the hips and the network invents legs near them.
+    pub counter: Option<Counter>,
     offset: f64,
+}
+
+/// Invented legs.
+#[derive(Debug, Clone, Copy)]
+pub struct Counter {
+    pub from: f64,
+    pub to: f64,
+    /// Length of the invented legs in the picture, as a share of the true.
+    pub legs2d: f64,
+    /// The same of Stage II's.
+    pub legs3d: f64,
 }
 
 struct Names {
@@ -109,8 +122,19 @@ impl Person {
             activity,
             facing: rng.random_range(-0.6..0.6),
             clothes,
+            counter: None,
             offset: rng.random_range(0.0..10.0),
         }
+    }
+
+    pub fn behind(mut self, counter: Counter) -> Self {
+        self.counter = Some(counter);
+        self
+    }
+
+    /// The counter, while the person is behind it.
+    pub fn counter_at(&self, t: f64) -> Option<Counter> {
+        self.counter.filter(|c| t >= c.from && t < c.to)
     }
 
     pub fn of_height(mut self, height: f64) -> Self {

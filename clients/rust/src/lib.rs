@@ -20,7 +20,9 @@ mod link;
 pub mod message;
 mod publisher;
 mod subscriber;
+mod world;
 
-pub use link::{BUFFER, LinkError, MAX_SUBSCRIBERS, Message};
+pub use link::{BUFFER, LinkError, MAX_SUBSCRIBERS, Message, service_name};
 pub use publisher::Publisher;
 pub use subscriber::{Received, Subscriber};
+pub use world::WorldBody;

@@ -1,6 +1,6 @@
 //! Shared-memory services: their names, capacities, and the errors of connecting to them.
 //!
-//! Services are called `edgecap/v1/<camera>/<stream>`; beside each lies an event service of the same name plus `/wake`, so
+//! Services are called `edgecap/v<version>/<camera>/<stream>`, the version being that of the stream's message; beside each lies an event service of the same name plus `/wake`, so
 //! that nobody polls. Opening creates what is not there yet: processes may start in any order.
 
 use iceoryx2::node::NodeBuilder;
@@ -18,14 +18,23 @@ pub const BUFFER: usize = 16;
 pub trait Message: ZeroCopySend + Copy + Default + core::fmt::Debug + 'static {
     /// Last part of the service's name.
     const STREAM: &'static str;
+    /// Version of its layout; part of the service's name, so that readers of another version never see it.
+    const VERSION: u32;
+}
+
+/// Name of a camera's stream of `M`.
+pub fn service_name<M: Message>(camera: &str) -> String {
+    format!("edgecap/v{}/{camera}/{}", M::VERSION, M::STREAM)
 }
 
 impl Message for ObservationFrame {
     const STREAM: &'static str = "observations";
+    const VERSION: u32 = 1;
 }
 
 impl Message for BodyFrame {
     const STREAM: &'static str = "bodies";
+    const VERSION: u32 = 2;
 }
 
 /// Why a stream could not be opened or used.
@@ -85,7 +94,7 @@ impl<M: Message> Link<M> {
             return Err(LinkError::Name(camera.to_owned()));
         }
         set_log_level(LogLevel::Fatal);
-        let service = format!("edgecap/v1/{camera}/{}", M::STREAM);
+        let service = service_name::<M>(camera);
         let failed = |cause: String| LinkError::SharedMemory {
             service: service.clone(),
             cause,

@@ -268,9 +268,50 @@ impl Default for Body {
     }
 }
 
+/// Where the floor of a [`World`] comes from; the values of [`World::state`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u32)]
+pub enum WorldState {
+    /// No floor is known: there is no world.
+    #[default]
+    None = 0,
+    /// The floor was found from standing feet; it is as large or small as the heights that people are taken for.
+    Estimated = 1,
+    /// The floor is given by the settings.
+    Given = 2,
+}
+
+/// The floor-aligned world: x to the camera's right along the floor, y up, z towards the viewer (right-handed), metres, origin
+/// on the floor below the camera. world = rotation · camera + translation.
+///
+/// An estimated world appears once enough feet have stood about. After that it turns by at most 0.5° and rises by at most 3 cm
+/// a second. It is forgotten where the input starts over (another recording, a pause longer than the identities' memory) and
+/// where the picture's size or intrinsics change.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("EdgecapWorldV1")]
+#[repr(C)]
+pub struct World {
+    /// Rotation from camera axes to world axes, xyzw.
+    pub rotation: [f32; 4],
+    /// The camera in the world: (0, its height above the floor, 0), metres.
+    pub translation: [f32; 3],
+    /// A [`WorldState`]; without a world rotation and translation are those of no motion.
+    pub state: u32,
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self {
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            translation: [0.0; 3],
+            state: WorldState::None as u32,
+        }
+    }
+}
+
 /// Everyone with an identity: `fit` → local apps.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("EdgecapBodyFrameV1")]
+#[type_name("EdgecapBodyFrameV2")]
 #[repr(C)]
 pub struct BodyFrame {
     /// [`ObservationFrame::sequence`] of the newest frame behind this message.
@@ -297,6 +338,8 @@ pub struct BodyFrame {
     pub count: u32,
     /// [`ObservationFrame::frame_total`].
     pub frame_total: u32,
+    /// The floor-aligned world; [`BodyFrame::in_world`] takes bodies there.
+    pub world: World,
     /// The bodies, by rising id.
     pub bodies: [Body; MAX_PEOPLE],
 }
@@ -316,6 +359,7 @@ impl Default for BodyFrame {
             flags: 0,
             count: 0,
             frame_total: 0,
+            world: World::default(),
             bodies: [Body::default(); MAX_PEOPLE],
         }
     }

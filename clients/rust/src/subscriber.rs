@@ -10,6 +10,9 @@ use iceoryx2::sample::Sample;
 
 use crate::link::{BUFFER, Link, LinkError, Message};
 
+/// The kernel counts waits in microseconds and takes none for a wait without end: shorter ones only look.
+const SHORTEST_WAIT: Duration = Duration::from_micros(10);
+
 /// A reader of a stream; any process on the machine may have several.
 #[derive(Debug)]
 pub struct Subscriber<M: Message> {
@@ -64,7 +67,12 @@ impl<M: Message> Subscriber<M> {
         }
         // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive. A wake-up that
         // belongs to a message read above ends this wait early; the caller sees `None` and comes back.
-        match self.listener.timed_wait(|_| {}, timeout) {
+        let woken = if timeout < SHORTEST_WAIT {
+            self.listener.try_wait(|_| {})
+        } else {
+            self.listener.timed_wait(|_| {}, timeout)
+        };
+        match woken {
             // A signal handler ran: the caller looks at its stop flag and comes back.
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => {}
             Err(e) => return Err(self.link.failed(e)),

@@ -1,16 +1,14 @@
-//! The Python client's structures must lie in memory as ours do.
+//! The Python client's structures must lie in memory as ours do, and its world be ours.
 
+use std::fmt::Debug;
 use std::mem::{offset_of, size_of};
 use std::process::Command;
+use std::str::FromStr;
 
-use edgecap_client::message::{Body, BodyFrame, Observation, ObservationFrame};
+use edgecap_client::message::{Body, BodyFrame, Observation, ObservationFrame, World, WorldState};
 
-#[test]
-fn python_structures_have_the_same_layout() {
-    let script = "import edgecap as e, ctypes\n\
-        for t in (e.Observation, e.ObservationFrame, e.Body, e.BodyFrame): print(ctypes.sizeof(t))\n\
-        print(e.ObservationFrame.flags.offset, e.ObservationFrame._people.offset)\n\
-        print(e.Body.joints3d.offset, e.Body._joint_states.offset, e.BodyFrame.fit_us.offset, e.BodyFrame._bodies.offset)";
+/// The numbers that a Python script prints; `None` without Python.
+fn python<T: FromStr<Err: Debug>>(script: &str) -> Option<Vec<T>> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../python");
     let run = Command::new("python3")
         .args(["-B", "-c", script])
@@ -18,29 +16,91 @@ fn python_structures_have_the_same_layout() {
         .output();
     let Ok(output) = run else {
         eprintln!("skipped: no python3 on this machine");
-        return;
+        return None;
     };
     assert!(
         output.status.success(),
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    let found: Vec<usize> = String::from_utf8(output.stdout)
-        .unwrap()
-        .split_whitespace()
-        .map(|n| n.parse().unwrap())
-        .collect();
+    let text = String::from_utf8(output.stdout).unwrap();
+    Some(
+        text.split_whitespace()
+            .map(|n| n.parse().unwrap())
+            .collect(),
+    )
+}
+
+#[test]
+fn python_structures_have_the_same_layout() {
+    let script = "import edgecap as e, ctypes\n\
+        for t in (e.Observation, e.ObservationFrame, e.Body, e.World, e.BodyFrame): print(ctypes.sizeof(t))\n\
+        print(e.ObservationFrame.flags.offset, e.ObservationFrame._people.offset)\n\
+        print(e.Body.joints3d.offset, e.Body._joint_states.offset, e.BodyFrame.fit_us.offset, e.BodyFrame.world.offset, e.World._state.offset, e.BodyFrame._bodies.offset)";
+    let Some(found) = python::<usize>(script) else {
+        return;
+    };
     let expected = [
         size_of::<Observation>(),
         size_of::<ObservationFrame>(),
         size_of::<Body>(),
+        size_of::<World>(),
         size_of::<BodyFrame>(),
         offset_of!(ObservationFrame, flags),
         offset_of!(ObservationFrame, people),
         offset_of!(Body, joints3d),
         offset_of!(Body, joint_states),
         offset_of!(BodyFrame, fit_us),
+        offset_of!(BodyFrame, world),
+        offset_of!(World, state),
         offset_of!(BodyFrame, bodies),
     ];
     assert_eq!(found, expected);
+}
+
+#[test]
+fn python_takes_bodies_to_the_same_world() {
+    let mut frame = BodyFrame {
+        count: 1,
+        world: World {
+            rotation: [0.98, 0.05, -0.03, 0.19],
+            translation: [0.0, 1.6, 0.0],
+            state: WorldState::Estimated as u32,
+        },
+        ..BodyFrame::default()
+    };
+    let body = Body {
+        position: [0.4, 0.9, 3.5],
+        orientation: [0.9, 0.1, 0.2, 0.3],
+        velocity: [0.3, -0.2, 0.7],
+        ..Body::default()
+    };
+    frame.bodies[0] = body;
+    let script = "import edgecap as e\n\
+        f = e.BodyFrame(count=1)\n\
+        b = f._bodies[0]\n\
+        b.position[:] = (0.4, 0.9, 3.5); b.orientation[:] = (0.9, 0.1, 0.2, 0.3); b.velocity[:] = (0.3, -0.2, 0.7)\n\
+        b.joints3d[20][:] = (1.0, 2.0, 3.0)\n\
+        assert f.in_world(b) is None and f.world.state == 'none'\n\
+        f.world.rotation[:] = (0.98, 0.05, -0.03, 0.19); f.world.translation[:] = (0.0, 1.6, 0.0); f.world._state = 1\n\
+        w = f.in_world(f.people()[0])\n\
+        print(*w.position, *w.orientation, *w.velocity, *w.joints3d[20], *w.joint('l_foot_tip'))";
+    frame.bodies[0].joints3d[20] = [1.0, 2.0, 3.0];
+    let Some(found) = python::<f32>(script) else {
+        return;
+    };
+    let there = frame.in_world(&frame.bodies[0]).unwrap();
+    let tip = there.joints3d[20];
+    let expected = [
+        &there.position[..],
+        &there.orientation,
+        &there.velocity,
+        &tip,
+        &tip,
+    ]
+    .concat();
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(&expected) {
+        assert!((a - b).abs() < 1e-5, "{found:?} is not {expected:?}");
+    }
 }

@@ -30,6 +30,19 @@ fn messages_arrive_in_order_and_whole() {
 }
 
 #[test]
+fn no_patience_is_no_wait() {
+    let camera = camera("impatient");
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
+    for timeout in [Duration::ZERO, Duration::from_nanos(500)] {
+        assert!(subscriber.next(timeout).unwrap().is_none());
+    }
+    publisher.publish(&BodyFrame::default()).unwrap();
+    assert!(subscriber.next(Duration::ZERO).unwrap().is_some());
+    assert!(subscriber.next(Duration::ZERO).unwrap().is_none());
+}
+
+#[test]
 fn a_slow_reader_loses_its_oldest_messages_only() {
     let camera = camera("overflow");
     let publisher = Publisher::<ObservationFrame>::open(&camera).unwrap();

@@ -8,8 +8,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use edgecap_client::Subscriber;
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::{Subscriber, service_name};
 
 use super::exit::{self, Failure};
 use super::infer::EngineArgs;
@@ -128,8 +128,9 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let bodies = Subscriber::<BodyFrame>::open(&chosen.name)?;
     let mut table = Table::new();
     table.say(&format!(
-        "{} → shared memory edgecap/v1/{}/bodies (Ctrl-C stops)",
-        chosen.spec, chosen.name
+        "{} → shared memory {} (Ctrl-C stops)",
+        chosen.spec,
+        service_name::<BodyFrame>(&chosen.name)
     ));
 
     let mut fit = Supervised::start("fit", args.fit_args(&chosen))?;

@@ -1,0 +1,133 @@
+//! How well one view knows what the others see: several calibrated videos of one person, no other truth.
+//!
+//! ```text
+//! cargo run --release --features mp4 --example multiview_check -- --calibration single/calibration/Calib.qca.txt \
+//!     --videos single/videos [--model models/edgecap.ecm] [--program target/release/edgecap]
+//! cargo run --release --example multiview_check -- --calibration Calib.qca.txt --observations cam01.jsonl cam02.jsonl cam03.jsonl cam04.jsonl
+//! ```
+//!
+//! With `--videos` every view goes through `edgecap infer` with its own camera first; videos are named after the calibration's
+//! cameras. The views but one are triangulated, reprojected into the one left out, and compared with that view's own 2D and
+//! with the fit to that view alone; Stage II and Stage III against the triangulated joints in space.
+
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+use clap::Parser;
+use edgecap::eval::multiview::{MultiviewCheck, View, read_qtm};
+use edgecap::fit::offline::{CameraSource, ObservationReader};
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::message::{BodyFrame, ObservationFrame};
+
+#[derive(Debug, Parser)]
+struct Args {
+    /// QTM calibration (.qca.txt).
+    #[arg(long)]
+    calibration: PathBuf,
+    /// Folder of synchronised videos, one a camera, named like the calibration's cameras.
+    #[arg(long, required_unless_present = "observations")]
+    videos: Option<PathBuf>,
+    /// What `infer --jsonl` wrote, one file a camera in the calibration's order.
+    #[arg(long, num_args = 2.., conflicts_with = "videos")]
+    observations: Vec<PathBuf>,
+    /// Network for --videos [default: the program's own].
+    #[arg(long)]
+    model: Option<PathBuf>,
+    /// The program that --videos runs.
+    #[arg(long, default_value = "target/release/edgecap")]
+    program: PathBuf,
+    /// Pixels within which views must agree on a joint.
+    #[arg(long, default_value_t = 25.0)]
+    agree: f64,
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    let name = args.calibration.display().to_string();
+    let text = std::fs::read_to_string(&args.calibration)
+        .with_context(|| format!("cannot read {name}"))?;
+    let views = read_qtm(&text, &name)?;
+    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let files = match &args.videos {
+        Some(videos) => views
+            .iter()
+            .map(|v| infer(&args, v, videos, folder.path()))
+            .collect::<anyhow::Result<Vec<_>>>()?,
+        None => args.observations.clone(),
+    };
+    ensure!(
+        files.len() == views.len(),
+        "expected one observation file for each of the {} cameras of {name}, found {}",
+        views.len(),
+        files.len()
+    );
+    let streams = views
+        .iter()
+        .zip(&files)
+        .map(|(view, file)| fitted(view, file))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let frames = streams.iter().map(Vec::len).min().unwrap_or(0);
+    let mut check = MultiviewCheck::new(views, args.agree);
+    for k in 0..frames {
+        let moment: Vec<_> = streams.iter().map(|s| s[k]).collect();
+        check.add(&moment);
+    }
+    print!("{}", check.finish());
+    Ok(())
+}
+
+/// Runs a view's video through the network and says where the observations are.
+fn infer(args: &Args, view: &View, videos: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
+    let camera = folder.join(format!("{}.toml", view.name));
+    let lens = view.intrinsics();
+    let mut file = File::create(&camera)?;
+    writeln!(
+        file,
+        "fx = {}\nfy = {}\ncx = {}\ncy = {}\nwidth = {}\nheight = {}",
+        lens.fx, lens.fy, lens.cx, lens.cy, view.size[0], view.size[1]
+    )?;
+    let out = folder.join(format!("{}.jsonl", view.name));
+    let mut command = Command::new(&args.program);
+    command.arg("infer").arg("--camera").arg(&camera);
+    let video = videos.join(format!("{}.mp4", view.name));
+    command.arg("--input").arg(video).arg("--jsonl").arg(&out);
+    if let Some(model) = &args.model {
+        command.arg("--model").arg(model);
+    }
+    let status = command
+        .status()
+        .with_context(|| format!("cannot run {}", args.program.display()))?;
+    if !status.success() {
+        bail!("{command:?} ended with {status}");
+    }
+    Ok(out)
+}
+
+/// Every frame of a view with the fit to it alone.
+fn fitted(view: &View, path: &Path) -> anyhow::Result<Vec<(ObservationFrame, BodyFrame)>> {
+    let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let lens = |_: u32, _: u32| Ok(view.intrinsics());
+    let camera = CameraSource::Given(&lens);
+    let mut reader =
+        ObservationReader::new(BufReader::new(file), path.display().to_string(), camera);
+    let mut fitter = Fitter::new(FitConfig::default())?;
+    let (mut seen, mut bodies) = (ObservationFrame::default(), BodyFrame::default());
+    let mut frames = Vec::new();
+    while reader.read(&mut seen)? {
+        ensure!(
+            [seen.width, seen.height] == view.size,
+            "expected pictures of {:?} pixels as {} is calibrated for, found {}x{} in {}",
+            view.size,
+            view.name,
+            seen.width,
+            seen.height,
+            path.display()
+        );
+        fitter.update(&seen, &mut bodies);
+        frames.push((seen, bodies));
+    }
+    Ok(frames)
+}
