@@ -43,8 +43,8 @@ impl Default for AssociationConfig {
     fn default() -> Self {
         Self {
             neck_threshold: 0.5,
-            joint_threshold: 0.25,
-            limb_threshold: 0.1,
+            joint_threshold: 0.15,
+            limb_threshold: 0.2,
             pass_ratio: 0.6,
             absurd_length: 2.5,
             merge_distance: 0.08,
