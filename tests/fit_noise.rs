@@ -77,7 +77,7 @@ fn errors_are_measured_as_they_were_made() {
             miss: 0.1,
             burst: 0.01,
             lost: 0.06,
-            outlier: 0.005,
+            outlier: 0.02,
             hidden: 0.01,
             swap: 0.05,
             phantom: 0.2,

@@ -196,7 +196,8 @@ fn open_file(path: &Path) -> Result<Box<dyn Source>, CaptureError> {
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }
 
-/// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it.
+/// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it: a
+/// name counts only for kinds whose first bytes do not tell.
 fn is_film(head: &[u8], path: &Path) -> bool {
     let container = is_avi(head)
         || head.get(4..8) == Some(b"ftyp")
@@ -206,8 +207,8 @@ fn is_film(head: &[u8], path: &Path) -> bool {
     container
         || path.extension().is_some_and(|e| {
             [
-                "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "m2ts", "wmv",
-                "flv", "ogv", "3gp", "h264", "265", "264", "gif",
+                "mp4", "m4v", "mov", "mpg", "mpeg", "ts", "m2ts", "wmv", "3gp", "h264", "265",
+                "264", "gif",
             ]
             .iter()
             .any(|k| e.eq_ignore_ascii_case(k))
