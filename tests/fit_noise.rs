@@ -71,7 +71,7 @@ fn errors_are_measured_as_they_were_made() {
             white2d: 0.04,
             time2d: 0.8,
             slow3d: 0.05,
-            white3d: 0.02,
+            white3d: 0.04,
             time3d: 0.2,
             hidden3d: 1.5,
             miss: 0.1,

@@ -90,8 +90,9 @@ impl TransformedWeights {
         for (oc, &bias) in bias.iter().enumerate() {
             let t = i64::from(result.factor[oc]);
             for kernel in &exact[oc * depth..(oc + 1) * depth] {
-                let points = (0..POINTS)
-                    .map(|i| round_576(f64::from(kernel[i]) * (t << result.shift[i]) as f64) as i16);
+                let points = (0..POINTS).map(|i| {
+                    round_576(f64::from(kernel[i]) * (t << result.shift[i]) as f64) as i16
+                });
                 result.weights.extend(points);
             }
             let start = i64::from(bias) * (t << shift[BIAS_POINT]);
