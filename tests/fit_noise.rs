@@ -62,6 +62,8 @@ fn parts(what: &str, found: Spread, slow: f64, white: f64, time: f64) {
     near(&format!("{what} time"), found.time, time, 0.25);
 }
 
+/// In both profiles every part stands out from what the others leak into it: white noise far below the slow part is the small
+/// difference of large numbers (2 cm beside 5 cm were read as 2.4 cm), and exchanged sides look like 0.2 % of far-off joints.
 #[test]
 fn errors_are_measured_as_they_were_made() {
     for made in [
@@ -97,7 +99,8 @@ fn errors_are_measured_as_they_were_made() {
         near("lost", n.lost, made.lost, 0.15);
         near("outlier", n.outlier, made.outlier, 0.25);
         // Gaps are cut and joined by everything else: right within a factor of two.
-        near("hidden", n.hidden, made.hidden, 1.0);
+        let hidden = n.hidden / made.hidden;
+        assert!((0.5..=2.0).contains(&hidden), "hidden: {hidden} times");
         near("swap", n.swap, made.swap, 0.5);
         near("phantom", n.phantom, made.phantom, 0.3);
         assert!(n.absent < 0.02);

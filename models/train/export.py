@@ -26,7 +26,7 @@ from real import decode_all, load_photos, load_set
 from skeleton import BONES_AT, CANONICAL_STATURE_M, JOINTS14, JOINTS21, LIMBS, PARENTS21, STRIDE, VIEW_ALIGNED
 
 TRAINED_ON = (
-    "Leeds Sports Pose (train) and LSP-Extended, INRIA negatives, synthetic people from CC0 MakeHuman assets "
+    "Leeds Sports Pose (train) and LSP-Extended, INRIA negatives, synthetic people (CC0 MakeHuman assets, `edgecap synth`) "
     "posed by CMU and DeepMimic motion; where the pack holds a teacher's answers, depth and missing joints of real photos by BlazePose"
 )
 

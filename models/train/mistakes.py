@@ -38,13 +38,6 @@ class Mistakes:
     at: Tensor
     off: Tensor
 
-    @staticmethod
-    def load(path: pathlib.Path, device: torch.device) -> Mistakes:
-        """In a fixed random order: the first few are a fair sample."""
-        d = torch.load(path, map_location="cpu", weights_only=True)["mistakes"]
-        i = torch.randperm(len(d["conf"]), generator=torch.Generator().manual_seed(0))
-        return Mistakes(**{k: v[i].to(device) for k, v in d.items()})
-
     def apply(self, uv: Tensor, stature_px: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor]:
         """Pixels [n, 14, 2] and confidences [n, 14] as Stage I might report people standing at uv."""
         n, d = len(uv), uv.device
@@ -71,11 +64,16 @@ class Seen:
     enc: Tensor
     rel: Tensor
 
-    @staticmethod
-    def load(path: pathlib.Path, device: torch.device) -> Seen:
-        d = torch.load(path, map_location="cpu", weights_only=True)["seen"]
-        i = torch.randperm(len(d["conf"]), generator=torch.Generator().manual_seed(0))
-        return Seen(**{k: v[i].float().to(device) for k, v in d.items()})
+
+def load(path: pathlib.Path, device: torch.device) -> tuple[Mistakes, Seen]:
+    """What `main` wrote, in a fixed random order: the first few are a fair sample."""
+    d = torch.load(path, map_location="cpu", weights_only=True)
+
+    def shuffled(part: dict[str, Tensor]) -> dict[str, Tensor]:
+        i = torch.randperm(len(part["conf"]), generator=torch.Generator().manual_seed(0))
+        return {k: (v[i].float() if v.is_floating_point() else v[i]).to(device) for k, v in part.items()}
+
+    return Mistakes(**shuffled(d["mistakes"])), Seen(**shuffled(d["seen"]))
 
 
 def match(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, float]]) -> list[tuple[int, int]]:

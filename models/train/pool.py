@@ -74,7 +74,7 @@ class Pool:
         )
         src = (px - half) @ Ai[:, None].transpose(-1, -2) + c[:, None, None]
         grid = (src * 2 + 1) / torch.tensor([W, H], device=d) - 1
-        img = F.grid_sample(D["image"].float() / 255, grid, align_corners=False, padding_mode="reflection")
+        img = F.grid_sample(D["image"].float(), grid, align_corners=False, padding_mode="reflection") / 255
         J = (D["joints2d"] - c[:, None, None]) @ A[:, None].transpose(-1, -2) + half
         f14, f21 = torch.tensor(FLIP14, device=d), torch.tensor(FLIP21, device=d)
         J = torch.where(fl[:, None, None, None], J[:, :, f14], J)

@@ -212,12 +212,7 @@ class People:
         asp = (W / H) / (self.photos.shape[3] / self.photos.shape[2])
         grid = torch.stack([gx * s * min(asp, 1) + c[:, 0], gy * s / max(asp, 1) + c[:, 1]], -1)
         photo = torch.multinomial(self.photo_weight, B, True, generator=g)
-        canvas = F.grid_sample(
-            self.photos[photo].float() / 255,
-            grid,
-            align_corners=False,
-            padding_mode="reflection",
-        )
+        canvas = F.grid_sample(self.photos[photo].float(), grid, align_corners=False, padding_mode="reflection") / 255
 
         # the grey or black bars that a frame of another shape is padded with
         side, wide = torch.randint(4, (B, 1, 1), generator=g, device=d), (0.05 + 0.4 * rand(B))[:, None, None]
@@ -265,44 +260,50 @@ class People:
         known = torch.ones(B, h, w, device=d)
         boxes = torch.zeros(B, P, h, w, dtype=torch.bool, device=d)
         for p in range(P):
+            # on a GPU all rows, with or without somebody to paste: to ask which would wait for it
+            r = torch.arange(B, device=d) if d.type == "cuda" else used[:, p].nonzero()[:, 0]
+            if not len(r):
+                break
+            who, scale, here, alone = id_[r, p], k[r, p], used[r, p, None, None], whole[r, None, None]
+            outlined = cut[r, p, None, None]
 
             def src(pts: Tensor) -> Tensor:
-                return (pts - centre[:, p, None, None]) @ Ai[:, p, None].transpose(-1, -2) + mid[:, p, None, None]
+                return (pts - centre[r, p, None, None]) @ Ai[r, p, None].transpose(-1, -2) + mid[r, p, None, None]
 
             def cover(q: Tensor, soft: float) -> tuple[Tensor, Tensor]:
                 """Inside the picture, inside the box (feathered): 0..1."""
-                sz = self.size[id_[:, p]].flip(1).float()[:, None, None]
+                sz = self.size[who].flip(1).float()[:, None, None]
                 pic = torch.minimum(q + 0.5, sz - 0.5 - q).amin(-1)
-                box = torch.minimum(q - lo[:, p, None, None], hi[:, p, None, None] - q).amin(-1)
+                box = torch.minimum(q - lo[r, p, None, None], hi[r, p, None, None] - q).amin(-1)
                 return (pic > 0).float(), (box / soft + 0.5).clamp(0, 1)
 
             q = src(px)
-            small = (k[:, p] < 0.62)[:, None, None, None]
-            pick = id_[:, p] + len(self.size) * (k[:, p] < 0.62)
-            uv = torch.where(small, (q - 0.5) / 2, q)
-            tex = F.grid_sample(self.pictures[pick].float() / 255, (uv * 2 + 1) / self.S - 1, align_corners=False, padding_mode="border")
+            small = scale < 0.62
+            uv = torch.where(small[:, None, None, None], (q - 0.5) / 2, q)
+            tex = self.pictures[who + len(self.size) * small].float()
+            tex = F.grid_sample(tex, (uv * 2 + 1) / self.S - 1, align_corners=False, padding_mode="border") / 255
             pic, box = cover(q, 8.0)
-            alpha = torch.where(whole[:, None, None], pic, pic * box)
-            if d.type == "cuda" or cut[:, p].any():  # asking a GPU would wait for it
+            alpha = torch.where(alone, pic, pic * box)
+            if d.type == "cuda" or outlined.any():
                 side = self.mask.shape[-1]
-                outline = F.grid_sample(
-                    self.mask[id_[:, p], None].float() / 255, (q + 0.5) / side - 1, align_corners=False, padding_mode="zeros"
-                )[:, 0]
-                alpha = torch.where(cut[:, p, None, None], pic * (outline * 2.5 - 0.6).clamp(0, 1), alpha)
-            alpha = alpha * used[:, p, None, None]
-            canvas = canvas + (tex - canvas) * alpha[:, None]
-            pic, box = cover(src(cell), 1.0)
-            inbox = (pic * box > 0.5) & used[:, p, None, None]
-            pasted = torch.where(whole[:, None, None], pic, pic * cover(src(cell), 16.0)[1]) > 0.02
+                outline = self.mask[who, None].float()
+                outline = F.grid_sample(outline, (q + 0.5) / side - 1, align_corners=False, padding_mode="zeros")[:, 0] / 255
+                alpha = torch.where(outlined, pic * (outline * 2.5 - 0.6).clamp(0, 1), alpha)
+            alpha = alpha * here
+            canvas[r] = torch.lerp(canvas[r], tex, alpha[:, None])
+            at = src(cell)
+            pic, box = cover(at, 1.0)
+            inbox = (pic * box > 0.5) & here
+            pasted = torch.where(alone, pic, pic * cover(at, 16.0)[1]) > 0.02
             # what was pasted is unknown (bystanders) except in the labelled person's box; a later paste hides earlier ones
             hides = F.interpolate(alpha[:, None], (h, w), mode="area")[:, 0] > 0.5
-            pasted = torch.where(cut[:, p, None, None], hides, pasted)
-            known = torch.where(pasted & used[:, p, None, None], (inbox | cut[:, p, None, None]).float(), known)
+            pasted = torch.where(outlined, hides, pasted)
+            known[r] = torch.where(pasted & here, (inbox | outlined).float(), known[r])
             if p:
-                boxes[:, :p] &= ~hides[:, None]
-                ci = (J[:, :p] / 8).long()
+                boxes[r, :p] = boxes[r, :p] & ~hides[:, None]
+                ci = (J[r, :p] / 8).long()
                 x, y = ci[..., 0].clamp(0, w - 1), ci[..., 1].clamp(0, h - 1)
-                hid = hides.flatten(1).gather(1, (y * w + x).flatten(1)).view(B, p, NJ)
-                lab[:, :p] &= ~hid
-            boxes[:, p] = inbox
+                hid = hides.flatten(1).gather(1, (y * w + x).flatten(1)).view(len(r), p, NJ)
+                lab[r, :p] = lab[r, :p] & ~hid
+            boxes[r, p] = inbox
         return RealBatch(canvas, J, lab, torch.where(used, tall, 0.0), known, boxes, photo, n == 0, bones, self.lift[id_])

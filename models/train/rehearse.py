@@ -31,7 +31,7 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     print(call("check.py", pack), end="")
     call("prerender.py", pack, work / "scenes", "--n", 8, "--supersample", 1)
     call("prerender.py", pack, held, "--n", 8, "--supersample", 1, "--held", "--seed", 99)
-    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 3)
+    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--sync", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 3)
     call("train.py", *common, "--total", 1, "--steps", 20)
     call("train.py", *common, "--total", 1, "--steps", 30, "--resume")
     rows = [json.loads(x) for x in (run / "log.jsonl").read_text().splitlines()]

@@ -23,7 +23,7 @@ from torch import Tensor
 import rotations as rot
 from body import Body, Mocap, canonical
 from measure import errors, naive
-from mistakes import Mistakes, Seen
+from mistakes import Mistakes, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import FLIP14, FLIP21, NB, NECK, NJ, PARENTS21, ROOT, STRIDE
 
@@ -209,8 +209,9 @@ def train(a: argparse.Namespace) -> None:
     held = People3D(a.pack, dev, 4242, held=True)
     uv, rel_t, size = held.sample(a.test)
     wrong: Mistakes | None = None
+    true: list[tuple[Tensor, ...]] = []  # Stage I's own answers
     if a.mistakes:
-        whole_set = Mistakes.load(a.mistakes, dev)
+        whole_set, seen = load(a.mistakes, dev)
         cut = len(whole_set.conf) // 7  # records that are only measured with
         wrong = Mistakes(whole_set.conf[cut:], whole_set.at[cut:], whole_set.off[cut:])
         kept = Mistakes(whole_set.conf[:cut], whole_set.at[:cut], whole_set.off[:cut])
@@ -222,11 +223,9 @@ def train(a: argparse.Namespace) -> None:
     clean2d = stage2_input(uv, whole, torch.zeros(len(uv), NJ, 3 * NB, device=dev), mask)
     test = stage2_input(noisy, conf, enc, mask)
     blind = stage2_input(noisy, conf, torch.zeros_like(enc), mask)  # what a runtime without a trained 3D head feeds
-    true: tuple[Tensor, ...] | None = None
     if a.mistakes:
-        seen = Seen.load(a.mistakes, dev)
         cut = len(seen.conf) // 7
-        true = tuple(t[cut:] for t in (seen.uv, seen.conf, seen.enc, seen.rel))
+        true.append(tuple(t[cut:] for t in (seen.uv, seen.conf, seen.enc, seen.rel)))
         seen_rel = seen.rel[:cut]
         seen_test = stage2_input(seen.uv[:cut], seen.conf[:cut], seen.enc[:cut], mask)
         seen_blind = stage2_input(seen.uv[:cut], seen.conf[:cut], torch.zeros_like(seen.enc[:cut]), mask)
@@ -236,8 +235,9 @@ def train(a: argparse.Namespace) -> None:
         net = SelecSLSNet().to(dev)
         ema = copy.deepcopy(net)
         checkpoint.load(a.stage1, net, ema, None, dev)
-        true = stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77)
-        print(f"{len(true[0])} people seen by Stage I in {a.scenes} scenes, {time.time() - began:.0f} s", flush=True)
+        true.append(stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77))
+        print(f"{len(true[-1][0])} people seen by Stage I in {a.scenes} scenes, {time.time() - began:.0f} s", flush=True)
+    answers = tuple(torch.cat(t) for t in zip(*true))
     net2 = Stage2().to(dev)
     if a.init:
         net2.load_state_dict(torch.load(a.init, map_location=dev, weights_only=True)["net"])
@@ -264,9 +264,9 @@ def train(a: argparse.Namespace) -> None:
             blind_too = use & (torch.rand(len(uv), 1, generator=data.g, device=dev) < 0.8)
             x_uv, x_c = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c)
             x_e = x_e * ~blind_too[..., None]
-        if true is not None:
-            i = torch.randint(len(true[0]), (a.batch,), generator=data.g, device=dev)
-            t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in true), data.g)
+        if answers:
+            i = torch.randint(len(answers[0]), (a.batch,), generator=data.g, device=dev)
+            t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)
             t_e = t_e * (torch.rand(len(t_e), 1, 1, generator=data.g, device=dev) >= a.without / 2)
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
         out = net2(stage2_input(x_uv, x_c, x_e, mask))

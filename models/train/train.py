@@ -248,9 +248,8 @@ class Trainer:
         self.meta["step"] += 1
         k = self.meta["step"]
         self.meta["images"] += (ph.real + ph.synth) * self.group.count
-        if self.a.sync > 1 and k % self.a.sync == 0:
-            with torch.no_grad():
-                self.group.average(list(self.net.parameters()))
+        if k % self.a.sync == 0:
+            self._meet()
         if k % EMA_EVERY == 0:
             with torch.no_grad():
                 torch._foreach_lerp_(self.ema_t, self.net_t, 1 - min(self.a.ema**EMA_EVERY, (1 + k) / (20 + k)))
@@ -280,9 +279,14 @@ class Trainer:
 
     # -------------------------------------------------------------------- run
 
-    def save(self, t0: float, off: float) -> None:
-        with torch.no_grad():
+    @torch.no_grad()
+    def _meet(self) -> None:
+        """Ranks that went their own ways agree on the mean of their weights; those that share every gradient are equal anyway."""
+        if self.a.sync > 1:
             self.group.average(list(self.net.parameters()))
+
+    def save(self, t0: float, off: float) -> None:
+        self._meet()
         self.group.average_statistics(self.net)
         self.group.average_statistics(self.ema)
         self.meta["elapsed"] = off + time.time() - t0

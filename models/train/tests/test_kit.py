@@ -25,7 +25,9 @@ from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
 from measure import errors, naive, procrustes
-from stage2 import imitate
+from mistakes import match, record
+from stage2 import imitate, mirrored
+from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(
@@ -115,6 +117,51 @@ class Targets(unittest.TestCase):
         bone = rel[0, 0, 3] - rel[0, 0, 2]
         self.assertTrue(torch.allclose(t.enc[0, 9:12, y, x], bone))
         self.assertEqual(float(t.enc_weight[..., 17:].sum()), 0.0)  # the second person stands there
+
+
+class Reports(unittest.TestCase):
+    """What Stage I answers, held against labels."""
+
+    def test_exchanged_sides_are_recorded_as_such(self) -> None:
+        right = np.concatenate([PERSON, np.full((NJ, 1), 0.8, np.float32)], 1)
+        conf, at, off = record(right, PERSON, 150.0)
+        self.assertEqual(at.tolist(), list(range(NJ)))
+        self.assertEqual(float(np.abs(off).max()), 0.0)
+        conf, at, off = record(right[FLIP14], PERSON, 150.0)
+        limbs = [3, 4, 6, 7, 8, 9, 10, 11, 12, 13]
+        self.assertEqual([int(at[j]) for j in limbs], [FLIP14[j] for j in limbs])
+
+    def test_everybody_is_matched_once(self) -> None:
+        a = np.concatenate([PERSON, np.ones((NJ, 1), np.float32)], 1)
+        b = a + np.array([200, 0, 0], np.float32)
+        yes = np.ones(NJ, bool)
+        truth = [(PERSON + np.array([200, 0], np.float32), yes, 150.0), (PERSON, yes, 150.0)]
+        self.assertEqual(sorted(match([a, b, a + 3], truth)), [(0, 1), (1, 0)])
+
+    def test_a_mirrored_person_is_still_a_person(self) -> None:
+        n = 64
+        rel = torch.randn(1, 21, 3).expand(n, -1, -1) * 0.3
+        rel = rel - rel[:, ROOT : ROOT + 1]
+        enc = (rel - rel[:, PARENTS21]).flatten(1)[:, None].expand(-1, NJ, -1) * channel_mask()
+        uv = rel[:, :NJ, :2] * 100
+        uv, conf, enc, rel = mirrored(uv, torch.ones(n, NJ), enc, rel, torch.Generator().manual_seed(3))
+        bones = (rel - rel[:, PARENTS21]).flatten(1)[:, None] * channel_mask()
+        self.assertLess(float((enc - bones).abs().max()), 1e-5)
+        self.assertLess(float((uv / 100 - rel[:, :NJ, :2]).abs().mean()), 0.05)
+        self.assertGreater(len(rel[:, 2, 0].unique()), 1)
+
+    def test_a_teacher_speaks_of_our_skeleton(self) -> None:
+        w = np.zeros((33, 3), np.float32)
+        for j, k in LANDMARK.items():
+            w[k, :2] = PERSON[j] / 100
+        j21 = skeleton21(w)
+        self.assertLess(float(np.abs(j21[2:14, :2] - (PERSON[2:] - PERSON[[8, 11]].mean(0)) / 100).max()), 1e-6)
+        self.assertEqual(float(np.abs(j21[ROOT]).max()), 0.0)
+        legs = sum(np.linalg.norm(PERSON[a] - PERSON[b]) for a, b in ((8, 9), (9, 10), (11, 12), (12, 13))) / 200
+        self.assertAlmostEqual(stature(j21), (legs + 0.47) / TORSO_AND_LEGS, 5)
+        labels = np.concatenate([PERSON, np.ones((NJ, 1), np.float32)], 1)
+        self.assertEqual(agreement(labels, labels), (1.0, 0.0))
+        self.assertLess(agreement(labels[FLIP14], labels)[0], 0.9)
 
 
 class Lifting(unittest.TestCase):

@@ -9,7 +9,7 @@ use crate::engine::network::NetworkError;
 #[non_exhaustive]
 pub enum ModelError {
     /// The file system says no.
-    #[error("cannot {action} {path}: {source}")]
+    #[error("cannot {action} {path}")]
     Io {
         /// Read or write.
         action: &'static str,
