@@ -4,7 +4,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
-use edgecap::joints::EVIDENCE_JOINTS;
+use edgecap::joints::{EVIDENCE_JOINTS, LIMBS};
 use edgecap::lift::{Encodings, INPUTS, Lifter, LinearLayer, OUTPUTS, Stage2Weights};
 use edgecap::message::Intrinsics;
 use edgecap_kernels::Isa;
@@ -32,6 +32,7 @@ fn person(index: usize) -> Detection {
     Detection {
         joints: std::array::from_fn(at),
         encodings: [[0.1; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
+        limbs: [0.8; LIMBS],
         score: 0.8,
     }
 }

@@ -17,6 +17,7 @@ use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
+use edgecap::capture::{self, InputSpec, OpenOptions};
 use edgecap::eval::multiview::{MultiviewCheck, View, read_qtm};
 use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::fit::{FitConfig, Fitter};
@@ -44,6 +45,9 @@ struct Args {
     agree: f64,
 }
 
+/// What one view saw and what the fit made of it.
+type Moment = (ObservationFrame, BodyFrame);
+
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let name = args.calibration.display().to_string();
@@ -64,11 +68,13 @@ fn main() -> anyhow::Result<()> {
         views.len(),
         files.len()
     );
-    let streams = views
+    let (views, streams): (Vec<_>, Vec<_>) = views
         .iter()
         .zip(&files)
         .map(|(view, file)| fitted(view, file))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+        .collect::<anyhow::Result<Vec<_>>>()?
+        .into_iter()
+        .unzip();
     let frames = streams.iter().map(Vec::len).min().unwrap_or(0);
     let mut check = MultiviewCheck::new(views, args.agree);
     for k in 0..frames {
@@ -79,8 +85,24 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The view as its pictures show it.
+fn pictured(view: &View, size: [u32; 2], pictures: &Path) -> anyhow::Result<View> {
+    view.for_pictures(size).with_context(|| {
+        let ([w, h], [found_w, found_h]) = (view.size, size);
+        format!(
+            "expected pictures of {w}x{h} pixels as {} is calibrated for, found {found_w}x{found_h} in {}",
+            view.name,
+            pictures.display()
+        )
+    })
+}
+
 /// Runs a view's video through the network and says where the observations are.
 fn infer(args: &Args, view: &View, videos: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
+    let video = videos.join(format!("{}.mp4", view.name));
+    let first = capture::open(&InputSpec::Path(video.clone()), &OpenOptions::default())?.next()?;
+    let first = first.with_context(|| format!("no picture in {}", video.display()))?;
+    let view = pictured(view, [first.width, first.height], &video)?;
     let camera = folder.join(format!("{}.toml", view.name));
     let lens = view.intrinsics();
     let mut file = File::create(&camera)?;
@@ -92,7 +114,6 @@ fn infer(args: &Args, view: &View, videos: &Path, folder: &Path) -> anyhow::Resu
     let out = folder.join(format!("{}.jsonl", view.name));
     let mut command = Command::new(&args.program);
     command.arg("infer").arg("--camera").arg(&camera);
-    let video = videos.join(format!("{}.mp4", view.name));
     command.arg("--input").arg(video).arg("--jsonl").arg(&out);
     if let Some(model) = &args.model {
         command.arg("--model").arg(model);
@@ -106,28 +127,25 @@ fn infer(args: &Args, view: &View, videos: &Path, folder: &Path) -> anyhow::Resu
     Ok(out)
 }
 
-/// Every frame of a view with the fit to it alone.
-fn fitted(view: &View, path: &Path) -> anyhow::Result<Vec<(ObservationFrame, BodyFrame)>> {
+/// A view as its pictures show it, and every frame with the fit to it alone.
+fn fitted(view: &View, path: &Path) -> anyhow::Result<(View, Vec<Moment>)> {
     let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let lens = |_: u32, _: u32| Ok(view.intrinsics());
-    let camera = CameraSource::Given(&lens);
+    let intrinsics = view.intrinsics();
+    let given = |_: u32, _: u32| Ok(intrinsics);
+    let camera = CameraSource::Given(&given);
     let mut reader =
         ObservationReader::new(BufReader::new(file), path.display().to_string(), camera);
     let mut fitter = Fitter::new(FitConfig::default())?;
     let (mut seen, mut bodies) = (ObservationFrame::default(), BodyFrame::default());
     let mut frames = Vec::new();
+    let mut view = view.clone();
     while reader.read(&mut seen)? {
-        ensure!(
-            [seen.width, seen.height] == view.size,
-            "expected pictures of {:?} pixels as {} is calibrated for, found {}x{} in {}",
-            view.size,
-            view.name,
-            seen.width,
-            seen.height,
-            path.display()
-        );
+        let size = [seen.width, seen.height];
+        if size != view.size {
+            view = pictured(&view, size, path)?;
+        }
         fitter.update(&seen, &mut bodies);
         frames.push((seen, bodies));
     }
-    Ok(frames)
+    Ok((view, frames))
 }

@@ -128,6 +128,7 @@ fn groupings() -> Vec<AssociationConfig> {
                     joint_threshold,
                     limb_threshold,
                     min_joints: 1,
+                    min_score: 0.0,
                     ..AssociationConfig::default()
                 });
             }
@@ -137,24 +138,22 @@ fn groupings() -> Vec<AssociationConfig> {
 }
 
 /// The people that stricter limits leave: these only drop people, so that the grouping need not be done again.
-fn only(all: &Predictions, min_joints: usize, min_score: f64, min_evidence: f64) -> Predictions {
+fn only(all: &Predictions, min_joints: usize, min_score: f64) -> Predictions {
     let mut out = all.clone();
     for f in &mut out.frames {
         f.people.retain(|p| {
             let joints = p.joints2d.iter().filter(|j| j[2] > 0.0).count();
-            let evidence = p.score * joints as f64;
-            joints >= min_joints && p.score >= min_score && evidence >= min_evidence
+            joints >= min_joints && p.score >= min_score
         });
     }
     out
 }
 
-/// Fewest joints, least mean and least sum of confidences.
-fn limits() -> Vec<(usize, f64, f64)> {
+/// Fewest joints and least score.
+fn limits() -> Vec<(usize, f64)> {
     let mut all = Vec::new();
-    for min_joints in [4, 8] {
-        all.extend([0.3, 0.4, 0.45, 0.5, 0.55].map(|s| (min_joints, s, 0.0)));
-        all.extend([2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|e| (min_joints, 0.0, e)));
+    for min_joints in [4, 6, 8] {
+        all.extend((3..20).map(|k| (min_joints, 0.05 * f64::from(k))));
     }
     all
 }
@@ -214,8 +213,8 @@ fn main() -> anyhow::Result<()> {
         let crowd = predict(&mut photos, &config);
         let alone = predict(&mut portraits, &config);
         let nobody = predict(&mut empty, &config);
-        for (min_joints, min_score, min_evidence) in limits() {
-            let keep = |all: &Predictions| only(all, min_joints, min_score, min_evidence);
+        for (min_joints, min_score) in limits() {
+            let keep = |all: &Predictions| only(all, min_joints, min_score);
             let report = evaluate(&keep(&crowd), &truth, &EvalOptions::default())?;
             let pck = match alone.frames.is_empty() {
                 true => 0.0,
@@ -228,7 +227,6 @@ fn main() -> anyhow::Result<()> {
             let config = AssociationConfig {
                 min_joints,
                 min_score: min_score as f32,
-                min_evidence: min_evidence as f32,
                 ..config.clone()
             };
             rows.push((report, pck, silence, config));
@@ -244,7 +242,7 @@ fn main() -> anyhow::Result<()> {
     for (report, pck, silence, c) in rows.iter().take(args.rows) {
         let (a, b) = (report.finding[0], report.finding[1]);
         println!(
-            "{:.3} {:.3} {:.3} {:.3} {:.3} {:4}  {:.3} {:.3} | {} {} {} {} {} {}",
+            "{:.3} {:.3} {:.3} {:.3} {:.3} {:4}  {:.3} {:.3} | {} {} {} {} {:.2}",
             report.coco.map_or(0.0, |c| c.ap),
             a.recall,
             b.recall,
@@ -257,8 +255,7 @@ fn main() -> anyhow::Result<()> {
             c.joint_threshold,
             c.limb_threshold,
             c.min_joints,
-            c.min_score,
-            c.min_evidence
+            c.min_score
         );
     }
     Ok(())

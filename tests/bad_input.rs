@@ -122,6 +122,43 @@ fn a_model_that_is_corrupt() {
 }
 
 #[test]
+fn stage2_weights_that_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.jsonl");
+    let fails = |stage2: &str, model: &str, code, says: &[&str]| {
+        let mut args = vec!["infer", "--input", "demo", "--model", model];
+        if !stage2.is_empty() {
+            args.extend(["--stage2", stage2]);
+        }
+        args.extend(["--jsonl", out.to_str().unwrap()]);
+        assert_fails(&args, code, says);
+        assert!(!out.exists(), "{args:?} left its output behind");
+    };
+    let (stage1, stage2) = (
+        "models/weights/stage1.safetensors",
+        "models/weights/stage2.safetensors",
+    );
+    fails(
+        "/nowhere/lift.safetensors",
+        stage1,
+        66,
+        &["/nowhere/lift.safetensors"],
+    );
+    fails("", stage1, 65, &["--stage2"]);
+    let cut = folder.path().join("cut.safetensors");
+    let whole = std::fs::read(stage2).unwrap();
+    std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    fails(
+        cut.to_str().unwrap(),
+        stage1,
+        65,
+        &["Stage II", "cut.safetensors"],
+    );
+    // Stage I's weights are no Stage II.
+    fails(stage1, stage1, 65, &["Stage II", stage1]);
+}
+
+#[test]
 fn command_lines_that_mean_nothing() {
     for args in [
         &["infer", "--size", "100x100"][..],

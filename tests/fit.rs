@@ -284,13 +284,18 @@ fn invented_legs_move_nobody_away() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-#[test]
-fn standing_feet_tell_the_floor() {
+/// Five people of canonical stature who stand about, so that feet in the picture tell metres.
+fn standing() -> Scene {
     let cast = people::everyday()
         .into_iter()
         .map(|p| p.of_height(1.70))
         .collect();
-    let mut scene = Scene::new(cast, Noise::REAL, FPS, 5);
+    Scene::new(cast, Noise::REAL, FPS, 5)
+}
+
+#[test]
+fn standing_feet_tell_the_floor() {
+    let mut scene = standing();
     let mut fitter = Fitter::new(FitConfig::default()).unwrap();
     let mut out = BodyFrame::default();
     for _ in 0..300 {
@@ -305,11 +310,7 @@ fn standing_feet_tell_the_floor() {
 
 #[test]
 fn bodies_stand_on_the_floor_of_the_world() {
-    let cast: Vec<Person> = people::everyday()
-        .into_iter()
-        .map(|p| p.of_height(1.70))
-        .collect();
-    let mut scene = Scene::new(cast, Noise::REAL, FPS, 5);
+    let mut scene = standing();
     let mut fitter = Fitter::new(FitConfig::default()).unwrap();
     let mut out = BodyFrame::default();
     let mut before: Option<[f32; 3]> = None;

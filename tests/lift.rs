@@ -3,7 +3,7 @@
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
-use edgecap::joints::{EVIDENCE_JOINTS, NECK};
+use edgecap::joints::{EVIDENCE_JOINTS, LIMBS, NECK};
 use edgecap::lift::{
     Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
 };
@@ -34,6 +34,7 @@ fn random_detection(rng: &mut SmallRng) -> Detection {
     let mut d = Detection {
         joints: [[0.0; 3]; EVIDENCE_JOINTS],
         encodings: [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
+        limbs: [0.0; LIMBS],
         score: 0.5,
     };
     for j in 0..EVIDENCE_JOINTS {
@@ -242,6 +243,7 @@ fn pytorch_gives_the_same_joints() {
                 encodings: std::array::from_fn(|j| {
                     std::array::from_fn(|k| enc[at(j) * HEAD3D_CHANNELS + k])
                 }),
+                limbs: [1.0; LIMBS],
                 score: 1.0,
             }
         })

@@ -38,6 +38,7 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     assert [r["step"] for r in rows] == list(range(5, 31, 5)), "expected a resumed run to go on where the first one stopped"
     assert all(math.isfinite(r[k]) for r in rows for k in ("hm_real", "hm_syn", "enc", "where")), rows
     assert rows[-1]["enc"] < rows[0]["enc"], "expected the encodings' loss to fall"
+    call("composites.py", pack, work / "composites", "--n", 2, "--tiny")
     call("stage2.py", pack, run, "--cpu", "--steps", 60, "--minutes", 1, "--log", 30, "--test", 256, "--batch", 128)
     measure = ("--scenes", held, "--limit", 8, "--only", "lsp", "scenes", "--thr", 0.01, "--paf", 0.0, "--joints", 3, "--cpu")
     first = json.loads(call("evaluate.py", pack, run, *measure))

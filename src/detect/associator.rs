@@ -187,28 +187,31 @@ impl Associator {
     /// Fills the detections from the people that have enough evidence.
     fn report(&mut self, maps: &Maps) {
         let (config, peaks) = (&self.config, &self.peaks);
-        self.people.retain(|p| {
+        self.people.retain_mut(|p| {
+            p.score = config
+                .score
+                .expected(&p.confidences(peaks), &p.limb_scores());
             p.joints() >= config.min_joints.max(1)
                 && p.stature() * Maps::STRIDE as f32 >= config.min_stature
-                && p.score(peaks) >= config.min_score
-                && p.score(peaks) * p.joints() as f32 >= config.min_evidence
-                && p.limb_score() >= config.min_limb_score
+                && p.score >= config.min_score
         });
         self.people
-            .sort_unstable_by(|a, b| b.score(peaks).total_cmp(&a.score(peaks)));
+            .sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
         self.people.truncate(config.max_people);
         self.found = self.people.len();
         while self.detections.len() < self.found {
             self.detections.push(Detection {
                 joints: [[0.0; 3]; EVIDENCE_JOINTS],
                 encodings: [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
+                limbs: [0.0; LIMBS],
                 score: 0.0,
             });
         }
         for (person, d) in self.people.iter().zip(&mut self.detections) {
             d.joints = [[0.0; 3]; EVIDENCE_JOINTS];
             d.encodings = [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS];
-            d.score = person.score(peaks);
+            d.limbs = person.limb_scores();
+            d.score = person.score;
             for (j, peak) in person.chosen(peaks) {
                 let centre = 0.5 * (Maps::STRIDE as f32 - 1.0);
                 d.joints[j] = [

@@ -1,13 +1,17 @@
 //! Settings of the association.
 
+use std::sync::LazyLock;
+
 use edgecap_client::message::MAX_PEOPLE;
 use serde::{Deserialize, Serialize};
 
+use super::PersonScore;
+
 /// When a peak is a joint, when two joints make a limb, and when joints make a person.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct AssociationConfig {
-    /// Least heatmap value of a neck: every person grows from one, so this decides how easily a person is reported.
+    /// Least heatmap value of a neck: every person grows from one.
     pub neck_threshold: f32,
     /// Least heatmap value of any other joint.
     pub joint_threshold: f32,
@@ -23,38 +27,42 @@ pub struct AssociationConfig {
     pub min_stature: f32,
     /// Fewest joints of a person.
     pub min_joints: usize,
-    /// Least mean confidence of a person's joints.
+    /// Least expected similarity, by `score`, with somebody who is there.
     pub min_score: f32,
-    /// Least sum of the confidences of a person's joints: many faint joints say as much as a few clear ones.
-    pub min_evidence: f32,
-    /// Least mean limb score of a person.
-    pub min_limb_score: f32,
     /// Most people returned, best first.
+    #[serde(default = "most_people")]
     pub max_people: usize,
     /// Most peaks kept for each joint, highest first: bounds the work on pictures the network cannot read.
     pub max_peaks: usize,
+    /// Tells people from what only looks like some.
+    pub score: PersonScore,
+}
+
+fn most_people() -> usize {
+    MAX_PEOPLE
 }
 
 impl Default for AssociationConfig {
-    /// Tuned on real photos with the shipped weights (`examples/tune_association.rs`; run it again for other weights): necks
-    /// must be clear, other joints may be faint, and together they must say enough. At the same number of empty pictures in
-    /// which somebody is reported this finds more people, and more of their joints, than high thresholds for every joint or a
-    /// limit on the mean confidence.
+    /// `models/association.toml`, fitted to the shipped weights.
     fn default() -> Self {
-        Self {
-            neck_threshold: 0.5,
-            joint_threshold: 0.15,
-            limb_threshold: 0.2,
-            pass_ratio: 0.6,
-            absurd_length: 2.5,
-            merge_distance: 0.08,
-            min_stature: 24.0,
-            min_joints: 6,
-            min_score: 0.0,
-            min_evidence: 7.0,
-            min_limb_score: 0.0,
-            max_people: MAX_PEOPLE,
-            max_peaks: 64,
-        }
+        static SHIPPED: LazyLock<AssociationConfig> = LazyLock::new(|| {
+            toml::from_str(include_str!("../../models/association.toml"))
+                .expect("models/association.toml is checked by a test")
+        });
+        SHIPPED.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_settings_are_read_whole() {
+        let shipped = AssociationConfig::default();
+        let again: AssociationConfig = toml::from_str(&toml::to_string(&shipped).unwrap()).unwrap();
+        assert_eq!(shipped, again);
+        assert_eq!(shipped.max_people, MAX_PEOPLE);
+        assert!(shipped.min_score > 0.0 && shipped.min_score < 1.0);
     }
 }

@@ -1,7 +1,7 @@
 //! A person found in the maps.
 
 use crate::engine::HEAD3D_CHANNELS;
-use edgecap_client::joints::EVIDENCE_JOINTS;
+use edgecap_client::joints::{EVIDENCE_JOINTS, LIMBS};
 
 /// One person in the network's input, before lifting.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +10,8 @@ pub struct Detection {
     pub joints: [[f32; 3]; EVIDENCE_JOINTS],
     /// The 3D head's 63-vector at each seen joint's cell, zero elsewhere.
     pub encodings: [[f32; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
-    /// Mean confidence of the seen joints.
+    /// Every limb's score: mean of the part affinity field along it, 0 where the limb was not found.
+    pub limbs: [f32; LIMBS],
+    /// Expected object keypoint similarity with somebody who is there, 0–1.
     pub score: f32,
 }

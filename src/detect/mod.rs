@@ -6,7 +6,9 @@ mod detection;
 mod limb;
 mod peaks;
 mod person;
+mod score;
 
 pub use associator::Associator;
 pub use config::AssociationConfig;
 pub use detection::Detection;
+pub use score::{FEATURES, PersonScore, features};

@@ -18,6 +18,8 @@ pub(crate) struct Person {
     pub peak: [Option<usize>; EVIDENCE_JOINTS],
     /// Score of each limb whose two joints were chosen.
     pub limb: [Option<f32>; LIMBS],
+    /// Expected similarity with somebody who is there, once all joints are chosen.
+    pub score: f32,
     /// Stature that each limb suggests: length over proportion, cells. A foreshortened limb suggests too little.
     suggested: [f32; LIMBS],
 }
@@ -28,6 +30,7 @@ impl Person {
         let mut person = Self {
             peak: [None; EVIDENCE_JOINTS],
             limb: [None; LIMBS],
+            score: 0.0,
             suggested: [0.0; LIMBS],
         };
         person.peak[NECK] = Some(peak);
@@ -51,16 +54,18 @@ impl Person {
         self.suggested.iter().copied().fold(0.0, f32::max)
     }
 
-    /// Mean score of the limbs; 0 without any.
-    pub fn limb_score(&self) -> f32 {
-        let n = self.limb.iter().flatten().count();
-        self.limb.iter().flatten().sum::<f32>() / n.max(1) as f32
+    /// Confidence of every joint, 0–1; 0 where there is none.
+    pub fn confidences(&self, peaks: &Peaks) -> [f32; EVIDENCE_JOINTS] {
+        let mut out = [0.0; EVIDENCE_JOINTS];
+        for (j, peak) in self.chosen(peaks) {
+            out[j] = peak.score.min(1.0);
+        }
+        out
     }
 
-    /// Mean confidence of the joints.
-    pub fn score(&self, peaks: &Peaks) -> f32 {
-        let sum: f32 = self.chosen(peaks).map(|(_, p)| p.score.min(1.0)).sum();
-        sum / self.joints().max(1) as f32
+    /// Score of every limb; 0 where there is none.
+    pub fn limb_scores(&self) -> [f32; LIMBS] {
+        self.limb.map(|s| s.unwrap_or(0.0))
     }
 
     /// The chosen candidates with their joints.

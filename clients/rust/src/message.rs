@@ -102,7 +102,7 @@ pub struct StageTimes {
 #[type_name("EdgecapObservationV1")]
 #[repr(C)]
 pub struct Observation {
-    /// Mean confidence of the joints that were seen, 0–1.
+    /// How well the joints can be expected to fit somebody who is there: expected object keypoint similarity, 0–1.
     pub score: f32,
     /// Evidence joints: u, v in pixels of the original picture, confidence 0–1. Confidence 0: not seen, u and v are 0.
     pub joints2d: [[f32; 3]; EVIDENCE_JOINTS],

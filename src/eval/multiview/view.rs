@@ -3,6 +3,9 @@
 use edgecap_client::message::Intrinsics;
 use glam::{DMat3, DVec2, DVec3};
 
+/// Films are coded in squares of as many pixels.
+const MACROBLOCK: u32 = 16;
+
 /// A camera in the world, pixels of the original picture, metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
@@ -31,6 +34,18 @@ impl View {
             cx: self.centre.x as f32,
             cy: self.centre.y as f32,
         }
+    }
+
+    /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole macroblocks
+    /// of 16 pixels, cut at the right and below. `None` for pictures of another camera or scale.
+    pub fn for_pictures(&self, size: [u32; 2]) -> Option<Self> {
+        let fits = (0..2).all(|k| {
+            size[k] == self.size[k] || size[k].next_multiple_of(MACROBLOCK) == self.size[k]
+        });
+        fits.then(|| Self {
+            size,
+            ..self.clone()
+        })
     }
 
     /// A world point in camera axes.
@@ -148,5 +163,20 @@ mod tests {
         }
         assert_eq!(triangulate(&[], 10.0), None);
         assert!(views[0].project(DVec3::new(0.0, 0.0, -9.0)).is_none());
+    }
+
+    #[test]
+    fn pictures_may_lack_what_fills_the_last_macroblock() {
+        let coded = View {
+            size: [1088, 1920],
+            ..around(0.0)
+        };
+        let shown = coded.for_pictures([1080, 1920]).unwrap();
+        assert_eq!(shown.size, [1080, 1920]);
+        assert_eq!(shown.centre, coded.centre);
+        assert_eq!(coded.for_pictures([1088, 1920]), Some(coded.clone()));
+        for other in [[1072, 1920], [1088, 1080], [544, 960], [1096, 1920]] {
+            assert_eq!(coded.for_pictures(other), None, "{other:?}");
+        }
     }
 }
