@@ -62,6 +62,15 @@ def stature(j: np.ndarray) -> float:
     return (legs + torso) / TORSO_AND_LEGS
 
 
+def with_heavy_model(model: pathlib.Path) -> None:
+    """Put the heavy model where mediapipe looks for it; the wheel has not got it."""
+    import mediapipe as mp
+
+    home = pathlib.Path(mp.__file__).parent / "modules/pose_landmark/pose_landmark_heavy.tflite"
+    if not home.exists():
+        home.write_bytes(model.read_bytes())
+
+
 _pose = None
 
 
@@ -71,9 +80,7 @@ def _start(model: pathlib.Path | None) -> None:
     import mediapipe as mp
 
     if model:
-        home = pathlib.Path(mp.__file__).parent / "modules/pose_landmark/pose_landmark_heavy.tflite"
-        if not home.exists():
-            home.write_bytes(model.read_bytes())
+        with_heavy_model(model)
     _pose = mp.solutions.pose.Pose(
         static_image_mode=True, model_complexity=2 if model else 1, enable_segmentation=True, smooth_segmentation=False, min_detection_confidence=0.3
     )
