@@ -1,13 +1,13 @@
 //! Whom the association would report if it reported everybody: the pictures from which `models/train/person_score.py` learns to
-//! tell people from what only looks like some.
+//! tell people from what only looks like some, under every combination of thresholds that is to be tried.
 //!
 //! ```text
 //! cargo run --release --example association_candidates -- models/edgecap.ecm --truth COMPOSITES/truth.json SYNTH/truth.json \
-//!     --quiet NO_PEOPLE --out candidates.jsonl
+//!     --quiet NO_PEOPLE --out candidates.jsonl [--neck 0.2 0.3] [--joint 0.1 0.15] [--limb 0.05 0.1]
 //! ```
 //!
-//! Writes one line a picture: where it is from, how many people it has who count, and of every candidate the features and the
-//! object keypoint similarity to each of those people. Pictures lie beside their annotation file.
+//! Writes one line a picture and combination: the thresholds, where it is from, which of its people do not count, and of every candidate
+//! the features and the object keypoint similarity to each person. Pictures lie beside their annotation file.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -37,9 +37,15 @@ struct Args {
     /// Pictures taken of every file and folder, evenly spread.
     #[arg(long, default_value_t = 1000)]
     limit: usize,
-    /// Settings to try instead of models/association.toml.
-    #[arg(long)]
-    association: Option<PathBuf>,
+    /// Thresholds of necks to try [default: the shipped one].
+    #[arg(long, num_args = 1..)]
+    neck: Vec<f32>,
+    /// Thresholds of other joints to try [default: the shipped one].
+    #[arg(long, num_args = 1..)]
+    joint: Vec<f32>,
+    /// Thresholds of limbs to try [default: the shipped one].
+    #[arg(long, num_args = 1..)]
+    limb: Vec<f32>,
     /// Where the lines go.
     #[arg(long)]
     out: PathBuf,
@@ -51,11 +57,38 @@ struct Args {
     height: usize,
 }
 
+impl Args {
+    /// Every combination of thresholds, with nobody left out.
+    fn associators(&self) -> Vec<Associator> {
+        let shipped = AssociationConfig::default();
+        let or = |given: &[f32], else_: f32| match given {
+            [] => vec![else_],
+            some => some.to_vec(),
+        };
+        let mut all = Vec::new();
+        for &neck_threshold in &or(&self.neck, shipped.neck_threshold) {
+            for &joint_threshold in &or(&self.joint, shipped.joint_threshold) {
+                for &limb_threshold in &or(&self.limb, shipped.limb_threshold) {
+                    all.push(Associator::new(AssociationConfig {
+                        neck_threshold,
+                        joint_threshold,
+                        limb_threshold,
+                        min_score: 0.0,
+                        ..shipped.clone()
+                    }));
+                }
+            }
+        }
+        all
+    }
+}
+
 struct Eyes {
     engine: Engine,
-    associator: Associator,
     resizer: Resizer,
     input: Vec<u8>,
+    associators: Vec<Associator>,
+    out: BufWriter<File>,
 }
 
 impl Eyes {
@@ -65,59 +98,62 @@ impl Eyes {
             height: args.height,
             ..EngineOptions::default()
         };
-        let mut everybody = match &args.association {
-            Some(path) => toml::from_str(
-                &std::fs::read_to_string(path)
-                    .with_context(|| format!("cannot read {}", path.display()))?,
-            )
-            .with_context(|| format!("in {}", path.display()))?,
-            None => AssociationConfig::default(),
-        };
-        everybody.min_score = 0.0;
         let resizer = Resizer::new(args.width as u32, args.height as u32);
+        let file = File::create(&args.out)
+            .with_context(|| format!("cannot write {}", args.out.display()))?;
         Ok(Self {
             engine: Engine::new(&Model::open(&args.model)?, options)?,
-            associator: Associator::new(everybody),
             input: vec![0; resizer.output_bytes()],
             resizer,
+            associators: args.associators(),
+            out: BufWriter::new(file),
         })
     }
 
-    fn look(&mut self, path: &Path) -> anyhow::Result<(&[Detection], Letterbox)> {
+    /// Writes the lines of one picture.
+    fn look(&mut self, set: &Path, picture: &Path, truth: &TruthFrame) -> anyhow::Result<()> {
         let mut frame = Frame::default();
-        PhotoSource::file(path).next_into(&mut frame)?;
+        PhotoSource::file(picture).next_into(&mut frame)?;
         let letterbox = self.resizer.run(&frame, &mut self.input);
         let maps = self.engine.run(&self.input);
-        Ok((self.associator.associate(maps), letterbox))
+        for associator in &mut self.associators {
+            let found: Vec<_> = associator
+                .associate(maps)
+                .iter()
+                .map(|d| candidate(d, truth, &letterbox))
+                .collect();
+            let c = associator.config();
+            let thresholds = [c.neck_threshold, c.joint_threshold, c.limb_threshold].map(plain);
+            let line = json!({
+                "thresholds": thresholds,
+                "set": set,
+                "source": truth.source,
+                "crowd": truth.people.iter().map(|t| t.crowd).collect::<Vec<_>>(),
+                "candidates": found,
+            });
+            writeln!(self.out, "{line}")?;
+        }
+        Ok(())
     }
 }
 
-/// A picture's line. Who lies in a crowd without labels of its own counts neither as found nor as false.
-fn line(
-    set: &str,
-    truth: &TruthFrame,
-    found: &[Detection],
-    letterbox: &Letterbox,
-) -> serde_json::Value {
-    let candidates = found.iter().map(|d| {
-        let original = d.joints.map(|[u, v, c]| {
-            let [u, v] = letterbox.to_original(u, v);
-            if c > 0.0 { [u, v, c] } else { [0.0; 3] }
-        });
-        let similar = truth
-            .people
-            .iter()
-            .map(|t| oks(t, &original, JointSet::Evidence));
-        json!({
-            "features": features(&d.joints.map(|j| j[2]), &d.limbs).to_vec(),
-            "oks": similar.collect::<Vec<_>>(),
-        })
+/// A threshold as it was given, without the digits that f32 adds.
+fn plain(threshold: f32) -> f64 {
+    (f64::from(threshold) * 1e6).round() / 1e6
+}
+
+fn candidate(d: &Detection, truth: &TruthFrame, letterbox: &Letterbox) -> serde_json::Value {
+    let original = d.joints.map(|[u, v, c]| {
+        let [u, v] = letterbox.to_original(u, v);
+        if c > 0.0 { [u, v, c] } else { [0.0; 3] }
     });
+    let similar = truth
+        .people
+        .iter()
+        .map(|t| oks(t, &original, JointSet::Evidence));
     json!({
-        "set": set,
-        "source": truth.source,
-        "crowd": truth.people.iter().map(|t| t.crowd).collect::<Vec<_>>(),
-        "candidates": candidates.collect::<Vec<_>>(),
+        "features": features(&d.joints.map(|j| j[2]), &d.limbs).to_vec(),
+        "oks": similar.collect::<Vec<_>>(),
     })
 }
 
@@ -130,9 +166,6 @@ fn spread(n: usize, limit: usize) -> impl Iterator<Item = usize> {
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let mut eyes = Eyes::new(&args)?;
-    let file =
-        File::create(&args.out).with_context(|| format!("cannot write {}", args.out.display()))?;
-    let mut out = BufWriter::new(file);
     let read = ReadOptions {
         split: args.split.clone(),
         ..ReadOptions::default()
@@ -144,23 +177,20 @@ fn main() -> anyhow::Result<()> {
             .context("an annotation file lies in a folder")?;
         for k in spread(truth.frames.len(), args.limit) {
             let picture = &truth.frames[k];
-            let (found, letterbox) = eyes.look(&folder.join(&picture.source))?;
-            let line = line(&path.display().to_string(), picture, found, &letterbox);
-            writeln!(out, "{line}")?;
+            eyes.look(path, &folder.join(&picture.source), picture)?;
         }
     }
     for folder in &args.quiet {
         let files = PhotoSource::folder(folder, None)?;
         for k in spread(files.files().len(), args.limit) {
-            let picture = TruthFrame {
-                source: files.files()[k].display().to_string(),
+            let file = &files.files()[k];
+            let nobody = TruthFrame {
+                source: file.display().to_string(),
                 ..TruthFrame::default()
             };
-            let (found, letterbox) = eyes.look(&files.files()[k])?;
-            let line = line(&folder.display().to_string(), &picture, found, &letterbox);
-            writeln!(out, "{line}")?;
+            eyes.look(folder, file, &nobody)?;
         }
     }
-    out.flush()?;
+    eyes.out.flush()?;
     Ok(())
 }

@@ -3,7 +3,8 @@
 `CANDIDATES` are the lines of `examples/association_candidates.rs`: pictures in which everybody is labelled (`composites.py`, `edgecap synth`) and photos
 without people, none of which the figures of the model card are measured on.  A logistic regression is fitted to every candidate's object
 keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate).  `--held` gives photos without people that nothing
-was trained on: the least score is set so that nobody is reported in `--quiet` of them.  The file's other settings stay as they are.
+was trained on: the least score is set so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of thresholds, each
+gets its own score, and the one wins that leaves most similarity of those it is fitted to.  The file's other settings stay as they are.
 """
 
 from __future__ import annotations
@@ -49,9 +50,21 @@ def assign(similar: np.ndarray, crowd: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return own, counts
 
 
-def load(path: pathlib.Path) -> Candidates:
-    features, similarity, picture, source, pictures = [], [], [], [], {}
-    for i, row in enumerate(map(json.loads, path.read_text().splitlines())):
+Thresholds = tuple[float, float, float]  # of necks, joints, limbs
+
+
+def load(path: pathlib.Path) -> dict[Thresholds, Candidates]:
+    rows: dict[Thresholds, list[dict]] = {}
+    with open(path) as lines:
+        for row in map(json.loads, lines):
+            rows.setdefault(tuple(row["thresholds"]), []).append(row)
+    return {t: collect(r) for t, r in rows.items()}
+
+
+def collect(rows: list[dict]) -> Candidates:
+    features, similarity, picture, source = [], [], [], []
+    pictures: dict[str, int] = {}
+    for i, row in enumerate(rows):
         pictures[row["set"]] = pictures.get(row["set"], 0) + 1
         found = row["candidates"]
         if not found:
@@ -128,10 +141,22 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--quiet", type=float, default=0.95)
     a = ap.parse_args(argv)
     train, held = load(a.candidates), load(a.held)
-    weights, bias = fit(train)
-    least = threshold(held, score(held, weights, bias), a.quiet)
-    a.toml.write_text(written(a.toml.read_text(), settings(weights, bias) | dict(min_score=round(least, 3))))
-    for c, name in ((train, "fitted to"), (held, "held out")):
+    if train.keys() != held.keys():
+        raise SystemExit(f"expected the same thresholds in both files, found {sorted(train)} and {sorted(held)}")
+    tried = []
+    for t, c in sorted(train.items()):
+        weights, bias = fit(c)
+        least = threshold(held[t], score(held[t], weights, bias), a.quiet)
+        kept = score(c, weights, bias) >= least
+        tried.append((c.similarity[kept].sum(), (c.similarity[kept] >= 0.5).sum(), (c.similarity[kept] < 0.3).sum(), t, weights, bias, least))
+        print(
+            f"neck {t[0]} joint {t[1]} limb {t[2]}: least score {least:.3f}, similarity kept {tried[-1][0]:.0f}, "
+            f"people similar by 0.5 or more {tried[-1][1]}, candidates below 0.3 {tried[-1][2]}"
+        )
+    *_, t, weights, bias, least = max(tried, key=lambda x: x[0])
+    values = settings(weights, bias) | dict(zip(("neck_threshold", "joint_threshold", "limb_threshold"), t)) | dict(min_score=round(least, 3))
+    a.toml.write_text(written(a.toml.read_text(), values))
+    for c, name in ((train[t], "fitted to"), (held[t], "held out")):
         s = score(c, weights, bias)
         for src in c.pictures:
             k = c.source == src
@@ -140,7 +165,7 @@ def main(argv: list[str]) -> None:
                 f"{name} {src}: {k.sum()} candidates in {c.pictures[src]} pictures, similar by 0.5 or more {right.sum()}, of these kept "
                 f"{(right & (s[k] >= least)).sum()}; others kept {(~right & (s[k] >= least)).sum()}"
             )
-    print(f"min_score {least:.3f}")
+    print(f"written: neck {t[0]} joint {t[1]} limb {t[2]}, min_score {least:.3f}")
 
 
 if __name__ == "__main__":

@@ -176,7 +176,7 @@ class Scores(unittest.TestCase):
         path = folder / f"{people}-{clear}.jsonl"
         features = [clear] + [0.5] * (self.FEATURES - 1)
         candidate = dict(features=features, oks=[similar] * people)
-        row = dict(set=path.name, source="a.jpg", crowd=[False] * people, candidates=[candidate])
+        row = dict(thresholds=[0.4, 0.2, 0.1], set=path.name, source="a.jpg", crowd=[False] * people, candidates=[candidate])
         path.write_text(f"{json.dumps(row)}\n" * pictures)
         return path
 
@@ -199,8 +199,10 @@ class Scores(unittest.TestCase):
             before = tomllib.loads(toml.read_text())
             person_score.main([str(folder / "all.jsonl"), "--held", str(folder / "all.jsonl"), "--toml", str(toml)])
             after = tomllib.loads(toml.read_text())
-            self.assertEqual({k: v for k, v in before.items() if k not in ("min_score", "score")}, {k: v for k, v in after.items() if k not in ("min_score", "score")})
-            c = person_score.load(folder / "all.jsonl")
+            fitted = {"neck_threshold", "joint_threshold", "limb_threshold", "min_score", "score"}
+            self.assertEqual(*({k: v for k, v in x.items() if k not in fitted} for x in (before, after)))
+            self.assertEqual([after[f"{k}_threshold"] for k in ("neck", "joint", "limb")], [0.4, 0.2, 0.1])
+            c = person_score.load(folder / "all.jsonl")[0.4, 0.2, 0.1]
             weights, bias = person_score.fit(c)
             s = person_score.score(c, weights, bias)
             self.assertLess(abs(s[:30].mean() - 0.8), 0.05)  # the score is the similarity to be expected
