@@ -4,7 +4,7 @@
 without people, none of which the figures of the model card are measured on.  A logistic regression is fitted to every candidate's object
 keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate).  `--held` gives photos without people that nothing
 was trained on: the least score is set so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of thresholds, each
-gets its own score, and the one wins that leaves most similarity of those it is fitted to.  The file's other settings stay as they are.
+gets its own score, and the one wins in which the candidates it is fitted to and keeps are worth most: their similarity above 0.3.  The file's other settings stay as they are.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import torch
 from skeleton import NJ, NL
 
 CROWDED = 0.1  # who is this similar to somebody without labels that count is neither right nor wrong
+WORTHLESS = 0.3  # a candidate of this similarity does as much good as harm
 TRUST = 0.01  # weight of the ridge that keeps weights small
 
 
@@ -148,10 +149,10 @@ def main(argv: list[str]) -> None:
         weights, bias = fit(c)
         least = threshold(held[t], score(held[t], weights, bias), a.quiet)
         kept = score(c, weights, bias) >= least
-        tried.append((c.similarity[kept].sum(), (c.similarity[kept] >= 0.5).sum(), (c.similarity[kept] < 0.3).sum(), t, weights, bias, least))
+        tried.append(((c.similarity[kept] - WORTHLESS).sum(), (c.similarity[kept] >= 0.5).sum(), (c.similarity[kept] < WORTHLESS).sum(), t, weights, bias, least))
         print(
-            f"neck {t[0]} joint {t[1]} limb {t[2]}: least score {least:.3f}, similarity kept {tried[-1][0]:.0f}, "
-            f"people similar by 0.5 or more {tried[-1][1]}, candidates below 0.3 {tried[-1][2]}"
+            f"neck {t[0]} joint {t[1]} limb {t[2]}: least score {least:.3f}, worth {tried[-1][0]:.0f}, "
+            f"people similar by 0.5 or more {tried[-1][1]}, candidates below {WORTHLESS} {tried[-1][2]}"
         )
     *_, t, weights, bias, least = max(tried, key=lambda x: x[0])
     values = settings(weights, bias) | dict(zip(("neck_threshold", "joint_threshold", "limb_threshold"), t)) | dict(min_score=round(least, 3))
