@@ -1,8 +1,9 @@
 //! Films: YUV4MPEG2, colours, and whatever ffmpeg can read.
 
-use std::io::Cursor;
-use std::os::unix::fs::PermissionsExt;
+use std::io::{Cursor, Write};
+
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use edgecap::capture::{
     AviWriter, CaptureError, Ffmpeg, FfmpegSource, Frame, InputSpec, Matrix, OpenOptions, Range,
@@ -267,8 +268,18 @@ fn words_become_inputs() {
 fn stand_ins(folder: &Path, ffmpeg: &str, ffprobe: &str) -> Ffmpeg {
     let write = |name: &str, body: &str| {
         let path = folder.join(name);
-        std::fs::write(&path, format!("#!/bin/sh\n{body}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        // A child writes the file: a descriptor of ours, open for writing while another test starts a process, would be
+        // inherited there, and a file that somebody may write to cannot be run.
+        let mut child = Command::new("sh")
+            .args(["-c", "cat > \"$0\" && chmod 755 \"$0\""])
+            .arg(&path)
+            .stdin(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut script = child.stdin.take().unwrap();
+        write!(script, "#!/bin/sh\n{body}\n").unwrap();
+        drop(script);
+        assert!(child.wait().unwrap().success());
         path
     };
     Ffmpeg {
