@@ -1,7 +1,6 @@
 //! Films: YUV4MPEG2, colours, and whatever ffmpeg can read.
 
 use std::io::{Cursor, Write};
-
 use std::path::Path;
 use std::process::{Command, Stdio};
 

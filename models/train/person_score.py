@@ -33,6 +33,7 @@ class Candidates:
     picture: np.ndarray  # [n] which line it is from
     source: np.ndarray  # [n] which set of pictures
     pictures: dict[str, int]  # number of pictures of every set
+    people: dict[str, int]  # number of people in them
 
 
 def assign(similar: np.ndarray, crowd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,8 +66,10 @@ def load(path: pathlib.Path) -> dict[Thresholds, Candidates]:
 def collect(rows: list[dict]) -> Candidates:
     features, similarity, picture, source = [], [], [], []
     pictures: dict[str, int] = {}
+    people: dict[str, int] = {}
     for i, row in enumerate(rows):
         pictures[row["set"]] = pictures.get(row["set"], 0) + 1
+        people[row["set"]] = people.get(row["set"], 0) + len(row["crowd"])
         found = row["candidates"]
         if not found:
             continue
@@ -78,7 +81,7 @@ def collect(rows: list[dict]) -> Candidates:
                 similarity.append(s)
                 picture.append(i)
                 source.append(row["set"])
-    return Candidates(np.array(features), np.array(similarity), np.array(picture), np.array(source), pictures)
+    return Candidates(np.array(features), np.array(similarity), np.array(picture), np.array(source), pictures, people)
 
 
 def fit(c: Candidates) -> tuple[np.ndarray, float]:
@@ -110,7 +113,9 @@ def score(c: Candidates, weights: np.ndarray, bias: float) -> np.ndarray:
 
 def threshold(c: Candidates, s: np.ndarray, quiet: float) -> float:
     """The score above which somebody is reported in at most 1 - `quiet` of the photos without people."""
-    nobody = {name: n for name, n in c.pictures.items() if not c.similarity[c.source == name].any()}
+    nobody = {name: n for name, n in c.pictures.items() if not c.people[name]}
+    if not nobody:
+        raise SystemExit("expected photos without people in --held, found none: give association_candidates a folder of them by --quiet")
     highest = [s[(c.source == name) & (c.picture == i)].max() for name in nobody for i in np.unique(c.picture[c.source == name])]
     total = sum(nobody.values())
     allowed = int(np.floor((1 - quiet) * total + 1e-9))

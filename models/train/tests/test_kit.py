@@ -210,6 +210,12 @@ class Scores(unittest.TestCase):
             self.assertAlmostEqual(after["score"]["joint"][0], float(weights[0]), places=3)
             self.assertTrue(s[30:].max() < after["min_score"] < s[:30].min())
 
+    def test_without_photos_of_nobody_there_is_no_threshold(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            c = person_score.load(self.lines(pathlib.Path(d), 1, 3, 0.9, 0.0))[0.4, 0.2, 0.1]
+        with self.assertRaisesRegex(SystemExit, "expected photos without people"):
+            person_score.threshold(c, np.ones(3), 0.95)
+
     def test_a_file_of_other_keys_is_refused(self) -> None:
         with self.assertRaisesRegex(SystemExit, "expected one line 'bias = …'"):
             person_score.written("min_score = 1\n", dict(bias=2.0))
