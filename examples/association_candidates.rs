@@ -1,12 +1,12 @@
 //! Whom the association would report if it reported everybody: the pictures from which `models/train/person_score.py` learns to
-//! tell people from what only looks like some, under every combination of thresholds that is to be tried.
+//! tell people from what only looks like some, under every combination of settings that is to be tried.
 //!
 //! ```text
 //! cargo run --release --example association_candidates -- models/edgecap.ecm --truth COMPOSITES/truth.json SYNTH/truth.json \
-//!     --quiet NO_PEOPLE --out candidates.jsonl [--neck 0.2 0.3] [--joint 0.1 0.15] [--limb 0.05 0.1]
+//!     --quiet NO_PEOPLE --out candidates.jsonl [--neck 0.2 0.3] [--joint 0.1 0.15] [--limb 0.05 0.1] [--length 0 0.1]
 //! ```
 //!
-//! Writes one line a picture and combination: the thresholds, where it is from, which of its people do not count, and of every candidate
+//! Writes one line a picture and combination: the settings, where it is from, which of its people do not count, and of every candidate
 //! the features and the object keypoint similarity to each person. Pictures lie beside their annotation file.
 
 use std::fs::File;
@@ -46,6 +46,9 @@ struct Args {
     /// Thresholds of limbs to try [default: the shipped one].
     #[arg(long, num_args = 1..)]
     limb: Vec<f32>,
+    /// Weights of limb lengths to try [default: the shipped one].
+    #[arg(long, num_args = 1..)]
+    length: Vec<f32>,
     /// Where the lines go.
     #[arg(long)]
     out: PathBuf,
@@ -58,7 +61,7 @@ struct Args {
 }
 
 impl Args {
-    /// Every combination of thresholds, with nobody left out.
+    /// Every combination of settings, with nobody left out.
     fn associators(&self) -> Vec<Associator> {
         let shipped = AssociationConfig::default();
         let or = |given: &[f32], else_: f32| match given {
@@ -69,13 +72,16 @@ impl Args {
         for &neck_threshold in &or(&self.neck, shipped.neck_threshold) {
             for &joint_threshold in &or(&self.joint, shipped.joint_threshold) {
                 for &limb_threshold in &or(&self.limb, shipped.limb_threshold) {
-                    all.push(Associator::new(AssociationConfig {
-                        neck_threshold,
-                        joint_threshold,
-                        limb_threshold,
-                        min_score: 0.0,
-                        ..shipped.clone()
-                    }));
+                    for &length_weight in &or(&self.length, shipped.length_weight) {
+                        all.push(Associator::new(AssociationConfig {
+                            neck_threshold,
+                            joint_threshold,
+                            limb_threshold,
+                            length_weight,
+                            min_score: 0.0,
+                            ..shipped.clone()
+                        }));
+                    }
                 }
             }
         }
@@ -123,9 +129,14 @@ impl Eyes {
                 .map(|d| candidate(d, truth, &letterbox))
                 .collect();
             let c = associator.config();
-            let thresholds = [c.neck_threshold, c.joint_threshold, c.limb_threshold].map(plain);
+            let settings = [
+                c.neck_threshold,
+                c.joint_threshold,
+                c.limb_threshold,
+                c.length_weight,
+            ];
             let line = json!({
-                "thresholds": thresholds,
+                "settings": settings.map(plain),
                 "set": set,
                 "source": truth.source,
                 "crowd": truth.people.iter().map(|t| t.crowd).collect::<Vec<_>>(),
@@ -137,9 +148,9 @@ impl Eyes {
     }
 }
 
-/// A threshold as it was given, without the digits that f32 adds.
-fn plain(threshold: f32) -> f64 {
-    (f64::from(threshold) * 1e6).round() / 1e6
+/// A setting as it was given, without the digits that f32 adds.
+fn plain(setting: f32) -> f64 {
+    (f64::from(setting) * 1e6).round() / 1e6
 }
 
 fn candidate(d: &Detection, truth: &TruthFrame, letterbox: &Letterbox) -> serde_json::Value {

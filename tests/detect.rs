@@ -83,6 +83,19 @@ proptest! {
 }
 
 #[test]
+fn of_two_trunks_in_line_the_lengths_decide() {
+    // The hips of the upper person lie on the trunk of the lower one: both fields hold along both lines.
+    let people = crowd(4, 3550019167088140234);
+    let mut associator = Associator::new(AssociationConfig::default());
+    let found = associator.associate(&render(&people));
+    for p in &people {
+        let d = with_neck_at(found, p).expect("the person is found");
+        let (_, wrong) = compare(d, p);
+        assert_eq!(wrong, 0, "of the person at {:?}", p.joints[NECK]);
+    }
+}
+
+#[test]
 fn hardly_a_joint_goes_to_the_wrong_person() {
     let mut associator = Associator::new(AssociationConfig::default());
     let (mut joints, mut wrong) = (0, 0);

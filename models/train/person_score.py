@@ -3,7 +3,7 @@
 `CANDIDATES` are the lines of `examples/association_candidates.rs`: pictures in which everybody is labelled (`composites.py`, `edgecap synth`) and photos
 without people, none of which the figures of the model card are measured on.  A logistic regression is fitted to every candidate's object
 keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate).  `--held` gives photos without people that nothing
-was trained on: the least score is set so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of thresholds, each
+was trained on: the least score is set so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of settings, each
 gets its own score, and the one wins in which the candidates it is fitted to and keeps are worth most: their similarity above 0.3.  The file's other settings stay as they are.
 """
 
@@ -52,14 +52,15 @@ def assign(similar: np.ndarray, crowd: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return own, counts
 
 
-Thresholds = tuple[float, float, float]  # of necks, joints, limbs
+KEYS = ("neck_threshold", "joint_threshold", "limb_threshold", "length_weight")  # of the association, in the order of a line's settings
+Settings = tuple[float, ...]
 
 
-def load(path: pathlib.Path) -> dict[Thresholds, Candidates]:
-    rows: dict[Thresholds, list[dict]] = {}
+def load(path: pathlib.Path) -> dict[Settings, Candidates]:
+    rows: dict[Settings, list[dict]] = {}
     with open(path) as lines:
         for row in map(json.loads, lines):
-            rows.setdefault(tuple(row["thresholds"]), []).append(row)
+            rows.setdefault(tuple(row["settings"]), []).append(row)
     return {t: collect(r) for t, r in rows.items()}
 
 
@@ -123,7 +124,11 @@ def threshold(c: Candidates, s: np.ndarray, quiet: float) -> float:
     return float(highest[allowed]) + 0.001 if allowed < len(highest) else 0.0
 
 
-def settings(weights: np.ndarray, bias: float) -> dict[str, object]:
+def named(t: Settings) -> str:
+    return " ".join(f"{key.split('_')[0]} {v}" for key, v in zip(KEYS, t))
+
+
+def score_settings(weights: np.ndarray, bias: float) -> dict[str, object]:
     """The keys of `[score]`."""
     r = [round(float(v), 4) for v in weights]
     joint, squared, limb, single = r[:NJ], r[NJ : 2 * NJ], r[2 * NJ : 2 * NJ + NL], r[2 * NJ + NL :]
@@ -148,7 +153,7 @@ def main(argv: list[str]) -> None:
     a = ap.parse_args(argv)
     train, held = load(a.candidates), load(a.held)
     if train.keys() != held.keys():
-        raise SystemExit(f"expected the same thresholds in both files, found {sorted(train)} and {sorted(held)}")
+        raise SystemExit(f"expected the same settings in both files, found {sorted(train)} and {sorted(held)}")
     tried = []
     for t, c in sorted(train.items()):
         weights, bias = fit(c)
@@ -156,11 +161,11 @@ def main(argv: list[str]) -> None:
         kept = score(c, weights, bias) >= least
         tried.append(((c.similarity[kept] - WORTHLESS).sum(), (c.similarity[kept] >= 0.5).sum(), (c.similarity[kept] < WORTHLESS).sum(), t, weights, bias, least))
         print(
-            f"neck {t[0]} joint {t[1]} limb {t[2]}: least score {least:.3f}, worth {tried[-1][0]:.0f}, "
+            f"{named(t)}: least score {least:.3f}, worth {tried[-1][0]:.0f}, "
             f"people similar by 0.5 or more {tried[-1][1]}, candidates below {WORTHLESS} {tried[-1][2]}"
         )
     *_, t, weights, bias, least = max(tried, key=lambda x: x[0])
-    values = settings(weights, bias) | dict(zip(("neck_threshold", "joint_threshold", "limb_threshold"), t)) | dict(min_score=round(least, 3))
+    values = score_settings(weights, bias) | dict(zip(KEYS, t)) | dict(min_score=round(least, 3))
     a.toml.write_text(written(a.toml.read_text(), values))
     for c, name in ((train[t], "fitted to"), (held[t], "held out")):
         s = score(c, weights, bias)
@@ -171,7 +176,7 @@ def main(argv: list[str]) -> None:
                 f"{name} {src}: {k.sum()} candidates in {c.pictures[src]} pictures, similar by 0.5 or more {right.sum()}, of these kept "
                 f"{(right & (s[k] >= least)).sum()}; others kept {(~right & (s[k] >= least)).sum()}"
             )
-    print(f"written: neck {t[0]} joint {t[1]} limb {t[2]}, min_score {least:.3f}")
+    print(f"written: {named(t)}, min_score {least:.3f}")
 
 
 if __name__ == "__main__":

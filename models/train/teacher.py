@@ -9,7 +9,7 @@ Adds `teacher.npz` to the pack, one row a training picture (LSP-Extended, then L
     mask    u8      [n, S/2, S/2] how much of the person covers a cell of 2 x 2 pixels, 0..255
 
 Needs `pip install mediapipe` (Apache-2.0, model included); nothing else of the kit does.  Pictures LSP labels well are worth more than any
-teacher, so its 2D only fills joints that LSP leaves out.
+teacher, so there its 2D only fills joints that are left out; LSP-Extended's labels are mended by it (real.mend).
 """
 
 from __future__ import annotations

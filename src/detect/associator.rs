@@ -17,6 +17,8 @@ const AT_NECK: usize = 5;
 const CHAINS: [[usize; 2]; 4] = [[2, 3], [5, 6], [8, 9], [11, 12]];
 /// Weight of the child's confidence beside the limb's score.
 const CONFIDENCE_WEIGHT: f32 = 0.1;
+/// What is left of a pair that the lengths speak against: it still counts for more than none.
+const LEAST_SCORE: f32 = 1e-3;
 
 /// Groups the joints of [`Maps`] into people, over the tree of limbs rooted at the neck; XNect §4.1.1, Cao et al. 2017.
 ///
@@ -104,10 +106,12 @@ impl Associator {
                     if person.is_absurd(limb, long, self.config.absurd_length) {
                         return None;
                     }
-                    limb::score(maps, limb, c, p, &self.config)
+                    let field = limb::score(maps, limb, c, p, &self.config)?;
+                    let total = field + CONFIDENCE_WEIGHT * c.score.min(1.0)
+                        - self.config.length_weight * person.oddity(limb, long);
+                    Some(total.max(LEAST_SCORE))
                 });
-                self.scores
-                    .push(score.map_or(0.0, |s| s + CONFIDENCE_WEIGHT * c.score.min(1.0)));
+                self.scores.push(score.unwrap_or(0.0));
             }
         }
         let pairs = self.matcher.solve(children.len(), people, &self.scores);
@@ -117,10 +121,9 @@ impl Associator {
                 let Some(k) = person_mut.peak[parent] else {
                     continue;
                 };
-                let long = limb::length(&children[c], &self.peaks.of(parent)[k]);
-                let score = self.scores[c * people + person]
-                    - CONFIDENCE_WEIGHT * children[c].score.min(1.0);
-                person_mut.attach(limb, c, score, long);
+                let (child, parent) = (&children[c], &self.peaks.of(parent)[k]);
+                let field = limb::score(maps, limb, child, parent, &self.config);
+                person_mut.attach(limb, c, field.unwrap_or(0.0), limb::length(child, parent));
             }
         }
     }

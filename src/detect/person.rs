@@ -11,6 +11,9 @@ const TRUNK: [usize; 3] = [0, 7, 10];
 /// camera shows a short trunk.
 const TRUNK_SLACK: f32 = 1.4;
 
+/// Shortest limb, over its length in a person of the known stature, that [`Person::oddity`] tells from shorter ones.
+const SHORTEST: f32 = 0.05;
+
 /// Chosen candidates of one person.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Person {
@@ -82,6 +85,17 @@ impl Person {
         let known = self.limb.iter().flatten().count() >= 2
             && TRUNK.iter().any(|&l| self.limb[l].is_some());
         known && length / PROPORTION[limb] > limit * self.stature()
+    }
+
+    /// How far the stature that a limb of this length suggests is from the one known so far, as the logarithm of their ratio;
+    /// 0 for a bare neck. Projection shortens limbs, so too short a one counts half.
+    pub fn oddity(&self, limb: usize, length: f32) -> f32 {
+        let known = self.stature();
+        if known <= 0.0 {
+            return 0.0;
+        }
+        let ratio = (length / PROPORTION[limb] / known).max(SHORTEST).ln();
+        if ratio > 0.0 { ratio } else { -0.5 * ratio }
     }
 
     /// Drops the limbs at the neck that are absurdly long for the others. Returns whether any was dropped.

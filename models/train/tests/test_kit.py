@@ -29,6 +29,7 @@ from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
 from measure import errors, naive, procrustes
+from real import TRUST, mend
 from mistakes import match, record
 from stage2 import imitate, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
@@ -167,6 +168,26 @@ class Reports(unittest.TestCase):
         self.assertEqual(agreement(labels, labels), (1.0, 0.0))
         self.assertLess(agreement(labels[FLIP14], labels)[0], 0.9)
 
+    def test_a_teacher_mends_what_it_agrees_with_roughly(self) -> None:
+        labels = np.concatenate([np.stack([PERSON] * 3), np.ones((3, NJ, 1))], 2).astype(np.float32)
+        labels[0, 0, 2] = 0
+        teacher = labels.copy()
+        teacher[:, :2, 2] = 0  # it knows neither head top nor neck
+        torso = float(np.linalg.norm(PERSON[[2, 5]].mean(0) - PERSON[[8, 11]].mean(0)))
+        teacher[0, 3, 0] += 0.2 * torso  # near
+        teacher[0, 4, 0] += 0.7 * torso  # a contradiction
+        teacher[0, 7, 0] += 0.2 * torso
+        teacher[0, 7, 2] = 0.4  # it is not sure itself
+        teacher[1, :, 0] += 0.7 * torso  # somebody else
+        teacher[2] = 0  # no answer
+        out, doubt = mend(labels, teacher)
+        self.assertEqual(doubt.tolist(), [False, True, False])
+        self.assertTrue(np.array_equal(out[1:], labels[1:]))
+        self.assertAlmostEqual(float(out[0, 3, 0] - labels[0, 3, 0]), 0.2 * TRUST * torso, 3)
+        self.assertEqual(out[0, :, 2].tolist(), [0.0, 1, 1, 1, 0.0] + [1] * 9)
+        same = [j for j in range(NJ) if j != 3]
+        self.assertTrue(np.array_equal(out[0, same, :2], labels[0, same, :2]))
+
 
 class Scores(unittest.TestCase):
     FEATURES = 2 * NJ + len(LIMBS) + 3
@@ -176,7 +197,7 @@ class Scores(unittest.TestCase):
         path = folder / f"{people}-{clear}.jsonl"
         features = [clear] + [0.5] * (self.FEATURES - 1)
         candidate = dict(features=features, oks=[similar] * people)
-        row = dict(thresholds=[0.4, 0.2, 0.1], set=path.name, source="a.jpg", crowd=[False] * people, candidates=[candidate])
+        row = dict(settings=[0.4, 0.2, 0.1, 0.05], set=path.name, source="a.jpg", crowd=[False] * people, candidates=[candidate])
         path.write_text(f"{json.dumps(row)}\n" * pictures)
         return path
 
@@ -199,10 +220,10 @@ class Scores(unittest.TestCase):
             before = tomllib.loads(toml.read_text())
             person_score.main([str(folder / "all.jsonl"), "--held", str(folder / "all.jsonl"), "--toml", str(toml)])
             after = tomllib.loads(toml.read_text())
-            fitted = {"neck_threshold", "joint_threshold", "limb_threshold", "min_score", "score"}
+            fitted = {*person_score.KEYS, "min_score", "score"}
             self.assertEqual(*({k: v for k, v in x.items() if k not in fitted} for x in (before, after)))
-            self.assertEqual([after[f"{k}_threshold"] for k in ("neck", "joint", "limb")], [0.4, 0.2, 0.1])
-            c = person_score.load(folder / "all.jsonl")[0.4, 0.2, 0.1]
+            self.assertEqual([after[k] for k in person_score.KEYS], [0.4, 0.2, 0.1, 0.05])
+            c = person_score.load(folder / "all.jsonl")[0.4, 0.2, 0.1, 0.05]
             weights, bias = person_score.fit(c)
             s = person_score.score(c, weights, bias)
             self.assertLess(abs(s[:30].mean() - 0.8), 0.05)  # the score is the similarity to be expected
@@ -212,7 +233,7 @@ class Scores(unittest.TestCase):
 
     def test_without_photos_of_nobody_there_is_no_threshold(self) -> None:
         with tempfile.TemporaryDirectory() as d:
-            c = person_score.load(self.lines(pathlib.Path(d), 1, 3, 0.9, 0.0))[0.4, 0.2, 0.1]
+            c = person_score.load(self.lines(pathlib.Path(d), 1, 3, 0.9, 0.0))[0.4, 0.2, 0.1, 0.05]
         with self.assertRaisesRegex(SystemExit, "expected photos without people"):
             person_score.threshold(c, np.ones(3), 0.95)
 
