@@ -4,13 +4,14 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
+use edgecap::engine::model::Stage2;
 use edgecap::joints::{EVIDENCE_JOINTS, LIMBS};
-use edgecap::lift::{Encodings, INPUTS, Lifter, LinearLayer, OUTPUTS, Stage2Weights};
+use edgecap::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
 use edgecap::message::Intrinsics;
 use edgecap_kernels::Isa;
 use std::hint::black_box;
 
-const WIDTHS: [usize; 6] = [INPUTS, 160, 256, 256, 128, OUTPUTS];
+const WIDTHS: [usize; 6] = Stage2::WIDTHS;
 
 /// The shipped widths with made-up weights: speed does not depend on them.
 fn weights() -> Stage2Weights {

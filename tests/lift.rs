@@ -3,6 +3,7 @@
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
+use edgecap::engine::model::Stage2;
 use edgecap::joints::{EVIDENCE_JOINTS, LIMBS, NECK};
 use edgecap::lift::{
     Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
@@ -12,7 +13,7 @@ use edgecap_kernels::Isa;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-const WIDTHS: [usize; 6] = [INPUTS, 160, 256, 256, 128, OUTPUTS];
+const WIDTHS: [usize; 6] = Stage2::WIDTHS;
 
 fn random_layers(rng: &mut SmallRng) -> Vec<LinearLayer> {
     let layer = |(i, w): (usize, &[usize])| {
@@ -197,7 +198,10 @@ fn weights_that_do_not_fit_are_refused() {
         with(&|l| l[2].weights.truncate(9)),
         LiftError::Layer { index: 3, .. }
     ));
-    assert_eq!(with(&|l| drop(l.pop())), LiftError::Outputs { found: 128 });
+    assert_eq!(
+        with(&|l| drop(l.pop())),
+        LiftError::Outputs { found: WIDTHS[4] }
+    );
     assert_eq!(
         with(&|l| l[0].bias[3] = f32::NAN),
         LiftError::NotFinite { index: 1 }
@@ -225,14 +229,19 @@ fn pytorch_gives_the_same_joints() {
         let (values, _) = view.data().as_chunks::<4>();
         values.iter().map(|b| f32::from_le_bytes(*b)).collect()
     };
-    let layer = |(i, w): (usize, &[usize])| LinearLayer {
-        inputs: w[0],
-        outputs: w[1],
-        weights: floats(&format!("fc{}.weight", i + 1)),
-        bias: floats(&format!("fc{}.bias", i + 1)),
-        relu: i + 2 < WIDTHS.len(),
-    };
-    let layers = WIDTHS.windows(2).enumerate().map(layer).collect();
+    let layers = (1..WIDTHS.len())
+        .map(|i| {
+            let bias = floats(&format!("fc{i}.bias"));
+            let weights = floats(&format!("fc{i}.weight"));
+            LinearLayer {
+                inputs: weights.len() / bias.len(),
+                outputs: bias.len(),
+                weights,
+                bias,
+                relu: i + 1 < WIDTHS.len(),
+            }
+        })
+        .collect();
     let weights = Stage2Weights::new(layers).unwrap();
     let (uv, conf, enc) = (floats("uv"), floats("conf"), floats("enc"));
     let people: Vec<Detection> = (0..conf.len() / EVIDENCE_JOINTS)

@@ -2,7 +2,8 @@
 
 Every person that the grouping finds in a training picture and that can be matched to a label becomes one record of 14 joints:
 `conf` (0 = missed), `at` (the true joint next to which the answer lies: another one where left is taken for right or an elbow for a
-hand) and `off` (from there, in statures).  `apply` puts the record of one person on the pose of another.
+hand) and `off` (from there, in statures); where the person's 3D is known, also how far the encodings are from the truth.  `apply` puts
+the record of one person on the pose of another.
 
 Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`).
 """
@@ -21,10 +22,10 @@ from torch import Tensor
 import evaluate
 from group import people
 from letterbox import letterbox
-from model import SelecSLSNet
+from model import SelecSLSNet, channel_mask
 from pool import Stored
 from real import decode_all, load_set
-from skeleton import FLIP14, NJ
+from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
 NEAR = 0.15  # of the stature: a joint that counts for the match
 GROSS = 0.10  # farther off than this, an answer may be another joint's
@@ -32,14 +33,26 @@ GROSS = 0.10  # farther off than this, an answer may be another joint's
 
 @dataclass
 class Mistakes:
-    """n people: `conf` [n, 14], `at` [n, 14] joint numbers, `off` [n, 14, 2] statures."""
+    """n people: `conf` [n, 14], `at` [n, 14] joint numbers, `off` [n, 14, 2] statures.
+
+    An encoding is taken for `slope` [3] times the truth, by axis (regression to the mean makes it shallow), and an error `wrong`
+    [n, 14, 63] metres, which is known of the people of whom `lifted` [n] is true.
+    """
 
     conf: Tensor
     at: Tensor
     off: Tensor
+    wrong: Tensor
+    lifted: Tensor
+    slope: Tensor
 
-    def apply(self, uv: Tensor, stature_px: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Pixels [n, 14, 2] and confidences [n, 14] as Stage I might report people standing at uv."""
+    def take(self, rows: slice) -> Mistakes:
+        """Some of the people."""
+        return Mistakes(self.conf[rows], self.at[rows], self.off[rows], self.wrong[rows], self.lifted[rows], self.slope)
+
+    def apply(self, uv: Tensor, stature_px: Tensor, rel: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        """Pixels [n, 14, 2], confidences [n, 14] and encodings [n, 14, 63] (0 where no error is known) as Stage I might report people
+        standing at uv whose joints are rel [n, 21, 3]."""
         n, d = len(uv), uv.device
         i = torch.randint(len(self.conf), (n,), generator=g, device=d)
         conf, at, off = self.conf[i], self.at[i], self.off[i]
@@ -51,7 +64,11 @@ class Mistakes:
         off = torch.where(m[..., None], off[:, flip] * torch.tensor([-1.0, 1.0], device=d), off)
         # not every record fits every pose: shrink and grow the mistakes a little, so that the same one never comes twice
         off = off * (0.7 + 0.6 * torch.rand(n, 1, 1, generator=g, device=d)) + 0.006 * torch.randn(n, NJ, 2, generator=g, device=d)
-        return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf
+        wrong = self.wrong[i].unflatten(2, (NB, 3))
+        left = torch.tensor([-1.0, 1.0, 1.0], device=d)
+        wrong = torch.where(mirror[:, None, None, None], wrong[:, flip][:, :, torch.tensor(FLIP21, device=d)] * left, wrong)
+        enc = ((bones(rel) * self.slope)[:, None] + wrong).flatten(2) * channel_mask(d) * self.lifted[i, None, None]
+        return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf, enc * (conf > 0)[..., None]
 
 
 @dataclass
@@ -65,13 +82,19 @@ class Seen:
     rel: Tensor
 
 
+def bones(rel: Tensor) -> Tensor:
+    """Joints [..., 21, 3] -> vectors from each one's parent."""
+    return rel - rel[..., PARENTS21, :]
+
+
 def load(path: pathlib.Path, device: torch.device) -> tuple[Mistakes, Seen]:
     """What `main` wrote, in a fixed random order: the first few are a fair sample."""
     d = torch.load(path, map_location="cpu", weights_only=True)
 
     def shuffled(part: dict[str, Tensor]) -> dict[str, Tensor]:
         i = torch.randperm(len(part["conf"]), generator=torch.Generator().manual_seed(0))
-        return {k: (v[i].float() if v.is_floating_point() else v[i]).to(device) for k, v in part.items()}
+        part = {k: v if k == "slope" else v[i] for k, v in part.items()}
+        return {k: (v.float() if v.is_floating_point() else v).to(device) for k, v in part.items()}
 
     return Mistakes(**shuffled(d["mistakes"])), Seen(**shuffled(d["seen"]))
 
@@ -114,6 +137,7 @@ def collect(
 ) -> tuple[Mistakes, Seen]:
     rng = np.random.default_rng(seed)
     wrong: list[tuple[np.ndarray, ...]] = []
+    of: list[int] = []  # which of `seen` each of them is, or -1
     seen: list[tuple[Tensor, ...]] = []
 
     def look(x: Tensor, truth: list[tuple[np.ndarray, np.ndarray, float]], rel: list[Tensor | None]) -> None:
@@ -124,6 +148,7 @@ def collect(
             j, ok, size = truth[k]
             if ok.all():  # an answer at an unlabelled joint could not be judged
                 wrong.append(record(pred[a], j, size))
+                of.append(-1 if rel[k] is None else len(seen))
             if (r := rel[k]) is not None:
                 uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
                 seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r))
@@ -151,7 +176,26 @@ def collect(
             truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in here]
             look(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here])
     conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
-    return Mistakes(conf.float(), at.long(), off.float()), Seen(*(torch.stack(x) for x in zip(*seen)))
+    known = Seen(*(torch.stack(x) for x in zip(*seen)))
+    slope, error = encodings(known)
+    which = torch.tensor(of)
+    lifted = which >= 0
+    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope), known
+
+
+def encodings(seen: Seen) -> tuple[Tensor, Tensor]:
+    """How the encodings of `seen` follow the truth: their slope over it by axis [3], and what the slope leaves, [n, 14, 63] (half)."""
+    said = seen.enc.float().unflatten(2, (NB, 3))
+    true = bones(seen.rel)[:, None].expand_as(said)
+    there = channel_mask().unflatten(1, (NB, 3)) * (seen.conf > 0)[:, :, None, None]
+
+    def sum_(x: Tensor) -> Tensor:
+        return (x * there).sum((0, 1, 2))
+
+    n = sum_(torch.ones_like(said)).clamp_min(1)
+    centred = true - sum_(true) / n
+    slope = sum_(centred * (said - sum_(said) / n)) / sum_(centred.square()).clamp_min(1e-6)
+    return slope, ((said - true * slope) * there).flatten(2).half()
 
 
 def main(argv: list[str]) -> None:
@@ -176,6 +220,7 @@ def main(argv: list[str]) -> None:
     torch.save({"mistakes": m.__dict__, "seen": known.__dict__}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
+    print(f"encodings' slope over the truth: {m.slope.tolist()}; their error is known of {int(m.lifted.sum())} people")
     print(f"{len(known.conf)} people with known 3D; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
     print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
 

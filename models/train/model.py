@@ -169,9 +169,9 @@ def channel_mask(device: torch.device | str = "cpu") -> Tensor:
 
 
 class Stage2(nn.Module):
-    """924 -> 160 -> 256 -> 256 -> 128 -> 63."""
+    """924 -> 384 -> 384 -> 384 -> 192 -> 63."""
 
-    WIDTHS = [NJ * (3 + ENC), 160, 256, 256, 128]
+    WIDTHS = [NJ * (3 + ENC), 384, 384, 384, 192]
 
     def __init__(self) -> None:
         super().__init__()

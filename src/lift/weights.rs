@@ -27,7 +27,7 @@ pub struct LinearLayer {
     pub relu: bool,
 }
 
-/// The layers of Stage II in order; XNect §4.2. The shipped network is 924 → 160 → 256 → 256 → 128 → 63.
+/// The layers of Stage II in order; XNect §4.2. The training recipe's network is 924 → 384 → 384 → 384 → 192 → 63.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage2Weights {
     layers: Vec<LinearLayer>,

@@ -30,7 +30,7 @@ from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
 from measure import errors, naive, procrustes
 from real import TRUST, mend
-from mistakes import match, record
+from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import imitate, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
 
@@ -142,6 +142,34 @@ class Reports(unittest.TestCase):
         yes = np.ones(NJ, bool)
         truth = [(PERSON + np.array([200, 0], np.float32), yes, 150.0), (PERSON, yes, 150.0)]
         self.assertEqual(sorted(match([a, b, a + 3], truth)), [(0, 1), (1, 0)])
+
+    def test_mistakes_are_carried_over_to_other_poses(self) -> None:
+        n, g = 200, torch.Generator().manual_seed(5)
+        rel = torch.randn(n, 21, 3, generator=g) * 0.3
+        uv = rel[:, :NJ, :2] * 100
+        true = (rel - rel[:, PARENTS21]).flatten(1)[:, None] * channel_mask()
+        conf = torch.ones(n, NJ)
+        conf[:, 4] = 0
+        slope = torch.tensor([0.6, 0.9, 0.4]).repeat(NB)
+        # encodings that follow the truth, only less: there is nothing left to explain
+        found, wrong = encodings(Seen(uv, conf, (true * slope).half(), rel))
+        self.assertLess(float((found - slope[:3]).abs().max()), 0.01)
+        self.assertLess(float(wrong.abs().max()), 0.01)
+        wrong[:, 9] += 0.2 * channel_mask()[9]
+        lifted = torch.arange(n) % 2 == 0
+        at = torch.arange(NJ).expand(n, -1)
+        m = Mistakes(conf, at, torch.zeros(n, NJ, 2), wrong.float(), lifted, found)
+        q, c, enc = m.apply(uv, torch.full((n,), 170.0), rel, g)
+        self.assertLess(float((q - uv).norm(dim=2).mean()), 0.02 * 170)
+        # the wrist that was missed and the knee that was wrong change sides in a mirror, and half of the records know no encodings
+        self.assertEqual(sorted({tuple((r == 0).nonzero()[:, 0].tolist()) for r in c}), [(4,), (7,)])
+        known = enc.abs().sum((1, 2)) > 0
+        self.assertTrue(60 < int(known.sum()) < 140)
+        off = (enc - true * slope * (c > 0)[..., None]).abs().amax(2)[known]
+        right = c[known][:, 4] == 0
+        for rows, knee in ((right, 9), (~right, 12)):
+            self.assertLess(float((off[rows][:, knee] - 0.2).abs().max()), 0.01)
+            self.assertLess(float(off[rows][:, [j for j in range(NJ) if j != knee]].max()), 0.01)
 
     def test_a_mirrored_person_is_still_a_person(self) -> None:
         n = 64

@@ -28,15 +28,16 @@ pub struct Stage2 {
 }
 
 impl Stage2 {
-    /// Widths of SPEC §4.
-    pub const WIDTHS: [usize; 6] = [924, 160, 256, 256, 128, 63];
+    /// Widths of the network that the training recipe makes. A file may have other hidden layers, but as many.
+    pub const WIDTHS: [usize; 6] = [924, 384, 384, 384, 192, 63];
 
     /// Imports the training recipe's safetensors.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelError> {
         let mut t = Tensors::parse(bytes)?;
         let contract = Stage2Contract::parse(super::contract_of(&t)?)?;
         let mut layers = Vec::new();
-        for (i, w) in Self::WIDTHS.windows(2).enumerate() {
+        let widths = Self::widths(&t, |layer| format!("fc{layer}.0.weight"))?;
+        for (i, w) in widths.windows(2).enumerate() {
             let (inputs, outputs) = (w[0], w[1]);
             let name = format!("fc{}", i + 1);
             let mut weight = t.floats(&format!("{name}.0.weight"), &[outputs, inputs])?;
@@ -67,11 +68,22 @@ impl Stage2 {
         Ok(Self { contract, layers })
     }
 
+    /// The widths of the file's network: input and output are given, hidden layers are as wide as their weights (`name` of the
+    /// layer, from 1) have rows.
+    fn widths(t: &Tensors<'_>, name: impl Fn(usize) -> String) -> Result<[usize; 6], ModelError> {
+        let mut widths = Self::WIDTHS;
+        for (layer, width) in widths[..5].iter_mut().enumerate().skip(1) {
+            *width = t.rows(&name(layer))?;
+        }
+        Ok(widths)
+    }
+
     /// Reads the layers of a model file.
     pub(super) fn read(t: &mut Tensors<'_>, contract: Stage2Contract) -> Result<Self, ModelError> {
         contract.check()?;
         let mut layers = Vec::new();
-        for (i, w) in Self::WIDTHS.windows(2).enumerate() {
+        let widths = Self::widths(t, |layer| format!("stage2.fc{layer}.weight"))?;
+        for (i, w) in widths.windows(2).enumerate() {
             let (inputs, outputs) = (w[0], w[1]);
             layers.push(Linear {
                 inputs,
@@ -82,5 +94,59 @@ impl Stage2 {
             });
         }
         Ok(Self { contract, layers })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use safetensors::tensor::{Dtype, TensorView};
+
+    use super::*;
+
+    /// A file as the recipe writes it, all weights 0, with these hidden layers.
+    fn file(hidden: [usize; 4]) -> Vec<u8> {
+        let shipped = include_bytes!("../../../models/weights/stage2.safetensors");
+        let (_, meta) = safetensors::SafeTensors::read_metadata(shipped).unwrap();
+        let mut shapes: HashMap<String, Vec<usize>> = HashMap::new();
+        let widths = [924, hidden[0], hidden[1], hidden[2], hidden[3], 63];
+        for (i, w) in widths.windows(2).enumerate() {
+            shapes.insert(format!("fc{}.0.weight", i + 1), vec![w[1], w[0]]);
+            if i == 4 {
+                shapes.insert("fc5.0.bias".into(), vec![w[1]]);
+            } else {
+                for what in ["weight", "bias", "running_mean", "running_var"] {
+                    shapes.insert(format!("fc{}.1.{what}", i + 1), vec![w[1]]);
+                }
+            }
+        }
+        let zeros = vec![0_u8; 4 * 924 * widths.iter().max().unwrap()];
+        let views = shapes.iter().map(|(name, shape)| {
+            let bytes = 4 * shape.iter().product::<usize>();
+            let view = TensorView::new(Dtype::F32, shape.clone(), &zeros[..bytes]).unwrap();
+            (name.as_str(), view)
+        });
+        safetensors::serialize(views, meta.metadata().clone()).unwrap()
+    }
+
+    #[test]
+    fn hidden_layers_are_as_wide_as_their_weights() {
+        let widths = |hidden| -> Vec<usize> {
+            let network = Stage2::from_safetensors(&file(hidden)).unwrap();
+            network.layers.iter().map(|l| l.outputs).collect()
+        };
+        assert_eq!(widths([7, 5, 9, 3]), [7, 5, 9, 3, 63]);
+        assert_eq!(widths([160, 256, 256, 128]), [160, 256, 256, 128, 63]);
+    }
+
+    #[test]
+    fn a_layer_of_no_width_is_refused() {
+        let error = Stage2::from_safetensors(&file([7, 0, 9, 3])).unwrap_err();
+        let line = error.to_string();
+        assert!(
+            line.contains("fc2.0.weight") && line.contains("[0, 7]"),
+            "{line}"
+        );
     }
 }

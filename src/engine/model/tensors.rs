@@ -53,6 +53,22 @@ impl<'a> Tensors<'a> {
         Ok(t)
     }
 
+    /// Rows of a matrix that has at least one.
+    pub fn rows(&self, name: &str) -> Result<usize, ModelError> {
+        let t = self
+            .tensors
+            .tensor(name)
+            .map_err(|_| ModelError::Missing(name.into()))?;
+        match t.shape() {
+            [rows, _] if *rows > 0 => Ok(*rows),
+            other => Err(ModelError::Tensor {
+                name: name.into(),
+                expected: "a matrix of one row or more".into(),
+                found: format!("shape {other:?}"),
+            }),
+        }
+    }
+
     /// A tensor of f16 or f32; every value is finite.
     pub fn floats(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
         let t = self.get(name, shape)?;
