@@ -72,20 +72,20 @@ impl Noise {
     /// Measured with `examples/observation_noise` on the shipped int8 model: 300 frames of `edgecap synth --clip --people 4
     /// --seed 11 --fps 30` at 512×320, 708 of 725 appearances found; 0.02 people a frame who are not there.
     pub const MEASURED: Self = Self {
-        slow2d: 0.0375,
-        white2d: 0.0250,
-        time2d: 1.22,
-        slow3d: 0.1100,
-        white3d: 0.0341,
-        time3d: 1.13,
-        hidden3d: 2.56,
-        miss: 0.0138,
+        slow2d: 0.0283,
+        white2d: 0.0233,
+        time2d: 1.13,
+        slow3d: 0.0838,
+        white3d: 0.0363,
+        time3d: 0.98,
+        hidden3d: 2.18,
+        miss: 0.0097,
         burst: 0.0028,
-        lost: 0.0070,
-        outlier: 0.0323,
+        lost: 0.0055,
+        outlier: 0.0254,
         hidden: 0.0,
-        swap: 0.0297,
-        phantom: 0.0167,
+        swap: 0.0417,
+        phantom: 0.0133,
     };
     pub const NONE: Self = Self {
         slow2d: 0.0,
