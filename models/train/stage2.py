@@ -3,8 +3,9 @@
     python stage2.py PACK OUT --minutes 8 [--stage1 OUT/ckpt]
 
 Inputs imitate Stage I: joints drop out singly, by limb and below the edge of the frame; positions are noisy and sometimes swapped;
-encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.  Given a Stage I checkpoint, half of every batch
-holds its true outputs on rendered scenes.  Light enough for a CPU.
+encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.
+Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
+Stage I checkpoint, its true outputs on rendered scenes.  Light enough for a CPU.
 """
 
 from __future__ import annotations
