@@ -264,7 +264,7 @@ def train(a: argparse.Namespace) -> None:
             m_e = m_e * (torch.rand(len(uv), 1, 1, generator=data.g, device=dev) >= a.without)
             x_uv, x_c, x_e = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c), torch.where(use[..., None], m_e, x_e)
         if answers:
-            i = torch.randint(len(answers[0]), (a.seen,), generator=data.g, device=dev)
+            i = torch.randint(len(answers[0]), (max(1, round(a.seen * a.batch)),), generator=data.g, device=dev)
             t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)
             t_e = t_e * (torch.rand(len(t_e), 1, 1, generator=data.g, device=dev) >= a.without / 2)
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
@@ -329,7 +329,7 @@ if __name__ == "__main__":
     ap.add_argument("--minutes", type=float, default=8)
     ap.add_argument("--steps", type=int, default=0)
     ap.add_argument("--batch", type=int, default=512)
-    ap.add_argument("--seen", type=int, default=160, help="people as Stage I reported them in a batch, besides")
+    ap.add_argument("--seen", type=float, default=0.3, help="people as Stage I reported them added to a batch, over its size")
     ap.add_argument("--repeat", type=int, default=3, help="steps on the same people, corrupted anew each time")
     ap.add_argument("--lr", type=float, default=2e-3)
     ap.add_argument("--stage1", type=pathlib.Path, help="checkpoint folder of Stage I")

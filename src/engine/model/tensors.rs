@@ -37,11 +37,14 @@ impl<'a> Tensors<'a> {
         self.unread.iter().map(String::as_str)
     }
 
-    fn get(&mut self, name: &str, shape: &[usize]) -> Result<TensorView<'a>, ModelError> {
-        let t = self
-            .tensors
+    fn find(&self, name: &str) -> Result<TensorView<'a>, ModelError> {
+        self.tensors
             .tensor(name)
-            .map_err(|_| ModelError::Missing(name.into()))?;
+            .map_err(|_| ModelError::Missing(name.into()))
+    }
+
+    fn get(&mut self, name: &str, shape: &[usize]) -> Result<TensorView<'a>, ModelError> {
+        let t = self.find(name)?;
         self.unread.remove(name);
         if t.shape() != shape {
             return Err(ModelError::Tensor {
@@ -55,11 +58,7 @@ impl<'a> Tensors<'a> {
 
     /// Rows of a matrix that has at least one.
     pub fn rows(&self, name: &str) -> Result<usize, ModelError> {
-        let t = self
-            .tensors
-            .tensor(name)
-            .map_err(|_| ModelError::Missing(name.into()))?;
-        match t.shape() {
+        match self.find(name)?.shape() {
             [rows, _] if *rows > 0 => Ok(*rows),
             other => Err(ModelError::Tensor {
                 name: name.into(),
