@@ -4,7 +4,7 @@ mod fit_scene;
 
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
 use edgecap::message::{
     BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, ObservationFrame, World, WorldState,
 };
@@ -172,6 +172,37 @@ fn a_missed_person_is_predicted_then_gone_then_recognised() {
         "nobody is shown for long without being seen"
     );
     assert_eq!(states[200].unwrap().0, 1, "the same person comes back");
+}
+
+#[test]
+fn whoever_walks_out_is_not_drawn_walking_on() {
+    let ways = [[(0.0, 4.0), (5.0, 4.0)], [(0.5, 3.0), (-5.0, 3.0)]];
+    for (seed, way) in ways.iter().enumerate() {
+        let person = Person::new(3, people::walk(0.5, 1.2, way), Activity::Wave);
+        let mut scene = Scene::new(vec![person], Noise::NONE, FPS, seed as u64);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let (mut tracked, mut outside) = (0, 0);
+        for _ in 0..150 {
+            let (frame, truths) = scene.next();
+            fitter.update(&frame, &mut out);
+            let inside = |[u, v]: [f32; 2]| {
+                (0.0..out.width as f32).contains(&u) && (0.0..out.height as f32).contains(&v)
+            };
+            for body in out.bodies() {
+                let predicted = body.state == BodyState::Predicted as u32;
+                let trunk = [NECK, PELVIS].map(|j| inside(body.joints2d[j]));
+                assert!(!predicted || trunk.contains(&true), "{trunk:?}");
+                tracked += usize::from(!predicted);
+            }
+            let truth = truths[0].joints[PELVIS].as_vec3().to_array();
+            outside += usize::from(!inside(frame.intrinsics.project(truth)));
+        }
+        assert!(tracked > 30, "seen in {tracked} frames");
+        assert!(outside > 30, "beyond the edge in {outside} frames");
+        assert_eq!(out.count, 0);
+        assert_eq!(fitter.counters().births, 1);
+    }
 }
 
 #[test]

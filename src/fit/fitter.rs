@@ -18,7 +18,7 @@ use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use super::solver::Solver;
 use super::track::{Context, Track, clamp};
 use super::world::SteadyFloor;
-use crate::joints::{BODY_JOINTS, PELVIS};
+use crate::joints::{BODY_JOINTS, NECK, PELVIS};
 use crate::message::{
     Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
     ObservationFrame,
@@ -522,12 +522,6 @@ impl Fitter {
     }
 
     fn publish(&self, pose_ns: u64, ahead: f64, out: &mut BodyFrame) {
-        let shown = |t: &&Track| t.id != 0 && t.unseen <= self.config.identity.grace;
-        let mut known: Vec<&Track> = self.present.iter().filter(shown).collect();
-        // Those seen first, should there be more than fit.
-        known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
-        known.truncate(MAX_PEOPLE);
-        known.sort_by_key(|t| t.id);
         let Some(header) = self.header else {
             *out = BodyFrame {
                 pose_ns,
@@ -535,6 +529,13 @@ impl Fitter {
             };
             return;
         };
+        let grace = self.config.identity.grace;
+        let shown = |t: &&Track| t.id != 0 && t.unseen <= grace && !header.has_left(t);
+        let mut known: Vec<&Track> = self.present.iter().filter(shown).collect();
+        // Those seen first, should there be more than fit.
+        known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
+        known.truncate(MAX_PEOPLE);
+        known.sort_by_key(|t| t.id);
         out.sequence = header.sequence;
         out.capture_ns = header.capture_ns;
         out.pose_ns = pose_ns;
@@ -617,6 +618,18 @@ impl Header {
             flags: frame.flags,
             frame_total: frame.frame_total,
         }
+    }
+
+    /// Not seen, and expected with neck and pelvis beyond the picture's edge: nothing will confirm or correct that prediction.
+    fn has_left(&self, track: &Track) -> bool {
+        let beyond = |joint: usize| {
+            let p = track.posed.joints[joint].as_vec3();
+            let [u, v] = self.intrinsics.project([p.x, p.y, p.z.max(0.05)]);
+            let inside = (-0.5..self.width as f32 - 0.5).contains(&u)
+                && (-0.5..self.height as f32 - 0.5).contains(&v);
+            !inside
+        };
+        track.unseen > 0.0 && [NECK, PELVIS].into_iter().all(beyond)
     }
 
     /// Whether the picture has the same size and camera.
