@@ -3,30 +3,12 @@
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
-use edgecap::engine::HEAD3D_CHANNELS;
-use edgecap::engine::model::Stage2;
+use edgecap::engine::{HEAD3D_CHANNELS, Model};
 use edgecap::joints::{EVIDENCE_JOINTS, LIMBS};
-use edgecap::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
+use edgecap::lift::{Encodings, Lifter};
 use edgecap::message::Intrinsics;
 use edgecap_kernels::Isa;
 use std::hint::black_box;
-
-const WIDTHS: [usize; 6] = Stage2::WIDTHS;
-
-/// The shipped widths with made-up weights: speed does not depend on them.
-fn weights() -> Stage2Weights {
-    let layer = |(i, w): (usize, &[usize])| LinearLayer {
-        inputs: w[0],
-        outputs: w[1],
-        weights: (0..w[0] * w[1])
-            .map(|k| ((k % 17) as f32 - 8.0) * 1e-2)
-            .collect(),
-        bias: vec![0.1; w[1]],
-        relu: i + 2 < WIDTHS.len(),
-    };
-    let layers = WIDTHS.windows(2).enumerate().map(layer).collect();
-    Stage2Weights::new(layers).expect("the layers fit")
-}
 
 fn person(index: usize) -> Detection {
     let at = |j: usize| [40.0 * index as f32 + 7.0 * j as f32, 20.0 * j as f32, 0.8];
@@ -40,7 +22,10 @@ fn person(index: usize) -> Detection {
 
 fn lift(c: &mut Criterion) {
     let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
-    let mut lifter = Lifter::new(&weights(), Encodings::Read, isa).expect("the CPU has its tier");
+    let model = Model::shipped().expect("a build with weights");
+    let weights = model.stage2().expect("the shipped model has Stage II");
+    let weights = weights.try_into().expect("the layers fit");
+    let mut lifter = Lifter::new(&weights, Encodings::Read, isa).expect("the CPU has its tier");
     let letterbox = Letterbox {
         scale: 1.0,
         offset_u: 0.0,

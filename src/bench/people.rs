@@ -8,10 +8,11 @@ use edgecap_kernels::Isa;
 use super::sample::Samples;
 use super::{BenchError, PeopleSpeed, crowd};
 use crate::detect::{AssociationConfig, Associator};
+use crate::engine::Model;
 use crate::engine::model::Stage2;
 use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
 
-/// Association, then Stage II with weights of the shipped shape, for `people` people in maps of `width` × `height` cells.
+/// Association, then Stage II, for `people` people in maps of `width` × `height` cells.
 pub(super) fn speed(
     people: usize,
     (width, height): (usize, usize),
@@ -42,8 +43,11 @@ pub(super) fn speed(
     })
 }
 
-/// Layers of the shipped widths; the values cannot change the speed.
+/// The shipped weights, whose zeros save time; in a build without weights layers of the same widths in which every input counts.
 fn weights() -> Result<Stage2Weights, BenchError> {
+    if let Some(stage2) = Model::shipped().ok().as_ref().and_then(Model::stage2) {
+        return Ok(stage2.try_into()?);
+    }
     let widths = Stage2::WIDTHS.windows(2);
     let last = Stage2::WIDTHS.len() - 2;
     let layer = |(i, w): (usize, &[usize])| LinearLayer {

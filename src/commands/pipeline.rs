@@ -9,9 +9,8 @@ use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 use super::exit::Failure;
 use crate::capture::{Frame, Resizer};
 use crate::detect::{AssociationConfig, Associator};
-use crate::engine::model::Linear;
 use crate::engine::{Engine, EngineOptions, Isa, Model, Network, Precision};
-use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
+use crate::lift::{Encodings, Lifter};
 
 /// What to run, and how.
 #[derive(Debug, Clone)]
@@ -142,18 +141,10 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
     let stage2 = model.stage2().ok_or_else(|| {
         Failure::data("the model has no Stage II: give --stage2 FILE.safetensors")
     })?;
-    let layer = |l: &Linear| LinearLayer {
-        inputs: l.inputs,
-        outputs: l.outputs,
-        weights: l.weight.clone(),
-        bias: l.bias.clone(),
-        relu: l.relu,
-    };
-    let weights = Stage2Weights::new(stage2.layers.iter().map(layer).collect())?;
     let encodings = if model.encodings_trained() {
         Encodings::Read
     } else {
         Encodings::Zero
     };
-    Ok(Lifter::new(&weights, encodings, isa)?)
+    Ok(Lifter::new(&stage2.try_into()?, encodings, isa)?)
 }

@@ -4,6 +4,7 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
 use super::LiftError;
 use crate::engine::HEAD3D_CHANNELS;
+use crate::engine::model::{Linear, Stage2};
 
 /// Numbers per evidence joint in Stage II's input: u, v, confidence, then the encoding.
 pub const JOINT_INPUTS: usize = 3 + HEAD3D_CHANNELS;
@@ -62,5 +63,21 @@ impl Stage2Weights {
     /// The layers.
     pub fn layers(&self) -> &[LinearLayer] {
         &self.layers
+    }
+}
+
+impl TryFrom<&Stage2> for Stage2Weights {
+    type Error = LiftError;
+
+    /// The layers of a model file, checked.
+    fn try_from(stage2: &Stage2) -> Result<Self, LiftError> {
+        let layer = |l: &Linear| LinearLayer {
+            inputs: l.inputs,
+            outputs: l.outputs,
+            weights: l.weight.clone(),
+            bias: l.bias.clone(),
+            relu: l.relu,
+        };
+        Self::new(stage2.layers.iter().map(layer).collect())
     }
 }
