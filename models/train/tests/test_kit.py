@@ -18,6 +18,7 @@ import torch
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(KIT))
 
+import checkpoint
 import export
 import person_score
 import photos
@@ -27,6 +28,7 @@ from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
 from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
+from muon import Muon, orthogonal
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
 from measure import errors, naive, procrustes
 from real import TRUST, mend
@@ -338,6 +340,70 @@ class Files(unittest.TestCase):
             with torch.no_grad():
                 a, b = (s2.eval()(stage2_input(uv, conf, enc, m)) for m in (channel_mask(), torch.ones(NJ, 63)))
             self.assertTrue(torch.allclose(a, b, atol=1e-5))
+
+
+class Optimiser(unittest.TestCase):
+    def test_updates_keep_directions_and_lose_strengths(self) -> None:
+        torch.manual_seed(3)
+        for shape in ((2, 24, 40), (1, 40, 24), (3, 16, 200), (2, 96, 8)):
+            m = torch.randn(shape)
+            u, strengths, vt = torch.linalg.svd(m, full_matrices=False)
+            self.assertGreater(float((strengths[:, 0] / strengths[:, -1]).min()), 1.5)
+            o = orthogonal(m).float()
+            inside = u.mT @ o @ vt.mT  # diagonal where the singular vectors are the same
+            kept = inside.diagonal(dim1=1, dim2=2)
+            self.assertTrue(bool(((kept > 0.6) & (kept < 1.3)).all()), kept)
+            self.assertLess(float((inside - torch.diag_embed(kept)).abs().max()), 0.05)
+
+    def _two_layers(self) -> tuple[torch.nn.Sequential, Muon]:
+        torch.manual_seed(4)
+        net = torch.nn.Sequential(torch.nn.Conv2d(8, 8, 3, padding=1, groups=2), torch.nn.Conv2d(8, 4, 1))
+        net = net.to(memory_format=torch.channels_last)
+        first = net[0].weight
+        rest = [p for p in net.parameters() if p is not first]
+        return net, Muon([(first, 2)], [dict(params=rest, weight_decay=0.0)], lr=0.02, wd=0.0, fused=True)
+
+    def _fit(self, net: torch.nn.Sequential, opt: Muon, steps: int) -> float:
+        torch.manual_seed(5)
+        x, y = torch.randn(4, 8, 6, 6), torch.randn(4, 4, 6, 6)
+        for _ in range(steps):
+            opt.zero_grad()
+            loss = (net(x) - y).square().mean()
+            loss.backward()
+            opt.step()
+        return float(loss.detach())
+
+    def test_every_parameter_learns(self) -> None:
+        net, opt = self._two_layers()
+        before = [p.detach().clone() for p in net.parameters()]
+        start, end = self._fit(net, opt, 1), self._fit(net, opt, 60)
+        self.assertLess(end, 0.8 * start)
+        for p, was in zip(net.parameters(), before):
+            self.assertGreater(float((p.detach() - was).abs().max()), 1e-3)
+
+    def test_a_step_is_as_long_as_the_rate_says(self) -> None:
+        net, opt = self._two_layers()
+        was = net[0].weight.detach().clone()
+        self._fit(net, opt, 1)
+        length = float((net[0].weight.detach() - was).square().mean().sqrt())
+        self.assertAlmostEqual(length, 0.02 * 0.2, delta=0.02 * 0.2 * 0.25)
+
+    def test_the_momentum_survives_a_checkpoint(self) -> None:
+        net, opt = self._two_layers()
+        self._fit(net, opt, 5)
+        with tempfile.TemporaryDirectory() as d:
+            folder = pathlib.Path(d) / "ckpt"
+            checkpoint.save(folder, net, net, opt, {"step": 5})
+            other, again = self._two_layers()
+            checkpoint.load(folder, other, other, again, torch.device("cpu"))
+            third, cold = self._two_layers()
+            checkpoint.load(folder, third, third, None, torch.device("cpu"))
+        for p, q in zip(net.parameters(), other.parameters()):
+            self.assertEqual(set(opt.state[p]), set(again.state[q]))
+            m = opt.state[p]["exp_avg"]
+            self.assertLess(float((m - again.state[q]["exp_avg"]).abs().max()), 1e-3 * float(m.abs().max()))
+        on, taken_up, forgotten = self._fit(net, opt, 4), self._fit(other, again, 4), self._fit(third, cold, 4)
+        self.assertLess(abs(taken_up - on), 0.2 * abs(forgotten - on))
 
 
 class Network(unittest.TestCase):
