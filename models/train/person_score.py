@@ -3,7 +3,7 @@
 `CANDIDATES` are the lines of `examples/association_candidates.rs`: pictures in which everybody is labelled (`composites.py`, `edgecap synth`) and photos
 without people, none of which the figures of the model card are measured on.  A logistic regression is fitted to every candidate's object
 keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate).  `--held` gives photos without people that nothing
-was trained on: the least score is set so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of settings, each
+was trained on: the least score is the one above which reports are worth most, or higher, so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of settings, each
 gets its own score, and the one wins in which the candidates it is fitted to and keeps are worth most: their similarity above 0.3.  The file's other settings stay as they are.
 """
 
@@ -124,6 +124,13 @@ def threshold(c: Candidates, s: np.ndarray, quiet: float) -> float:
     return float(highest[allowed]) + 0.001 if allowed < len(highest) else 0.0
 
 
+def best_threshold(c: Candidates, s: np.ndarray) -> float:
+    """The score above which the candidates reported are worth most together, halfway to the next one below."""
+    order = np.argsort(-s)
+    last = np.cumsum(c.similarity[order] - WORTHLESS).argmax()
+    return float(np.append(s[order], 0.0)[last : last + 2].mean())
+
+
 def named(t: Settings) -> str:
     return " ".join(f"{key.split('_')[0]} {v}" for key, v in zip(KEYS, t))
 
@@ -157,8 +164,9 @@ def main(argv: list[str]) -> None:
     tried = []
     for t, c in sorted(train.items()):
         weights, bias = fit(c)
-        least = threshold(held[t], score(held[t], weights, bias), a.quiet)
-        kept = score(c, weights, bias) >= least
+        s = score(c, weights, bias)
+        least = max(threshold(held[t], score(held[t], weights, bias), a.quiet), best_threshold(c, s))
+        kept = s >= least
         tried.append(((c.similarity[kept] - WORTHLESS).sum(), (c.similarity[kept] >= 0.5).sum(), (c.similarity[kept] < WORTHLESS).sum(), t, weights, bias, least))
         print(
             f"{named(t)}: least score {least:.3f}, worth {tried[-1][0]:.0f}, "

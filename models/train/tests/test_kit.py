@@ -261,6 +261,15 @@ class Scores(unittest.TestCase):
             self.assertAlmostEqual(after["score"]["joint"][0], float(weights[0]), places=3)
             self.assertTrue(s[30:].max() < after["min_score"] < s[:30].min())
 
+    def test_reports_end_where_they_do_more_harm_than_good(self) -> None:
+        similar = np.array([0.9, 0.2, 0.5, 0.1, 0.2])  # worth 0.6, -0.1, 0.2, -0.2, -0.1
+        nothing = np.zeros(5)
+        c = person_score.Candidates(nothing, similar, nothing, nothing, {}, {})
+        scores = np.array([0.8, 0.6, 0.5, 0.4, 0.1])
+        self.assertAlmostEqual(person_score.best_threshold(c, scores), 0.45)
+        c.similarity = np.full(5, 0.9)
+        self.assertAlmostEqual(person_score.best_threshold(c, scores), 0.05)
+
     def test_without_photos_of_nobody_there_is_no_threshold(self) -> None:
         with tempfile.TemporaryDirectory() as d:
             c = person_score.load(self.lines(pathlib.Path(d), 1, 3, 0.9, 0.0))[0.4, 0.2, 0.1, 0.05]
