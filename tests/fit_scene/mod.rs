@@ -72,19 +72,19 @@ impl Noise {
     /// Measured with `examples/observation_noise` on the shipped int8 model: 300 frames of `edgecap synth --clip --people 4
     /// --seed 11 --fps 30` at 512×320, 709 of 725 appearances found; 0.01 people a frame who are not there.
     pub const MEASURED: Self = Self {
-        slow2d: 0.0283,
-        white2d: 0.0233,
+        slow2d: 0.0246,
+        white2d: 0.0203,
         time2d: 1.13,
-        slow3d: 0.0838,
+        slow3d: 0.0749,
         white3d: 0.0363,
-        time3d: 0.98,
-        hidden3d: 2.18,
-        miss: 0.0097,
-        burst: 0.0028,
-        lost: 0.0055,
-        outlier: 0.0254,
+        time3d: 0.85,
+        hidden3d: 2.19,
+        miss: 0.0041,
+        burst: 0.0041,
+        lost: 0.0068,
+        outlier: 0.0212,
         hidden: 0.0,
-        swap: 0.0417,
+        swap: 0.0337,
         phantom: 0.0133,
     };
     pub const NONE: Self = Self {
