@@ -3,7 +3,7 @@
 //!
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::appearance::Appearance;
 use super::assignment::assign;
@@ -583,8 +583,7 @@ impl Fitter {
         for j in 0..BODY_JOINTS {
             let p = (posed.joints[j] * scale).as_vec3();
             body.joints3d[j] = p.to_array();
-            // A joint beside or behind the camera has no pixel; the nearest depth with one stands in for it.
-            body.joints2d[j] = camera.project([p.x, p.y, p.z.max(0.05)]);
+            body.joints2d[j] = pixel(camera, p);
             let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
             body.confidence[j] = sure as f32;
             sum += sure;
@@ -623,8 +622,7 @@ impl Header {
     /// Not seen, and expected with neck and pelvis beyond the picture's edge: nothing will confirm or correct that prediction.
     fn has_left(&self, track: &Track) -> bool {
         let beyond = |joint: usize| {
-            let p = track.posed.joints[joint].as_vec3();
-            let [u, v] = self.intrinsics.project([p.x, p.y, p.z.max(0.05)]);
+            let [u, v] = pixel(&self.intrinsics, track.posed.joints[joint].as_vec3());
             let inside = (-0.5..self.width as f32 - 0.5).contains(&u)
                 && (-0.5..self.height as f32 - 0.5).contains(&v);
             !inside
@@ -648,6 +646,11 @@ fn usable_camera(frame: &ObservationFrame) -> Intrinsics {
     } else {
         Intrinsics::from_horizontal_fov(frame.width.max(1), frame.height.max(1), 60.0)
     }
+}
+
+/// Where a joint is seen. Beside or behind the camera it has no pixel; the nearest depth with one stands in for it.
+fn pixel(camera: &Intrinsics, p: Vec3) -> [f32; 2] {
+    camera.project([p.x, p.y, p.z.max(0.05)])
 }
 
 fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {

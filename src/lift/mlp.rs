@@ -7,10 +7,11 @@ use super::{INPUTS, LiftError, LinearLayer, Stage2Weights};
 /// Stage II's layers, packed for the CPU, with the buffers between them.
 ///
 /// Training supervises an encoding only at the joints of its bone (SPEC §4) and leaves the weights of all others in the first
-/// layer at zero: 141 of 924 inputs count. Only those are packed and read.
+/// layer at zero: 141 of the shipped model's 924 inputs have any. Only those are packed and read.
 #[derive(Debug, Clone)]
 pub(crate) struct Mlp {
-    counts: Vec<usize>,
+    /// The inputs that the first layer gives weight.
+    weighted: Vec<usize>,
     layers: Vec<Linear>,
     from: Vec<f32>,
     to: Vec<f32>,
@@ -20,15 +21,13 @@ impl Mlp {
     /// Packs the layers for `isa`.
     pub fn new(weights: &Stage2Weights, isa: Isa) -> Result<Self, LiftError> {
         let mut layers = weights.layers().to_vec();
-        let mut counts = Vec::new();
-        if let Some(first) = layers.first_mut() {
-            counts = inputs_that_count(first);
-            *first = narrowed(first, &counts);
-        }
+        // There is one: `Stage2Weights` starts at INPUTS and ends at OUTPUTS.
+        let weighted = weighted_inputs(&layers[0]);
+        layers[0] = narrowed(&layers[0], &weighted);
         let pack =
             |l: &LinearLayer| Linear::new(isa, l.inputs, l.outputs, &l.weights, &l.bias, l.relu);
         Ok(Self {
-            counts,
+            weighted,
             layers: layers.iter().map(pack).collect::<Result<_, _>>()?,
             from: Vec::new(),
             to: Vec::new(),
@@ -39,7 +38,7 @@ impl Mlp {
     pub fn run(&mut self, batch: usize, input: &[f32]) -> Result<&[f32], LiftError> {
         self.from.clear();
         for row in input.chunks_exact(INPUTS) {
-            self.from.extend(self.counts.iter().map(|&k| row[k]));
+            self.from.extend(self.weighted.iter().map(|&k| row[k]));
         }
         for layer in &self.layers {
             self.to.resize(batch * layer.outputs(), 0.0);
@@ -51,18 +50,18 @@ impl Mlp {
 }
 
 /// The inputs that `layer` gives any weight; one at least.
-fn inputs_that_count(layer: &LinearLayer) -> Vec<usize> {
+fn weighted_inputs(layer: &LinearLayer) -> Vec<usize> {
     let mut any = vec![false; layer.inputs];
     for row in layer.weights.chunks_exact(layer.inputs) {
         for (any, w) in any.iter_mut().zip(row) {
             *any |= *w != 0.0;
         }
     }
-    let mut counts: Vec<usize> = (0..layer.inputs).filter(|&k| any[k]).collect();
-    if counts.is_empty() {
-        counts.push(0);
+    let mut weighted: Vec<usize> = (0..layer.inputs).filter(|&k| any[k]).collect();
+    if weighted.is_empty() {
+        weighted.push(0);
     }
-    counts
+    weighted
 }
 
 /// `layer` with these inputs only.

@@ -1,0 +1,212 @@
+//! Stage III against exact truth: how tall and how far away people are, the floor and the world.
+
+mod fit_scene;
+
+use edgecap::fit::config::GroundConfig;
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::PELVIS;
+use edgecap::message::{BodyFrame, World, WorldState};
+use fit_scene::measure::run;
+use fit_scene::people::{self, Activity, Counter, Person};
+use fit_scene::{Noise, Scene};
+
+const FPS: f64 = 30.0;
+
+#[test]
+fn the_height_comes_from_settings_or_floor() {
+    let cast = |h: f64| {
+        let legs = people::walk(
+            0.0,
+            1.0,
+            &[(-0.8, 3.5), (0.8, 4.5), (-0.5, 4.0), (0.6, 3.6)],
+        );
+        vec![Person::new(2, legs, Activity::Stand).of_height(h)]
+    };
+    let known = FitConfig {
+        height: Some(1.85),
+        ..FitConfig::default()
+    };
+    let r = run(
+        &mut Scene::new(cast(1.85), Noise::REAL, FPS, 6),
+        known,
+        200,
+        60,
+        false,
+    );
+    assert!(
+        r.depth.get() < 0.05,
+        "known height: depth off by {}",
+        r.depth.get()
+    );
+    let floor = FitConfig {
+        ground: Some(GroundConfig {
+            normal: [0.0, -1.0, 0.0],
+            offset: fit_scene::CAMERA_HEIGHT,
+        }),
+        ..FitConfig::default()
+    };
+    for height in [1.55, 1.85] {
+        let mut scene = Scene::new(cast(height), Noise::REAL, FPS, 6);
+        let mut fitter = Fitter::new(floor.clone()).unwrap();
+        let mut out = BodyFrame::default();
+        for _ in 0..200 {
+            fitter.update(&scene.next().0, &mut out);
+        }
+        let found = f64::from(out.bodies()[0].height);
+        assert!(
+            (found - height).abs() < 0.06 * height,
+            "{height} taken for {found}"
+        );
+    }
+}
+
+/// Greatest and mean error of the root's distance, as a share, of somebody of known height behind a counter, from the first
+/// half second on. Panics where the person is lost or named anew.
+fn depth_behind_a_counter(counter: Counter, noise: Noise, seed: u64) -> (f64, f64) {
+    let legs = people::walk(0.0, 0.6, &[(-0.5, 4.0), (0.7, 4.4), (-0.2, 3.8)]);
+    let person = Person::new(seed, legs, Activity::Reach)
+        .of_height(1.70)
+        .behind(counter);
+    let mut scene = Scene::new(vec![person], noise, FPS, seed);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let (mut worst, mut sum, mut n) = (0.0f64, 0.0, 0.0);
+    for f in 0..240 {
+        let (frame, truths) = scene.next();
+        fitter.update(&frame, &mut out);
+        if f < 15 || truths[0].observation.is_none() {
+            continue;
+        }
+        let [body] = out.bodies() else {
+            panic!("frame {f}: {} bodies of one person", out.count);
+        };
+        assert_eq!(body.id, 1, "frame {f}: another name");
+        let z = truths[0].joints[PELVIS].z;
+        let error = (f64::from(body.position[2]) / z - 1.0).abs();
+        worst = worst.max(error);
+        sum += error;
+        n += 1.0;
+    }
+    (worst, sum / n)
+}
+
+#[test]
+fn invented_legs_move_nobody_away() {
+    let noise = Noise {
+        phantom: 0.0,
+        ..Noise::REAL
+    };
+    let mut wrong = Vec::new();
+    // Stage II may draw whole legs, or believe the picture; hardest is what contradicts only a little.
+    for (legs3d, most) in [(1.0, [0.18, 0.06]), (0.6, [0.3, 0.12]), (0.2, [0.2, 0.07])] {
+        for (from, to) in [(0.0, 5.0), (2.0, 6.0), (0.0, 99.0)] {
+            let counter = Counter {
+                from,
+                to,
+                legs2d: 0.2,
+                legs3d,
+            };
+            for seed in 1..=4 {
+                let (worst, mean) = depth_behind_a_counter(counter, noise, seed);
+                println!("{counter:?}, seed {seed}: worst {worst:.3}, mean {mean:.3}");
+                if worst > most[0] || mean > most[1] {
+                    wrong.push((legs3d, from, to, seed, worst, mean));
+                }
+            }
+            let (worst, mean) = depth_behind_a_counter(counter, Noise::NONE, 1);
+            if worst > most[0] {
+                wrong.push((legs3d, from, to, 0, worst, mean));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// Five people of canonical stature who stand about, so that feet in the picture tell metres.
+fn standing() -> Scene {
+    let cast = people::everyday()
+        .into_iter()
+        .map(|p| p.of_height(1.70))
+        .collect();
+    Scene::new(cast, Noise::REAL, FPS, 5)
+}
+
+#[test]
+fn standing_feet_tell_the_floor() {
+    let mut scene = standing();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..300 {
+        fitter.update(&scene.next().0, &mut out);
+    }
+    let ground = fitter.ground().expect("five people stand about");
+    let tilt = ground.normal.dot(-glam::DVec3::Y).acos().to_degrees();
+    println!("{ground:?}, tilt {tilt:.1}°");
+    assert!(tilt < 5.0);
+    assert!((ground.offset - fit_scene::CAMERA_HEIGHT).abs() < 0.15);
+}
+
+#[test]
+fn bodies_stand_on_the_floor_of_the_world() {
+    let mut scene = standing();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut before: Option<[f32; 3]> = None;
+    let mut heights = Vec::new();
+    for _ in 0..600 {
+        fitter.update(&scene.next().0, &mut out);
+        if out.world.state == WorldState::None as u32 {
+            assert_eq!(before, None, "a world does not vanish");
+            assert!(out.bodies().iter().all(|b| out.in_world(b).is_none()));
+            continue;
+        }
+        assert_eq!(out.world.state, WorldState::Estimated as u32);
+        // A point five metres in front of the camera.
+        let ahead = out.world.point([0.0, 0.0, 5.0]);
+        if let Some(last) = before.replace(ahead) {
+            let step = (0..3)
+                .map(|i| (ahead[i] - last[i]).powi(2))
+                .sum::<f32>()
+                .sqrt();
+            assert!(step < 0.08 / FPS as f32, "the world jumped by {step} m");
+        }
+        for body in out.bodies() {
+            let there = out.in_world(body).unwrap();
+            let sole = there.joints3d[10][1].min(there.joints3d[13][1]) - 0.085;
+            heights.push(f64::from(sole.abs()));
+        }
+    }
+    heights.sort_by(f64::total_cmp);
+    let (median, most) = (
+        heights[heights.len() / 2],
+        heights[heights.len() * 95 / 100],
+    );
+    println!("soles above the floor: median {median:.3} m, 95 % within {most:.3} m");
+    assert!(median < 0.06 && most < 0.25);
+    // Another camera, another world.
+    let (mut frame, _) = scene.next();
+    frame.intrinsics.fx *= 1.1;
+    fitter.update(&frame, &mut out);
+    assert_eq!(out.world, World::default());
+}
+
+#[test]
+fn a_given_floor_is_the_world_at_once() {
+    let ground = GroundConfig {
+        normal: [0.0, -2.0, 0.0],
+        offset: fit_scene::CAMERA_HEIGHT,
+    };
+    let config = FitConfig {
+        ground: Some(ground),
+        ..FitConfig::default()
+    };
+    let mut scene = Scene::new(people::everyday(), Noise::NONE, FPS, 5);
+    let mut fitter = Fitter::new(config).unwrap();
+    let mut out = BodyFrame::default();
+    fitter.update(&scene.next().0, &mut out);
+    assert_eq!(out.world.state, WorldState::Given as u32);
+    let below = out.world.point([0.0, fit_scene::CAMERA_HEIGHT as f32, 0.0]);
+    assert!(below.iter().all(|v| v.abs() < 1e-6), "{below:?}");
+    let ahead = out.world.point([1.0, 0.0, 5.0]);
+    assert!((ahead[0] - 1.0).abs() < 1e-6 && (ahead[2] + 5.0).abs() < 1e-6);
+}
