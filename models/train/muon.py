@@ -1,7 +1,7 @@
 """Muon: momentum made orthogonal for the weights of hidden convolutions (Jordan et al. 2024; scale of Liu et al. 2025), AdamW for the rest.
 
-Adam moves a few strong directions of a weight matrix again and again; equal singular values move all of them, which a network that
-still underfits turns into fewer steps.
+Adam moves a few strong directions of a weight matrix again and again; equal singular values move all of them. What that brings here
+is in README.md, On a CPU.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Muon(torch.optim.Optimizer):
                 if "exp_avg" not in state:
                     state["exp_avg"] = torch.zeros_like(p)
                 m = state["exp_avg"].lerp_(p.grad, 1 - self.momentum)
-                # channels last in memory: moved there, nothing is copied
+                # where weights lie channels last, moving them there copies nothing
                 ahead.append(p.grad.lerp(m, self.momentum).movedim(1, -1).reshape(groups, rows // groups, -1))
             u = orthogonal(torch.cat(ahead)).float()
             u *= RMS * max(u.shape[1:]) ** 0.5

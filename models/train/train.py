@@ -60,7 +60,7 @@ GPU_PHASES = [
     Phase(1.1, [Mix(320, 512, 48, 48, (55, 330), [0.05, 0.30, 0.30, 0.20, 0.15], (0.95, 1.15))]),
 ]
 # A CPU has no time for empty pixels: small tiles full of people first, larger ones for larger people and crowds later.  What counts is
-# people of 100 to 300 px: with half of them below 110 px in training, the fourth model was best at 110 px and lost 14 points of PCK at 190.
+# people of 100 to 300 px: the fourth model, whose mixes had medians of 85 to 120 px, lost 14 points of PCK from 112 to 188 px.
 CPU_PHASES = [
     Phase(
         0.40,
@@ -409,7 +409,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--ema", type=float, default=0.999)
     ap.add_argument("--pool", type=int, default=4096, help="scenes kept on the device (0.5 MB each)")
     ap.add_argument("--reuse", type=float, default=12, help="tiles drawn per rendered scene")
-    ap.add_argument("--muon", action="store_true", help="orthogonal updates for the hidden convolutions: a tenth slower a step on a CPU, fewer steps")
+    ap.add_argument("--muon", action="store_true", help="orthogonal updates for the hidden convolutions (README.md, On a CPU)")
     ap.add_argument("--quant-last", type=float, default=0.0, help="share of the schedule, at its end, with int8 fake quantisation")
     ap.add_argument("--groups", choices=["auto", "native", "dense"], default="auto")
     ap.add_argument("--compile", action="store_true", help="torch.compile the network (a minute per tile size)")
