@@ -12,6 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from precision import bf16_pays
+
 STEPS = 5
 # Jordan's quintic: singular values end between 0.66 and 1.2, which serves as well as 1 and takes fewer steps
 QUINTIC = (3.4445, -4.7750, 2.0315)
@@ -20,12 +22,12 @@ WIDE = 4  # columns a row from which working on the product of rows costs less
 
 
 def orthogonal(m: Tensor) -> Tensor:
-    """[batch, rows, columns] -> the nearest matrices with almost equal singular values, bf16."""
-    x = m.bfloat16()
+    """[batch, rows, columns] -> the nearest matrices with almost equal singular values, in bf16 where that is fast."""
+    x = m.to(torch.bfloat16 if bf16_pays(m.device) else torch.float32)
     tall = x.shape[1] > x.shape[2]
     if tall:
         x = x.mT.contiguous()
-    x = x / (x.float().flatten(1).norm(dim=1)[:, None, None] + 1e-7).bfloat16()
+    x = x / (x.float().flatten(1).norm(dim=1)[:, None, None] + 1e-7).to(x.dtype)
     x = _wide(x) if x.shape[2] >= WIDE * x.shape[1] else _square(x)
     return x.mT if tall else x
 
@@ -49,7 +51,7 @@ def _wide(x: Tensor) -> Tensor:
         total = factor if total is None else factor @ total
         s = factor @ s @ factor
     assert total is not None
-    return total.bfloat16() @ x
+    return total.to(x.dtype) @ x
 
 
 class Muon(torch.optim.Optimizer):

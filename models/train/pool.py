@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from augment import lying
 from scenes import Generator, Scenes
 from skeleton import FLIP14, FLIP21, ROOT
 
@@ -54,6 +55,8 @@ class Pool:
 
         z = zoom[0] * (zoom[1] / zoom[0]) ** rand(B)
         a = (torch.randn(B, generator=g, device=d) * roll).clamp(-3 * roll, 3 * roll)
+        if h == w:
+            a = a + lying(rand(B))
         fl = rand(B) < 0.5
         # look at one of the people (tiles), or at the whole frame when the tile is as large as the scene
         size = D["size_px"]

@@ -13,6 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from augment import lying
 from skeleton import FLIP14, FLIP21, NB, NJ
 
 
@@ -259,6 +260,7 @@ class People:
         tall = torch.where(n[:, None] > 1, tall[:, :1] * torch.exp((rand(B, P) - 0.5) * 0.6), tall)
         k = tall / self.stature[id_]
         a = (torch.randn(B, P, generator=g, device=d) * 0.22).clamp(-0.6, 0.6)
+        a = a + lying(rand(B, P))
         fl = rand(B, P) < 0.5
         slots = (torch.rand(B, P, generator=g, device=d) + 1e3 * ~used).argsort(1).argsort(1)
         cx = torch.where(

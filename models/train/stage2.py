@@ -22,6 +22,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 import rotations as rot
+import weights
 from body import Body, Mocap, canonical
 from measure import errors, naive
 from mistakes import Mistakes, bones, load
@@ -240,7 +241,10 @@ def train(a: argparse.Namespace) -> None:
     answers = tuple(torch.cat(t) for t in zip(*true))
     net2 = Stage2().to(dev)
     if a.init:
-        net2.load_state_dict(torch.load(a.init, map_location=dev, weights_only=True)["net"])
+        if a.init.suffix == ".safetensors":
+            weights.load_into(net2, a.init)
+        else:
+            net2.load_state_dict(torch.load(a.init, map_location=dev, weights_only=True)["net"])
     avg = copy.deepcopy(net2).requires_grad_(False)
     opt = torch.optim.AdamW(net2.parameters(), lr=a.lr, weight_decay=0.01, betas=(0.9, 0.98))
     step, t0, logged = 0, time.time(), time.time()
@@ -340,7 +344,7 @@ if __name__ == "__main__":
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")
     ap.add_argument("--mistakes", type=pathlib.Path, help="what mistakes.py collected")
     ap.add_argument("--share", type=float, default=0.6, help="share of people that carry those mistakes")
-    ap.add_argument("--init", type=pathlib.Path, help="stage2.pt to start from")
+    ap.add_argument("--init", type=pathlib.Path, help="stage2.pt, or an exported stage2.safetensors, to start from")
     ap.add_argument("--bf16", action="store_true", help="twice as fast where the CPU has AMX; end with a few minutes without")
     ap.add_argument("--threads", type=int, default=0)
     ap.add_argument("--cpu", action="store_true")

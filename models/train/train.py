@@ -30,6 +30,7 @@ from augment import photometric
 from model import SelecSLSNet
 from muon import Muon
 from pool import Pool, Rendered, Stored
+from precision import bf16_pays
 from ranks import Group, launch
 from real import People, RealBatch, load_photos
 from scenes import Generator
@@ -102,6 +103,7 @@ class Trainer:
         self.a = a
         self.dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
         self.cuda = self.dev.type == "cuda"
+        self.bf16 = a.bf16 and bf16_pays(self.dev)
         self.group = Group(a.ranks)
         torch.manual_seed(a.seed + 101 * self.group.rank)
         if self.cuda:
@@ -222,7 +224,7 @@ class Trainer:
         """The six losses, and the joint maps of the real tiles."""
         n = len(tr.maps)
         first3d = 0 if self.people.lift.any() else n
-        with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.a.bf16):
+        with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
         hr, pr = targets.loss2d(y[:n], tr, peak)
@@ -397,7 +399,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
     ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")
     ap.add_argument("--sync", type=int, default=1, help="1: ranks share every gradient; k: they go their own ways and average weights every k steps")
-    ap.add_argument("--no-bf16", dest="bf16", action="store_false", help="f32 arithmetic; bf16 halves the time on CPUs with AVX512-BF16 and on GPUs")
+    ap.add_argument("--no-bf16", dest="bf16", action="store_false", help="f32 arithmetic even where bf16 is faster (precision.py)")
     ap.add_argument("--cache", type=pathlib.Path, help="folder for decoded photos, shared by the ranks")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[], help="folders of prerender.py, instead of rendering on the way")
     ap.add_argument("--peak", type=float, nargs=2, default=[9.0, 3.0], help="extra weight of heatmap peaks, at the start and at the end")

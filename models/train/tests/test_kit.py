@@ -31,6 +31,7 @@ from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from muon import Muon, orthogonal
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
 from measure import errors, naive, procrustes
+from pool import Pool
 from real import TRUST, mend
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import imitate, mirrored
@@ -288,6 +289,34 @@ class Scores(unittest.TestCase):
         self.assertEqual((codes[0, 3], codes[0, 4], codes[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
         p = person(7, joints[0], codes[0])
         self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
+
+
+class Tiles(unittest.TestCase):
+    def test_depth_labels_turn_with_the_picture(self) -> None:
+        """Seen from far away, a bone's x and y are its pixels over a scale, however the tile is turned; some tiles lie on their side."""
+        g = torch.Generator().manual_seed(5)
+        rel = torch.randn(1, 1, 21, 3, generator=g) * 0.3
+        rel = rel - rel[:, :, ROOT : ROOT + 1]
+        pixels = 40.0
+        data = dict(
+            image=torch.zeros(1, 3, 96, 96, dtype=torch.uint8),
+            joints2d=rel[:, :, :NJ, :2] * pixels + 48,
+            visible=torch.ones(1, 1, NJ, dtype=torch.uint8),
+            joints3d=rel + torch.tensor([0.0, 0.0, 9.0]),
+            rel3d=rel,
+            size_px=torch.full((1, 1), 68.0),
+        )
+        t = Pool(data, 1, seed=3).draw(400, 96, 96, zoom=(1.0, 1.0))
+        seen = (t.joints2d - t.joints2d[:, :, 1:2]) / pixels
+        told = (t.rel3d[:, :, :NJ] - t.rel3d[:, :, 1:2])[..., :2]
+        self.assertLess(float((seen - told).abs().max()), 1e-4)
+        up = told[:, 0, 0] / told[:, 0, 0].norm(dim=-1, keepdim=True)
+        own = (rel[0, 0, 0] - rel[0, 0, 1])[:2]
+        own = own / own.norm()
+        mirrored = own * torch.tensor([-1.0, 1.0])
+        turned = torch.maximum((up @ own), (up @ mirrored)) < 0.7
+        self.assertGreater(int(turned.sum()), 10)
+        self.assertLess(int(turned.sum()), 70)
 
 
 class Lifting(unittest.TestCase):
