@@ -11,6 +11,7 @@ use super::jitter::Jitter;
 use super::mupots::{Mupots, MupotsPerson, MupotsScore, Protocol};
 use super::oks::{AveragePrecision, ImageOks, Joints2d, average_precision};
 use super::pairing::pair;
+use super::recall::{self, Picture, RecallRow, labelled};
 use super::{
     EvalError, Finding, JointSet, Pck, Person, Pose3d, PoseErrors, PredictedFrame, Predictions,
     Quiet, TruthFrame, TruthPerson, TruthSet, find_people,
@@ -23,8 +24,6 @@ const PCK_FRACTION: f64 = 0.2;
 const SAME_PERSON: f64 = 0.1;
 /// OKS at which a predicted identity lies on a true one.
 const SAME_IDENTITY: f64 = 0.5;
-/// Heights, network input pixels, that separate the rows of recall by size.
-const HEIGHTS: [f64; 4] = [60.0, 100.0, 150.0, 300.0];
 /// The network's reference input: heights are given in its pixels.
 const NETWORK_INPUT: [f64; 2] = [512.0, 320.0];
 
@@ -69,7 +68,11 @@ pub struct Report {
     /// Recall and precision at OKS 0.3, 0.5 and 0.75 of people with enough joints.
     pub finding: Vec<Finding>,
     /// Recall at OKS 0.5 by height.
-    pub recall_by_height: Vec<HeightRow>,
+    pub recall_by_height: Vec<RecallRow>,
+    /// Recall at OKS 0.5 by labelled evidence joints, of everybody.
+    pub recall_by_joints: Vec<RecallRow>,
+    /// Recall at OKS 0.5 by people in the picture.
+    pub recall_by_company: Vec<RecallRow>,
     /// PCK@0.2 of the torso over all labelled joints; a person who was not found has all joints wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pck: Option<f64>,
@@ -91,19 +94,6 @@ pub struct Report {
     /// Mean acceleration of true joints over the same time, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub true_motion: Option<f64>,
-}
-
-/// Recall of people of some height.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct HeightRow {
-    /// Least height, network input pixels.
-    pub from: f64,
-    /// Heights are below this; null in JSON for the last row.
-    pub to: f64,
-    /// People.
-    pub people: usize,
-    /// Share found.
-    pub recall: f64,
 }
 
 /// One frame with everything the measures share.
@@ -155,13 +145,20 @@ pub fn evaluate(
     if !truth.single {
         let images: Vec<ImageOks> = scenes.iter().map(|s| s.image.clone()).collect();
         report.coco = Some(average_precision(&images));
+        let pictures: Vec<Picture> = scenes
+            .iter()
+            .map(|s| (&s.image, &s.truth.people[..], s.scale))
+            .collect();
         for least in [0.3, 0.5, 0.75] {
             let counts = |t: &TruthPerson, scale: f64| {
                 labelled(t) >= options.min_joints && t.height() * scale >= options.min_height
             };
-            report.finding.push(find(&scenes, least, &counts));
+            let found = find_people(pictures.iter().copied(), least, &counts);
+            report.finding.push(found);
         }
-        report.recall_by_height = by_height(&scenes, options);
+        report.recall_by_height = recall::by_height(&pictures, options.min_joints);
+        report.recall_by_joints = recall::by_joints(&pictures);
+        report.recall_by_company = recall::by_company(&pictures, options.min_joints);
     }
     points(&scenes, &mut report);
     if scenes
@@ -179,14 +176,6 @@ pub fn evaluate(
         (report.jitter, report.true_motion) = jitter(&scenes, predictions.bodies);
     }
     Ok(report)
-}
-
-/// Labelled evidence joints.
-fn labelled(t: &TruthPerson) -> usize {
-    let points = t.points.iter();
-    points
-        .filter(|k| k.joint.is_some() && k.is_labelled())
-        .count()
 }
 
 fn scene<'a>(
@@ -224,34 +213,6 @@ fn scene<'a>(
         partner,
         scale,
     }
-}
-
-fn find(scenes: &[Scene], least: f64, counts: &dyn Fn(&TruthPerson, f64) -> bool) -> Finding {
-    let images = scenes
-        .iter()
-        .map(|s| (&s.image, &s.truth.people[..], s.scale));
-    find_people(images, least, counts)
-}
-
-fn by_height(scenes: &[Scene], options: &EvalOptions) -> Vec<HeightRow> {
-    let mut edges = vec![0.0];
-    edges.extend(HEIGHTS);
-    edges.push(f64::INFINITY);
-    let row = |w: &[f64]| {
-        let counts = |t: &TruthPerson, scale: f64| {
-            let height = t.height() * scale;
-            labelled(t) >= options.min_joints && height >= w[0] && height < w[1]
-        };
-        let found = find(scenes, 0.5, &counts);
-        HeightRow {
-            from: w[0],
-            to: w[1],
-            people: found.people,
-            recall: found.recall,
-        }
-    };
-    let rows = edges.windows(2).map(row);
-    rows.filter(|r| r.people > 0).collect()
 }
 
 /// PCK over every person that counts.

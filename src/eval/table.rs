@@ -62,13 +62,24 @@ impl Report {
             );
             row(f, &format!("found at OKS {:.2}", k.oks), text)?;
         }
-        for h in &self.recall_by_height {
-            let name = if h.to.is_finite() {
-                format!("  {:.0}-{:.0} px tall, OKS 0.50", h.from, h.to)
-            } else {
-                format!("  from {:.0} px tall, OKS 0.50", h.from)
-            };
-            row(f, &name, format!("{} of {}", percent(h.recall), h.people))?;
+        for (rows, unit, step) in [
+            (&self.recall_by_height, "px tall", 0.0),
+            (&self.recall_by_joints, "joints in sight", 1.0),
+            (&self.recall_by_company, "in the picture", 1.0),
+        ] {
+            for r in rows {
+                // Whole numbers are said to the last one of the row, lengths to where the next row begins.
+                let to = r.to - step;
+                let range = if to <= r.from {
+                    format!("{:.0}", r.from)
+                } else if to.is_finite() {
+                    format!("{:.0}-{to:.0}", r.from)
+                } else {
+                    format!("from {:.0}", r.from)
+                };
+                let text = format!("{} of {}", percent(r.recall), r.people);
+                row(f, &format!("  {range} {unit}, OKS 0.50"), text)?;
+            }
         }
         Ok(())
     }

@@ -25,6 +25,7 @@ import photos
 import targets
 import weights
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
+from dim import FULL_WELL, READ_NOISE, dim, linear, stored
 from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
@@ -289,6 +290,26 @@ class Scores(unittest.TestCase):
         self.assertEqual((codes[0, 3], codes[0, 4], codes[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
         p = person(7, joints[0], codes[0])
         self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
+
+
+class Dimming(unittest.TestCase):
+    def test_gain_brings_back_brightness_and_not_what_was_lost(self) -> None:
+        rng = np.random.default_rng(3)
+        picture = np.full((64, 64, 3), 120, np.uint8)
+        same, weak, dark = (dim(picture, light, 8.0, rng) for light in (1.0, 0.125, 0.02))
+        for x in (same, weak):
+            self.assertLess(abs(float(linear(x / 255.0).mean()) / linear(np.array(120 / 255.0)) - 1), 0.02)
+        # beyond the gain it gets darker: 0.02 · 8 of the light
+        self.assertLess(abs(float(linear(dark / 255.0).mean()) / (0.16 * linear(np.array(120 / 255.0))) - 1), 0.05)
+        # the fewer the photons, the larger their relative noise: √(n + 4²) / n with n electrons
+        for x, light in ((weak, 0.125), (dark, 0.02)):
+            n = FULL_WELL * light * linear(np.array(120 / 255.0))
+            v = linear(x / 255.0)
+            self.assertLess(abs(float(v.std() / v.mean()) / (np.sqrt(n + READ_NOISE**2) / n) - 1), 0.1)
+
+    def test_stored_undoes_linear(self) -> None:
+        x = np.linspace(0, 1, 256)
+        self.assertLess(np.abs(stored(linear(x)) - x).max(), 1e-6)
 
 
 class Tiles(unittest.TestCase):

@@ -1,0 +1,84 @@
+//! Who is found and who is not: recall by a person's height, by how much of them can be seen, by how many people there are.
+
+use serde::Serialize;
+
+use super::{Finding, ImageOks, TruthPerson, find_people};
+
+/// OKS of a find.
+const FOUND: f64 = 0.5;
+/// Heights, network input pixels, at which rows begin.
+const HEIGHTS: [f64; 5] = [0.0, 60.0, 100.0, 150.0, 300.0];
+/// Numbers of labelled evidence joints at which rows begin: fewer when the frame or somebody else cuts a person off.
+const JOINTS: [f64; 4] = [1.0, 8.0, 11.0, 14.0];
+/// Numbers of people in a picture at which rows begin.
+const COMPANY: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
+
+/// Recall of people of one kind.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RecallRow {
+    /// Least value.
+    pub from: f64,
+    /// Values are below this; null in JSON for the last row.
+    pub to: f64,
+    /// People.
+    pub people: usize,
+    /// Share found.
+    pub recall: f64,
+}
+
+/// A picture's similarities and truth, and network input pixels per pixel.
+pub(super) type Picture<'a> = (&'a ImageOks, &'a [TruthPerson], f64);
+
+/// Labelled evidence joints.
+pub(super) fn labelled(t: &TruthPerson) -> usize {
+    let points = t.points.iter();
+    points
+        .filter(|k| k.joint.is_some() && k.is_labelled())
+        .count()
+}
+
+/// Rows of height, network input pixels, of people with enough joints.
+pub(super) fn by_height(pictures: &[Picture], min_joints: usize) -> Vec<RecallRow> {
+    rows(&HEIGHTS, |from, to| {
+        let counts = |t: &TruthPerson, scale: f64| {
+            labelled(t) >= min_joints && (from..to).contains(&(t.height() * scale))
+        };
+        find_people(pictures.iter().copied(), FOUND, &counts)
+    })
+}
+
+/// Rows of labelled evidence joints.
+pub(super) fn by_joints(pictures: &[Picture]) -> Vec<RecallRow> {
+    rows(&JOINTS, |from, to| {
+        let counts = |t: &TruthPerson, _| (from..to).contains(&(labelled(t) as f64));
+        find_people(pictures.iter().copied(), FOUND, &counts)
+    })
+}
+
+/// Rows of people in the picture, of people with enough joints.
+pub(super) fn by_company(pictures: &[Picture], min_joints: usize) -> Vec<RecallRow> {
+    let counts = |t: &TruthPerson, _| labelled(t) >= min_joints;
+    rows(&COMPANY, |from, to| {
+        let some = pictures.iter().copied().filter(|(image, ..)| {
+            let people = image.ignored.iter().filter(|i| !**i).count();
+            (from..to).contains(&(people as f64))
+        });
+        find_people(some, FOUND, &counts)
+    })
+}
+
+/// Every row that somebody belongs to.
+fn rows(begins: &[f64], found: impl Fn(f64, f64) -> Finding) -> Vec<RecallRow> {
+    let ends = begins.iter().skip(1).chain([&f64::INFINITY]);
+    let row = |(&from, &to)| {
+        let Finding { people, recall, .. } = found(from, to);
+        RecallRow {
+            from,
+            to,
+            people,
+            recall,
+        }
+    };
+    let rows = begins.iter().zip(ends).map(row);
+    rows.filter(|r| r.people > 0).collect()
+}

@@ -1,0 +1,107 @@
+//! Who is found, by how much of them can be seen and by how many people there are: pictures counted by hand.
+
+use edgecap::eval::{
+    EvalOptions, Keypoint, Predictions, RecallRow, Report, TruthFrame, TruthPerson, TruthSet,
+    evaluate,
+};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+
+/// Somebody whose neck is at `x`, with the first `labelled` joints in sight.
+fn person(x: f64, labelled: usize) -> TruthPerson {
+    let point = |j: usize| {
+        let seen = if j < labelled { 2 } else { 0 };
+        Keypoint::at(j, x + 3.0 * j as f64, 9.0 * j as f64, seen)
+    };
+    TruthPerson {
+        points: (0..EVIDENCE_JOINTS).map(point).collect(),
+        area: 4000.0,
+        bbox: [x, 0.0, 40.0, 120.0],
+        ..TruthPerson::default()
+    }
+}
+
+/// A prediction that lies on such a person exactly.
+fn found(x: f64) -> serde_json::Value {
+    let joints: Vec<[f64; 3]> = (0..EVIDENCE_JOINTS)
+        .map(|j| [x + 3.0 * j as f64, 9.0 * j as f64, 1.0])
+        .collect();
+    serde_json::json!({"score": 0.9, "joints2d": joints, "joints3d": vec![[0.0; 3]; BODY_JOINTS]})
+}
+
+/// Pictures of people (place, joints in sight, found, to be ignored).
+fn measure(pictures: &[&[(f64, usize, bool, bool)]]) -> Report {
+    let (mut frames, mut lines) = (Vec::new(), Vec::new());
+    for (k, people) in pictures.iter().enumerate() {
+        let source = format!("{k}.jpg");
+        let truth = |&(x, labelled, _, crowd): &(f64, usize, bool, bool)| TruthPerson {
+            crowd,
+            ..person(x, labelled)
+        };
+        let predicted: Vec<_> = people.iter().filter(|p| p.2).map(|p| found(p.0)).collect();
+        lines.push(
+            serde_json::json!({"frame": k, "time_ns": 0, "source": source, "width": 512, "height": 320, "people": predicted})
+                .to_string(),
+        );
+        frames.push(TruthFrame {
+            people: people.iter().map(truth).collect(),
+            source,
+            ..TruthFrame::default()
+        });
+    }
+    let truth = TruthSet {
+        frames,
+        ..TruthSet::default()
+    };
+    let predictions = Predictions::parse(&lines.join("\n"), "p").unwrap();
+    evaluate(&predictions, &truth, &EvalOptions::default()).unwrap()
+}
+
+/// From, people, found of every row.
+fn counts(rows: &[RecallRow]) -> Vec<(f64, usize, f64)> {
+    rows.iter()
+        .map(|r| (r.from, r.people, (r.recall * r.people as f64).round()))
+        .collect()
+}
+
+#[test]
+fn rows_hold_the_people_of_their_kind() {
+    let report = measure(&[
+        // one alone, in sight
+        &[(0.0, 14, true, false)],
+        // of two one is missed; a third is nobody's to find
+        &[
+            (0.0, 9, true, false),
+            (200.0, 14, false, false),
+            (400.0, 14, false, true),
+        ],
+        // of five two are missed, one of them hardly in sight
+        &[
+            (0.0, 14, true, false),
+            (90.0, 12, true, false),
+            (180.0, 5, false, false),
+            (270.0, 11, false, false),
+            (360.0, 8, true, false),
+        ],
+    ]);
+    assert_eq!(
+        counts(&report.recall_by_joints),
+        [(1.0, 1, 0.0), (8.0, 2, 2.0), (11.0, 2, 1.0), (14.0, 3, 2.0)]
+    );
+    assert_eq!(
+        counts(&report.recall_by_company),
+        [(1.0, 1, 1.0), (2.0, 2, 1.0), (5.0, 4, 3.0)]
+    );
+    assert_eq!(counts(&report.recall_by_height), [(100.0, 7, 5.0)]);
+    let text = report.to_string();
+    for row in [
+        "  100-150 px tall, OKS 0.50        71.4 % of 7",
+        "  1-7 joints in sight, OKS 0.50    0.0 % of 1",
+        "  11-13 joints in sight, OKS 0.50  50.0 % of 2",
+        "  from 14 joints in sight, OKS 0.50",
+        "  1 in the picture, OKS 0.50       100.0 % of 1",
+        "  2 in the picture, OKS 0.50       50.0 % of 2",
+        "  from 5 in the picture, OKS 0.50  75.0 % of 4",
+    ] {
+        assert!(text.contains(row), "{row}\n{text}");
+    }
+}
