@@ -37,6 +37,8 @@ from real import TRUST, mend
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import doubtful, imitate, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
+from views import View, triangulate
+from views import errors as views_errors
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(
@@ -305,6 +307,47 @@ class Scores(unittest.TestCase):
         self.assertEqual((codes[0, 3], codes[0, 4], codes[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
         p = person(7, joints[0], codes[0])
         self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
+
+
+class Views(unittest.TestCase):
+    """Four cameras round somebody, with lenses that bend."""
+
+    def setUp(self) -> None:
+        rng = np.random.default_rng(11)
+        self.body = np.concatenate([PERSON * [0.01, 0.01], rng.normal(0, 0.2, (NJ, 1))], 1) @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+        self.views = []
+        for angle in (0.0, 1.4, 2.9, 4.5):
+            forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
+            down = np.array([0.0, 0.0, -1.0])
+            pose = np.stack([np.cross(down, forward), down, forward])
+            self.views.append(View(np.full(2, 900.0), np.array([540.0, 960.0]), np.array([-0.05, 0.1, 1e-3, -5e-4]), pose, -4.0 * forward))
+        self.uv = np.stack([v.project(self.body) for v in self.views])
+
+    def test_rays_undo_the_lens(self) -> None:
+        for v, uv in zip(self.views, self.uv):
+            p = (self.body - v.position) @ v.rotation.T
+            self.assertLess(np.abs(v.ray(uv) - p[:, :2] / p[:, 2:]).max(), 1e-9)
+
+    def test_joints_come_back_where_the_views_agree(self) -> None:
+        conf = np.ones((4, NJ))
+        self.assertLess(np.abs(triangulate(self.views, self.uv, conf) - self.body).max(), 1e-6)
+        wrong, hidden = self.uv.copy(), conf.copy()
+        wrong[2, 4] += 300
+        hidden[:2, 7] = 0
+        found = triangulate(self.views, wrong, hidden)
+        self.assertEqual(np.flatnonzero(np.isnan(found[:, 0])).tolist(), [4, 7])
+
+    def test_only_this_person_is_measured(self) -> None:
+        view = self.views[0]
+        camera = (self.body - view.position) @ view.rotation.T
+        same = dict(joints2d=np.concatenate([self.uv[0], np.ones((NJ, 1))], 1).tolist(), joints3d=(camera * 0.9 - 1).tolist())
+        other = dict(joints2d=(np.array(same["joints2d"]) + [400, 0, 0]).tolist(), joints3d=np.zeros((NJ, 3)).tolist())
+        off = dict(same, joints3d=(camera + np.where(np.arange(NJ)[:, None] == 9, 0.3, 0.0)).tolist())
+        truth = {k: self.body for k in range(4)}
+        e = views_errors(view, truth, {0: [other, same], 1: [other], 2: [off]})
+        self.assertEqual(len(e), 2)
+        self.assertLess(e[0], 0.01)
+        self.assertTrue(20 < e[1] < 90, e)
 
 
 class Dimming(unittest.TestCase):
