@@ -94,13 +94,13 @@ fn rows_hold_the_people_of_their_kind() {
     assert_eq!(counts(&report.recall_by_height), [(100.0, 7, 5.0)]);
     let text = report.to_string();
     for row in [
-        "  100-150 px tall, OKS 0.50        71.4 % of 7",
-        "  1-7 joints in sight, OKS 0.50    0.0 % of 1",
-        "  11-13 joints in sight, OKS 0.50  50.0 % of 2",
+        "  100-150 px tall, OKS 0.50         71.4 % of 7",
+        "  1-7 joints in sight, OKS 0.50     0.0 % of 1",
+        "  11-13 joints in sight, OKS 0.50   50.0 % of 2",
         "  from 14 joints in sight, OKS 0.50",
-        "  1 in the picture, OKS 0.50       100.0 % of 1",
-        "  2 in the picture, OKS 0.50       50.0 % of 2",
-        "  from 5 in the picture, OKS 0.50  75.0 % of 4",
+        "  1 in the picture, OKS 0.50        100.0 % of 1",
+        "  2 in the picture, OKS 0.50        50.0 % of 2",
+        "  from 5 in the picture, OKS 0.50   75.0 % of 4",
     ] {
         assert!(text.contains(row), "{row}\n{text}");
     }

@@ -30,15 +30,14 @@ from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
 NEAR = 0.15  # of the stature: a joint that counts for the match
 GROSS = 0.10  # farther off than this, an answer may be another joint's
-PRIOR = 0.1  # of everybody's slope in one person's
 
 
 @dataclass
 class Mistakes:
     """n people: `conf` [n, 14], `at` [n, 14] joint numbers, `off` [n, 14, 2] statures.
 
-    An encoding is taken for `slope` [n, 3] times the truth, by axis (regression to the mean makes it shallow, of some people much more
-    than of others), and an error `wrong` [n, 14, 63] metres; both are known of the people of whom `lifted` [n] is true.
+    An encoding is taken for `slope` [3] times the truth, by axis (regression to the mean makes it shallow), and an error `wrong`
+    [n, 14, 63] metres, which is known of the people of whom `lifted` [n] is true.
     """
 
     conf: Tensor
@@ -50,7 +49,7 @@ class Mistakes:
 
     def take(self, rows: slice) -> Mistakes:
         """Some of the people."""
-        return Mistakes(self.conf[rows], self.at[rows], self.off[rows], self.wrong[rows], self.lifted[rows], self.slope[rows])
+        return Mistakes(self.conf[rows], self.at[rows], self.off[rows], self.wrong[rows], self.lifted[rows], self.slope)
 
     def apply(self, uv: Tensor, stature_px: Tensor, rel: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Pixels [n, 14, 2], confidences [n, 14] and encodings [n, 14, 63] (0 where no error is known) as Stage I might report people
@@ -69,7 +68,7 @@ class Mistakes:
         wrong = self.wrong[i].unflatten(2, (NB, 3))
         left = torch.tensor([-1.0, 1.0, 1.0], device=d)
         wrong = torch.where(mirror[:, None, None, None], wrong[:, flip][:, :, torch.tensor(FLIP21, device=d)] * left, wrong)
-        enc = ((bones(rel) * self.slope[i, None])[:, None] + wrong).flatten(2) * channel_mask(d) * self.lifted[i, None, None]
+        enc = ((bones(rel) * self.slope)[:, None] + wrong).flatten(2) * channel_mask(d) * self.lifted[i, None, None]
         return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf, enc * (conf > 0)[..., None]
 
 
@@ -95,7 +94,8 @@ def load(path: pathlib.Path, device: torch.device) -> tuple[Mistakes, Seen]:
 
     def shuffled(part: dict[str, Tensor]) -> dict[str, Tensor]:
         i = torch.randperm(len(part["conf"]), generator=torch.Generator().manual_seed(0))
-        return {k: (v.float() if v.is_floating_point() else v)[i].to(device) for k, v in part.items()}
+        part = {k: v if k == "slope" else v[i] for k, v in part.items()}
+        return {k: (v.float() if v.is_floating_point() else v).to(device) for k, v in part.items()}
 
     return Mistakes(**shuffled(d["mistakes"])), Seen(**shuffled(d["seen"]))
 
@@ -180,25 +180,23 @@ def collect(
     known = Seen(*(torch.stack(x) for x in zip(*seen)))
     slope, error = encodings(known)
     which = torch.tensor(of)
-    lifted, which = which >= 0, which.clamp_min(0)
-    return Mistakes(conf.float(), at.long(), off.float(), error[which] * lifted[:, None, None], lifted, slope[which]), known
+    lifted = which >= 0
+    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope), known
 
 
 def encodings(seen: Seen) -> tuple[Tensor, Tensor]:
-    """How the encodings of `seen` follow the truth: their slope over it by person and axis [n, 3], and what the slope leaves,
-    [n, 14, 63] (half).
-
-    Stage II would undo a slope that all people share, and so overdo the depth of those who are seen flatter than most.
-    """
+    """How the encodings of `seen` follow the truth: their slope over it by axis [3], and what the slope leaves, [n, 14, 63] (half)."""
     said = seen.enc.float().unflatten(2, (NB, 3))
     true = bones(seen.rel)[:, None].expand_as(said)
     there = channel_mask().unflatten(1, (NB, 3)) * (seen.conf > 0)[:, :, None, None]
-    product, square = (true * said * there).sum((1, 2)), (true.square() * there).sum((1, 2))
-    # who has hardly any extent along an axis says little about the slope there
-    everybody = product.sum(0) / square.sum(0).clamp_min(1e-6)
-    prior = PRIOR * square.mean(0)
-    slope = (product + prior * everybody) / (square + prior).clamp_min(1e-6)
-    return slope, ((said - true * slope[:, None, None]) * there).flatten(2).half()
+
+    def sum_(x: Tensor) -> Tensor:
+        return (x * there).sum((0, 1, 2))
+
+    n = sum_(torch.ones_like(said)).clamp_min(1)
+    centred = true - sum_(true) / n
+    slope = sum_(centred * (said - sum_(said) / n)) / sum_(centred.square()).clamp_min(1e-6)
+    return slope, ((said - true * slope) * there).flatten(2).half()
 
 
 def main(argv: list[str]) -> None:
@@ -223,8 +221,7 @@ def main(argv: list[str]) -> None:
     torch.save({"mistakes": m.__dict__, "seen": known.__dict__}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
-    quarters = m.slope[m.lifted].quantile(torch.tensor([0.25, 0.5, 0.75]), dim=0).tolist()
-    print(f"encodings' slopes over the truth along x, y and z: quartiles {quarters}; known of {int(m.lifted.sum())} people")
+    print(f"encodings' slope over the truth: {m.slope.tolist()}; their error is known of {int(m.lifted.sum())} people")
     print(f"{len(known.conf)} people with known 3D; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
     print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
 

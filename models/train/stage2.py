@@ -29,7 +29,6 @@ from mistakes import Mistakes, bones, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from skeleton import FLIP14, FLIP21, NB, NECK, NJ, ROOT, STRIDE
 
-DOUBTFUL = 0.6  # share of people whose encodings know less than they did in training
 LIMB_CHAINS = [
     [3, 4],
     [4],
@@ -141,19 +140,6 @@ def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[
     enc = torch.where(other[..., None, None], enc.roll(1, 0), enc)
     enc = torch.where(sw[..., None, None], enc[:, f14], enc)
     return noisy, conf, enc.flatten(2) * mask
-
-
-@torch.no_grad()
-def doubtful(net: Stage2, uv: Tensor, conf: Tensor, enc: Tensor, rel: Tensor, mask: Tensor, g: torch.Generator) -> Tensor:
-    """Encodings [n, 14, 63] moved, for `DOUBTFUL` of the people and by a random share, from the truth `rel` towards what `net` makes of
-    2D alone: in pictures never seen before they say less that 2D does not say than in those Stage I was trained with."""
-    guess = bones(net(stage2_input(uv, conf, torch.zeros_like(enc), mask)))
-
-    def rand() -> Tensor:
-        return torch.rand(len(enc), 1, 1, generator=g, device=enc.device)
-
-    share = rand() * (rand() < DOUBTFUL) * (enc != 0).any(2, keepdim=True)
-    return enc + (guess - bones(rel)).flatten(1)[:, None] * mask * share
 
 
 @torch.no_grad()
@@ -281,7 +267,6 @@ def train(a: argparse.Namespace) -> None:
             use = torch.rand(len(uv), 1, generator=data.g, device=dev) < a.share
             m_e = m_e * (torch.rand(len(uv), 1, 1, generator=data.g, device=dev) >= a.without)
             x_uv, x_c, x_e = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c), torch.where(use[..., None], m_e, x_e)
-        x_e = doubtful(avg, x_uv, x_c, x_e, rel, mask, data.g)
         if answers:
             i = torch.randint(len(answers[0]), (max(1, round(a.seen * a.batch)),), generator=data.g, device=dev)
             t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)

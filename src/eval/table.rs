@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use super::{JointSet, Protocol, Report};
 
 fn row(f: &mut Formatter<'_>, name: &str, value: impl Display) -> fmt::Result {
-    writeln!(f, "{name:<34}{value}")
+    writeln!(f, "{name:<36}{value}")
 }
 
 fn percent(x: f64) -> String {
