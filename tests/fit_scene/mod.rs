@@ -69,7 +69,7 @@ impl Noise {
         swap: 0.02,
         phantom: 0.05,
     };
-    /// Measured with `examples/observation_noise` on the shipped int8 model: 300 frames of `edgecap synth --clip --people 4
+    /// Measured with `examples/observation_noise` on the fifth model, int8: 300 frames of `edgecap synth --clip --people 4
     /// --seed 11 --fps 30` at 512×320, 709 of 725 appearances found; 0.01 people a frame who are not there.
     pub const MEASURED: Self = Self {
         slow2d: 0.0246,
