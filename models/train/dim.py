@@ -44,6 +44,8 @@ def main(argv: list[str]) -> None:
     a = ap.parse_args(argv)
     if not 0 < a.light <= 1:
         ap.error(f"expected a share of the light between 0 and 1, found {a.light}")
+    if a.gain <= 0:
+        ap.error(f"expected a gain above 0, found {a.gain}")
     files = sorted(f for f in a.folder.iterdir() if f.suffix.lower() in (".jpg", ".jpeg", ".png"))
     if not files:
         raise SystemExit(f"expected pictures in {a.folder}, found none")

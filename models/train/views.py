@@ -62,8 +62,8 @@ def read_qtm(path: pathlib.Path) -> list[View]:
     """A calibration of Qualisys Track Manager: rows of the rotation are the camera's axes, x right, y up, z backward; millimetres."""
 
     def numbers(node: ET.Element | None, *keys: str) -> np.ndarray:
-        if node is None:
-            raise SystemExit(f"expected cameras with <intrinsic> and <transform> in {path}")
+        if node is None or not set(keys) <= set(node.attrib):
+            raise SystemExit(f"expected cameras with <intrinsic> and <transform> and their {', '.join(keys[:2])} ... in {path}: give a .qca.txt")
         return np.array([float(node.attrib[k]) for k in keys])
 
     views = []
