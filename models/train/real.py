@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from augment import lying
-from skeleton import FLIP14, FLIP21, NB, NJ
+from skeleton import FLIP14, FLIP21, NB, NJ, limb_chain
 
 
 def decode(buf: bytes) -> np.ndarray:
@@ -173,14 +173,8 @@ class People:
         m = 0.12 * np.maximum((hi - lo).max(1, keepdims=True), 60) + 4
         self.lo, self.hi = (torch.from_numpy(x.astype(np.float32)).to(device) for x in (lo - m, hi + m))
         # Stature in source pixels, from the labelled limb chain; LSP crops are scaled to about 150 px people, which is the fallback.
-        up = np.linalg.norm(j[:, 0, :2] - j[:, 1, :2], axis=1) + np.linalg.norm(j[:, 1, :2] - j[:, [8, 11], :2].mean(1), axis=1)
-        leg = [
-            np.linalg.norm(j[:, a, :2] - j[:, a + 1, :2], axis=1) + np.linalg.norm(j[:, a + 1, :2] - j[:, a + 2, :2], axis=1)
-            for a in (8, 11)
-        ]
-        est = up + np.maximum(*leg)
         full_ok = (j[..., 2] > 0).all(1)
-        self.stature = torch.from_numpy(np.where(full_ok, np.clip(est, 90, 200), 150.0).astype(np.float32)).to(device)
+        self.stature = torch.from_numpy(np.where(full_ok, np.clip(limb_chain(j), 90, 200), 150.0).astype(np.float32)).to(device)
         self.flip, self.flip21 = torch.tensor(FLIP14, device=device), torch.tensor(FLIP21, device=device)
 
     def _teacher(

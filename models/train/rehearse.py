@@ -31,9 +31,9 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     print(call("check.py", pack), end="")
     call("prerender.py", pack, work / "scenes", "--n", 8, "--supersample", 1)
     call("prerender.py", pack, held, "--n", 8, "--supersample", 1, "--held", "--seed", 99)
-    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--sync", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 3)
-    call("train.py", *common, "--total", 1, "--steps", 20)
-    call("train.py", *common, "--total", 1, "--steps", 30, "--resume", "--muon")
+    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--sync", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 10)
+    call("train.py", *common, "--steps", 20)
+    call("train.py", *common, "--steps", 30, "--resume", "--muon")
     rows = [json.loads(x) for x in (run / "log.jsonl").read_text().splitlines()]
     assert [r["step"] for r in rows] == list(range(5, 31, 5)), "expected a resumed run to go on where the first one stopped"
     assert all(math.isfinite(r[k]) for r in rows for k in ("hm_real", "hm_syn", "enc", "where")), rows
@@ -47,7 +47,7 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     again = json.loads(call("evaluate.py", pack, work / "again", *files, *measure))
     for k in ("lsp_test", "scenes"):
         assert first[k] == again[k], f"expected the exported weights to measure alike, found {first[k]} and {again[k]}"
-    call("train.py", *common, "--total", 1, "--steps", 36, "--resume", "--muon", "--quant-last", 1.0)
+    call("train.py", *common, "--steps", 36, "--resume", "--muon", "--quant-last", 1.0)
     call("export.py", run, "--only", "stage1")
     print("rehearsed")
 

@@ -5,7 +5,8 @@
 Inputs imitate Stage I: joints drop out singly, by limb and below the edge of the frame; positions are noisy and sometimes swapped;
 encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.
 Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
-Stage I checkpoint, its true outputs on rendered scenes.  Light enough for a CPU.
+Stage I checkpoint, its true outputs on rendered scenes.  With `--mean-of` it learns what other Stage II networks say together, instead of
+the truth: one network then answers as well as several looks at a person.  Light enough for a CPU.
 """
 
 from __future__ import annotations
@@ -182,21 +183,39 @@ def read_out(
     return uv[keep], conf[keep], enc[keep], rel[keep]
 
 
+def mirror(uv: Tensor, conf: Tensor, enc: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What Stage I would say of the mirror image."""
+    left = torch.tensor([-1.0, 1.0, 1.0], device=uv.device)
+    enc = enc.unflatten(2, (NB, 3))[:, FLIP14][:, :, FLIP21] * left
+    return uv[:, FLIP14] * left[:2], conf[:, FLIP14], enc.flatten(2)
+
+
+def mirror3d(rel: Tensor) -> Tensor:
+    """The joints [n, 21, 3] of the mirror image."""
+    return rel[:, FLIP21] * torch.tensor([-1.0, 1.0, 1.0], device=rel.device)
+
+
 def mirrored(uv: Tensor, conf: Tensor, enc: Tensor, rel: Tensor, g: torch.Generator) -> tuple[Tensor, ...]:
     """Every second person as in a mirror, and all of them a little displaced: the same few thousand answers come again and again."""
     n, d = len(uv), uv.device
-    f14, f21 = torch.tensor(FLIP14, device=d), torch.tensor(FLIP21, device=d)
     flip = torch.rand(n, generator=g, device=d) < 0.5
-    left = torch.tensor([-1.0, 1.0, 1.0], device=d)
-    e = enc.unflatten(2, (NB, 3))
-    enc = torch.where(flip[:, None, None, None], e[:, f14][:, :, f21] * left, e).flatten(2)
-    uv = torch.where(flip[:, None, None], uv[:, f14] * left[:2], uv)
-    conf = torch.where(flip[:, None], conf[:, f14], conf)
-    rel = torch.where(flip[:, None, None], rel[:, f21] * left, rel)
+    other = (*mirror(uv, conf, enc), mirror3d(rel))
+    uv, conf, enc, rel = (torch.where(flip.view(-1, *[1] * (a.dim() - 1)), b, a) for a, b in zip((uv, conf, enc, rel), other))
     size = (uv - uv.mean(1, keepdim=True)).square().sum(-1).mean(1).sqrt()[:, None, None]
     uv = uv + 0.02 * size * torch.randn(uv.shape, generator=g, device=d)
     drop = (torch.rand(conf.shape, generator=g, device=d) < 0.05) & (torch.arange(NJ, device=d) != NECK)
     return uv, conf * ~drop, enc, rel
+
+
+@torch.no_grad()
+def agreed(nets: list[Stage2], uv: Tensor, conf: Tensor, enc: Tensor, mask: Tensor) -> Tensor:
+    """The mean answer of several networks [n, 21, 3], each asked with the encodings and from 2D alone, of the person and of the mirror image."""
+    total = torch.zeros(len(uv), NB, 3, device=uv.device)
+    for e in (enc, torch.zeros_like(enc)):
+        plain, other = stage2_input(uv, conf, e, mask), stage2_input(*mirror(uv, conf, e), mask)
+        for net in nets:
+            total += net(plain) + mirror3d(net(other))
+    return total / (4 * len(nets))
 
 
 def train(a: argparse.Namespace) -> None:
@@ -227,9 +246,9 @@ def train(a: argparse.Namespace) -> None:
     if a.mistakes:
         cut = len(seen.conf) // 7
         true.append(tuple(t[cut:] for t in (seen.uv, seen.conf, seen.enc, seen.rel)))
-        seen_rel = seen.rel[:cut]
-        seen_test = stage2_input(seen.uv[:cut], seen.conf[:cut], seen.enc[:cut], mask)
-        seen_blind = stage2_input(seen.uv[:cut], seen.conf[:cut], torch.zeros_like(seen.enc[:cut]), mask)
+        seen_rel, seen_answers = seen.rel[:cut], (seen.uv[:cut], seen.conf[:cut], seen.enc[:cut])
+        seen_test = stage2_input(*seen_answers, mask)
+        seen_blind = stage2_input(*seen_answers[:2], torch.zeros_like(seen.enc[:cut]), mask)
     if a.stage1:
         import checkpoint
 
@@ -246,6 +265,9 @@ def train(a: argparse.Namespace) -> None:
         else:
             net2.load_state_dict(torch.load(a.init, map_location=dev, weights_only=True)["net"])
     avg = copy.deepcopy(net2).requires_grad_(False).eval()
+    panel = [Stage2().to(dev).requires_grad_(False).eval() for _ in a.mean_of]
+    for member, path in zip(panel, a.mean_of):
+        weights.load_into(member, path)
     opt = torch.optim.AdamW(net2.parameters(), lr=a.lr, weight_decay=0.01, betas=(0.9, 0.98))
     step, t0, logged = 0, time.time(), time.time()
     end = began + a.minutes * 60
@@ -272,6 +294,8 @@ def train(a: argparse.Namespace) -> None:
             t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)
             t_e = t_e * (torch.rand(len(t_e), 1, 1, generator=data.g, device=dev) >= a.without / 2)
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
+        if panel:
+            rel = agreed(panel, x_uv, x_c, x_e, mask)
         with torch.autocast(dev.type, torch.bfloat16, enabled=a.bf16):
             out = net2(stage2_input(x_uv, x_c, x_e, mask)).float()
         # Smooth L1 in decimetres on joints and on bones: bones keep limb lengths consistent
@@ -315,6 +339,9 @@ def train(a: argparse.Namespace) -> None:
             report["Stage I's true mistakes, 2D alone"] = errors(avg(real_blind), rel_t)
             report["as Stage I sees people"] = errors(avg(seen_test), seen_rel)
             report["as Stage I sees people, 2D alone"] = errors(avg(seen_blind), seen_rel)
+            if panel:
+                report["Stage I's true mistakes, --mean-of"] = errors(agreed(panel, real_uv, real_conf, real_enc, mask), rel_t)
+                report["as Stage I sees people, --mean-of"] = errors(agreed(panel, *seen_answers, mask), seen_rel)
             report["as Stage I sees people, mean of both"] = errors((avg(seen_test) + avg(seen_blind)) / 2, seen_rel)
         full = (conf > 0).all(1)
         report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
@@ -340,6 +367,7 @@ if __name__ == "__main__":
     ap.add_argument("--test", type=int, default=4096)
     ap.add_argument("--log", type=int, default=200)
     ap.add_argument("--seed", type=int, default=3)
+    ap.add_argument("--mean-of", type=pathlib.Path, nargs="*", default=[], help="Stage II files whose mean answer, with and without encodings, is learnt")
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")
     ap.add_argument("--mistakes", type=pathlib.Path, help="what mistakes.py collected")
     ap.add_argument("--share", type=float, default=0.6, help="share of people that carry those mistakes")

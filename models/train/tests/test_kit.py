@@ -14,6 +14,7 @@ import unittest
 
 import numpy as np
 import torch
+from PIL import Image
 
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(KIT))
@@ -24,21 +25,21 @@ import person_score
 import photos
 import targets
 import weights
+from augment import sharpen
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
 from dim import FULL_WELL, READ_NOISE, dim, linear, stored
+from framed import FRAME, frame
 from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from muon import Muon, orthogonal
-from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21
+from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21, limb_chain
 from measure import errors, naive, procrustes
 from pool import Pool
 from real import TRUST, mend
 from mistakes import Mistakes, Seen, encodings, match, record
-from stage2 import imitate, mirrored
+from stage2 import agreed, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
-from views import View, triangulate
-from views import errors as views_errors
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(
@@ -177,6 +178,25 @@ class Reports(unittest.TestCase):
             self.assertLess(float((off[rows][:, knee] - 0.2).abs().max()), 0.01)
             self.assertLess(float(off[rows][:, [j for j in range(NJ) if j != knee]].max()), 0.01)
 
+    def test_what_networks_agree_on_does_not_depend_on_the_side(self) -> None:
+        g = torch.Generator().manual_seed(9)
+        nets = [Stage2().eval() for _ in range(2)]
+        for k, net in enumerate(nets):
+            torch.nn.init.normal_(net.fc5[0].weight, std=0.1 * (k + 1), generator=g)
+        uv, conf = torch.randn(6, NJ, 2, generator=g) * 40, torch.rand(6, NJ, generator=g)
+        enc = torch.randn(6, NJ, 63, generator=g) * 0.2 * channel_mask()
+        told = agreed(nets, uv, conf, enc, channel_mask())
+        other = agreed(nets, *mirror(uv, conf, enc), channel_mask())
+        torch.testing.assert_close(other, mirror3d(told), rtol=1e-4, atol=1e-5)
+        looks = [(e, turn) for e in (enc, torch.zeros_like(enc)) for turn in (False, True)]
+        by_hand = torch.zeros_like(told)
+        for e, turn in looks:
+            for net in nets:
+                seen = mirror(uv, conf, e) if turn else (uv, conf, e)
+                answer = net(stage2_input(*seen, channel_mask())).detach()
+                by_hand += (mirror3d(answer) if turn else answer) / 8
+        torch.testing.assert_close(told, by_hand, rtol=1e-4, atol=1e-5)
+
     def test_a_mirrored_person_is_still_a_person(self) -> None:
         n = 64
         rel = torch.randn(1, 21, 3).expand(n, -1, -1) * 0.3
@@ -294,45 +314,15 @@ class Scores(unittest.TestCase):
         self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
 
 
-class Views(unittest.TestCase):
-    """Four cameras round somebody, with lenses that bend."""
-
-    def setUp(self) -> None:
-        rng = np.random.default_rng(11)
-        self.body = np.concatenate([PERSON * [0.01, 0.01], rng.normal(0, 0.2, (NJ, 1))], 1) @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-        self.views = []
-        for angle in (0.0, 1.4, 2.9, 4.5):
-            forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
-            down = np.array([0.0, 0.0, -1.0])
-            pose = np.stack([np.cross(down, forward), down, forward])
-            self.views.append(View(np.full(2, 900.0), np.array([540.0, 960.0]), np.array([-0.05, 0.1, 1e-3, -5e-4]), pose, -4.0 * forward))
-        self.uv = np.stack([v.project(self.body) for v in self.views])
-
-    def test_rays_undo_the_lens(self) -> None:
-        for v, uv in zip(self.views, self.uv):
-            p = (self.body - v.position) @ v.rotation.T
-            self.assertLess(np.abs(v.ray(uv) - p[:, :2] / p[:, 2:]).max(), 1e-9)
-
-    def test_joints_come_back_where_the_views_agree(self) -> None:
-        conf = np.ones((4, NJ))
-        self.assertLess(np.abs(triangulate(self.views, self.uv, conf) - self.body).max(), 1e-6)
-        wrong, hidden = self.uv.copy(), conf.copy()
-        wrong[2, 4] += 300
-        hidden[:2, 7] = 0
-        found = triangulate(self.views, wrong, hidden)
-        self.assertEqual(np.flatnonzero(np.isnan(found[:, 0])).tolist(), [4, 7])
-
-    def test_only_this_person_is_measured(self) -> None:
-        view = self.views[0]
-        camera = (self.body - view.position) @ view.rotation.T
-        same = dict(joints2d=np.concatenate([self.uv[0], np.ones((NJ, 1))], 1).tolist(), joints3d=(camera * 0.9 - 1).tolist())
-        other = dict(joints2d=(np.array(same["joints2d"]) + [400, 0, 0]).tolist(), joints3d=np.zeros((NJ, 3)).tolist())
-        off = dict(same, joints3d=(camera + np.where(np.arange(NJ)[:, None] == 9, 0.3, 0.0)).tolist())
-        truth = {k: self.body for k in range(4)}
-        e = views_errors(view, truth, {0: [other, same], 1: [other], 2: [off]})
-        self.assertEqual(len(e), 2)
-        self.assertLess(e[0], 0.01)
-        self.assertTrue(20 < e[1] < 150, e)
+class Sharpening(unittest.TestCase):
+    def test_edges_get_steeper_and_flat_places_stay(self) -> None:
+        edge = torch.full((2, 3, 16, 16), 0.3)
+        edge[..., 8:] = 0.7
+        edge = torch.nn.functional.avg_pool2d(torch.nn.functional.pad(edge, (1, 1, 1, 1), mode="replicate"), 3, 1)
+        same, sharp = sharpen(edge, torch.tensor([0.0, 1.5]))
+        torch.testing.assert_close(same, edge[0])
+        torch.testing.assert_close(sharp[..., [0, -1]], edge[1][..., [0, -1]])
+        self.assertGreater(float(sharp.diff(dim=2).max()), 1.4 * float(edge.diff(dim=3).max()))
 
 
 class Dimming(unittest.TestCase):
@@ -353,6 +343,25 @@ class Dimming(unittest.TestCase):
     def test_stored_undoes_linear(self) -> None:
         x = np.linspace(0, 1, 256)
         self.assertLess(np.abs(stored(linear(x)) - x).max(), 1e-6)
+
+
+class Framed(unittest.TestCase):
+    def test_joints_stay_on_their_pixels_and_people_get_the_wanted_size(self) -> None:
+        joints = np.concatenate([PERSON + np.array([40, 20], np.float32), np.ones((NJ, 1), np.float32)], 1)
+        photo = np.full((190, 80, 3), 20, np.uint8)
+        photo[17:24, 37:44] = photo[162:169, 25:32] = 255  # head top and right ankle
+        for tall in (70.0, 150.0, 900.0):
+            picture, moved = frame(Image.fromarray(photo), joints, tall)
+            self.assertEqual(picture.size, FRAME)
+            wanted = min(tall, FRAME[1] / 190 * float(limb_chain(joints[None])[0]))
+            self.assertAlmostEqual(float(limb_chain(moved[None])[0]), wanted, delta=0.03 * wanted)
+            x = np.asarray(picture, np.float32)[..., 0]
+            for j in (0, 10):
+                c, r = moved[j, :2]
+                ys, xs = np.mgrid[int(r) - 8 : int(r) + 9, int(c) - 8 : int(c) + 9]
+                bright = np.maximum(x[ys, xs] - 20, 0)
+                self.assertAlmostEqual(float((bright * xs).sum() / bright.sum()), c, delta=0.3)
+                self.assertAlmostEqual(float((bright * ys).sum() / bright.sum()), r, delta=0.3)
 
 
 class Tiles(unittest.TestCase):
