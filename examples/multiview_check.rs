@@ -4,11 +4,13 @@
 //! cargo run --release --features mp4 --example multiview_check -- --calibration single/calibration/Calib.qca.txt \
 //!     --videos single/videos [--model models/edgecap.ecm] [--program target/release/edgecap]
 //! cargo run --release --example multiview_check -- --calibration Calib.qca.txt --observations cam01.jsonl cam02.jsonl cam03.jsonl cam04.jsonl
+//! cargo run --release --example multiview_check -- --calibration Calib.qca.txt --observations … --truth other01.jsonl other02.jsonl other03.jsonl other04.jsonl
 //! ```
 //!
 //! With `--videos` every view goes through `edgecap infer` with its own camera first; videos are named after the calibration's
 //! cameras. The views but one are triangulated, reprojected into the one left out, and compared with that view's own 2D and
-//! with the fit to that view alone; Stage II and Stage III against the triangulated joints in space.
+//! with the fit to that view alone; Stage II and Stage III against the triangulated joints in space. With `--truth` another
+//! detector's 2D of all views (`tests/reference/blazepose.py`) takes the place of the others' own.
 
 use std::fs::File;
 use std::io::{BufReader, Write};
@@ -34,6 +36,9 @@ struct Args {
     /// What `infer --jsonl` wrote, one file a camera in the calibration's order.
     #[arg(long, num_args = 2.., conflicts_with = "videos")]
     observations: Vec<PathBuf>,
+    /// What another detector saw, as lines of `infer --jsonl`, one file a camera in the calibration's order.
+    #[arg(long, num_args = 2..)]
+    truth: Vec<PathBuf>,
     /// Network for --videos [default: the program's own].
     #[arg(long)]
     model: Option<PathBuf>,
@@ -62,12 +67,19 @@ fn main() -> anyhow::Result<()> {
             .collect::<anyhow::Result<Vec<_>>>()?,
         None => args.observations.clone(),
     };
-    ensure!(
-        files.len() == views.len(),
-        "expected one observation file for each of the {} cameras of {name}, found {}",
-        views.len(),
-        files.len()
-    );
+    for (what, given) in [("observation", &files), ("truth", &args.truth)] {
+        ensure!(
+            given.len() == views.len() || what == "truth" && given.is_empty(),
+            "expected one {what} file for each of the {} cameras of {name}, found {}",
+            views.len(),
+            given.len()
+        );
+    }
+    let truth = views
+        .iter()
+        .zip(&args.truth)
+        .map(|(view, file)| observed(view, file, |_| ()))
+        .collect::<anyhow::Result<Vec<_>>>()?;
     let (views, streams): (Vec<_>, Vec<_>) = views
         .iter()
         .zip(&files)
@@ -75,11 +87,18 @@ fn main() -> anyhow::Result<()> {
         .collect::<anyhow::Result<Vec<_>>>()?
         .into_iter()
         .unzip();
-    let frames = streams.iter().map(Vec::len).min().unwrap_or(0);
+    let lengths = streams.iter().map(Vec::len);
+    let lengths = lengths.chain(truth.iter().map(|(_, t)| t.len()));
+    let frames = lengths.min().unwrap_or(0);
     let mut check = MultiviewCheck::new(views, args.agree);
     for k in 0..frames {
         let moment: Vec<_> = streams.iter().map(|s| s[k]).collect();
-        check.add(&moment);
+        if truth.is_empty() {
+            check.add(&moment);
+        } else {
+            let truth: Vec<_> = truth.iter().map(|(_, t)| t[k].0).collect();
+            check.add_against(&truth, &moment);
+        }
     }
     print!("{}", check.finish());
     Ok(())
@@ -129,14 +148,27 @@ fn infer(args: &Args, view: &View, videos: &Path, folder: &Path) -> anyhow::Resu
 
 /// A view as its pictures show it, and every frame with the fit to it alone.
 fn fitted(view: &View, path: &Path) -> anyhow::Result<(View, Vec<Moment>)> {
+    let mut fitter = Fitter::new(FitConfig::default())?;
+    let mut bodies = BodyFrame::default();
+    observed(view, path, |seen| {
+        fitter.update(seen, &mut bodies);
+        bodies
+    })
+}
+
+/// A view as its pictures show it, and every frame with what `then` makes of it.
+fn observed<T>(
+    view: &View,
+    path: &Path,
+    mut then: impl FnMut(&ObservationFrame) -> T,
+) -> anyhow::Result<(View, Vec<(ObservationFrame, T)>)> {
     let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     let intrinsics = view.intrinsics();
     let given = |_: u32, _: u32| Ok(intrinsics);
     let camera = CameraSource::Given(&given);
     let mut reader =
         ObservationReader::new(BufReader::new(file), path.display().to_string(), camera);
-    let mut fitter = Fitter::new(FitConfig::default())?;
-    let (mut seen, mut bodies) = (ObservationFrame::default(), BodyFrame::default());
+    let mut seen = ObservationFrame::default();
     let mut frames = Vec::new();
     let mut view = view.clone();
     while reader.read(&mut seen)? {
@@ -144,8 +176,8 @@ fn fitted(view: &View, path: &Path) -> anyhow::Result<(View, Vec<Moment>)> {
         if size != view.size {
             view = pictured(&view, size, path)?;
         }
-        fitter.update(&seen, &mut bodies);
-        frames.push((seen, bodies));
+        let made = then(&seen);
+        frames.push((seen, made));
     }
     Ok((view, frames))
 }

@@ -34,9 +34,16 @@ fn views() -> Vec<View> {
         .collect()
 }
 
+/// Who tells what is right.
+#[derive(Clone, Copy, PartialEq)]
+enum Truth {
+    OtherViews,
+    OtherDetector,
+}
+
 /// Runs the check; `pixels`: error per axis of the 2D of the last view; `space`: how far every joint of Stage II but the
-/// hips is off, metres.
-fn check(pixels: f64, space: f64) -> MultiviewReport {
+/// hips is off, metres. The other detector sees everything exactly.
+fn check(truth: Truth, pixels: f64, space: f64) -> MultiviewReport {
     let views = views();
     let legs = people::walk(0.0, 0.7, &[(-0.4, 4.0), (0.4, 4.2), (-0.4, 4.0)]);
     let person = Person::new(3, legs, Activity::Wave).of_height(1.82);
@@ -48,12 +55,17 @@ fn check(pixels: f64, space: f64) -> MultiviewReport {
     let mut check = MultiviewCheck::new(views.clone(), 20.0);
     for k in 0..90u64 {
         let (_, joints) = person.at(k as f64 / 30.0);
-        let mut moment = Vec::new();
+        let (mut moment, mut exact) = (Vec::new(), Vec::new());
         for (v, view) in views.iter().enumerate() {
             let mut seen = Observation {
                 score: 0.8,
                 ..Observation::default()
             };
+            let mut told = seen;
+            for (out, joint) in told.joints2d.iter_mut().zip(joints) {
+                let p = view.project(joint).expect("in front");
+                *out = [p.x as f32, p.y as f32, 0.8];
+            }
             for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
                 let sigma = if v == 3 { pixels } else { 0.0 };
                 let noise = DVec2::new(gauss(&mut rng), gauss(&mut rng)) * sigma;
@@ -83,19 +95,25 @@ fn check(pixels: f64, space: f64) -> MultiviewReport {
                 j[0] += 250.0 - 120.0 * v as f32;
                 j[1] += 90.0 * v as f32;
             }
+            let mut other = frame;
+            (other.count, other.people[0]) = (1, told);
+            exact.push(other);
             (frame.people[0], frame.people[1]) = (nobody, seen);
             let mut bodies = BodyFrame::default();
             fitters[v].update(&frame, &mut bodies);
             moment.push((frame, bodies));
         }
-        check.add(&moment);
+        match truth {
+            Truth::OtherViews => check.add(&moment),
+            Truth::OtherDetector => check.add_against(&exact, &moment),
+        }
     }
     check.finish()
 }
 
 #[test]
 fn exact_views_agree() {
-    let r = check(0.0, 0.0);
+    let r = check(Truth::OtherViews, 0.0, 0.0);
     print!("{r}");
     assert_eq!((r.held_out, r.triangulated, r.found[0]), (360, 360, 360));
     assert!(r.found[1] > 340, "the fit needs three frames to believe");
@@ -108,7 +126,7 @@ fn exact_views_agree() {
 
 #[test]
 fn errors_come_out_as_they_went_in() {
-    let r = check(8.0, 0.06);
+    let r = check(Truth::OtherViews, 8.0, 0.06);
     print!("{r}");
     // One view in four is 8 px off per axis; the others' triangulations suffer where it takes part, and their own 2D not.
     assert_eq!(r.found[0], 360);
@@ -121,4 +139,37 @@ fn errors_come_out_as_they_went_in() {
     let shoulder = r.pixels[2][0].unwrap();
     assert_eq!(shoulder.1, 360);
     assert!(shoulder.0 > 0.5 && shoulder.0 < 9.4, "{shoulder:?}");
+}
+
+#[test]
+fn another_detector_is_the_truth_of_every_view() {
+    let r = check(Truth::OtherDetector, 8.0, 0.06);
+    print!("{r}");
+    assert_eq!((r.held_out, r.triangulated, r.found[0]), (360, 360, 360));
+    assert_eq!(
+        (r.pixels[0][0], r.pixels[1][0]),
+        (None, None),
+        "head top, neck"
+    );
+    let shoulder = r.pixels[2][0].unwrap();
+    assert_eq!(shoulder.1, 360);
+    assert!(
+        shoulder.0 < 0.01,
+        "the view that is off has no part in the truth: {shoulder:?}"
+    );
+    // Two of twelve joints, the hips, are exact.
+    let (mpjpe, expected) = (r.mpjpe[0].unwrap(), 0.06 * 10.0 / 12.0);
+    assert!((mpjpe - expected).abs() < 0.008, "{mpjpe}");
+}
+
+#[test]
+fn who_is_far_off_is_not_found() {
+    let r = check(Truth::OtherDetector, 200.0, 0.0);
+    print!("{r}");
+    assert_eq!(
+        (r.triangulated, r.found[0]),
+        (360, 270),
+        "three views of four"
+    );
+    assert!(r.mpjpe[0].unwrap() < 1e-3);
 }

@@ -13,6 +13,12 @@ use crate::eval::PoseErrors;
 const CANDIDATES: usize = 4;
 /// Source views that a triangulation needs.
 const SOURCES: usize = 3;
+/// Of a figure's height: the nearest report within it is meant …
+const NEAR: f64 = 0.5;
+/// … and it is that person seen rightly, where another detector says what is right.
+const RIGHT: f64 = 0.12;
+/// Head top and neck: every detector marks them elsewhere.
+const MARKED_DIFFERENTLY: [usize; 2] = [0, 1];
 /// Bones between evidence joints whose summed length gives the size of a person.
 const BONES: [(usize, usize); 12] = [
     (1, 2),
@@ -46,9 +52,9 @@ pub struct MultiviewCheck {
 /// What [`MultiviewCheck`] found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MultiviewReport {
-    /// Frames with every view, times views left out.
+    /// Frames with every view, times views judged.
     pub held_out: usize,
-    /// Those in which the other views agree on a person …
+    /// Those in which the views that tell agree on a person …
     pub triangulated: usize,
     /// … whom Stage II of the view left out saw as well, and whom its fit followed.
     pub found: [usize; 2],
@@ -85,24 +91,45 @@ impl MultiviewCheck {
         assert_eq!(frames.len(), self.views.len(), "one frame a view");
         for out in 0..frames.len() {
             self.report.held_out += 1;
-            let sources: Vec<usize> = (0..frames.len()).filter(|&v| v != out).collect();
-            let Some(figure) = self.best_figure(&sources, frames) else {
-                continue;
-            };
-            self.report.triangulated += 1;
-            self.compare(&figure, out, &frames[out]);
+            let others = frames.iter().enumerate().filter(|(v, _)| *v != out);
+            let others: Vec<_> = others.map(|(v, (seen, _))| (v, seen)).collect();
+            if let Some(figure) = self.best_figure(&others) {
+                self.compare(&figure, NEAR, out, &frames[out]);
+            }
         }
     }
 
-    /// The person on whom the sources agree best: every combination of their people is tried.
-    fn best_figure(
-        &self,
-        sources: &[usize],
+    /// Takes in what every view saw at one moment and what another detector saw there, in the order of the views. All views of
+    /// the other detector together are the truth; head top and neck, which everybody marks differently, are left out of it, and
+    /// whoever is further than an eighth of the height from it is not found.
+    ///
+    /// # Panics
+    /// If there are not as many frames of each as views.
+    pub fn add_against(
+        &mut self,
+        truth: &[ObservationFrame],
         frames: &[(ObservationFrame, BodyFrame)],
-    ) -> Option<Figure> {
+    ) {
+        assert_eq!(frames.len(), self.views.len(), "one frame a view");
+        assert_eq!(truth.len(), self.views.len(), "one truth a view");
+        self.report.held_out += frames.len();
+        let all: Vec<_> = truth.iter().enumerate().collect();
+        let Some(mut figure) = self.best_figure(&all) else {
+            return;
+        };
+        for j in MARKED_DIFFERENTLY {
+            figure[j] = None;
+        }
+        for (out, frame) in frames.iter().enumerate() {
+            self.compare(&figure, RIGHT, out, frame);
+        }
+    }
+
+    /// The person on whom the sources, views by number, agree best: every combination of their people is tried.
+    fn best_figure(&self, sources: &[(usize, &ObservationFrame)]) -> Option<Figure> {
         let counts: Vec<usize> = sources
             .iter()
-            .map(|&v| frames[v].0.people().len().min(CANDIDATES))
+            .map(|(_, seen)| seen.people().len().min(CANDIDATES))
             .collect();
         let mut best: Option<(usize, Figure)> = None;
         for n in 0..counts.iter().product() {
@@ -119,9 +146,9 @@ impl MultiviewCheck {
                 let pixels: Vec<(&View, DVec2)> = sources
                     .iter()
                     .zip(&people)
-                    .filter_map(|(&v, &p)| {
-                        let [u, w, c] = frames[v].0.people[p].joints2d[j].map(f64::from);
-                        (c > 0.0).then(|| (&self.views[v], DVec2::new(u, w)))
+                    .filter_map(|((v, seen), &p)| {
+                        let [u, w, c] = seen.people[p].joints2d[j].map(f64::from);
+                        (c > 0.0).then(|| (&self.views[*v], DVec2::new(u, w)))
                     })
                     .collect();
                 if pixels.len() < SOURCES.min(sources.len()) {
@@ -142,16 +169,18 @@ impl MultiviewCheck {
         best.map(|(_, figure)| figure)
     }
 
+    /// `near`: of the figure's height, see [`NEAR`].
     fn compare(
         &mut self,
         figure: &Figure,
+        near: f64,
         out: usize,
         (seen, bodies): &(ObservationFrame, BodyFrame),
     ) {
+        self.report.triangulated += 1;
         let view = &self.views[out];
         let pixels: [Option<DVec2>; EVIDENCE_JOINTS] = figure.map(|p| view.project(p?));
-        // Whoever is meant lies within half the figure's height of it.
-        let reach = 0.5 * height(&pixels);
+        let reach = near * height(&pixels);
         let distance = |j: usize, at: [f32; 2]| {
             let at = DVec2::new(f64::from(at[0]), f64::from(at[1]));
             pixels[j].map(|p| p.distance(at))
@@ -269,15 +298,12 @@ fn errors(pairs: &[(Figure, [DVec3; BODY_JOINTS])]) -> (Option<f64>, Option<f64>
 impl Display for MultiviewReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let [seen, fitted] = self.found;
-        writeln!(f, "frames times views left out      {}", self.held_out)?;
-        writeln!(f, "  the other views agree          {}", self.triangulated)?;
+        writeln!(f, "frames times views               {}", self.held_out)?;
+        writeln!(f, "  the views that tell agree      {}", self.triangulated)?;
         writeln!(f, "  the view saw the person        {seen}")?;
         writeln!(f, "  its fit followed the person    {fitted}")?;
         let px = |p: Option<f64>| p.map_or("-".into(), |p| format!("{p:.1} px"));
-        writeln!(
-            f,
-            "median distance to the joint that the other views triangulate"
-        )?;
+        writeln!(f, "median distance to the triangulated joint")?;
         for (name, [seen, fitted]) in JOINT_NAMES.iter().zip(&self.pixels) {
             let part = |p: &Option<(f64, usize)>| px(p.map(|p| p.0));
             let n = seen.map_or(0, |s| s.1);
