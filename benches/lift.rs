@@ -25,8 +25,7 @@ fn lift(c: &mut Criterion) {
     let model = Model::shipped().expect("a build with weights");
     let weights = model.stage2().expect("the shipped model has Stage II");
     let weights = weights.try_into().expect("the layers fit");
-    let mut lifter =
-        Lifter::new(&weights, Encodings::default(), isa).expect("the CPU has its tier");
+    let mut lifter = Lifter::new(&weights, Encodings::Read, isa).expect("the CPU has its tier");
     let letterbox = Letterbox {
         scale: 1.0,
         offset_u: 0.0,

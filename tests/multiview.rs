@@ -115,7 +115,7 @@ fn check(truth: Truth, pixels: f64, space: f64) -> MultiviewReport {
 fn exact_views_agree() {
     let r = check(Truth::OtherViews, 0.0, 0.0);
     print!("{r}");
-    assert_eq!((r.held_out, r.triangulated, r.found[0]), (360, 360, 360));
+    assert_eq!((r.judged, r.triangulated, r.found[0]), (360, 360, 360));
     assert!(r.found[1] > 340, "the fit needs three frames to believe");
     assert!(r.all_pixels[0].unwrap() < 0.01);
     assert!(r.mpjpe[0].unwrap() < 1e-3 && r.pa_mpjpe[0].unwrap() < 1e-3);
@@ -145,7 +145,7 @@ fn errors_come_out_as_they_went_in() {
 fn another_detector_is_the_truth_of_every_view() {
     let r = check(Truth::OtherDetector, 8.0, 0.06);
     print!("{r}");
-    assert_eq!((r.held_out, r.triangulated, r.found[0]), (360, 360, 360));
+    assert_eq!((r.judged, r.triangulated, r.found[0]), (360, 360, 360));
     assert_eq!(
         (r.pixels[0][0], r.pixels[1][0]),
         (None, None),

@@ -30,7 +30,7 @@ pub(super) fn speed(
         black_box(associator.associate(black_box(&maps)));
     });
     let detections = associator.associate(&maps).to_vec();
-    let mut lifter = Lifter::new(&weights()?, Encodings::default(), isa)?;
+    let mut lifter = Lifter::new(&weights()?, Encodings::Read, isa)?;
     let mut stage2 = Samples::default();
     stage2.add(time, 10, || {
         let lifted = lifter.lift_aligned(black_box(&detections));

@@ -142,7 +142,7 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
         Failure::data("the model has no Stage II: give --stage2 FILE.safetensors")
     })?;
     let encodings = if model.encodings_trained() {
-        Encodings::Averaged
+        Encodings::Read
     } else {
         Encodings::Zero
     };

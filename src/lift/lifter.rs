@@ -12,25 +12,11 @@ use crate::detect::Detection;
 /// What Stage II is fed at the places of the encodings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Encodings {
-    /// What Stage I's 3D head says, and zeros as well: the mean of both answers. Stage II trusts encodings as far as they were right
-    /// in training; of real people never seen before they are worse than that (models/README.md, Stage II).
-    #[default]
-    Averaged,
     /// What Stage I's 3D head says.
+    #[default]
     Read,
     /// Zeros: the 3D head was not trained and says nothing. Stage II then lifts from 2D alone.
     Zero,
-}
-
-impl Encodings {
-    /// Whether they are read, for every answer that counts.
-    const fn looks(self) -> &'static [bool] {
-        match self {
-            Self::Averaged => &[true, false],
-            Self::Read => &[true],
-            Self::Zero => &[false],
-        }
-    }
 }
 
 /// Lifts detections to full 3D, occluded joints included: Stage II, XNect §4.2. All people of a frame go through the network
@@ -66,24 +52,15 @@ impl Lifter {
         &mut self,
         detections: &[Detection],
     ) -> Result<impl ExactSizeIterator<Item = [[f32; 3]; BODY_JOINTS]>, LiftError> {
-        let looks = self.encodings.looks();
-        let rows = looks.len() * detections.len();
-        self.input.resize(rows * INPUTS, 0.0);
-        let people = looks
-            .iter()
-            .flat_map(|read| detections.iter().map(move |d| (d, *read)));
-        for ((d, read), row) in people.zip(self.input.chunks_exact_mut(INPUTS)) {
+        self.input.resize(detections.len() * INPUTS, 0.0);
+        let read = self.encodings == Encodings::Read;
+        for (d, row) in detections.iter().zip(self.input.chunks_exact_mut(INPUTS)) {
             input::fill(d, read, row);
         }
-        let output = self.mlp.run(rows, &self.input)?;
-        let (count, share) = (detections.len(), 1.0 / looks.len() as f32);
-        Ok((0..count).map(move |person| {
+        let output = self.mlp.run(detections.len(), &self.input)?;
+        Ok(output.chunks_exact(OUTPUTS).map(|row| {
             let mut joints = [[0.0; 3]; BODY_JOINTS];
-            for answer in output.chunks_exact(OUTPUTS).skip(person).step_by(count) {
-                for (mean, x) in joints.as_flattened_mut().iter_mut().zip(answer) {
-                    *mean += share * x;
-                }
-            }
+            joints.as_flattened_mut().copy_from_slice(row);
             joints
         }))
     }

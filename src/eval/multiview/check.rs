@@ -53,7 +53,7 @@ pub struct MultiviewCheck {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MultiviewReport {
     /// Frames with every view, times views judged.
-    pub held_out: usize,
+    pub judged: usize,
     /// Those in which the views that tell agree on a person …
     pub triangulated: usize,
     /// … whom Stage II of the view left out saw as well, and whom its fit followed.
@@ -90,7 +90,7 @@ impl MultiviewCheck {
     pub fn add(&mut self, frames: &[(ObservationFrame, BodyFrame)]) {
         assert_eq!(frames.len(), self.views.len(), "one frame a view");
         for out in 0..frames.len() {
-            self.report.held_out += 1;
+            self.report.judged += 1;
             let others = frames.iter().enumerate().filter(|(v, _)| *v != out);
             let others: Vec<_> = others.map(|(v, (seen, _))| (v, seen)).collect();
             if let Some(figure) = self.best_figure(&others) {
@@ -101,7 +101,7 @@ impl MultiviewCheck {
 
     /// Takes in what every view saw at one moment and what another detector saw there, in the order of the views. All views of
     /// the other detector together are the truth; head top and neck, which everybody marks differently, are left out of it, and
-    /// whoever is further than an eighth of the height from it is not found.
+    /// whoever is further from it than 0.12 of the height is not found.
     ///
     /// # Panics
     /// If there are not as many frames of each as views.
@@ -112,7 +112,7 @@ impl MultiviewCheck {
     ) {
         assert_eq!(frames.len(), self.views.len(), "one frame a view");
         assert_eq!(truth.len(), self.views.len(), "one truth a view");
-        self.report.held_out += frames.len();
+        self.report.judged += frames.len();
         let all: Vec<_> = truth.iter().enumerate().collect();
         let Some(mut figure) = self.best_figure(&all) else {
             return;
@@ -298,7 +298,7 @@ fn errors(pairs: &[(Figure, [DVec3; BODY_JOINTS])]) -> (Option<f64>, Option<f64>
 impl Display for MultiviewReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let [seen, fitted] = self.found;
-        writeln!(f, "frames times views               {}", self.held_out)?;
+        writeln!(f, "frames times views               {}", self.judged)?;
         writeln!(f, "  the views that tell agree      {}", self.triangulated)?;
         writeln!(f, "  the view saw the person        {seen}")?;
         writeln!(f, "  its fit followed the person    {fitted}")?;
