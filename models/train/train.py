@@ -62,7 +62,7 @@ GPU_PHASES = [
 ]
 # A CPU has no time for empty pixels: small tiles full of people first, larger ones for larger people and crowds later.  What counts is
 # people of 100 to 300 px, at a kiosk rather more.  Where a network is good follows the sizes it is trained with: the fourth model, whose mixes had
-# medians of 85 to 120 px, lost 14 points of PCK from 112 to 188 px; the sixth (122 to 170 px) 4 from 165 to 200 px.
+# medians of 85 to 120 px, lost 14 points of PCK from 112 to 188 px; the sixth (122 to 170 px) 8 from 150 to 270 px.
 CPU_PHASES = [
     Phase(
         0.30,
