@@ -9,7 +9,7 @@ use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PARENTS, PELVIS};
 use edgecap::message::Intrinsics;
 use edgecap::synth::raster::{NOBODY, TRIANGLE_BITS};
 use edgecap::synth::render::SUPERSAMPLE;
-use edgecap::synth::shoot::{Reel, Shot, shoot_still};
+use edgecap::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use edgecap::synth::truth::{
     ABSENT, OCCLUDED, SELF_OCCLUDED, Truth, TruthError, TruthPerson, VISIBLE,
 };
@@ -187,6 +187,59 @@ fn stills_truth_is_consistent_and_varied() {
     );
 }
 
+#[test]
+fn truth_without_pictures_says_where_the_same_people_are() {
+    let mut compared = 0;
+    for k in 0..6 {
+        let (shot, known) = (shoot_still(21, k, SIZE, 5), outline_still(21, k, SIZE, 5));
+        assert_eq!(shot.truth.camera, known.camera);
+        for p in &known.people {
+            // Who reaches into the picture with a joint does so with a box.
+            let same = shot.truth.people.iter().find(|q| q.id == p.id).unwrap();
+            assert_eq!(same.joints3d, p.joints3d);
+            assert_eq!(same.stature, p.stature);
+            for (seen, inside) in same.visibility.iter().zip(p.visibility) {
+                assert_eq!(*seen == ABSENT, inside == ABSENT);
+            }
+            compared += 1;
+        }
+    }
+    assert!(compared >= 6, "{compared} people in 6 stills");
+}
+
+#[test]
+fn every_still_can_be_placed() {
+    // Some places are so full that the first person finds no room.
+    let people: usize = (0..20_000)
+        .map(|k| outline_still(31, k, SIZE, 5).people.len())
+        .sum();
+    assert!(people > 40_000, "{people} people in 20,000 stills");
+}
+
+#[test]
+fn some_people_lie_on_the_floor_and_nobody_in_it() {
+    let (mut all, mut low, mut lying) = (0, 0, 0);
+    for k in 0..2_000 {
+        let truth = outline_still(3, k, SIZE, 5);
+        let floor = truth.camera.floor;
+        let height = |p: [f32; 3]| (0..3).map(|i| floor[i] * p[i]).sum::<f32>() + floor[3];
+        for p in &truth.people {
+            let heights = p.joints3d.map(height);
+            let (crown, neck, pelvis) = (heights[0], heights[1], heights[PELVIS]);
+            all += 1;
+            low += i32::from(pelvis < 0.3);
+            lying += i32::from(pelvis < 0.3 && neck < 0.4 && crown < 0.5);
+            let deepest = heights.into_iter().fold(f32::MAX, f32::min);
+            assert!(deepest > -0.1, "a joint {deepest} m above the floor");
+        }
+    }
+    let share = |n: i32| f64::from(n) / f64::from(all);
+    assert!(
+        (0.05..0.15).contains(&share(low)) && (0.03..0.10).contains(&share(lying)),
+        "{low} low, {lying} lying of {all}"
+    );
+}
+
 fn arguments(out: &std::path::Path) -> SynthArgs {
     SynthArgs {
         out: Some(out.to_path_buf()),
@@ -198,6 +251,7 @@ fn arguments(out: &std::path::Path) -> SynthArgs {
         height: 64,
         fps: 10,
         stills: true,
+        truth_only: false,
         quality: None,
         format: PictureFormat::Jpg,
     }
@@ -254,6 +308,22 @@ fn pictures_depend_on_the_seed_alone() {
             .to_string_lossy()
             .starts_with('.'))
     );
+}
+
+#[test]
+fn truth_can_be_had_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("known");
+    let args = SynthArgs {
+        truth_only: true,
+        frames: 12,
+        ..arguments(&out)
+    };
+    synth(args).unwrap();
+    let truth = Truth::load(&out.join("truth.json")).unwrap();
+    assert_eq!(truth.frames.len(), 12);
+    assert!(truth.frames.iter().all(|f| f.file.is_none()));
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1);
 }
 
 #[test]

@@ -44,10 +44,13 @@ def main(argv: list[str]) -> None:
     a = ap.parse_args(argv)
     if a.tall <= 0:
         ap.error(f"expected a person of more than 0 pixels, found {a.tall}")
-    rows, heights = [], []
+    rows, heights, left_out = [], [], 0
     for x in json.loads((a.people / "annotations.json").read_text()):
         joints = np.array(x["joints"], np.float32)
-        if x["split"] != a.split or (joints[:, 2] == 0).any():
+        if x["split"] != a.split:
+            continue
+        if (joints[:, 2] == 0).any():
+            left_out += 1
             continue
         picture, moved = frame(Image.open(a.people / x["file"]).convert("RGB"), joints, a.tall)
         file = pathlib.Path(x["file"]).with_suffix(".png")
@@ -58,7 +61,7 @@ def main(argv: list[str]) -> None:
     if not rows:
         raise SystemExit(f"expected photos of split {a.split} with all joints labelled in {a.people}, found none")
     (a.out / "annotations.json").write_text(json.dumps(rows))
-    print(f"{len(rows)} frames, people of {min(heights):.0f} to {max(heights):.0f} px, median {np.median(heights):.0f}")
+    print(f"{len(rows)} frames, people of {min(heights):.0f} to {max(heights):.0f} px, median {np.median(heights):.0f}; {left_out} photos without all joints labelled left out")
 
 
 if __name__ == "__main__":

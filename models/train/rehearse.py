@@ -15,6 +15,7 @@ import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
+DEMO = HERE.parent / "demo/truth.json"  # of `edgecap synth`
 
 
 def call(script: str, *args: object) -> str:
@@ -39,7 +40,7 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     assert all(math.isfinite(r[k]) for r in rows for k in ("hm_real", "hm_syn", "enc", "where")), rows
     assert rows[-1]["enc"] < rows[0]["enc"], "expected the encodings' loss to fall"
     call("composites.py", pack, work / "composites", "--n", 2, "--tiny")
-    call("stage2.py", pack, run, "--cpu", "--steps", 60, "--minutes", 1, "--log", 30, "--test", 256, "--batch", 128)
+    call("stage2.py", pack, run, "--cpu", "--steps", 60, "--minutes", 1, "--log", 30, "--test", 256, "--batch", 128, "--posed", DEMO)
     measure = ("--scenes", held, "--limit", 8, "--only", "lsp", "scenes", "--thr", 0.01, "--paf", 0.0, "--joints", 3, "--cpu")
     first = json.loads(call("evaluate.py", pack, run, *measure))
     call("export.py", run, "--pack", pack, "--f32")

@@ -4,7 +4,7 @@
 
 Inputs imitate Stage I: joints drop out singly, by limb and below the edge of the frame; positions are noisy and sometimes swapped;
 encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.
-Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
+With `--posed`, people in `edgecap synth`'s poses join those of the motion capture. Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
 Stage I checkpoint, its true outputs on rendered scenes.  With `--mean-of` it learns what other Stage II networks say together, instead of
 the truth: one network then answers as well as several looks at a person.  Light enough for a CPU.
 """
@@ -28,6 +28,7 @@ from body import Body, Mocap, canonical
 from measure import errors, naive
 from mistakes import Mistakes, bones, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
+from posed import Posed
 from skeleton import FLIP14, FLIP21, NB, NECK, NJ, ROOT, STRIDE
 
 LIMB_CHAINS = [
@@ -228,6 +229,11 @@ def train(a: argparse.Namespace) -> None:
     data = People3D(a.pack, dev, a.seed)
     held = People3D(a.pack, dev, 4242, held=True)
     uv, rel_t, size = held.sample(a.test)
+    posed = Posed(a.posed, dev, a.seed + 5) if a.posed else None
+    if posed:
+        p_uv, p_rel, _, p_in = posed.held()
+        p_noisy, p_conf, p_enc = imitate(p_uv, p_rel, torch.Generator(device=dev).manual_seed(9), mask)
+        p_test = stage2_input(p_noisy, p_conf * p_in, p_enc, mask)
     wrong: Mistakes | None = None
     true: list[tuple[Tensor, ...]] = []  # Stage I's own answers
     if a.mistakes:
@@ -273,15 +279,19 @@ def train(a: argparse.Namespace) -> None:
     end = began + a.minutes * 60
     weight = torch.tensor([1.0] * 14 + [0.5, 1, 1, 0.7, 0.7, 0.7, 0.7], device=dev)[:, None]
     acc = torch.zeros((), device=dev)
-    fresh: list[tuple[Tensor, Tensor, Tensor]] = []
+    fresh: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
     while (now := time.time()) < end and not (a.steps and step >= a.steps):
         p = step / a.steps if a.steps else (now - t0) / (end - t0)
         for grp in opt.param_groups:
             grp["lr"] = a.lr * min(p / 0.02, 1) * max(0.5 * (1 + math.cos(math.pi * p)), 0.002)
         # posing people costs more than the network: use a batch of them with several corruptions
         if step % a.repeat == 0:
-            fresh = [data.sample(a.batch)]
-        uv, rel, size = fresh[0]
+            n = round(a.batch * a.posed_share) if posed else 0
+            drawn = data.sample(a.batch - n)
+            fresh = [(*drawn, torch.ones(a.batch - n, NJ, dtype=torch.bool, device=dev))]
+            if posed:
+                fresh = [tuple(torch.cat(z) for z in zip(fresh[0], posed.sample(n)))]  # type: ignore[list-item]
+        uv, rel, size, inside = fresh[0]
         x_uv, x_c, x_e = imitate(uv, rel, data.g, mask)
         x_e = x_e * (torch.rand(len(x_e), 1, 1, generator=data.g, device=dev) >= a.without)
         if wrong is not None:
@@ -289,6 +299,7 @@ def train(a: argparse.Namespace) -> None:
             use = torch.rand(len(uv), 1, generator=data.g, device=dev) < a.share
             m_e = m_e * (torch.rand(len(uv), 1, 1, generator=data.g, device=dev) >= a.without)
             x_uv, x_c, x_e = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c), torch.where(use[..., None], m_e, x_e)
+        x_c = x_c * inside
         if answers:
             i = torch.randint(len(answers[0]), (max(1, round(a.seen * a.batch)),), generator=data.g, device=dev)
             t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)
@@ -343,6 +354,8 @@ def train(a: argparse.Namespace) -> None:
                 report["Stage I's true mistakes, --mean-of"] = errors(agreed(panel, real_uv, real_conf, real_enc, mask), rel_t)
                 report["as Stage I sees people, --mean-of"] = errors(agreed(panel, *seen_answers, mask), seen_rel)
             report["as Stage I sees people, mean of both"] = errors((avg(seen_test) + avg(seen_blind)) / 2, seen_rel)
+        if posed:
+            report["posed people, imitated"] = errors(avg(p_test), p_rel)
         full = (conf > 0).all(1)
         report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
         report["imitated, joints missing"] = errors(avg(test[~full]), rel_t[~full])
@@ -368,6 +381,8 @@ if __name__ == "__main__":
     ap.add_argument("--log", type=int, default=200)
     ap.add_argument("--seed", type=int, default=3)
     ap.add_argument("--mean-of", type=pathlib.Path, nargs="*", default=[], help="Stage II files whose mean answer, with and without encodings, is learnt")
+    ap.add_argument("--posed", type=pathlib.Path, help="truth.json of edgecap synth --stills --truth-only")
+    ap.add_argument("--posed-share", type=float, default=0.4, help="their share of a batch")
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")
     ap.add_argument("--mistakes", type=pathlib.Path, help="what mistakes.py collected")
     ap.add_argument("--share", type=float, default=0.6, help="share of people that carry those mistakes")

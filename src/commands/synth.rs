@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::exit::Failure;
 use crate::capture::{AviWriter, Frame};
 use crate::output::{AtomicFile, AtomicFolder, parent};
-use crate::synth::shoot::{Reel, Shot, shoot_still};
+use crate::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use crate::synth::truth::{FORMAT, VERSION};
 use crate::synth::{Truth, TruthFrame};
 
@@ -59,6 +59,9 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
+    /// Only the truth about stills, no pictures: a thousand people a second or so. Visible then means inside the picture; boxes and areas are absent.
+    #[arg(long, requires = "stills", conflicts_with_all = ["quality", "format"])]
+    pub truth_only: bool,
     /// JPEG quality; default: that of the imitated camera, 60 for a clip.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub quality: Option<u8>,
@@ -77,6 +80,9 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     }
     let size = (args.width, args.height);
     let people = args.people as usize;
+    if args.truth_only {
+        return outlines(&args, args.out.as_deref().unwrap_or(Path::new(".")));
+    }
     let bar = ProgressBar::new(args.frames);
     let reel =
         (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
@@ -149,6 +155,27 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
             Ok(shot.truth)
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
+    known(args, album, out, frames)
+}
+
+/// Writes the truth about stills that nobody renders.
+fn outlines(args: &SynthArgs, out: &Path) -> anyhow::Result<()> {
+    let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
+    let size = (args.width, args.height);
+    let frames = (0..args.frames)
+        .into_par_iter()
+        .map(|k| outline_still(args.seed, k, size, args.people as usize))
+        .collect();
+    known(args, album, out, frames)
+}
+
+/// Adds the truth to a folder and lets it appear.
+fn known(
+    args: &SynthArgs,
+    album: AtomicFolder,
+    out: &Path,
+    frames: Vec<TruthFrame>,
+) -> anyhow::Result<()> {
     let path = album.beside().join("truth.json");
     std::fs::write(&path, truth(args, frames).to_text()).map_err(|e| Failure::output(&path, &e))?;
     album.finish().map_err(|e| Failure::output(out, &e))?;

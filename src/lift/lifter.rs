@@ -10,10 +10,9 @@ use crate::capture::{Frame, Letterbox};
 use crate::detect::Detection;
 
 /// What Stage II is fed at the places of the encodings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encodings {
     /// What Stage I's 3D head says.
-    #[default]
     Read,
     /// Zeros: the 3D head was not trained and says nothing. Stage II then lifts from 2D alone.
     Zero,

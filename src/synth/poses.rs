@@ -1,4 +1,4 @@
-//! Random stances for stills: everyday gestures, sport, and poses drawn from the skeleton's limits.
+//! Random stances for stills: everyday gestures, sport, poses drawn from the skeleton's limits, and the floor.
 
 use glam::Vec3;
 
@@ -177,14 +177,159 @@ fn collides(shape: &Shape, pose: &Pose) -> bool {
 
 /// A random pose of somebody with this build.
 pub fn random(shape: &Shape, dice: &mut Dice) -> Pose {
+    untangled(shape, || attempt(shape, dice))
+}
+
+/// A random pose of somebody with this build who lies or sits on the floor.
+pub fn on_the_floor(shape: &Shape, dice: &mut Dice) -> Pose {
+    untangled(shape, || {
+        if dice.chance(0.7) {
+            lying(dice)
+        } else {
+            sitting_on_the_floor(dice)
+        }
+    })
+}
+
+/// The first of a dozen poses in which nothing passes through anything, or the last of them.
+fn untangled(shape: &Shape, mut draw: impl FnMut() -> Pose) -> Pose {
     let mut last = Pose::default();
     for _ in 0..12 {
-        last = attempt(shape, dice);
+        last = draw();
         if !collides(shape, &last) {
             break;
         }
     }
     last
+}
+
+/// On the back, on the belly or on a side; the head to the left or the right of the heading.
+fn lying(dice: &mut Dice) -> Pose {
+    let mut pose = Pose::default();
+    // `lean[1]` lays the body down sideways, then `lean[0]` rolls it about its long axis: -90 looks up.
+    let (up, down) = (-90.0, 90.0);
+    let roll = match dice.below(10) {
+        0..=4 => up,
+        5..=7 => down,
+        _ => dice.pick(&[0.0, 180.0]),
+    };
+    pose.lean = [
+        roll + 12.0 * dice.normal(),
+        dice.sign() * (90.0 + 4.0 * dice.normal()),
+        0.0,
+    ];
+    pose.spine = [
+        5.0 * dice.normal(),
+        6.0 * dice.normal(),
+        10.0 * dice.normal(),
+    ];
+    // Whoever lies on the belly has the face to a side and off the floor.
+    pose.neck = if roll == down {
+        [dice.range(-25.0, -5.0), dice.range(-60.0, 60.0)]
+    } else {
+        [dice.range(-8.0, 25.0), dice.range(-35.0, 35.0)]
+    };
+    let stretched = Leg::new(
+        dice.range(-3.0, 6.0),
+        dice.range(2.0, 18.0),
+        dice.range(0.0, 12.0),
+        -25.0,
+    );
+    pose.legs = [stretched; 2];
+    if roll == up {
+        let bent = Leg::new(
+            dice.range(35.0, 65.0),
+            dice.range(2.0, 15.0),
+            dice.range(70.0, 120.0),
+            0.0,
+        );
+        match dice.below(6) {
+            0 => pose.legs = [bent; 2],
+            1 => pose.legs[dice.below(2)] = bent,
+            2 => {
+                pose.legs = [Leg::new(dice.range(40.0, 100.0), 5.0, dice.range(0.0, 90.0), 0.0); 2];
+            }
+            _ => {}
+        }
+    } else if roll == down {
+        if dice.chance(0.3) {
+            pose.legs[dice.below(2)].knee = dice.range(20.0, 95.0);
+        }
+    } else {
+        for leg in &mut pose.legs {
+            *leg = Leg::new(dice.range(10.0, 90.0), 3.0, dice.range(10.0, 110.0), -10.0);
+        }
+    }
+    let arm = |dice: &mut Dice| match dice.below(6) {
+        0 | 1 => Arm::new(
+            dice.range(-5.0, 10.0),
+            dice.range(8.0, 35.0),
+            0.0,
+            dice.range(5.0, 30.0),
+        ),
+        2 => Arm::new(5.0, dice.range(60.0, 120.0), -40.0, dice.range(10.0, 100.0)),
+        3 => Arm::new(
+            dice.range(150.0, 175.0),
+            dice.range(5.0, 25.0),
+            0.0,
+            dice.range(0.0, 40.0),
+        ),
+        4 => Arm::new(95.0, 60.0, 60.0, 120.0), // under or behind the head
+        _ => gesture(dice),
+    };
+    pose.arms = [arm(dice), arm(dice)];
+    pose
+}
+
+/// With stretched, bent or crossed legs, upright or leaning back on the hands.
+fn sitting_on_the_floor(dice: &mut Dice) -> Pose {
+    let mut pose = Pose {
+        spine: [
+            dice.range(0.0, 35.0),
+            5.0 * dice.normal(),
+            9.0 * dice.normal(),
+        ],
+        neck: [dice.range(-15.0, 25.0), 25.0 * dice.normal()],
+        arms: [gesture(dice), gesture(dice)],
+        ..Pose::default()
+    };
+    let spread = dice.range(2.0, 25.0);
+    let stretched = Leg::new(88.0, spread, dice.range(0.0, 15.0), -10.0);
+    let bent = Leg::new(
+        dice.range(100.0, 120.0),
+        spread * 0.6,
+        dice.range(70.0, 135.0),
+        0.0,
+    );
+    pose.legs = match dice.below(4) {
+        0 => [stretched; 2],
+        1 => [bent; 2],
+        2 => {
+            let mut crossed = Leg::new(100.0, 40.0, dice.range(115.0, 140.0), -20.0);
+            crossed.rotate = 45.0;
+            [crossed; 2]
+        }
+        _ if dice.chance(0.5) => [stretched, bent],
+        _ => [bent, stretched],
+    };
+    if dice.chance(0.45) {
+        // leaning back on the hands or, farther down, on the elbows; a leg may be in the air
+        let back = dice.range(10.0, 60.0);
+        pose.lean[0] = -back;
+        let prop = if back < 35.0 {
+            Arm::new(-dice.range(25.0, 50.0), 12.0, 0.0, dice.range(0.0, 15.0))
+        } else {
+            Arm::new(-dice.range(10.0, 40.0), 12.0, 0.0, dice.range(70.0, 100.0))
+        };
+        pose.arms = [prop; 2];
+        for leg in &mut pose.legs {
+            leg.flex -= back;
+        }
+        if dice.chance(0.4) {
+            pose.legs[dice.below(2)].flex += dice.range(20.0, 60.0);
+        }
+    }
+    pose
 }
 
 fn attempt(shape: &Shape, dice: &mut Dice) -> Pose {

@@ -174,12 +174,12 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
         .zip(&posed)
         .map(|(s, p)| {
             let person = &scene.people[s.person];
-            person.mesh.pose(p, &person.pivots)
+            person.mesh().pose(p, &person.pivots)
         })
         .collect();
     let triangles: Vec<&[[u32; 3]]> = stances
         .iter()
-        .map(|s| scene.people[s.person].mesh.triangles.as_slice())
+        .map(|s| scene.people[s.person].mesh().triangles.as_slice())
         .collect();
 
     let mut samples = Buffer::new(sw, sh);
@@ -345,7 +345,7 @@ fn person_light(
     } else {
         [1.0, 0.0, 0.0]
     };
-    let v = t.map(|i| &person.mesh.vertices[i as usize]);
+    let v = t.map(|i| &person.mesh().vertices[i as usize]);
     let first = if wa >= wb && wa >= wc {
         v[0]
     } else if wb >= wc {

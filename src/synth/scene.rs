@@ -1,5 +1,7 @@
 //! A scene: camera, place, light, sensor and the people in it.
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 
 use super::camera::Camera;
@@ -19,8 +21,10 @@ pub struct Person {
     pub shape: Shape,
     /// Clothes.
     pub outfit: Outfit,
-    /// Surface.
-    pub mesh: Mesh,
+    /// Size of the surface's cells, metres.
+    step: f32,
+    /// Made when first asked for: most of the work, and who only wants to know where joints are does without.
+    mesh: OnceLock<Mesh>,
     /// Rest position of every bone's pivot.
     pub pivots: [Vec3; BONES],
 }
@@ -105,15 +109,21 @@ impl Person {
 
     /// A person of a build in an outfit.
     pub fn new(id: u32, shape: Shape, outfit: Outfit, step: f32) -> Self {
-        let mesh = Mesh::new(&shape, &outfit, step);
         let pivots = std::array::from_fn(|b| shape.pivot(b));
         Self {
             id,
             shape,
             outfit,
-            mesh,
+            step,
+            mesh: OnceLock::new(),
             pivots,
         }
+    }
+
+    /// Surface.
+    pub fn mesh(&self) -> &Mesh {
+        self.mesh
+            .get_or_init(|| Mesh::new(&self.shape, &self.outfit, self.step))
     }
 
     /// Bones and joints in the world.

@@ -1,7 +1,7 @@
 //! From a seed to a picture and its truth, frame by frame; every frame can be made alone, in any order, on any thread.
 
 use super::clip::{Clip, clip};
-use super::measure::measure;
+use super::measure::{measure, outline};
 use super::noise::Dice;
 use super::render::{Backdrop, Picture, render};
 use super::scene::{Scene, Stance};
@@ -56,6 +56,12 @@ fn shoot(
 pub fn shoot_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> Shot {
     let (scene, stances) = still(seed, index, size, people);
     shoot(&scene, &Backdrop::new(&scene), &stances, None, index, 0)
+}
+
+/// What is known about picture number `index` of a set of stills without rendering it.
+pub fn outline_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> TruthFrame {
+    let (scene, stances) = still(seed, index, size, people);
+    outline(&scene, &stances, index, 0)
 }
 
 /// A clip ready to be rendered.

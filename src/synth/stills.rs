@@ -8,10 +8,15 @@ use super::place::{Form, Place};
 use super::poses;
 use super::scene::{Light, Person, Scene, Sensor, Stance};
 
+/// Share of people who lie or sit on the floor.
+const ON_THE_FLOOR: f32 = 0.08;
+
 /// Scene number `index` of a seed. `people`: at most this many (some scenes have nobody).
 pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, Vec<Stance>) {
     let mut dice = Dice::new(seed, 1 + index);
     let dice = &mut dice;
+    // Dice of their own, so that everybody else is who and where they would be without anybody on the floor.
+    let floor = &mut Dice::new(seed, u64::MAX - index);
     let count = match dice.below(50) {
         0 | 1 => 0,
         2..=13 => 1,
@@ -62,7 +67,7 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
     for k in 0..count {
         let mut found = None;
         for _ in 0..24 {
-            let mut spot = if k > 0 && (crowd || dice.chance(0.35)) {
+            let mut spot = if !spots.is_empty() && (crowd || dice.chance(0.35)) {
                 let (a, r) = (
                     dice.range(0.0, std::f32::consts::TAU),
                     dice.range(0.35, 1.0),
@@ -93,15 +98,19 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
         // A cell of the surface should be no larger than two pixels or so.
         let step = (2.6 / px).clamp(0.0125, 0.026);
         let person = Person::random(k as u32 + 1, dice, step);
-        let pose = poses::random(&person.shape, dice);
+        let mut pose = poses::random(&person.shape, dice);
         if pose.seat > 0.0 && dice.chance(0.75) {
             seat(&mut scene.place, dice, spot, pose.seat);
         }
-        let heading = match dice.below(10) {
+        let mut heading = match dice.below(10) {
             0..=5 => 45.0 * dice.normal(),
             6 => 180.0 + 40.0 * dice.normal(),
             _ => dice.range(-180.0, 180.0),
         };
+        if pose.seat <= 0.0 && floor.chance(ON_THE_FLOOR) {
+            pose = poses::on_the_floor(&person.shape, floor);
+            heading = floor.range(-180.0, 180.0);
+        }
         if dice.chance(0.02) {
             spot.y = dice.range(0.0, 0.6); // on a step
         }

@@ -36,6 +36,7 @@ from muon import Muon, orthogonal
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21, limb_chain
 from measure import errors, naive, procrustes
 from pool import Pool
+from posed import Posed
 from real import TRUST, mend
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import agreed, imitate, mirror, mirror3d, mirrored
@@ -420,6 +421,43 @@ class Lifting(unittest.TestCase):
         self.assertGreater(int(gone.sum()), 20)
         self.assertEqual(float(x[gone].abs().max()), 0.0)
         self.assertTrue(bool((conf[:, 1] > 0).all()))  # nobody is found without a neck
+
+
+class PosedPeople(unittest.TestCase):
+    def person(self, x: float, n: int) -> dict[str, object]:
+        joints3d = [[x + 0.01 * j, 0.02 * j, 4.0 + 0.001 * n] for j in range(21)]
+        joints2d = [[256 + 400 * p[0] / p[2], 160 + 400 * p[1] / p[2]] for p in joints3d]
+        return dict(stature=1.7, joints3d=joints3d, joints2d=joints2d, visibility=[1] * 18 + [0] * 3)
+
+    def load(self, people: list[dict[str, object]]) -> Posed:
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "truth.json"
+            frames = [dict(camera=dict(fx=400.0), people=[p]) for p in people]
+            path.write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
+            return Posed(path, torch.device("cpu"), 1)
+
+    def test_those_measured_with_are_never_drawn(self) -> None:
+        posed = self.load([self.person(0.3, n) for n in range(100)])
+        self.assertEqual(len(posed), 100)
+        held = {round(float(s), 4) for s in posed.held()[2]}
+        drawn = {round(float(s), 4) for s in posed.sample(4000)[2]}
+        self.assertEqual((len(held), len(drawn)), (7, 93))
+        self.assertFalse(held & drawn)
+
+    def test_mirror_images_are_people_too(self) -> None:
+        posed = self.load([self.person(0.3, n) for n in range(32)])
+        uv, rel, _, inside = posed.sample(200)
+        turned = uv[:, 1, 0] < 0
+        self.assertTrue(0.3 < float(turned.float().mean()) < 0.7)
+        self.assertEqual((rel[:, 2, 0] > rel[:, 5, 0]).tolist(), [False] * 200)  # the right shoulder stays right of the left one
+        lean = rel[:, 0, 0] - rel[:, ROOT, 0]
+        self.assertTrue(bool(((lean > 0) == turned).all()))
+        self.assertTrue(bool(inside.all()))
+
+    def test_who_is_hardly_in_the_picture_is_left_out(self) -> None:
+        gone = self.person(0.3, 1) | dict(visibility=[1, 0] + [1] * 19)  # without a neck
+        few = self.person(0.3, 2) | dict(visibility=[1, 1, 1] + [0] * 18)
+        self.assertEqual(len(self.load([gone, few, self.person(0.3, 3)])), 1)
 
 
 class Files(unittest.TestCase):
