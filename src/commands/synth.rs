@@ -59,7 +59,7 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
-    /// Only the truth about stills, no pictures: a thousand people a second or so. Visible then means inside the picture; boxes and areas are absent.
+    /// Only the truth about stills, no pictures: tens of thousands of people a second. Visible then means inside the picture; boxes and areas are absent.
     #[arg(long, requires = "stills", conflicts_with_all = ["quality", "format"])]
     pub truth_only: bool,
     /// JPEG quality; default: that of the imitated camera, 60 for a clip.
