@@ -3,7 +3,6 @@ lying, and whatever joints allow, in front of the cameras that the stills have."
 
 from __future__ import annotations
 
-import json
 import pathlib
 
 import torch
@@ -11,6 +10,7 @@ from torch import Tensor
 
 from body import canonical
 from skeleton import FLIP14, FLIP21, NECK, NJ, ROOT
+from truth import load
 
 LEAST = 4  # joints inside the picture, the neck among them: fewer are not reported
 HELD = 16  # every so many are measured with
@@ -21,12 +21,9 @@ class Posed:
     `inside` bool [n, 14]: joints in the picture."""
 
     def __init__(self, truth: pathlib.Path, device: torch.device, seed: int):
-        known = json.loads(truth.read_text())
-        if (known["format"], known["version"]) != ("edgecap-truth", 1):
-            raise SystemExit(f"expected edgecap-truth version 1, found {known['format']} version {known['version']} in {truth}")
-        people = [(f["camera"]["fx"], p) for f in known["frames"] for p in f["people"]]
-        if not people:
-            raise SystemExit(f"expected people in {truth}, found none: write it with edgecap synth --stills --truth-only")
+        people = [(f["camera"]["fx"], p) for f in load(truth)["frames"] for p in f["people"]]
+        if len(people) <= HELD:
+            raise SystemExit(f"expected more than {HELD} people in {truth}, found {len(people)}: write it with edgecap synth --stills --truth-only")
         cam = torch.tensor([p["joints3d"] for _, p in people], dtype=torch.float32)
         stature = torch.tensor([p["stature"] for _, p in people])
         uv = torch.tensor([p["joints2d"][:NJ] for _, p in people], dtype=torch.float32)
@@ -34,6 +31,8 @@ class Posed:
         size = torch.tensor([f for f, _ in people]) * stature / cam[:, ROOT, 2].clamp_min(0.3)
         ok = (cam[:, :, 2].amin(1) > 0.3) & inside[:, NECK] & (inside.sum(1) >= LEAST)
         self.uv, self.rel, self.size, self.inside = (t[ok].to(device) for t in (uv, canonical(cam, stature), size, inside))
+        if len(self) <= HELD:
+            raise SystemExit(f"expected more than {HELD} people of {LEAST} joints in the picture in {truth}, found {len(self)}: write more --frames")
         self.drawn = (torch.arange(len(self), device=device) % HELD).nonzero()[:, 0]
         self.g = torch.Generator(device=device).manual_seed(seed)
 

@@ -23,16 +23,21 @@ from skeleton import NB, NJ, ROOT
 WIDTH, HEIGHT, PEOPLE = 512, 320, 6
 
 
+def load(path: pathlib.Path) -> dict:
+    """What a truth.json of `edgecap synth` says."""
+    truth = json.loads(path.read_text())
+    if (truth["format"], truth["version"]) != ("edgecap-truth", 1):
+        raise SystemExit(f"expected edgecap-truth version 1, found {truth['format']} version {truth['version']} in {path}: write it again with `edgecap synth`")
+    return truth
+
+
 def main(argv: list[str]) -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("synth", type=pathlib.Path)
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--limit", type=int, default=0)
     a = ap.parse_args(argv)
-    truth = json.loads((a.synth / "truth.json").read_text())
-    if (truth["format"], truth["version"]) != ("edgecap-truth", 1):
-        raise SystemExit(f"expected edgecap-truth version 1, found {truth['format']} version {truth['version']} in {a.synth}")
-    frames = [f for f in truth["frames"] if f.get("file")][: a.limit or None]
+    frames = [f for f in load(a.synth / "truth.json")["frames"] if f.get("file")][: a.limit or None]
     if not frames:
         raise SystemExit(f"expected frames with pictures in {a.synth}, found none: run `edgecap synth` for stills, not for a clip")
     n = len(frames)

@@ -457,7 +457,10 @@ class PosedPeople(unittest.TestCase):
     def test_who_is_hardly_in_the_picture_is_left_out(self) -> None:
         gone = self.person(0.3, 1) | dict(visibility=[1, 0] + [1] * 19)  # without a neck
         few = self.person(0.3, 2) | dict(visibility=[1, 1, 1] + [0] * 18)
-        self.assertEqual(len(self.load([gone, few, self.person(0.3, 3)])), 1)
+        enough = [self.person(0.3, n) for n in range(3, 23)]
+        self.assertEqual(len(self.load([gone, few, *enough])), 20)
+        with self.assertRaisesRegex(SystemExit, "expected more than 16 people of 4 joints"):
+            self.load([gone, few] * 10)
 
 
 class Files(unittest.TestCase):
