@@ -342,7 +342,8 @@ class Trainer:
                 self._quantise()
                 self.fwd = self.net  # a compiled graph would not see the new modules
                 print("int8 fake quantisation on", flush=True)
-            mixes = next(q for q in self.phases if p < q.until).mixes
+            at = a.sizes_from + (1 - a.sizes_from) * p
+            mixes = next(q for q in self.phases if at < q.until).mixes
             ph = mixes[self.meta["step"] % len(mixes)]
             acc += self.step(ph, p)
             n += 1
@@ -395,6 +396,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--resume", action="store_true")
     ap.add_argument("--lr", type=float, default=2e-3)
     ap.add_argument("--init", type=pathlib.Path, help="safetensors file to start from")
+    ap.add_argument("--sizes-from", type=float, default=0.0, help="share of the schedule of tile sizes to leave out: a trained network needs no small tiles")
     ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
     ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")

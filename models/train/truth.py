@@ -20,7 +20,7 @@ from letterbox import letterbox
 from pool import FIELDS
 from skeleton import NB, NJ, ROOT
 
-WIDTH, HEIGHT, PEOPLE = 512, 320, 6
+WIDTH, HEIGHT = 512, 320
 
 
 def load(path: pathlib.Path) -> dict:
@@ -40,29 +40,26 @@ def main(argv: list[str]) -> None:
     frames = [f for f in load(a.synth / "truth.json")["frames"] if f.get("file")][: a.limit or None]
     if not frames:
         raise SystemExit(f"expected frames with pictures in {a.synth}, found none: run `edgecap synth` for stills, not for a clip")
-    n = len(frames)
+    # those in front of the camera with anything to see
+    people = [[p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3] for f in frames]
+    n, room = len(frames), max(map(len, people))
     shapes = dict(
         image=((3, HEIGHT, WIDTH), np.uint8),
-        joints2d=((PEOPLE, NJ, 2), np.float32),
-        visible=((PEOPLE, NJ), np.uint8),
-        joints3d=((PEOPLE, NB, 3), np.float32),
-        rel3d=((PEOPLE, NB, 3), np.float32),
-        size_px=((PEOPLE,), np.float32),
+        joints2d=((room, NJ, 2), np.float32),
+        visible=((room, NJ), np.uint8),
+        joints3d=((room, NB, 3), np.float32),
+        rel3d=((room, NB, 3), np.float32),
+        size_px=((room,), np.float32),
         K=((3, 3), np.float32),
     )
     a.folder.mkdir(parents=True, exist_ok=True)
     out = {k: np.lib.format.open_memmap(a.folder / f"{k}.npy", "w+", shapes[k][1], (n, *shapes[k][0])) for k in FIELDS}
-    crowded = 0
     for i, f in enumerate(frames):
         image, s, du, dv = letterbox(np.asarray(Image.open(a.synth / f["file"]).convert("RGB")), WIDTH, HEIGHT)
         out["image"][i] = image[0].round().to(torch.uint8).numpy()
         c = f["camera"]
         out["K"][i] = [[c["fx"] * s, 0, c["cx"] * s + du], [0, c["fy"] * s, c["cy"] * s + dv], [0, 0, 1]]
-        # those in front of the camera with anything to see; the nearest, if there are too many
-        people = [p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3]
-        people.sort(key=lambda p: p["joints3d"][ROOT][2])
-        crowded += len(people) > PEOPLE
-        for k, p in enumerate(people[:PEOPLE]):
+        for k, p in enumerate(people[i]):
             j3 = torch.tensor(p["joints3d"], dtype=torch.float32)
             out["joints2d"][i, k] = np.array(p["joints2d"][:NJ], np.float32) * s + np.array([du, dv], np.float32)
             out["visible"][i, k] = p["visibility"][:NJ]
@@ -72,7 +69,7 @@ def main(argv: list[str]) -> None:
     for v in out.values():
         v.flush()
     (a.folder / "filled").write_text(str(n))
-    print(f"{n} scenes, {(out['size_px'] > 0).sum()} people; {crowded} scenes had more than {PEOPLE}")
+    print(f"{n} scenes, {(out['size_px'] > 0).sum()} people, at most {room} in one")
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from muon import Muon, orthogonal
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21, limb_chain
 from measure import errors, naive, procrustes
-from pool import Pool
+from pool import Pool, Stored
 from posed import Posed
 from real import TRUST, mend
 from mistakes import Mistakes, Seen, encodings, match, record
@@ -421,6 +421,27 @@ class Lifting(unittest.TestCase):
         self.assertGreater(int(gone.sum()), 20)
         self.assertEqual(float(x[gone].abs().max()), 0.0)
         self.assertTrue(bool((conf[:, 1] > 0).all()))  # nobody is found without a neck
+
+
+class RenderedScenes(unittest.TestCase):
+    def test_everybody_of_the_fullest_picture_has_a_place(self) -> None:
+        joints3d = [[0.01 * j, 0.02 * j, 4.0] for j in range(NB)]
+        joints2d = [[256 + 400 * p[0] / p[2], 160 + 400 * p[1] / p[2]] for p in joints3d]
+        seen = dict(stature=1.7, joints3d=joints3d, joints2d=joints2d, visibility=[VISIBLE] * NB)
+        unseen = seen | dict(visibility=[OUTSIDE] * NB)
+        camera = dict(fx=400.0, fy=400.0, cx=256.0, cy=160.0)
+        with tempfile.TemporaryDirectory() as folder:
+            synth, out = pathlib.Path(folder) / "synth", pathlib.Path(folder) / "scenes"
+            synth.mkdir()
+            Image.new("RGB", (512, 320), (9, 99, 199)).save(synth / "000000.jpg")
+            frames = [dict(file="000000.jpg", camera=camera, people=n * [seen] + [unseen]) for n in (2, 9)]
+            (synth / "truth.json").write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
+            subprocess.run([sys.executable, KIT / "truth.py", synth, out], check=True, capture_output=True)
+            pool = Stored(out, 1)
+            self.assertEqual((pool.data["size_px"] > 0).sum(1).tolist(), [2, 9])
+            tiles = pool.draw(4, 320, 512, (1.0, 1.0), roll=0.0)
+            self.assertEqual(tiles.joints2d.shape, (4, 9, NJ, 2))
+            self.assertTrue(bool((tiles.visible.eq(VISIBLE).all(-1).sum(1)[:, None] == torch.tensor([2, 9])).any(1).all()))
 
 
 class PosedPeople(unittest.TestCase):
