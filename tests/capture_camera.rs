@@ -461,7 +461,7 @@ fn the_lens_scales_with_the_picture() {
     assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6));
     assert!(file.for_frame(640, 480).unwrap_err().contains("1280x720"));
 
-    let wide = CameraFile::parse("fov = 90.0")
+    let wide = CameraFile::parse("fov_degrees = 90.0")
         .unwrap()
         .for_frame(200, 100)
         .unwrap();
@@ -469,11 +469,38 @@ fn the_lens_scales_with_the_picture() {
 }
 
 #[test]
+fn the_help_names_what_a_camera_file_may_hold() {
+    let keys = [
+        ("fov_degrees", "fov_degrees = 70.0"),
+        (
+            "fx, fy, cx, cy, width, height",
+            "fx = 9.0\nfy = 9.0\ncx = 3.0\ncy = 2.0\nwidth = 8\nheight = 6",
+        ),
+    ];
+    for verb in ["run", "infer", "fit"] {
+        let help = std::process::Command::new(env!("CARGO_BIN_EXE_edgecap"))
+            .args([verb, "--help"])
+            .output()
+            .unwrap();
+        let words: Vec<String> = String::from_utf8(help.stdout)
+            .unwrap()
+            .split_whitespace()
+            .map(String::from)
+            .collect();
+        let help = words.join(" ");
+        for (named, text) in keys {
+            assert!(help.contains(named), "{verb} --help does not name {named}");
+            CameraFile::parse(text).unwrap();
+        }
+    }
+}
+
+#[test]
 fn wrong_camera_files_are_refused_with_a_reason() {
     for (text, word) in [
-        ("", "either fov"),
-        ("fov = 200.0", "1 to 179"),
-        ("fov = 60.0\nfx = 3.0", "either fov"),
+        ("", "either fov_degrees"),
+        ("fov_degrees = 200.0", "1 to 179"),
+        ("fov_degrees = 60.0\nfx = 3.0", "either fov_degrees"),
         ("fx = 1000.0\ncx = 1.0\ncy = 1.0", "width"),
         (
             "fx = 1000.0\ncx = 9999.0\ncy = 1.0\nwidth = 100\nheight = 100",
@@ -483,8 +510,8 @@ fn wrong_camera_files_are_refused_with_a_reason() {
             "fx = nan\ncx = 9.0\ncy = 1.0\nwidth = 100\nheight = 100",
             "focal",
         ),
-        ("fov = 60.0\nzoom = 2", "line 2"),
-        ("fov = \"wide\"", "line 1"),
+        ("fov_degrees = 60.0\nzoom = 2", "line 2"),
+        ("fov_degrees = \"wide\"", "line 1"),
         ("][", "line 1"),
     ] {
         let error = CameraFile::parse(text).unwrap_err();

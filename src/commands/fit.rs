@@ -29,7 +29,7 @@ pub struct FitArgs {
     /// Where the bodies of --input go, one line per frame
     #[arg(long, value_name = "FILE", requires = "input")]
     jsonl: Option<PathBuf>,
-    /// Camera of --input: fx, fy, cx, cy, width, height, or fov_degrees (TOML)
+    /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy, width, height
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Name under which observations are read and bodies published

@@ -21,7 +21,7 @@ pub struct InputArgs {
     /// Name under which observations and bodies are published [default: camera0, or the file's name]
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Camera intrinsics: fx, fy, cx, cy, width, height, or fov_degrees (TOML); 60 degrees across when not given
+    /// The lens (TOML): fov_degrees across, or a calibration's fx, fy, cx, cy, width, height; 60 degrees when not given
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     /// Picture size to ask a camera for

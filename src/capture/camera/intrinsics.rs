@@ -14,7 +14,7 @@ const ASPECT_TOLERANCE: f32 = 0.02;
 
 /// The lens of a camera, independent of the size of its pictures.
 ///
-/// Either `fov = 70.0` (horizontal field of view, degrees), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a picture of
+/// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a picture of
 /// `width` × `height`, centres of pixels on integers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraFile {
@@ -46,7 +46,7 @@ impl Default for CameraFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Raw {
-    fov: Option<f32>,
+    fov_degrees: Option<f32>,
     fx: Option<f32>,
     fy: Option<f32>,
     cx: Option<f32>,
@@ -85,7 +85,7 @@ impl CameraFile {
         })?;
         match raw {
             Raw {
-                fov: Some(degrees),
+                fov_degrees: Some(degrees),
                 fx: None,
                 fy: None,
                 cx: None,
@@ -101,7 +101,7 @@ impl CameraFile {
                 Ok(Self::Fov { degrees })
             }
             Raw {
-                fov: None,
+                fov_degrees: None,
                 fx: Some(fx),
                 fy,
                 cx: Some(cx),
@@ -124,7 +124,7 @@ impl CameraFile {
                 })
             }
             _ => Err(
-                "expected either fov alone, or fx, cx, cy, width, height (and fy where pixels are not square)".into(),
+                "expected either fov_degrees alone, or fx, cx, cy, width, height (and fy where pixels are not square)".into(),
             ),
         }
     }
@@ -144,7 +144,7 @@ impl CameraFile {
                 let (sx, sy) = (width as f32 / w as f32, height as f32 / h as f32);
                 if (sx / sy - 1.0).abs() > ASPECT_TOLERANCE {
                     return Err(format!(
-                        "the camera is calibrated for {w}x{h} pictures, these have {width}x{height}, another shape; calibrate at this size or give fov"
+                        "the camera is calibrated for {w}x{h} pictures, these have {width}x{height}, another shape; calibrate at this size or give fov_degrees"
                     ));
                 }
                 // Edges scale about the picture's edge; centres of pixels lie half a pixel inside.
