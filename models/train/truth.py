@@ -42,7 +42,7 @@ def main(argv: list[str]) -> None:
         raise SystemExit(f"expected frames with pictures in {a.synth}, found none: run `edgecap synth` for stills, not for a clip")
     # those in front of the camera with anything to see
     people = [[p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3] for f in frames]
-    n, room = len(frames), max(map(len, people))
+    n, room = len(frames), max(1, *map(len, people))
     shapes = dict(
         image=((3, HEIGHT, WIDTH), np.uint8),
         joints2d=((room, NJ, 2), np.float32),
