@@ -6,6 +6,7 @@ measures the exported file again: the figures must agree.  What it makes is wort
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import pathlib
@@ -54,8 +55,12 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 2:
-        main(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]))
+    ap = argparse.ArgumentParser(description=__doc__)
+    ap.add_argument("pack", type=pathlib.Path)
+    ap.add_argument("work", type=pathlib.Path, nargs="?", help="folder to keep; one that is deleted afterwards when not given")
+    a = ap.parse_args()
+    if a.work:
+        main(a.pack, a.work)
     else:
         with tempfile.TemporaryDirectory() as d:
-            main(pathlib.Path(sys.argv[1]), pathlib.Path(d))
+            main(a.pack, pathlib.Path(d))
