@@ -108,6 +108,29 @@ def mend(labels: np.ndarray, teacher: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return out, (both.sum(1) >= 4) & ~same
 
 
+def arrange(n: Tensor, P: int, size: tuple[float, float], g: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """How tall people are and where: of `n` [B] people a tile, at most P, statures [B, P] in pixels from the range `size` and the place
+    of everybody's middle, [B, P] shares of the tile's width and height.
+
+    Who is taller is nearer and comes later, to be pasted over the others; those beyond `n` come last and mean nothing.
+    """
+    B, d = len(n), n.device
+
+    def rand(*s: int) -> Tensor:
+        return torch.rand(*s, generator=g, device=d)
+
+    used, company = torch.arange(P, device=d) < n[:, None], n[:, None] > 1
+    tall = torch.exp(math.log(size[0]) + rand(B, P) * math.log(size[1] / size[0]))
+    apart = torch.where(rand(B, 1) < 0.35, 1.4, 0.6)  # some stand well behind others
+    tall = torch.where(company, tall[:, :1] * torch.exp((rand(B, P) - 0.5) * apart), tall)
+    tall = torch.where(used, tall, torch.inf).sort(1)[0].clamp(max=1.35 * size[1])
+    slots = (rand(B, P) + 1e3 * ~used).argsort(1).argsort(1)
+    spread = torch.where(rand(B, 1) < 0.4, 0.3 + 0.5 * rand(B, 1), 1.0)  # some stand close together and hide each other
+    row = ((slots + 0.5) / n[:, None].clamp_min(1) - 0.5 + (rand(B, P) - 0.5) * 0.35) * spread + (rand(B, 1) - 0.5) * (1 - spread)
+    cx = 0.5 + torch.where(company, row, (rand(B, P) - 0.5) * 0.6)
+    return tall, cx, 0.5 + (rand(B, P) - 0.5) * 0.45
+
+
 @dataclass
 class RealBatch:
     image: Tensor  # float 0..1 [B, 3, H, W]
@@ -249,18 +272,13 @@ class People:
         shade = torch.tensor([0.0, 114 / 255, 128 / 255, 0.5], device=d)[torch.randint(4, (B,), generator=g, device=d)]
         canvas = torch.where(bar[:, None], shade[:, None, None, None], canvas)
 
+        tall, cx, cy = arrange(n, P, size, g)
+        cx, cy = cx * W, cy * H
         # similarity that takes (flipped) source pixels to the canvas
-        tall = torch.exp(math.log(size[0]) + rand(B, P) * math.log(size[1] / size[0]))
-        tall = torch.where(n[:, None] > 1, tall[:, :1] * torch.exp((rand(B, P) - 0.5) * 0.6), tall)
         k = tall / self.stature[id_]
         a = (torch.randn(B, P, generator=g, device=d) * 0.22).clamp(-0.6, 0.6)
         a = a + lying(rand(B, P))
         fl = rand(B, P) < 0.5
-        slots = (torch.rand(B, P, generator=g, device=d) + 1e3 * ~used).argsort(1).argsort(1)
-        cx = torch.where(
-            n[:, None] > 1, ((slots + 0.5) / n[:, None].clamp_min(1) + (rand(B, P) - 0.5) * 0.35) * W, (0.5 + (rand(B, P) - 0.5) * 0.6) * W
-        )
-        cy = (0.5 + (rand(B, P) - 0.5) * 0.45) * H
         lo, hi = self.lo[id_], self.hi[id_]
         mid = (lo + hi) / 2
         co, si = k * a.cos(), k * a.sin()

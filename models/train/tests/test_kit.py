@@ -37,7 +37,7 @@ from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, T
 from measure import errors, naive, procrustes
 from pool import Pool, Stored
 from posed import Posed
-from real import TRUST, mend
+from real import TRUST, arrange, mend
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import agreed, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
@@ -442,6 +442,32 @@ class RenderedScenes(unittest.TestCase):
             tiles = pool.draw(4, 320, 512, (1.0, 1.0), roll=0.0)
             self.assertEqual(tiles.joints2d.shape, (4, 9, NJ, 2))
             self.assertTrue(bool((tiles.visible.eq(VISIBLE).all(-1).sum(1)[:, None] == torch.tensor([2, 9])).any(1).all()))
+
+
+class Company(unittest.TestCase):
+    def setUp(self) -> None:
+        self.n = torch.arange(1, 5).repeat(500)
+        self.tall, self.cx, self.cy = arrange(self.n, 4, (100, 300), torch.Generator().manual_seed(3))
+
+    def test_who_is_taller_is_pasted_over_the_others(self) -> None:
+        for k in range(2, 5):
+            tall = self.tall[self.n == k, :k]
+            self.assertTrue((tall[:, 1:] >= tall[:, :-1]).all())
+            ratio = tall[:, -1] / tall[:, 0]
+            self.assertGreater(float(ratio.max()), 1.9)  # behind each other
+            self.assertLess(float(ratio.median()), 1.6)  # but mostly beside each other
+
+    def test_somebody_alone_is_as_tall_as_asked_for_and_near_the_middle(self) -> None:
+        alone = self.n == 1
+        tall = self.tall[alone, 0]
+        self.assertTrue(((tall >= 100) & (tall <= 300)).all())
+        self.assertTrue(((self.cx[alone, 0] - 0.5).abs() <= 0.3).all() and ((self.cy - 0.5).abs() <= 0.225).all())
+
+    def test_most_stand_in_a_row_and_some_close_together(self) -> None:
+        x = self.cx[self.n == 4].sort(1)[0]
+        width = x[:, -1] - x[:, 0]
+        self.assertGreater(float(width.quantile(0.7)), 0.6)
+        self.assertLess(float(width.quantile(0.15)), 0.5)
 
 
 class PosedPeople(unittest.TestCase):
