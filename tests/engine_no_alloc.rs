@@ -4,7 +4,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use edgecap::engine::model::{Calibration, RangeChoice};
-use edgecap::engine::{CalibrationOptions, Engine, EngineOptions, Model, Network, Precision};
+use edgecap::engine::{
+    CalibrationOptions, Engine, EngineOptions, FlipTest, Model, Network, Precision,
+};
 
 struct Counting;
 
@@ -58,6 +60,12 @@ fn frames_after_the_first_allocate_nothing() {
             }
             let calls = CALLS.load(Ordering::Relaxed) - before;
             assert_eq!(calls, 0, "{precision:?}, {threads} threads");
+            let mut both = FlipTest::default();
+            both.run(&mut engine, &rgb);
+            let before = CALLS.load(Ordering::Relaxed);
+            both.run(&mut engine, &rgb);
+            let calls = CALLS.load(Ordering::Relaxed) - before;
+            assert_eq!(calls, 0, "flip test, {precision:?}, {threads} threads");
         }
     }
     let before = CALLS.load(Ordering::Relaxed);

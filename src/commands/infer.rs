@@ -61,6 +61,9 @@ pub struct EngineArgs {
     /// Threads for the network; all cores when not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
+    /// Look at the mirror image of every picture, too, and take the mean: more accurate, twice the time
+    #[arg(long)]
+    pub flip_test: bool,
 }
 
 /// WIDTHxHEIGHT in multiples of 16.
@@ -97,6 +100,9 @@ impl EngineArgs {
         if let Some(threads) = self.threads {
             args.extend(["--threads".into(), threads.to_string().into()]);
         }
+        if self.flip_test {
+            args.push("--flip-test".into());
+        }
         args
     }
 
@@ -111,6 +117,7 @@ impl EngineArgs {
             width,
             height,
             threads,
+            flip_test: self.flip_test,
         })
     }
 }

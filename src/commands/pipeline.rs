@@ -9,7 +9,7 @@ use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 use super::exit::Failure;
 use crate::capture::{Frame, Resizer};
 use crate::detect::{AssociationConfig, Associator};
-use crate::engine::{Engine, EngineOptions, Isa, Model, Network, Precision};
+use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
 
 /// What to run, and how.
@@ -25,11 +25,14 @@ pub struct PipelineOptions<'a> {
     pub height: usize,
     /// Threads for the network.
     pub threads: usize,
+    /// Whether the network sees every picture's mirror image, too.
+    pub flip_test: bool,
 }
 
 /// Letterbox, Stage I, association and Stage II, with their buffers.
 pub struct Pipeline {
     engine: Engine,
+    flip_test: Option<FlipTest>,
     associator: Associator,
     lifter: Lifter,
     resizer: Resizer,
@@ -85,6 +88,7 @@ impl Pipeline {
             input: vec![0; resizer.output_bytes()],
             resizer,
             engine,
+            flip_test: options.flip_test.then(FlipTest::default),
         })
     }
 
@@ -96,7 +100,10 @@ impl Pipeline {
         let start = Instant::now();
         let letterbox = self.resizer.run(frame, &mut self.input);
         let letterboxed = Instant::now();
-        let maps = self.engine.run(&self.input);
+        let maps = match &mut self.flip_test {
+            Some(both) => both.run(&mut self.engine, &self.input),
+            None => self.engine.run(&self.input),
+        };
         let inferred = Instant::now();
         let detections = self.associator.associate(maps);
         let associated = Instant::now();

@@ -3,6 +3,7 @@
 //! [`network`] (data) + weights ([`model`]) → `plan` (where every value lies) → `run` (threads over packed kernels).
 
 mod calibrate;
+mod flip;
 mod maps;
 pub mod model;
 pub mod network;
@@ -11,6 +12,7 @@ mod run;
 
 pub use calibrate::{CalibrationOptions, Trial, WILD};
 pub use edgecap_kernels::Isa;
+pub use flip::FlipTest;
 pub use maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 pub use model::{Model, ModelError};
 pub use network::{Network, NetworkError};

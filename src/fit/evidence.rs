@@ -5,16 +5,11 @@ use glam::{DVec2, DVec3};
 
 use super::placement::{DEPTHS, place};
 use super::skeleton::Posed;
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, PELVIS};
 use crate::message::{Intrinsics, Observation};
 
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;
-
-/// The body joint on the other side of the body (itself on the midline).
-const MIRROR_BODY: [usize; BODY_JOINTS] = [
-    0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10, 14, 15, 16, 18, 17, 20, 19,
-];
 
 /// What was seen of one person in one frame.
 #[derive(Debug, Clone)]

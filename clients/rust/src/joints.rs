@@ -70,6 +70,11 @@ pub const ROOT_FIRST: [usize; BODY_JOINTS] = [
 /// The evidence joint on the other side of the body (itself on the midline).
 pub const MIRROR: [usize; EVIDENCE_JOINTS] = [0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10];
 
+/// The body joint on the other side of the body (itself on the midline).
+pub const MIRROR_BODY: [usize; BODY_JOINTS] = [
+    0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10, 14, 15, 16, 18, 17, 20, 19,
+];
+
 /// Stature, metres, of the person that Stage I and Stage II describe: one view cannot tell size from distance, so the
 /// networks speak of a person rescaled to this height and the fit restores the true one.
 pub const CANONICAL_STATURE: f32 = 1.70;

@@ -29,6 +29,8 @@ struct Progress {
 
 #[derive(Default)]
 struct Call {
+    /// Helpers that have started.
+    ready: usize,
     /// Frames begun.
     frame: usize,
     stop: bool,
@@ -42,6 +44,7 @@ pub(super) struct Shared {
     progress: Vec<Progress>,
     call: Mutex<Call>,
     called: Condvar,
+    readied: Condvar,
     failed: AtomicBool,
     epoch: Instant,
     /// When the last frame began, nanoseconds since `epoch`.
@@ -57,7 +60,7 @@ pub(super) struct Team {
 }
 
 impl Team {
-    /// Starts `threads - 1` helpers; with `pin`, each on its own core of those the process may use.
+    /// Starts `threads - 1` helpers and waits until each runs, since a thread allocates when it starts; with `pin`, each on its own core of those the process may use.
     pub fn new(
         steps: Vec<Step>,
         memory: Memory,
@@ -72,6 +75,7 @@ impl Team {
             maps: Default::default(),
             call: Mutex::default(),
             called: Condvar::new(),
+            readied: Condvar::new(),
             failed: AtomicBool::new(false),
             epoch: Instant::now(),
             begun: AtomicU64::new(0),
@@ -95,6 +99,7 @@ impl Team {
                 })?;
             team.helpers.push(helper);
         }
+        team.shared.wait_for(team.helpers.len());
         Ok(team)
     }
 
@@ -191,8 +196,18 @@ impl Shared {
         self.call.lock().unwrap_or_else(|e| e.into_inner())
     }
 
+    /// Returns when this many helpers have started.
+    fn wait_for(&self, helpers: usize) {
+        let mut call = self.lock();
+        while call.ready < helpers {
+            call = self.readied.wait(call).unwrap_or_else(|e| e.into_inner());
+        }
+    }
+
     /// A helper's life.
     fn help(&self, scratch: &mut Scratch) {
+        self.lock().ready += 1;
+        self.readied.notify_all();
         let mut seen = 0;
         loop {
             {
