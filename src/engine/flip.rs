@@ -50,7 +50,7 @@ const fn other_side(limb: usize) -> usize {
 }
 
 /// Runs an engine over a picture and its mirror image and takes the mean of the maps: the flip test of pose estimation
-/// (Newell et al., ECCV 2016, §3.2). Twice the time of one run. A picture's mirror image gets exactly the mirrored maps.
+/// (Newell et al., ECCV 2016, Training Details). Twice the time of one run. A picture's mirror image gets exactly the mirrored maps.
 #[derive(Debug, Clone, Default)]
 pub struct FlipTest {
     mirrored: Vec<u8>,
