@@ -16,5 +16,6 @@ pub mod npz;
 pub mod output;
 pub mod overlay;
 pub mod synth;
+pub mod translation;
 
 pub use edgecap_client::{joints, message};

@@ -49,6 +49,13 @@ fn oks_is_the_mean_of_the_joints_gaussians() {
     headless[1] = [0.0; 3];
     near(oks(&truth, &headless, JointSet::Shared), 1.0);
     near(oks(&truth, &headless, JointSet::All), 12.0 / 14.0);
+    // A joint that was not seen counts where it is expected.
+    let mut expected = exact();
+    expected[10] = [off[10][0], off[10][1], 0.0];
+    near(
+        oks(&truth, &expected, JointSet::All),
+        oks(&truth, &off, JointSet::All),
+    );
     // Unlabelled points do not count.
     let mut partly = truth.clone();
     for k in partly.points.iter_mut().skip(7) {
@@ -113,6 +120,7 @@ fn pck_counts_joints_within_a_fifth_of_the_torso() {
     predicted[3][0] += 6.7;
     predicted[4][0] += 6.8;
     predicted[7] = [0.0; 3];
+    predicted[9][2] = 0.0;
     let mut pck = Pck::new(0.2);
     assert!(pck.add(&truth, Some(&predicted)));
     near(pck.mean(), 12.0 / 14.0);

@@ -9,7 +9,9 @@ use edgecap::lift::{
     Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
 };
 use edgecap::message::Intrinsics;
+use edgecap::translation::least_squares;
 use edgecap_kernels::Isa;
+use glam::{DVec2, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -163,10 +165,23 @@ fn observations_are_in_original_pixels_and_camera_axes() {
     let seen = lifter
         .lift(std::slice::from_ref(&d), &frame, &letterbox, &intrinsics)
         .unwrap()[0];
-    for (from, to) in d.joints.iter().zip(seen.joints2d) {
+    let plane = |[u, v, _]: [f32; 3]| {
+        let ray = DVec2::new((u - intrinsics.cx).into(), (v - intrinsics.cy).into());
+        ray / f64::from(intrinsics.fx)
+    };
+    let point = |j: usize| DVec3::from(seen.joints3d[j].map(f64::from));
+    let root = least_squares(
+        &seen.joints2d.map(plane),
+        &std::array::from_fn::<_, EVIDENCE_JOINTS, _>(point),
+        &d.joints.map(|j| j[2].into()),
+    );
+    for (j, (from, to)) in d.joints.iter().zip(seen.joints2d).enumerate() {
         assert_eq!(from[2], to[2]);
         if from[2] > 0.0 {
             assert_eq!([to[0], to[1]], letterbox.to_original(from[0], from[1]));
+        } else if let Some(at) = root.map(|r| r + point(j)).filter(|at| at.z > 0.1) {
+            let off = plane(to) - at.truncate() / at.z;
+            assert!(off.length() < 1e-3, "{to:?}, {off} off its place");
         } else {
             assert_eq!(to, [0.0; 3]);
         }

@@ -5,14 +5,20 @@ use serde::Serialize;
 
 use super::{JointSet, TruthPerson};
 
-/// Joints of a prediction: u, v, confidence (0: not seen).
+/// Joints of a prediction: u, v, confidence.
 pub type Joints2d = [[f32; 3]; EVIDENCE_JOINTS];
+
+/// Where a joint was predicted. Confidence 0 means that it was not seen, but a place counts all the same, as in COCO's
+/// protocol; only 0, 0 with confidence 0 says nothing.
+pub fn predicted([u, v, confidence]: [f32; 3]) -> Option<[f64; 2]> {
+    (confidence > 0.0 || u != 0.0 || v != 0.0).then_some([f64::from(u), f64::from(v)])
+}
 
 /// Similarity of a prediction to a labelled person, 0–1: mean over the labelled points of `exp(−d² / (2 s² k²))`, s² the
 /// person's area, k twice the point's constant. A point that was not predicted scores 0.
 ///
 /// For a person without labels that count, COCO takes the distance to twice the bounding box; so does this.
-pub fn oks(truth: &TruthPerson, predicted: &Joints2d, set: JointSet) -> f64 {
+pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
     let area = truth.area + f64::EPSILON;
     let counted = || truth.points.iter().filter(|k| set.holds(k));
     let labelled = counted().filter(|k| k.is_labelled()).count();
@@ -23,10 +29,9 @@ pub fn oks(truth: &TruthPerson, predicted: &Joints2d, set: JointSet) -> f64 {
             continue;
         }
         n += 1.0;
-        let Some([u, v, _]) = k.joint.map(|j| predicted[j]).filter(|p| p[2] > 0.0) else {
+        let Some([u, v]) = k.joint.and_then(|j| predicted(prediction[j])) else {
             continue;
         };
-        let (u, v) = (f64::from(u), f64::from(v));
         let (dx, dy) = if labelled > 0 {
             (u - k.u, v - k.v)
         } else {

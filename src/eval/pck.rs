@@ -3,7 +3,7 @@
 use edgecap_client::joints::EVIDENCE_JOINTS;
 
 use super::TruthPerson;
-use super::oks::Joints2d;
+use super::oks::{self, Joints2d};
 
 /// Left shoulder and right hip, whose distance is the torso's size.
 pub const TORSO: (usize, usize) = (5, 8);
@@ -41,10 +41,8 @@ impl Pck {
         for k in truth.points.iter().filter(|k| k.is_labelled()) {
             let Some(j) = k.joint else { continue };
             self.labels[j] += 1;
-            let hit = predicted.map(|p| p[j]).is_some_and(|[u, v, c]| {
-                let d = (f64::from(u) - k.u).hypot(f64::from(v) - k.v);
-                c > 0.0 && d < self.fraction * torso
-            });
+            let hit = predicted.and_then(|p| oks::predicted(p[j]));
+            let hit = hit.is_some_and(|[u, v]| (u - k.u).hypot(v - k.v) < self.fraction * torso);
             self.hits[j] += usize::from(hit);
         }
         true

@@ -18,7 +18,7 @@ pub struct Person {
     pub id: Option<u64>,
     /// How sure the prediction is; orders predictions.
     pub score: f64,
-    /// Evidence joints, pixels of the original picture; confidence 0 where not seen.
+    /// Evidence joints, pixels of the original picture; confidence 0 where not seen, which may have a place all the same.
     pub joints2d: Joints2d,
     /// Body joints, metres, camera axes: relative to the pelvis for observations, in camera space for bodies.
     pub joints3d: [[f64; 3]; BODY_JOINTS],

@@ -3,10 +3,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::placement::{DEPTHS, place};
+use super::placement::place;
 use super::skeleton::Posed;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, PELVIS};
 use crate::message::{Intrinsics, Observation};
+use crate::translation::DEPTHS;
 
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;

@@ -6,13 +6,12 @@
 //! enough. Every bone chain is therefore asked for a root of its own, in closed form; each root is refined with the joints
 //! that agree with it, and the one that leaves the least unexplained wins, trunk and head counting more than limbs.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::evidence::Evidence;
 use crate::joints::EVIDENCE_JOINTS;
+use crate::translation::{self, DEPTHS, least_squares};
 
-/// Least and greatest distance of a root, metres at canonical stature.
-pub const DEPTHS: [f64; 2] = [0.4, 150.0];
 /// Fewest joints from which a person's distance can be told.
 const MIN_JOINTS: usize = 4;
 /// Joint sets that are asked for a root: everything, trunk, head and shoulders, upper body, arms, sides, legs.
@@ -67,7 +66,11 @@ pub fn place(evidence: &Evidence, expected: Option<f64>) -> Option<DVec3> {
         if weights.iter().filter(|w| **w > 0.0).count() < 3 {
             continue;
         }
-        if let Some(root) = least_squares(evidence, &weights) {
+        if let Some(root) = least_squares(
+            &evidence.plane,
+            &evidence.points3d[..EVIDENCE_JOINTS],
+            &weights,
+        ) {
             consider(root);
         }
     }
@@ -86,58 +89,24 @@ pub fn disagreement(evidence: &Evidence, root: DVec3, joint: usize) -> f64 {
     (p.truncate() / p.z - evidence.plane[joint]).length() * root.z
 }
 
-/// Weighted linear least squares: x·(tz + Z) = tx + X and likewise for y; tx and ty are eliminated by centring.
-fn least_squares(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<DVec3> {
-    let (mean_x, mean_a) = means(e, weights)?;
-    let (mut xx, mut xa) = (0.0, 0.0);
-    for j in 0..EVIDENCE_JOINTS {
-        let dx = e.plane[j] - mean_x;
-        let da = moment(e, j) - mean_a;
-        xx += weights[j] * dx.length_squared();
-        xa += weights[j] * dx.dot(da);
-    }
-    let depth = -xa / xx;
-    let root = (mean_x * depth + mean_a).extend(depth);
-    (root.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]).then_some(root)
-}
-
 /// The root at a given distance, from head, neck and shoulders.
 fn at_depth(e: &Evidence, depth: f64) -> Option<DVec3> {
     let mut weights = [0.0; EVIDENCE_JOINTS];
     for j in [0, 1, 2, 5] {
         weights[j] = e.confidence[j];
     }
-    let (mean_x, mean_a) = means(e, &weights)?;
-    let root = (mean_x * depth + mean_a).extend(depth);
-    (root.is_finite() && depth > DEPTHS[0] && depth < DEPTHS[1]).then_some(root)
-}
-
-/// x·Z − X of a joint.
-fn moment(e: &Evidence, joint: usize) -> DVec2 {
-    let p = e.points3d[joint];
-    e.plane[joint] * p.z - p.truncate()
-}
-
-/// Weighted means of x and of the moments.
-fn means(e: &Evidence, weights: &[f64; EVIDENCE_JOINTS]) -> Option<(DVec2, DVec2)> {
-    let (mut w, mut x, mut a) = (0.0, DVec2::ZERO, DVec2::ZERO);
-    for j in 0..EVIDENCE_JOINTS {
-        w += weights[j];
-        x += weights[j] * e.plane[j];
-        a += weights[j] * moment(e, j);
-    }
-    (w.is_finite() && w > 1e-9).then(|| (x / w, a / w))
+    translation::at_depth(&e.plane, &e.points3d[..EVIDENCE_JOINTS], &weights, depth)
 }
 
 /// Least squares again with joints that disagree weighted down (Geman and McClure's weights).
 fn refine(e: &Evidence, start: DVec3) -> DVec3 {
     let mut root = start;
     for _ in 0..ROUNDS {
-        let weights = std::array::from_fn(|j| {
+        let weights: [f64; EVIDENCE_JOINTS] = std::array::from_fn(|j| {
             let r = disagreement(e, root, j) / SIGMA;
             e.confidence[j] / (1.0 + r * r).powi(2)
         });
-        match least_squares(e, &weights) {
+        match least_squares(&e.plane, &e.points3d[..EVIDENCE_JOINTS], &weights) {
             Some(better) => root = better,
             None => break,
         }

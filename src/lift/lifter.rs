@@ -5,7 +5,7 @@ use edgecap_client::message::{Intrinsics, Observation};
 use edgecap_kernels::Isa;
 
 use super::weights::{INPUTS, OUTPUTS};
-use super::{LiftError, Stage2Weights, appearance, input, mlp::Mlp, view};
+use super::{LiftError, Stage2Weights, appearance, input, mlp::Mlp, unseen, view};
 use crate::capture::{Frame, Letterbox};
 use crate::detect::Detection;
 
@@ -80,14 +80,16 @@ impl Lifter {
         observations.clear();
         let lifted = self.lift_aligned(detections)?;
         for (d, aligned) in detections.iter().zip(lifted) {
-            let joints2d = original(d, letterbox);
+            let mut joints2d = original(d, letterbox);
             let [u, v] = anchor(&joints2d);
             let turn = view::to_camera(intrinsics.ray(u, v));
             let (hue, saturation) = appearance::histograms(frame, &joints2d);
+            let joints3d = aligned.map(|p| view::rotate(&turn, p));
+            unseen::fill(&mut joints2d, &joints3d, intrinsics);
             observations.push(Observation {
                 score: d.score,
                 joints2d,
-                joints3d: aligned.map(|p| view::rotate(&turn, p)),
+                joints3d,
                 hue,
                 saturation,
             });

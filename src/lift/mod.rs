@@ -5,6 +5,7 @@ mod error;
 mod input;
 mod lifter;
 mod mlp;
+mod unseen;
 mod view;
 mod weights;
 

@@ -3,7 +3,7 @@
     pip install pycocotools
     python coco.py EDGECAP [--truth COCO.json --predictions P.jsonl]
 
-Without truth and predictions: random ones, with missing joints, crowds, people without labels, false and doubled predictions.
+Without truth and predictions: random ones, with joints that are missing or not seen, crowds, people without labels, false and doubled predictions.
 Exits with 1 when a figure differs by more than 1e-6.
 """
 
@@ -61,7 +61,7 @@ def random_case(seed: int, pictures: int = 60) -> tuple[dict, list[dict]]:
                 joints = np.zeros((14, 3))
                 for k, j in enumerate(OURS):
                     if j is not None and g.random() > 0.15:
-                        joints[j] = *(xy[k] + noise * g.normal(size=2)), g.uniform(0.3, 1)
+                        joints[j] = *(xy[k] + noise * g.normal(size=2)), g.choice([0, g.uniform(0.3, 1)], p=[0.1, 0.9])
                 people.append(joints)
         for _ in range(g.integers(0, 2)):
             people.append(np.column_stack([g.uniform(0, 480, (14, 2)), np.full(14, 0.5)]))
@@ -91,7 +91,7 @@ def theirs(truth: dict, lines: list[dict], keep: list[int]) -> dict[str, float]:
         for p in line["people"] if name in ids else []:
             q = np.full((17, 3), NOWHERE)
             for k, j in enumerate(OURS):
-                if j is not None and p["joints2d"][j][2] > 0:
+                if j is not None and any(p["joints2d"][j]):
                     # as single precision, which the predictions are read in
                     q[k] = np.float32(p["joints2d"][j])
             found.append(dict(image_id=ids[name], category_id=1, score=p["score"], keypoints=q[keep].flatten().tolist()))
