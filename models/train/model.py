@@ -12,6 +12,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 from torch import Tensor
 
+from renorm import BatchRenorm2d
 from skeleton import BONES_AT, NB, NJ, NL
 
 # (in, skip, k, out, stride); skip == 0 marks the first module of a level
@@ -70,11 +71,11 @@ class ConvTranspose2d(nn.ConvTranspose2d):
 
 
 def cbr(cin: int, cout: int, k: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
-    return nn.Sequential(Conv2d(cin, cout, k, stride, k // 2, groups=groups, bias=False), nn.BatchNorm2d(cout), nn.ReLU(inplace=True))
+    return nn.Sequential(Conv2d(cin, cout, k, stride, k // 2, groups=groups, bias=False), BatchRenorm2d(cout), nn.ReLU(inplace=True))
 
 
 def up(cin: int, cout: int, groups: int) -> nn.Sequential:
-    return nn.Sequential(ConvTranspose2d(cin, cout, 4, 2, 1, groups=groups, bias=False), nn.BatchNorm2d(cout), nn.ReLU(inplace=True))
+    return nn.Sequential(ConvTranspose2d(cin, cout, 4, 2, 1, groups=groups, bias=False), BatchRenorm2d(cout), nn.ReLU(inplace=True))
 
 
 class SelecSLSBlock(nn.Module):

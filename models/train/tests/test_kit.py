@@ -38,6 +38,7 @@ from measure import errors, naive, procrustes
 from pool import Pool, Stored
 from posed import Posed
 from real import TRUST, arrange, mend
+from renorm import LIMITS, BatchRenorm2d
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import agreed, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
@@ -615,6 +616,47 @@ class Network(unittest.TestCase):
         self.assertEqual(tuple(y.shape), (3, 40, 8, 12))
         self.assertEqual(tuple(e2.shape), (1, 63, 8, 12))
         self.assertTrue(torch.allclose(y, y2, atol=1e-5) and torch.allclose(e[2:], e2, atol=1e-5))
+
+
+class Normalisation(unittest.TestCase):
+    def pair(self) -> tuple[BatchRenorm2d, torch.nn.BatchNorm2d]:
+        torch.manual_seed(3)
+        ours, theirs = BatchRenorm2d(5), torch.nn.BatchNorm2d(5)
+        torch.nn.init.uniform_(theirs.weight, 0.5, 2)
+        torch.nn.init.normal_(theirs.bias)
+        ours.load_state_dict(theirs.state_dict())
+        return ours, theirs
+
+    def test_training_answers_as_the_running_statistics_do(self) -> None:
+        ours, theirs = self.pair()
+        ours.momentum = 0.5
+        for _ in range(20):
+            ours(torch.randn(8, 5, 12, 12) * 2 + 1)
+        fixed = theirs.eval()
+        fixed.load_state_dict(ours.state_dict())
+        x = torch.randn(2, 5, 12, 12) * 4 - 1  # twice as wide as the others and shifted: within the limits
+        self.assertLess(float((ours(x) - fixed(x)).abs().max()), 1e-4)
+        theirs.train()
+        self.assertGreater(float((theirs(x) - ours.eval()(x)).abs().max()), 1)
+
+    def test_what_is_far_off_is_bounded(self) -> None:
+        ours, _ = self.pair()
+        y = (ours(100 * torch.randn(4, 5, 32, 32) + 1000) - ours.bias[:, None, None]) / ours.weight[:, None, None]
+        self.assertAlmostEqual(float(y.std()), LIMITS[0], delta=0.02)
+        self.assertAlmostEqual(float(y.mean()), LIMITS[1], delta=0.02)
+
+    def test_statistics_and_fixed_answers_are_those_of_batch_normalisation(self) -> None:
+        ours, theirs = self.pair()
+        for _ in range(3):
+            x = torch.randn(4, 5, 6, 6) * 3 + 2
+            ours(x), theirs(x)
+        for name in ("running_mean", "running_var"):
+            self.assertLess(float((getattr(ours, name) - getattr(theirs, name)).abs().max()), 1e-5)
+        self.assertLess(float((ours.eval()(x) - theirs.eval()(x)).abs().max()), 1e-5)
+
+    def test_the_network_uses_it_everywhere(self) -> None:
+        kinds = [type(m) for m in SelecSLSNet().modules() if isinstance(m, torch.nn.BatchNorm2d)]
+        self.assertEqual(set(kinds), {BatchRenorm2d})
 
 
 class Frames(unittest.TestCase):
