@@ -9,7 +9,7 @@ use super::geometry::{minus, norm};
 use super::identity::{Identity, IdentityScore};
 use super::jitter::Jitter;
 use super::mupots::{Mupots, MupotsPerson, MupotsScore, Protocol};
-use super::oks::{self, AveragePrecision, ImageOks, Joints2d, average_precision};
+use super::oks::{AveragePrecision, ImageOks, Joints2d, average_precision};
 use super::pairing::pair;
 use super::recall::{self, Picture, RecallRow, labelled};
 use super::{
@@ -303,7 +303,10 @@ fn mupots_people(s: &Scene) -> (Vec<MupotsPerson>, Vec<MupotsPerson>) {
         .people()
         .iter()
         .map(|p| MupotsPerson {
-            joints2d: p.joints2d.map(oks::predicted),
+            // That protocol matches by the joints that were seen alone.
+            joints2d: p
+                .joints2d
+                .map(|[u, v, c]| (c > 0.0).then_some([f64::from(u), f64::from(v)])),
             joints3d: p.joints3d.map(Some),
         })
         .collect();
