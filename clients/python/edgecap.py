@@ -46,7 +46,7 @@ class StageTimes(ctypes.Structure):
 
 
 class Observation(ctypes.Structure):
-    """One person as seen in one frame, before the fit."""
+    """One person as seen in one frame, before the fit. A joint of confidence 0 was not seen: u, v are where it is expected."""
 
     _fields_ = [
         ("score", c_float),
