@@ -9,6 +9,7 @@ use edgecap::message::{BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, Obs
 use fit_scene::measure::{Report, is_finite, line, run};
 use fit_scene::people::{self, Activity, Person};
 use fit_scene::{Noise, Scene};
+use glam::Vec3;
 use proptest::prelude::*;
 
 const FPS: f64 = 30.0;
@@ -184,8 +185,10 @@ fn whoever_walks_out_is_not_drawn_walking_on() {
         for _ in 0..150 {
             let (frame, truths) = scene.next();
             fitter.update(&frame, &mut out);
+            // Pixel centres are integers: the picture begins half a pixel before the first of them.
             let inside = |[u, v]: [f32; 2]| {
-                (0.0..out.width as f32).contains(&u) && (0.0..out.height as f32).contains(&v)
+                (-0.5..out.width as f32 - 0.5).contains(&u)
+                    && (-0.5..out.height as f32 - 0.5).contains(&v)
             };
             for body in out.bodies() {
                 let predicted = body.state == BodyState::Predicted as u32;
@@ -353,6 +356,50 @@ fn any_frame_rate_will_do() {
         check_everywhere(&r);
         assert!(r.idf1 > 0.9, "IDF1 {} at {fps} fps", r.idf1);
         assert_eq!(r.switches, 0, "{fps} fps");
+    }
+}
+
+#[test]
+fn a_jump_is_doubted_for_a_moment_at_any_frame_rate() {
+    const WRIST: usize = 4;
+    for (fps, doubted, followed) in [(30.0, 2, 8), (6.0, 0, 2)] {
+        let person = Person::new(
+            3,
+            people::walk(0.0, 1.0, &[(0.0, 4.0), (0.0, 4.0)]),
+            Activity::Stand,
+        );
+        let mut scene = Scene::new(vec![person.of_height(1.70)], Noise::NONE, fps, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let jump = (2.0 * fps) as usize;
+        let mut gaps = Vec::new();
+        for f in 0..jump + 10 {
+            let (mut frame, truths) = scene.next();
+            let seen = &mut frame.people[0];
+            let root = truths[0].joints[PELVIS].as_vec3();
+            let shoulder = Vec3::from_array(seen.joints3d[2]);
+            let raised = [(3, 0.26), (WRIST, 0.50), (17, 0.60)];
+            if f >= jump {
+                for (joint, above) in raised {
+                    let p = shoulder - above * Vec3::Y;
+                    seen.joints3d[joint] = p.to_array();
+                    if joint < EVIDENCE_JOINTS {
+                        let [u, v] = frame.intrinsics.project((root + p).to_array());
+                        seen.joints2d[joint] = [u, v, 0.9];
+                    }
+                }
+            }
+            fitter.update(&frame, &mut out);
+            if f >= jump {
+                let body = &out.bodies()[0];
+                let [wrist, pelvis] = [WRIST, PELVIS].map(|j| Vec3::from_array(body.joints3d[j]));
+                gaps.push((wrist - pelvis - (shoulder - 0.50 * Vec3::Y)).length());
+            }
+        }
+        for gap in &gaps[..doubted] {
+            assert!(*gap > 0.5, "followed at once at {fps} fps: {gaps:?}");
+        }
+        assert!(gaps[followed] < 0.2, "not followed at {fps} fps: {gaps:?}");
     }
 }
 

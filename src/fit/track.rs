@@ -44,8 +44,9 @@ pub const LIMIT_SLACK: f64 = 0.052;
 const REST_SIGMA: f64 = 1.5;
 /// A joint farther than this (metres) from its prediction is an outlier …
 const OUTLIER: f64 = 0.35;
-/// … unless it stays there for more than this many frames.
-const OUTLIER_FRAMES: u8 = 3;
+/// … unless it stays there for as long as this, seconds: three frames at 30 a second, none at 6, where the prediction reaches less
+/// far than people move.
+const OUTLIER_TIME: f64 = 0.12;
 /// Energy of a limb (two joints) above which another pose for it is tried.
 const LIMB_STUCK: f64 = 14.0;
 /// Mean distance between fit and Stage II (metres) above which the whole pose is doubtful.
@@ -111,8 +112,8 @@ pub struct Track {
     pub joint_unseen: [f64; BODY_JOINTS],
     filters2d: [OneEuro<2>; EVIDENCE_JOINTS],
     filters3d: [OneEuro<3>; BODY_JOINTS],
-    outliers2d: [u8; EVIDENCE_JOINTS],
-    outliers3d: [u8; BODY_JOINTS],
+    outliers2d: [f64; EVIDENCE_JOINTS],
+    outliers3d: [f64; BODY_JOINTS],
     swaps: SwapMemory,
     trust: Trust,
     doubt: f64,
@@ -140,8 +141,8 @@ impl Track {
             joint_unseen: [0.0; BODY_JOINTS],
             filters2d: [OneEuro::default(); EVIDENCE_JOINTS],
             filters3d: [OneEuro::default(); BODY_JOINTS],
-            outliers2d: [0; EVIDENCE_JOINTS],
-            outliers3d: [0; BODY_JOINTS],
+            outliers2d: [0.0; EVIDENCE_JOINTS],
+            outliers3d: [0.0; BODY_JOINTS],
             swaps: SwapMemory::default(),
             trust,
             doubt: 0.0,
@@ -295,7 +296,7 @@ impl Track {
         }
     }
 
-    /// 1€ filters with outliers held back: a joint that jumps away from its prediction is left out for a few frames.
+    /// 1€ filters with outliers held back: a joint that jumps away from its prediction is left out for a moment.
     fn filter(&mut self, e: &mut Evidence, expected: &Posed, dt: f64, cx: &Context<'_>) {
         let root = expected.joints[PELVIS];
         let depth = root.z.max(0.3);
@@ -307,8 +308,8 @@ impl Track {
             }
             let p = expected.joints[j];
             let far = p.z > 0.2 && ((p.truncate() / p.z - e.plane[j]) * depth).length() > OUTLIER;
-            if far && self.outliers2d[j] < OUTLIER_FRAMES {
-                self.outliers2d[j] += 1;
+            if far && self.outliers2d[j] + dt < OUTLIER_TIME {
+                self.outliers2d[j] += dt;
                 e.confidence[j] = 0.0;
                 filter.skip(dt);
                 continue;
@@ -316,7 +317,7 @@ impl Track {
             if far {
                 filter.reset();
             }
-            self.outliers2d[j] = 0;
+            self.outliers2d[j] = 0.0;
             let smooth = filter.update(e.plane[j].to_array(), dt, depth, &cx.config.filter2d);
             e.plane[j] = DVec2::from_array(smooth);
         }
@@ -327,15 +328,15 @@ impl Track {
                 continue;
             }
             let far = (expected.joints[j] - root - e.points3d[j]).length() > OUTLIER;
-            if far && self.outliers3d[j] < OUTLIER_FRAMES {
-                self.outliers3d[j] += 1;
+            if far && self.outliers3d[j] + dt < OUTLIER_TIME {
+                self.outliers3d[j] += dt;
                 filter.skip(dt);
                 continue;
             }
             if far {
                 filter.reset();
             }
-            self.outliers3d[j] = 0;
+            self.outliers3d[j] = 0.0;
             let smooth = filter.update(e.points3d[j].to_array(), dt, 1.0, &cx.config.filter3d);
             e.points3d[j] = DVec3::from_array(smooth);
         }
@@ -354,7 +355,7 @@ impl Track {
         if e.known3d {
             for j in 0..BODY_JOINTS {
                 let seen = e.confidence[SEEN_THROUGH[j]] > 0.0;
-                let held_back = self.outliers3d[j] > 0;
+                let held_back = self.outliers3d[j] > 0.0;
                 let share = if held_back {
                     0.0
                 } else if seen {
