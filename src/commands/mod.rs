@@ -12,6 +12,9 @@ mod pipeline;
 mod run;
 mod stop;
 pub mod synth;
+mod table;
+mod tally;
+mod watch;
 
 use clap::{Parser, Subcommand};
 
@@ -34,6 +37,8 @@ struct Cli {
 enum Verb {
     /// Start and supervise infer and fit; the default
     Run(run::RunArgs),
+    /// Show the bodies that a running camera publishes
+    Watch(watch::WatchArgs),
     /// Pictures in, observations out
     Infer(infer::InferArgs),
     /// Observations in, bodies out
@@ -66,6 +71,7 @@ pub fn main() -> u8 {
         .init();
     let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
         Verb::Run(args) => run::run(args),
+        Verb::Watch(args) => watch::watch(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
         Verb::Synth(args) => synth::synth(args),

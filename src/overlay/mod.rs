@@ -1,14 +1,19 @@
-//! Skeletons over pictures: a frame and the people in it go in, the frame with bones, joints and labels comes out.
+//! Skeletons over pictures: a frame and the people in it go in, the frame with bones, joints and labels comes out. For terminals
+//! they are drawn in characters, without the picture.
 //!
 //! Every identity keeps its colour. A joint that was seen is a filled dot, one that was worked out (occluded, predicted) is a
 //! ring; bones that end in a ring are drawn fainter.
 
 mod canvas;
+mod characters;
+mod dots;
 mod font;
 mod palette;
 mod png;
 mod skeleton;
 
+pub use characters::{Screen, characters};
+pub use dots::Glyphs;
 pub use palette::{Colour, colour_of};
 pub use png::{OverlayError, write_png};
 pub use skeleton::{Joint, Person, Skeleton};

@@ -2,7 +2,6 @@
 
 mod children;
 mod overlay;
-mod table;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -15,11 +14,12 @@ use super::exit::{self, Failure};
 use super::infer::EngineArgs;
 use super::input::{self, Chosen, InputArgs};
 use super::stop::Stop;
+use super::table::{Table, TableArgs};
+use super::tally::Tally;
 use crate::fit::bodies_line::write_bodies;
 use crate::output::AtomicFile;
 use children::{Supervised, describe, stop_all};
 use overlay::OverlayWriter;
-use table::Table;
 
 /// Where the results of a file go when the user names no place.
 const OUT: &str = "edgecap-out";
@@ -46,6 +46,8 @@ pub struct RunArgs {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     fit_config: Option<PathBuf>,
+    #[command(flatten)]
+    table: TableArgs,
 }
 
 impl RunArgs {
@@ -68,28 +70,6 @@ impl RunArgs {
             args.extend(["--config".into(), config.into()]);
         }
         args
-    }
-}
-
-/// What was received so far.
-#[derive(Debug, Default)]
-struct Tally {
-    frames: u64,
-    lost: u64,
-    last_sequence: Option<u64>,
-    ids: std::collections::BTreeSet<u32>,
-}
-
-impl Tally {
-    fn count(&mut self, frame: &BodyFrame) {
-        if let Some(last) = self.last_sequence
-            && frame.sequence > last
-        {
-            self.lost += frame.sequence - last - 1;
-        }
-        self.last_sequence = Some(frame.sequence);
-        self.frames += 1;
-        self.ids.extend(frame.bodies().iter().map(|b| b.id));
     }
 }
 
@@ -126,7 +106,7 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
         None => None,
     };
     let bodies = Subscriber::<BodyFrame>::open(&chosen.name)?;
-    let mut table = Table::new();
+    let mut table = Table::new(args.table);
     table.say(&format!(
         "{} → shared memory {} (Ctrl-C stops)",
         chosen.spec,

@@ -1,23 +1,38 @@
-//! The live table: one row a body, one line of figures, a progress bar where the input has an end.
+//! The live table: skeletons drawn in characters, one row a body, one line of figures, a progress bar where the input has an end.
 
 use std::fmt::Write;
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
+use console::Term;
 use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-const REDRAW: Duration = Duration::from_millis(100);
+use crate::overlay::{Glyphs, Screen, characters};
+
+const REDRAW: Duration = Duration::from_millis(50);
 /// Without a terminal the figures are logged this often.
 const LOG_EVERY: Duration = Duration::from_secs(5);
 /// Weight of the newest frame in the running means.
 const SMOOTH: f64 = 0.1;
+/// Lines that the figures may take in a narrow terminal.
+const FIGURES_ROWS: usize = 3;
+/// Fewer lines show nothing of a skeleton.
+const LEAST_ROWS: usize = 8;
 
-/// Shows what `run` receives.
+/// Options of what is shown.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct TableArgs {
+    /// Show the table only, no skeletons
+    #[arg(long)]
+    plain: bool,
+}
+
+/// Shows bodies as they come in.
 #[derive(Debug)]
 pub struct Table {
     bar: ProgressBar,
-    terminal: bool,
+    terminal: Option<Term>,
+    plain: bool,
     drawn: Option<Instant>,
     last_frame: Option<Instant>,
     seconds_per_frame: f64,
@@ -25,18 +40,18 @@ pub struct Table {
 
 impl Table {
     /// A table on the terminal's stderr, or a line now and then where there is none.
-    pub fn new() -> Self {
-        let terminal = std::io::stderr().is_terminal();
-        let target = if terminal {
-            ProgressDrawTarget::stderr()
-        } else {
-            ProgressDrawTarget::hidden()
+    pub fn new(args: TableArgs) -> Self {
+        let terminal = Some(Term::stderr()).filter(Term::is_term);
+        let target = match &terminal {
+            Some(terminal) => ProgressDrawTarget::term(terminal.clone(), 20),
+            None => ProgressDrawTarget::hidden(),
         };
         let bar = ProgressBar::with_draw_target(None, target);
         bar.set_style(spinner());
         Self {
             bar,
             terminal,
+            plain: args.plain,
             drawn: None,
             last_frame: None,
             seconds_per_frame: 0.0,
@@ -60,25 +75,41 @@ impl Table {
             self.bar.set_style(progress());
         }
         self.bar.set_position(frame.sequence + 1);
-        let every = if self.terminal { REDRAW } else { LOG_EVERY };
+        let every = if self.terminal.is_some() {
+            REDRAW
+        } else {
+            LOG_EVERY
+        };
         if self.drawn.is_some_and(|t| t.elapsed() < every) {
             return;
         }
         self.drawn = Some(now);
         let figures = self.figures(frame, lost);
-        if self.terminal {
-            self.bar.set_message(format!("{figures}\n{}", rows(frame)));
-        } else {
-            eprintln!(
+        match &self.terminal {
+            Some(terminal) => {
+                let mut message = figures;
+                if !self.plain {
+                    for line in characters(
+                        frame.bodies(),
+                        [frame.width, frame.height],
+                        room(terminal, frame.bodies().len()),
+                    ) {
+                        message.push('\n');
+                        message.push_str(&line);
+                    }
+                }
+                self.bar.set_message(format!("{message}\n{}", rows(frame)));
+            }
+            None => eprintln!(
                 "frame {}: {} people, {figures}",
                 frame.sequence, frame.count
-            );
+            ),
         }
     }
 
     /// Prints a line above the table.
     pub fn say(&self, line: &str) {
-        if self.terminal {
+        if self.terminal.is_some() {
             self.bar.suspend(|| eprintln!("{line}"));
         } else {
             eprintln!("{line}");
@@ -119,6 +150,25 @@ impl Table {
             let _ = write!(s, " | {lost} frames lost");
         }
         s
+    }
+}
+
+/// What the table of `people` leaves of the terminal.
+fn room(terminal: &Term, people: usize) -> Screen {
+    let (rows, columns) = terminal.size();
+    let table = FIGURES_ROWS + 1 + people.max(1);
+    let rows = usize::from(rows).saturating_sub(table);
+    // The Linux console's own fonts have no Braille.
+    let glyphs = if std::env::var_os("TERM").is_some_and(|t| t == "linux") {
+        Glyphs::Blocks
+    } else {
+        Glyphs::Braille
+    };
+    Screen {
+        columns: usize::from(columns),
+        rows: if rows < LEAST_ROWS { 0 } else { rows },
+        glyphs,
+        coloured: console::colors_enabled_stderr(),
     }
 }
 

@@ -1,0 +1,137 @@
+//! What `run` and `watch` show: skeletons on a terminal, a line now and then elsewhere.
+
+mod program;
+
+use std::fs::File;
+use std::io::Read;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use program::{Running, edgecap, eventually, signal, stream};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
+
+/// Starts a program on a terminal of its own and returns everything that it shows.
+fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
+    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&terminal).unwrap();
+    unlockpt(&terminal).unwrap();
+    let size = Winsize {
+        ws_row: rows,
+        ws_col: columns,
+        ws_xpixel: 0,
+        ws_ypixel: 0,
+    };
+    tcsetwinsize(&terminal, size).unwrap();
+    let name = ptsname(&terminal, Vec::new()).unwrap();
+    let inside = File::options()
+        .read(true)
+        .write(true)
+        .open(name.to_str().unwrap())
+        .unwrap();
+    let child = command
+        .env("TERM", "xterm-256color")
+        .env_remove("NO_COLOR")
+        .stdout(Stdio::null())
+        .stderr(inside)
+        .spawn()
+        .unwrap();
+    // Ours, too, must be closed, or reading would not end with the program.
+    command.stderr(Stdio::null());
+    let child = Running(child);
+    let mut shown = Vec::new();
+    let mut outside = File::from(terminal);
+    let mut part = [0; 65536];
+    // A terminal that everybody has left answers with an error.
+    while let Ok(n @ 1..) = outside.read(&mut part) {
+        shown.extend(&part[..n]);
+    }
+    drop(child);
+    String::from_utf8_lossy(&shown).into_owned()
+}
+
+fn demo(test: &str, folder: &tempfile::TempDir) -> Command {
+    let mut command = edgecap();
+    let result = folder.path().join("bodies.jsonl");
+    command.args(["run", "--input", "demo", "--name", &stream(test), "--jsonl"]);
+    command.arg(result);
+    command
+}
+
+/// Whether there is a frame round skeletons, and how many characters hold dots; the spinner is made of such characters, too.
+fn skeletons(shown: &str) -> (bool, usize) {
+    let with_dots = |c: &char| ('\u{2801}'..='\u{28ff}').contains(c);
+    (shown.contains('┌'), shown.chars().filter(with_dots).count())
+}
+
+#[test]
+fn a_terminal_shows_skeletons_with_their_names_and_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = shown_by(&mut demo("terminal", &folder), 120, 40);
+    let (framed, dots) = skeletons(&shown);
+    assert!(framed && dots > 1000, "{dots} characters with dots");
+    for part in ["#1", "\u{1b}[38;5;", "confidence", "tracked"] {
+        assert!(shown.contains(part), "'{part}' is missing");
+    }
+}
+
+#[test]
+fn where_there_is_no_room_or_no_wish_only_the_table_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    for (command, rows) in [
+        (&mut demo("small", &folder), 12),
+        (demo("plain", &folder).arg("--plain"), 40),
+    ] {
+        let shown = shown_by(command, 120, rows);
+        let (framed, dots) = skeletons(&shown);
+        assert!(!framed && dots < 100, "{dots} characters with dots");
+        assert!(shown.contains("tracked"));
+    }
+}
+
+#[test]
+fn watch_waits_shows_the_bodies_and_ends_with_the_input() {
+    let name = stream("watch");
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Running::start(&["watch", "--name", &name]);
+    let mut said = String::new();
+    let mut stderr = watch.0.stderr.take().unwrap();
+    let mut part = [0; 4096];
+    while !said.contains("nobody publishes there yet") {
+        let n = stderr.read(&mut part).unwrap();
+        assert!(n > 0, "it ended: {said}");
+        said.push_str(&String::from_utf8_lossy(&part[..n]));
+    }
+    let mut run = edgecap();
+    run.args(["run", "--input", "demo", "--name", &name, "--jsonl"]);
+    run.arg(folder.path().join("bodies.jsonl"));
+    assert!(run.output().unwrap().status.success());
+
+    stderr.read_to_string(&mut said).unwrap();
+    watch.0.stderr = Some(stderr);
+    let out = watch.wait(Duration::from_secs(20));
+    assert_eq!(out.status.code(), Some(0));
+    assert!(said.contains(" people, "), "{said}");
+    assert!(String::from_utf8_lossy(&out.stdout).contains("the input has ended"));
+}
+
+#[test]
+fn watch_stops_when_asked_and_the_run_goes_on() {
+    let name = stream("leave");
+    let folder = tempfile::tempdir().unwrap();
+    let result = folder.path().join("bodies.jsonl");
+    let args = ["run", "--input", "demo", "--name", &name, "--jsonl"];
+    let run = Running::start(&[&args[..], &[result.to_str().unwrap()]].concat());
+    eventually("infer", || run.child("infer"));
+    let watch = Running::start(&["watch", "--name", &name]);
+    std::thread::sleep(Duration::from_millis(300));
+    signal(watch.pid(), "INT");
+    assert_eq!(watch.wait(Duration::from_secs(10)).status.code(), Some(0));
+    let out = run.wait(Duration::from_secs(240));
+    assert!(out.status.success(), "{}", program::stderr(&out));
+}
+
+#[test]
+fn names_that_cannot_be_are_refused() {
+    program::assert_fails(&["watch", "--name", "a/b"], 64, &["a/b"]);
+}
