@@ -27,6 +27,7 @@ import quant
 import targets
 import weights
 from augment import photometric
+from distil import Teachers
 from model import SelecSLSNet
 from muon import Muon
 from pool import Pool, Rendered, Stored
@@ -140,6 +141,7 @@ class Trainer:
         for s in (signal.SIGTERM, signal.SIGINT):
             signal.signal(s, self._on_signal)
         self._pairs()
+        self.teachers = Teachers(a.distil, self.dev, self.bf16) if a.distil else None
         self.fwd = torch.compile(self.net) if a.compile else self.net
 
     def _on_signal(self, *_: object) -> None:
@@ -222,9 +224,9 @@ class Trainer:
     # ------------------------------------------------------------------- step
 
     def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0) -> tuple[Tensor, Tensor]:
-        """The six losses, and the joint maps of the real tiles."""
+        """The six losses, what the teachers ask (0 without any), and the joint maps of the real tiles."""
         n = len(tr.maps)
-        first3d = 0 if self.people.lift.any() else n
+        first3d = 0 if self.teachers or self.people.lift.any() else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
@@ -234,7 +236,16 @@ class Trainer:
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        return torch.stack([hr, pr, hs, ps, enc, where]), y[:n].detach()
+        taught = self._taught(x, y, e, peak) if self.teachers else enc.new_zeros(())
+        return torch.stack([hr, pr, hs, ps, enc, where, taught]), y[:n].detach()
+
+    def _taught(self, x: Tensor, y: Tensor, e: Tensor, peak: float) -> Tensor:
+        """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum."""
+        assert self.teachers is not None
+        t = self.teachers.answer(x)
+        hm, paf = targets.loss2d(y, t, peak)
+        flat = (1 + self.a.synth) * (hm + 0.5 * paf) + 2 * self.a.where * targets.location_loss(y, t)
+        return flat + (1 + self.a.lend) * self.a.w3d * targets.loss3d(e, t)
 
     def step(self, ph: Mix, p: float) -> Tensor:
         lr = lr_at(p, self.a.lr) * self.meta["lr_scale"]
@@ -244,7 +255,9 @@ class Trainer:
         L, y = self.losses(x, tr, ts, p)
         warm = min(1.0, self.meta["step"] / 150)
         synth = self.a.synth
-        loss = (L * torch.tensor([1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm], device=self.dev)).sum()
+        of_labels = 1 - self.a.distil_weight if self.teachers else 1.0
+        share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm]
+        loss = (L * torch.tensor([of_labels * w for w in share] + [self.a.distil_weight], device=self.dev)).sum()
         loss.backward()
         if self.a.sync == 1:
             self.group.average_grads(self.net)
@@ -324,7 +337,7 @@ class Trainer:
         end = began + a.minutes * 60 - (3 if self.small else 12)  # time to write the checkpoint
         total = off + end - t0 if a.finish else a.total * 60  # the last call bends the schedule to end with it
         saved = logged = time.time()
-        acc, n, images, debt = torch.zeros(7, device=self.dev), 0, self.meta["images"], 0.0
+        acc, n, images, debt = torch.zeros(8, device=self.dev), 0, self.meta["images"], 0.0
         log = open(self.out / "log.jsonl", "a") if self.group.first else None
         every = 5 if a.tiny else 20 if self.small else 50
         chunk = 4 if self.small else 64
@@ -370,7 +383,7 @@ class Trainer:
             print(f"stopped at step {self.meta['step']}, {self.meta['images']} images, {100 * p:.1f} % of the schedule{hint}", flush=True)
 
     def _log(self, log: TextIO, v: list[float], p: float, ph: Mix, ips: float) -> None:
-        names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "grad"]
+        names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "taught", "grad"]
         row = dict(p=round(p, 4), t=round(time.time()), step=self.meta["step"], images=self.meta["images"], ips=round(ips, 1))
         row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr)) | {k: round(x, 6) for k, x in zip(names, v)}
         if self.cuda:
@@ -379,7 +392,7 @@ class Trainer:
         log.flush()
         print(
             f"p {p:.3f} step {row['step']} {ips:.1f} img/s lr {row['lr']:.2e} hm real {v[0]:.4f} synth {v[2]:.4f} "
-            f"paf {v[1]:.4f} {v[3]:.4f} enc {v[4]:.4f} where {v[5]:.1f} grad {v[6]:.2f} {row.get('gib', 0)} GiB",
+            f"paf {v[1]:.4f} {v[3]:.4f} enc {v[4]:.4f} where {v[5]:.1f} taught {v[6]:.4f} grad {v[7]:.2f} {row.get('gib', 0)} GiB",
             flush=True,
         )
 
@@ -413,6 +426,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--ema", type=float, default=0.999)
     ap.add_argument("--pool", type=int, default=4096, help="scenes kept on the device (0.5 MB each)")
     ap.add_argument("--reuse", type=float, default=12, help="tiles drawn per rendered scene")
+    ap.add_argument("--distil", type=pathlib.Path, nargs="*", default=[], help="safetensors files of networks whose mean answer is learnt, too")
+    ap.add_argument("--distil-weight", type=float, default=0.5, help="share of what the teachers ask; the labels have the rest")
     ap.add_argument("--muon", action="store_true", help="orthogonal updates for the hidden convolutions (README.md, On a CPU)")
     ap.add_argument("--quant-last", type=float, default=0.0, help="share of the schedule, at its end, with int8 fake quantisation")
     ap.add_argument("--groups", choices=["auto", "native", "dense"], default="auto")

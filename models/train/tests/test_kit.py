@@ -26,7 +26,9 @@ import photos
 import targets
 import weights
 from augment import sharpen
+from clips import SEEDS, people_of, row, total
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
+from distil import SEEN, Teachers, mirror_encodings, mirror_maps
 from dim import FULL_WELL, READ_NOISE, dim, linear, stored
 from framed import FRAME, frame
 from group import argmax_joints, people
@@ -65,6 +67,74 @@ class Skeleton(unittest.TestCase):
             self.assertEqual([flip[flip[j]] for j in range(len(flip))], list(range(len(flip))))
         carried = {b for bones in BONES_AT for b in bones}
         self.assertEqual(carried, set(range(NB)) - {ROOT})  # every bone can be read somewhere
+
+
+class Distillation(unittest.TestCase):
+    WIDTH = 256
+
+    def labels(self, j: torch.Tensor, rel: torch.Tensor) -> targets.Targets:
+        seen, size = torch.ones(1, len(j[0]), NJ), torch.full((1, len(j[0])), 150.0)
+        return targets.synthetic(j, seen, rel, size, size / 50, 40, self.WIDTH // 8)
+
+    def test_maps_of_the_mirror_image_are_those_of_the_mirrored_people(self) -> None:
+        j = crowd((70, 60), (180, 90))
+        rel = torch.randn(1, 2, NB, 3, generator=torch.Generator().manual_seed(1))
+        flipped = (j * torch.tensor([-1.0, 1.0]) + torch.tensor([self.WIDTH - 1.0, 0.0]))[:, :, FLIP14]
+        here, there = self.labels(j, rel), self.labels(flipped, mirror3d(rel.flatten(0, 1)).view_as(rel))
+        self.assertLess((mirror_maps(there.maps) - here.maps).abs().max(), 1e-4)
+        self.assertLess((mirror_encodings(there.enc) - here.enc).abs().max(), 1e-4)
+        self.assertGreater((there.maps - here.maps).abs().max(), 0.5)  # they do differ unmirrored
+
+    def test_folded_and_together_the_teachers_say_the_mean(self) -> None:
+        nets = []
+        with tempfile.TemporaryDirectory() as d:
+            files = [pathlib.Path(d) / f"{k}.safetensors" for k in range(2)]
+            for k, f in enumerate(files):
+                torch.manual_seed(k)
+                net = SelecSLSNet().eval()
+                for m in net.modules():
+                    if isinstance(m, BatchRenorm2d):
+                        m.running_mean.normal_(0, 0.1)
+                        m.running_var.uniform_(0.5, 2)
+                net.head2d.out.bias.data[:NJ] += SEEN * torch.arange(NJ) / 6  # some joints are seen, others not
+                weights.write(f, export.slim(net.state_dict(), True), {})
+                nets.append(net)
+            teachers = Teachers(files, torch.device("cpu"), False)
+        x = torch.rand(2, 3, 64, 96) - 0.5
+        with torch.no_grad():
+            plain = [net(x) for net in nets]
+            other = [(mirror_maps(y), mirror_encodings(e)) for y, e in (net(x.flip(3)) for net in nets)]
+        for turn in range(2):  # every network sees the mirror image every second time
+            t = teachers.answer(x)
+            both = [plain[0], other[1]] if turn == 0 else [other[0], plain[1]]
+            maps, enc = ((a + b) / 2 for a, b in zip(*both))
+            self.assertLess((t.maps - maps).abs().max(), 1e-4)
+            self.assertLess((t.enc - enc).abs().max(), 1e-4)
+            seen = maps[:, :NJ] > SEEN
+            self.assertTrue(0 < seen.sum() < seen.numel())
+            for b in range(NB):
+                want = torch.stack([seen[:, k] for k in range(NJ) if b in BONES_AT[k]]).any(0) if b != ROOT else torch.zeros_like(seen[:, 0])
+                self.assertTrue(torch.equal(t.enc_weight[:, 3 * b] > 0, want))
+
+
+class Clips(unittest.TestCase):
+    def report(self, matched: int, mpjpe: float, found: int) -> dict:
+        pose = dict(truth=10, people=matched, mpjpe_mm=mpjpe, pa_mpjpe_mm=mpjpe / 2, pck150=0.5)
+        return dict(pose3d=pose, finding=[{}, dict(people=8, found=found, predictions=9)], identity=None)
+
+    def test_everybody_counts_alike_whatever_clip_they_are_in(self) -> None:
+        t = total([row(self.report(9, 50, 8)), row(self.report(3, 90, 4))])
+        self.assertEqual((t["truth"], t["matched"], t["asked"], t["found"], t["reports"]), (20, 12, 16, 12, 18))
+        self.assertAlmostEqual(t["mpjpe"], 60)
+        self.assertAlmostEqual(t["pa"], 30)
+
+    def test_nobody_found_is_no_error(self) -> None:
+        nobody = self.report(0, 0, 0) | dict(pose3d=None, coco=dict(people=7))
+        both = total([row(nobody), row(self.report(5, 60, 8))])
+        self.assertEqual((both["truth"], both["matched"], both["mpjpe"]), (17, 5, 60))
+
+    def test_clips_hold_two_to_six_people(self) -> None:
+        self.assertEqual([people_of(s) for s in SEEDS], [2, 3, 4, 5, 6] * 2)
 
 
 class Grouping(unittest.TestCase):
