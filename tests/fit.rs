@@ -117,18 +117,40 @@ fn confidence_means_what_it_says() {
 
 #[test]
 fn people_seen_for_one_frame_are_never_born() {
-    let noise = Noise {
-        phantom: 1.0,
-        ..Noise::NONE
-    };
-    let mut scene = Scene::new(Vec::new(), noise, FPS, 4);
-    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
-    let mut out = BodyFrame::default();
-    for _ in 0..600 {
-        fitter.update(&scene.next().0, &mut out);
-        assert_eq!(out.count, 0);
+    // At 6 frames a second two in a row are enough, so of phantoms in every frame some would stand where another just stood.
+    for (fps, phantom) in [(FPS, 1.0), (6.0, 0.05)] {
+        let noise = Noise {
+            phantom,
+            ..Noise::NONE
+        };
+        let mut scene = Scene::new(Vec::new(), noise, fps, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for _ in 0..600 {
+            fitter.update(&scene.next().0, &mut out);
+            assert_eq!(out.count, 0);
+        }
+        assert_eq!(fitter.counters().births, 0);
     }
-    assert_eq!(fitter.counters().births, 0);
+}
+
+#[test]
+fn newcomers_wait_for_three_observations_or_for_two_a_tenth_of_a_second_apart() {
+    for (fps, unnamed) in [(60.0, 2), (FPS, 2), (15.0, 2), (10.0, 1), (6.0, 1)] {
+        let person = Person::new(
+            3,
+            people::walk(0.0, 1.0, &[(0.0, 4.0), (0.5, 4.0)]),
+            Activity::Wave,
+        );
+        let mut scene = Scene::new(vec![person], Noise::NONE, fps, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let first = (0..10).find(|_| {
+            fitter.update(&scene.next().0, &mut out);
+            out.count > 0
+        });
+        assert_eq!(first, Some(unnamed), "{fps} frames a second");
+    }
 }
 
 #[test]

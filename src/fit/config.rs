@@ -80,8 +80,10 @@ pub struct TermsConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IdentityConfig {
-    /// Observations before a person is published.
+    /// Observations before a person is published …
     pub confirm_hits: u32,
+    /// … or two in a row that lie this far apart: at few frames a second they tell as much.
+    pub confirm_time: f64,
     /// A person not confirmed is dropped after this long without being seen.
     pub tentative_grace: f64,
     /// A person not seen is published as predicted for this long.
@@ -162,6 +164,7 @@ impl Default for IdentityConfig {
     fn default() -> Self {
         Self {
             confirm_hits: 3,
+            confirm_time: 0.1,
             tentative_grace: 0.2,
             grace: 0.8,
             hold: 2.5,
@@ -307,6 +310,7 @@ impl FitConfig {
             "from 1 to 1000",
         )?;
         for (field, value) in [
+            ("identity.confirm_time", i.confirm_time),
             ("identity.tentative_grace", i.tentative_grace),
             ("identity.grace", i.grace),
             ("identity.hold", i.hold),

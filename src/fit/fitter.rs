@@ -38,8 +38,8 @@ const DOUBTFUL: f64 = 1.5;
 const DOUBTFUL_TIME: f64 = 0.3;
 /// Share of the threshold for people without identity: chance must not confirm anybody.
 const NEWCOMER: f64 = 0.6;
-/// Observations that a newcomer without looks waits for them, while there is somebody to recognise.
-const WAIT_FOR_LOOKS: u32 = 60;
+/// Seconds that a newcomer without looks waits for them, while there is somebody to recognise.
+const WAIT_FOR_LOOKS: f64 = 2.0;
 /// Seconds without being seen after which somebody may turn up under another name.
 const ABSENT_AFTER: f64 = 0.15;
 /// Seconds between looks at standing feet.
@@ -422,21 +422,20 @@ impl Fitter {
     /// Gives identities to those seen often enough: their old one if they are recognised.
     fn confirm(&mut self, now_ns: u64) {
         let config = &self.config.identity;
-        let needed = if self.config.stills {
-            1
-        } else {
-            config.confirm_hits
+        let often_enough = |track: &Track| {
+            self.config.stills
+                || track.hits >= config.confirm_hits
+                || track.hits >= 2 && track.steady && track.age >= config.confirm_time
         };
         let ready: Vec<usize> = (0..self.present.len())
             .filter(|&t| {
                 let track = &self.present[t];
-                let looks_may_tell =
-                    track.appearance.is_none() && track.hits < needed + WAIT_FOR_LOOKS;
+                let looks_may_tell = track.appearance.is_none() && track.age < WAIT_FOR_LOOKS;
                 let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
                 let wait = looks_may_tell
                     && (self.gone.iter().any(|g| known(&g.track))
                         || self.present.iter().any(known));
-                track.id == 0 && track.hits >= needed && track.unseen == 0.0 && !wait
+                track.id == 0 && often_enough(track) && track.unseen == 0.0 && !wait
             })
             .collect();
         if ready.is_empty() {

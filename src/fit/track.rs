@@ -86,6 +86,10 @@ pub struct Track {
     pub id: u32,
     /// Observations so far.
     pub hits: u32,
+    /// Seconds since the person was first seen.
+    pub age: f64,
+    /// Never missed since.
+    pub steady: bool,
     /// Seconds since the person was last seen.
     pub unseen: f64,
     /// The pose now, at canonical stature.
@@ -127,6 +131,8 @@ impl Track {
         let mut track = Self {
             id: 0,
             hits: 0,
+            age: 0.0,
+            steady: true,
             unseen: 0.0,
             pose: first_pose(cx.skeleton, evidence)?,
             posed: Posed::default(),
@@ -204,6 +210,7 @@ impl Track {
         self.pose = solution.pose;
         self.unseen = 0.0;
         self.hits = self.hits.saturating_add(1);
+        self.age += dt;
         self.appearance_age += dt;
         self.settle_after(&evidence, &targets, dt, cx);
     }
@@ -214,6 +221,8 @@ impl Track {
         clamp(cx.skeleton, &mut self.pose);
         cx.skeleton
             .pose(&self.pose, self.bones.lengths(), &mut self.posed);
+        self.age += dt;
+        self.steady = false;
         self.unseen += dt;
         self.appearance_age += dt;
         self.states = [JointState::Predicted; BODY_JOINTS];
@@ -272,6 +281,8 @@ impl Track {
         };
         fresh.id = self.id;
         fresh.hits = self.hits.saturating_add(1);
+        fresh.age = self.age + dt;
+        fresh.steady = self.steady;
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
         fresh.appearance_age = self.appearance_age + dt;
