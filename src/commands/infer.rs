@@ -21,7 +21,7 @@ use crate::overlay;
 /// How long to wait for a reader before the first frame of a file, and for it to leave after the last.
 const READER_PATIENCE: Duration = Duration::from_secs(5);
 /// Network input for pictures that lie, pixels.
-const DEFAULT_SIZE: (usize, usize) = (512, 320);
+pub(super) const DEFAULT_SIZE: (usize, usize) = (512, 320);
 /// How often leftovers of killed processes are looked for.
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 

@@ -1,6 +1,7 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
 mod bench;
+mod doctor;
 mod eval;
 mod exit;
 mod fit;
@@ -49,6 +50,8 @@ enum Verb {
     Eval(eval::EvalArgs),
     /// Measure the speed of this machine, of both networks and of the stages after them
     Bench(bench::BenchArgs),
+    /// Look whether this machine has what a run needs
+    Doctor(doctor::DoctorArgs),
     /// Import, inspect, verify and run models
     Model(model::ModelArgs),
 }
@@ -77,6 +80,7 @@ pub fn main() -> u8 {
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),
+        Verb::Doctor(args) => doctor::doctor(args),
         Verb::Model(args) => model::model(args),
     };
     match done {

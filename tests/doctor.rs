@@ -1,0 +1,96 @@
+//! `edgecap doctor`: one line for each thing, and an exit code when one is broken.
+
+mod program;
+
+use program::{Running, edgecap, eventually};
+
+const THINGS: [&str; 6] = [
+    "processor",
+    "speed",
+    "shared memory",
+    "camera",
+    "films",
+    "running",
+];
+
+/// The line about each of [`THINGS`].
+fn report(out: &std::process::Output) -> [String; 6] {
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), THINGS.len(), "{text}{}", program::stderr(out));
+    std::array::from_fn(|i| {
+        assert_eq!(lines[i][8..].find(THINGS[i]), Some(0), "{}", lines[i]);
+        lines[i].to_owned()
+    })
+}
+
+#[test]
+fn every_thing_has_its_line() {
+    let out = edgecap()
+        .args(["doctor", "--threads", "1"])
+        .output()
+        .unwrap();
+    let [processor, speed, memory, ..] = report(&out);
+    assert!(processor.contains(" cores, "));
+    assert!(speed.contains("on 1 of the cores: up to "), "{speed}");
+    assert!(
+        memory.starts_with("ok ") && memory.contains("µs"),
+        "{memory}"
+    );
+    if edgecap::capture::list_cameras().is_err() {
+        assert_eq!(out.status.code(), Some(0), "no camera is no fault");
+    }
+}
+
+#[test]
+fn films_are_said_to_play_only_with_ffmpeg() {
+    let out = edgecap().arg("doctor").env("PATH", "").output().unwrap();
+    let [.., films, _] = report(&out);
+    assert!(
+        films.starts_with("note") && films.contains("install ffmpeg"),
+        "{films}"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["ffmpeg", "ffprobe"] {
+        std::os::unix::fs::symlink("/bin/true", folder.path().join(name)).unwrap();
+    }
+    let out = edgecap()
+        .arg("doctor")
+        .env("PATH", folder.path())
+        .output()
+        .unwrap();
+    let [.., films, _] = report(&out);
+    assert!(films.starts_with("ok "), "{films}");
+}
+
+#[test]
+fn instruction_sets_that_this_machine_lacks_are_broken() {
+    let out = edgecap()
+        .arg("doctor")
+        .env("EDGECAP_ISA", "z80")
+        .output()
+        .unwrap();
+    let [processor, speed, ..] = report(&out);
+    for line in [processor, speed] {
+        assert!(line.starts_with("BROKEN") && line.contains("z80"), "{line}");
+    }
+    assert_eq!(out.status.code(), Some(64));
+}
+
+#[test]
+fn a_run_is_seen() {
+    // The default name belongs to whoever runs on this machine.
+    let bodies =
+        edgecap_client::Subscriber::<edgecap::message::BodyFrame>::open("camera0").unwrap();
+    if bodies.publisher_count() > 0 {
+        eprintln!("skipped: somebody publishes camera0 here");
+        return;
+    }
+    let of_nobody = edgecap().arg("doctor").output().unwrap();
+    assert!(report(&of_nobody)[5].starts_with("note"));
+    let _fit = Running::start(&["fit", "--name", "camera0"]);
+    eventually("fit", || (bodies.publisher_count() > 0).then_some(()));
+    let of_fit = edgecap().arg("doctor").output().unwrap();
+    let seen = &report(&of_fit)[5];
+    assert!(seen.starts_with("ok "), "{seen}");
+}
