@@ -153,8 +153,9 @@ fn speed(threads: usize) -> Finding {
         Ok((seconds, people)) => {
             let rate = 1.0 / seconds;
             let mut text = format!(
-                "{:.0} ms a picture of {people:.1} people on {threads} of the cores: up to {rate:.0} a second",
-                1e3 * seconds
+                "{:.0} ms a picture of {people:.1} people on {threads} of the cores: up to {rate:.*} a second",
+                1e3 * seconds,
+                usize::from(rate < 10.0)
             );
             let mut state = State::Fine;
             if rate < FLUENT {

@@ -62,3 +62,12 @@ done
 echo "--- no such camera"
 $probe /dev/video7 1
 echo "ends with $? (69: unavailable)"
+
+echo "--- what doctor says of a camera that works, and of one that gives no pictures"
+mkdir -p /dev/shm
+mount -t tmpfs shm /dev/shm
+$linked /mnt/edgecap doctor
+echo "ends with $?"
+$control -c percentage_of_dropped_buffers=100
+$linked /mnt/edgecap doctor
+echo "ends with $? (69: unavailable)"

@@ -1,12 +1,12 @@
 #!/bin/sh
 # Runs the real camera code against the kernel's virtual camera `vivid` in an emulated machine: pictures, unplugging, a driver
-# that fails, a second instance. About two minutes; prints what happened, checks nothing by itself.
+# that fails, a second instance, what `edgecap doctor` says. About five minutes; prints what happened, checks nothing by itself.
 #
 # Debian: apt-get install --no-install-recommends qemu-system-x86 busybox-static v4l-utils cpio kmod
-# Usage: cargo build --release --example camera_probe && tests/capture_vivid/run.sh
+# Usage: cargo build --release --bins --example camera_probe && tests/capture_vivid/run.sh
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-probe=${1:-$here/../../target/release/examples/camera_probe}
+build=${1:-$here/../../target/release}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
@@ -29,11 +29,11 @@ modprobe -d kernel -S "$version" --show-depends -a virtio_pci 9p 9pnet_virtio vi
     done > root/modules
 (cd root && find . | cpio -o -H newc --quiet | gzip -1) > initrd.gz
 
-# What the machine sees under /mnt: the probe, v4l2-ctl and their libraries.
-cp "$probe" share/camera_probe
+# What the machine sees under /mnt: the probe, the program, v4l2-ctl and their libraries.
+cp "$build/examples/camera_probe" "$build/edgecap" share/
 cp "$(command -v v4l2-ctl)" "$here/guest.sh" share/
-for library in $(ldd share/camera_probe share/v4l2-ctl | grep -o '/[^ ]*\.so[^ ]*' | sort -u); do cp -L "$library" share/; done
+for library in $(ldd share/camera_probe share/edgecap share/v4l2-ctl | grep -o '/[^ ]*\.so[^ ]*' | sort -u); do cp -L "$library" share/; done
 
-timeout 300 qemu-system-x86_64 -kernel "kernel/boot/vmlinuz-$version" -initrd initrd.gz \
+timeout 900 qemu-system-x86_64 -kernel "kernel/boot/vmlinuz-$version" -initrd initrd.gz \
     -append "console=ttyS0 quiet panic=-1" -nographic -no-reboot -m 768 -smp 1 -cpu max \
     -virtfs local,path=share,mount_tag=host,security_model=none < /dev/null | tr -d '\r' | grep -v schedule_timeout
