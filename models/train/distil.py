@@ -61,15 +61,15 @@ class Teachers:
     @torch.no_grad()
     def answer(self, x: Tensor) -> targets.Targets:
         """Targets of the pictures x [B, 3, H, W] as the network takes them: maps count everywhere, encodings where a joint is seen."""
-        maps, enc = 0, 0
+        answers = []
         for k, net in enumerate(self.nets):
             other = (k + self.turn) % 2 == 1
             with torch.autocast(x.device.type, torch.bfloat16, enabled=self.bf16):
                 y, e = net(x.flip(3) if other else x)
             y, e = y.float(), e.float()
-            maps, enc = maps + (mirror_maps(y) if other else y), enc + (mirror_encodings(e) if other else e)
+            answers.append((mirror_maps(y), mirror_encodings(e)) if other else (y, e))
         self.turn += 1
-        maps, enc = maps / len(self.nets), enc / len(self.nets)
+        maps, enc = (torch.stack(a).mean(0) for a in zip(*answers))
         seen = (maps[:, :NJ] > SEEN).float()
         read = torch.einsum("bjhw,jc->bchw", seen, self.reads).clamp_max(1)
         return targets.Targets(maps, torch.ones_like(maps), enc, read)
