@@ -17,6 +17,7 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 DEMO = HERE.parent / "demo/truth.json"  # of `edgecap synth`
+SHIPPED = HERE.parent / "weights/stage1.safetensors"
 
 
 def call(script: str, *args: object) -> str:
@@ -33,7 +34,8 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     print(call("check.py", pack), end="")
     call("prerender.py", pack, work / "scenes", "--n", 8, "--supersample", 1)
     call("prerender.py", pack, held, "--n", 8, "--supersample", 1, "--held", "--seed", 99)
-    common = (pack, run, "--cpu", "--tiny", "--ranks", 2, "--sync", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 10)
+    tiny = ("--cpu", "--tiny", "--ranks", 2, "--sync", 2, "--cache", work / "cache", "--scenes", work / "scenes", "--minutes", 10)
+    common = (pack, run, *tiny)
     call("train.py", *common, "--steps", 20)
     call("train.py", *common, "--steps", 30, "--resume", "--muon")
     rows = [json.loads(x) for x in (run / "log.jsonl").read_text().splitlines()]
@@ -49,6 +51,10 @@ def main(pack: pathlib.Path, work: pathlib.Path) -> None:
     again = json.loads(call("evaluate.py", pack, work / "again", *files, *measure))
     for k in ("lsp_test", "scenes"):
         assert first[k] == again[k], f"expected the exported weights to measure alike, found {first[k]} and {again[k]}"
+    taught = work / "taught"
+    call("train.py", pack, taught, *tiny, "--steps", 20, "--init", run / "stage1.safetensors", "--distil", SHIPPED, run / "stage1.safetensors")
+    asked = [json.loads(x)["taught"] for x in (taught / "log.jsonl").read_text().splitlines()]
+    assert 0 < asked[-1] < asked[0], f"expected the distance from the teachers to fall, found {asked}"
     call("train.py", *common, "--steps", 36, "--resume", "--muon", "--quant-last", 1.0)
     call("export.py", run, "--only", "stage1")
     print("rehearsed")
