@@ -58,6 +58,18 @@ fn demo(test: &str, folder: &tempfile::TempDir) -> Command {
     command
 }
 
+/// What a program says up to `words` and a little after.
+fn read_until(stderr: &mut impl Read, words: &str) -> String {
+    let mut said = String::new();
+    let mut part = [0; 4096];
+    while !said.contains(words) {
+        let n = stderr.read(&mut part).unwrap();
+        assert!(n > 0, "it ended: {said}");
+        said.push_str(&String::from_utf8_lossy(&part[..n]));
+    }
+    said
+}
+
 /// Whether there is a frame round skeletons, and how many characters hold dots; the spinner is made of such characters, too.
 fn skeletons(shown: &str) -> (bool, usize) {
     let with_dots = |c: &char| ('\u{2801}'..='\u{28ff}').contains(c);
@@ -94,14 +106,8 @@ fn watch_waits_shows_the_bodies_and_ends_with_the_input() {
     let name = stream("watch");
     let folder = tempfile::tempdir().unwrap();
     let mut watch = Running::start(&["watch", "--name", &name]);
-    let mut said = String::new();
     let mut stderr = watch.0.stderr.take().unwrap();
-    let mut part = [0; 4096];
-    while !said.contains("nobody publishes there yet") {
-        let n = stderr.read(&mut part).unwrap();
-        assert!(n > 0, "it ended: {said}");
-        said.push_str(&String::from_utf8_lossy(&part[..n]));
-    }
+    let mut said = read_until(&mut stderr, "nobody publishes there yet");
     let mut run = edgecap();
     run.args(["run", "--input", "demo", "--name", &name, "--jsonl"]);
     run.arg(folder.path().join("bodies.jsonl"));
@@ -123,8 +129,8 @@ fn watch_stops_when_asked_and_the_run_goes_on() {
     let args = ["run", "--input", "demo", "--name", &name, "--jsonl"];
     let run = Running::start(&[&args[..], &[result.to_str().unwrap()]].concat());
     eventually("infer", || run.child("infer"));
-    let watch = Running::start(&["watch", "--name", &name]);
-    std::thread::sleep(Duration::from_millis(300));
+    let mut watch = Running::start(&["watch", "--name", &name]);
+    read_until(watch.0.stderr.as_mut().unwrap(), "watching");
     signal(watch.pid(), "INT");
     assert_eq!(watch.wait(Duration::from_secs(10)).status.code(), Some(0));
     let out = run.wait(Duration::from_secs(240));

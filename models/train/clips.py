@@ -1,6 +1,6 @@
 """How the system does on ten clips that no training has seen: python clips.py [--keep FOLDER] [options of `edgecap infer`, such as --flip-test].
 
-Renders them (`edgecap synth`, 60 frames at 6 a second, two to six people who walk, sit, wave and hide each other), runs `infer` and `fit` on each
+Renders them (`edgecap synth`, 60 frames at 6 a second, two to six people who walk, wave, squat and hide each other), runs `infer` and `fit` on each
 as on any film, and prints what `eval` says before and after the fit; in sum every person found counts alike.
 """
 

@@ -29,12 +29,13 @@ import checkpoint
 import photos
 import quant
 import weights
+from distil import mirror_maps
 from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from pool import Stored
 from real import decode_all, load_photos, load_set
-from skeleton import FLIP14, JOINTS14, LIMBS, NJ, STRIDE
+from skeleton import JOINTS14, LIMBS, NJ, STRIDE
 from measure import errors, naive, procrustes
 
 Group = dict[str, float]  # thresholds of group.people
@@ -82,12 +83,11 @@ def lsp(net: SelecSLSNet, pack: pathlib.Path, dev: torch.device, limit: int, sca
         off.append((x, y, w / im.shape[1], h / im.shape[0]))
     hit: dict[str, list[np.ndarray]] = {"plain": []} | ({"mirrored": []} if mirror else {})
     o = np.array(off, np.float32)
-    f14 = torch.tensor(FLIP14, device=dev)
     for i in range(0, len(ims), 50):
         x = as_input(torch.cat(ims[i : i + 50]).to(dev))
         maps = {"plain": net(x, len(x))[0][:, :NJ].float()}
         if mirror:
-            b = net(x.flip(3), len(x))[0][:, :NJ].float()[:, f14].flip(3)
+            b = mirror_maps(net(x.flip(3), len(x))[0])[:, :NJ].float()
             maps["mirrored"] = (maps["plain"] + b) / 2
         gt, oo = arc.joints[i : i + 50], o[i : i + 50]
         torso = np.linalg.norm(gt[:, 5, :2] - gt[:, 8, :2], axis=1)[:, None]

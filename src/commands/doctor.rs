@@ -55,6 +55,12 @@ impl Finding {
         let text = text.into();
         Self { what, state, text }
     }
+
+    fn failed(what: &'static str, error: impl Into<anyhow::Error>) -> Self {
+        let error = error.into();
+        let state = State::Broken(exit::code(&error));
+        Self::new(what, state, format!("{error:#}"))
+    }
 }
 
 impl fmt::Display for Finding {
@@ -164,7 +170,7 @@ fn speed(threads: usize) -> Finding {
             }
             Finding::new(WHAT, state, text)
         }
-        Err(e) => Finding::new(WHAT, State::Broken(exit::code(&e)), format!("{e:#}")),
+        Err(e) => Finding::failed(WHAT, e),
     }
 }
 
@@ -193,21 +199,17 @@ fn shared_memory() -> Finding {
             let text = "a message did not arrive within a second: is the machine overloaded?";
             Finding::new(WHAT, State::Broken(exit::IO), text)
         }
-        Err(e) => {
-            let e = anyhow::Error::from(e);
-            Finding::new(WHAT, State::Broken(exit::code(&e)), format!("{e:#}"))
-        }
+        Err(e) => Finding::failed(WHAT, e),
     }
 }
 
 fn camera() -> Finding {
     const WHAT: &str = "camera";
-    let failed = |e: CaptureError| {
-        let state = match e {
-            CaptureError::Unavailable { .. } | CaptureError::Busy { .. } => State::Note,
-            _ => State::Broken(e.exit_code()),
-        };
-        Finding::new(WHAT, state, e.to_string())
+    let failed = |e: CaptureError| match e {
+        CaptureError::Unavailable { .. } | CaptureError::Busy { .. } => {
+            Finding::new(WHAT, State::Note, e.to_string())
+        }
+        _ => Finding::failed(WHAT, e),
     };
     let cameras = match list_cameras() {
         Ok(cameras) => cameras,
@@ -278,9 +280,6 @@ fn running() -> Finding {
             let text = format!("nobody publishes {DEFAULT_NAME}: 'edgecap' starts it");
             Finding::new(WHAT, State::Note, text)
         }
-        Err(e) => {
-            let e = anyhow::Error::from(e);
-            Finding::new(WHAT, State::Broken(exit::code(&e)), format!("{e:#}"))
-        }
+        Err(e) => Finding::failed(WHAT, e),
     }
 }
