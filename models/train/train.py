@@ -439,6 +439,8 @@ def main(argv: list[str]) -> None:
     a = ap.parse_args(argv)
     if a.ranks > 1 and not a.cpu:
         ap.error("--ranks is for CPUs: give --cpu, too")
+    if not 0 <= a.distil_weight <= 1:
+        ap.error(f"--distil-weight is a share from 0 to 1, found {a.distil_weight}")
     children = launch(a.ranks)
     Trainer(a).run(began)
     for c in children:
