@@ -1,34 +1,71 @@
 //! Build stamp; digest check and embedding of the shipped weights.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::{env, fs};
 
 const MODEL: &str = "models/edgecap.ecm";
 const DIGEST: &str = "models/edgecap.ecm.blake3";
+/// What the program is made of. `models` is a folder, so that a file that appears later is seen too.
+const SOURCES: [&str; 8] = [
+    "build.rs",
+    "models",
+    "src",
+    "kernels",
+    "clients/rust",
+    "vendor",
+    "Cargo.toml",
+    "Cargo.lock",
+];
 
 fn main() {
-    println!("cargo:rerun-if-changed=build.rs");
-    // A folder, so that a file that appears later is seen too.
-    println!("cargo:rerun-if-changed=models");
+    for source in SOURCES {
+        println!("cargo:rerun-if-changed={source}");
+    }
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
-    let bytes = match checked(&root) {
-        Some(path) => format!("Some(include_bytes!({path:?}))"),
+    let model = checked(&root);
+    let (bytes, weights) = match &model {
+        Some((path, digest)) => (
+            format!("Some(include_bytes!({path:?}))"),
+            format!("weights {}", &digest[..12]),
+        ),
         None => {
             println!(
                 "cargo:warning={MODEL} is absent: this build has no weights of its own and needs --model FILE"
             );
-            "None".into()
+            ("None".into(), "no weights".into())
         }
     };
+    let version = env::var("CARGO_PKG_VERSION").expect("set by cargo");
+    let commit = commit(&root).map_or_else(String::new, |c| format!("commit {c}, "));
+    println!("cargo:rustc-env=EDGECAP_BUILD={version} ({commit}{weights})");
     let code = format!(
         "/// The file, or none in a build without weights.\npub(super) const BYTES: Option<&[u8]> = {bytes};\n"
     );
     fs::write(out.join("shipped_model.rs"), code).expect("OUT_DIR is writable");
 }
 
-/// The model's path when it is there and its digest is the recorded one.
-fn checked(root: &Path) -> Option<PathBuf> {
+/// The commit that the sources are of, and whether they were changed since; none outside a repository.
+///
+/// HEAD is not watched: a commit that leaves [`SOURCES`] alone needs no new build, and what the last one says of itself stays true.
+fn commit(root: &Path) -> Option<String> {
+    if !root.join(".git").exists() {
+        return None;
+    }
+    let asked = Command::new("git")
+        .arg("-C")
+        .arg(root)
+        .args(["describe", "--always", "--abbrev=12", "--exclude=*"])
+        .arg("--dirty= with changes")
+        .output()
+        .ok()?;
+    let said = String::from_utf8(asked.stdout).ok()?.trim().to_owned();
+    (asked.status.success() && !said.is_empty()).then_some(said)
+}
+
+/// The model's path and digest when it is there and its digest is the recorded one.
+fn checked(root: &Path) -> Option<(PathBuf, String)> {
     let path = root.join(MODEL);
     let bytes = fs::read(&path).ok()?;
     let recorded = fs::read_to_string(root.join(DIGEST)).unwrap_or_else(|e| {
@@ -40,5 +77,5 @@ fn checked(root: &Path) -> Option<PathBuf> {
         recorded == found.as_str(),
         "{MODEL} has BLAKE3 digest {found}, {DIGEST} records {recorded}: restore both files from the repository"
     );
-    Some(path)
+    Some((path, recorded.to_owned()))
 }

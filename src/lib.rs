@@ -19,3 +19,7 @@ pub mod synth;
 pub mod translation;
 
 pub use edgecap_client::{joints, message};
+
+/// Which build this is: version, commit (outside a repository none) and the digest of the weights inside,
+/// such as `0.1.0 (commit 6383f1c20aa1, weights c286956e3aae)`.
+pub const BUILD: &str = env!("EDGECAP_BUILD");

@@ -4,7 +4,8 @@ mod program;
 
 use program::{Running, edgecap, eventually};
 
-const THINGS: [&str; 6] = [
+const THINGS: [&str; 7] = [
+    "build",
     "processor",
     "speed",
     "shared memory",
@@ -14,7 +15,7 @@ const THINGS: [&str; 6] = [
 ];
 
 /// The line about each of [`THINGS`].
-fn report(out: &std::process::Output) -> [String; 6] {
+fn report(out: &std::process::Output) -> [String; 7] {
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), THINGS.len(), "{text}{}", program::stderr(out));
@@ -30,7 +31,8 @@ fn every_thing_has_its_line() {
         .args(["doctor", "--threads", "1"])
         .output()
         .unwrap();
-    let [processor, speed, memory, ..] = report(&out);
+    let [build, processor, speed, memory, ..] = report(&out);
+    assert!(build.ends_with(edgecap::BUILD), "{build}");
     assert!(processor.contains(" cores, "));
     assert!(speed.contains("on 1 of the cores: up to "), "{speed}");
     assert!(
@@ -40,6 +42,25 @@ fn every_thing_has_its_line() {
     if edgecap::capture::list_cameras().is_err() {
         assert_eq!(out.status.code(), Some(0), "no camera is no fault");
     }
+}
+
+/// What a report of a fault must name: the digest is that of the file beside the sources.
+#[test]
+fn the_version_names_the_weights() {
+    let out = edgecap().arg("--version").output().unwrap();
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    let recorded = include_str!("../models/edgecap.ecm.blake3");
+    let expected = format!("weights {})", &recorded[..12]);
+    assert!(said.starts_with("edgecap 0."), "{said}");
+    assert!(said.trim_end().ends_with(&expected), "{said}");
+    let out = edgecap()
+        .args(["model", "info"])
+        .env("EDGECAP_LOG", "info")
+        .output()
+        .unwrap();
+    let log = program::stderr(&out);
+    assert!(log.contains(said.trim_end()), "{log}");
+    assert!(!log.contains('\x1b'), "colours in a file: {log:?}");
 }
 
 #[test]
@@ -70,7 +91,7 @@ fn instruction_sets_that_this_machine_lacks_are_broken() {
         .env("EDGECAP_ISA", "z80")
         .output()
         .unwrap();
-    let [processor, speed, ..] = report(&out);
+    let [_, processor, speed, ..] = report(&out);
     for line in [processor, speed] {
         assert!(line.starts_with("BROKEN") && line.contains("z80"), "{line}");
     }
@@ -87,10 +108,10 @@ fn a_run_is_seen() {
         return;
     }
     let of_nobody = edgecap().arg("doctor").output().unwrap();
-    assert!(report(&of_nobody)[5].starts_with("note"));
+    assert!(report(&of_nobody)[6].starts_with("note"));
     let _fit = Running::start(&["fit", "--name", "camera0"]);
     eventually("fit", || (bodies.publisher_count() > 0).then_some(()));
     let of_fit = edgecap().arg("doctor").output().unwrap();
-    let seen = &report(&of_fit)[5];
+    let seen = &report(&of_fit)[6];
     assert!(seen.starts_with("ok "), "{seen}");
 }

@@ -7,7 +7,7 @@ use super::Machine;
 /// Everything that one `edgecap bench` found out.
 #[derive(Debug, Clone, Serialize)]
 pub struct Certificate {
-    /// Version of the program.
+    /// Which build of the program ([`crate::BUILD`]).
     pub version: &'static str,
     /// Where it ran.
     pub machine: Machine,

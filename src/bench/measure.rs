@@ -68,7 +68,7 @@ pub fn certify(
 ) -> Result<Certificate, BenchError> {
     let isa = Isa::detect().map_err(EngineError::from)?;
     let mut c = Certificate {
-        version: env!("CARGO_PKG_VERSION"),
+        version: crate::BUILD,
         machine: Machine::here(isa),
         size: options.size,
         peaks: Vec::new(),

@@ -8,7 +8,7 @@ impl fmt::Display for Certificate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let m = &self.machine;
         let (width, height) = self.size;
-        writeln!(f, "edgecap {} speed certificate\n", self.version)?;
+        writeln!(f, "Speed certificate of edgecap {}\n", self.version)?;
         writeln!(f, "CPU       {}, {} cores", m.cpu, m.cores)?;
         let governor = m.governor.as_deref().unwrap_or("not visible here");
         writeln!(f, "governor  {governor}")?;

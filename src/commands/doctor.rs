@@ -83,7 +83,8 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         || std::thread::available_parallelism().map_or(1, usize::from),
         usize::from,
     );
-    let checks: [&dyn Fn() -> Finding; 6] = [
+    let checks: [&dyn Fn() -> Finding; 7] = [
+        &build,
         &processor,
         &|| speed(threads),
         &shared_memory,
@@ -103,6 +104,10 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         Some(code) => Err(Failure::silent(code).into()),
         None => Ok(()),
     }
+}
+
+fn build() -> Finding {
+    Finding::new("build", State::Fine, crate::BUILD)
 }
 
 fn processor() -> Finding {

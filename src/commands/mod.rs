@@ -17,13 +17,15 @@ mod table;
 mod tally;
 mod watch;
 
+use std::io::IsTerminal;
+
 use clap::{Parser, Subcommand};
 
 /// Motion capture of everyone in front of one ordinary camera, on a CPU, into shared memory.
 #[derive(Debug, Parser)]
 #[command(
     name = "edgecap",
-    version,
+    version = crate::BUILD,
     about,
     args_conflicts_with_subcommands = true
 )]
@@ -70,8 +72,11 @@ pub fn main() -> u8 {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        // Colours are noise in a journal.
+        .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .init();
+    tracing::info!("edgecap {}", crate::BUILD);
     let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
         Verb::Run(args) => run::run(args),
         Verb::Watch(args) => watch::watch(args),
