@@ -1,0 +1,16 @@
+//! The C interface of [`edgecap_client`]; `include/edgecap.h` is its other half and its documentation.
+//!
+//! Nothing unwinds into the caller: a panic becomes an error like any other.
+
+mod bodies;
+mod error;
+mod names;
+mod world;
+
+pub use bodies::{
+    edgecap_bodies, edgecap_bodies_clean_up, edgecap_bodies_close, edgecap_bodies_newest,
+    edgecap_bodies_next, edgecap_bodies_open, edgecap_bodies_publishers,
+};
+pub use error::edgecap_error;
+pub use names::{edgecap_bone_name, edgecap_joint_name};
+pub use world::{edgecap_in_world, edgecap_world_body};
