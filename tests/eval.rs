@@ -190,6 +190,24 @@ fn pose_errors_are_root_aligned() {
         (pooled.people, pooled.truth, pooled.root_mm),
         (1, 2, Some(500.0))
     );
+    // Without those two and a third too large: only N-MPJPE and PA-MPJPE do not mind.
+    let larger = truth.map(|p| p.map(|x| 4.0 / 3.0 * x));
+    let grown = PoseErrors::new(&truth.map(Some), &larger).unwrap();
+    let grown = Pose3d::pool(&[grown], 1, &[]).unwrap();
+    assert!(
+        grown.mpjpe_mm > 50.0 && grown.n_mpjpe_mm < 1e-6,
+        "{grown:?}"
+    );
+    // Scaled as suits best: of two joints at 1 m that are predicted at 1 m and not at all, no factor helps the second.
+    let mut flat = [[0.0; 3]; BODY_JOINTS];
+    flat[0] = [1.0, 0.0, 0.0];
+    flat[1] = [0.0, 1.0, 0.0];
+    let mut half = flat;
+    half[0] = [0.5, 0.0, 0.0];
+    half[1] = [0.0; 3];
+    let errors = PoseErrors::new(&flat.map(Some), &half).unwrap();
+    near(errors.scaled[0], 0.0);
+    near(errors.scaled[1], 1.0);
     let mut rootless = truth.map(Some);
     rootless[PELVIS] = None;
     assert_eq!(PoseErrors::new(&rootless, &predicted), None);

@@ -135,8 +135,15 @@ fn people_seen_for_one_frame_are_never_born() {
 }
 
 #[test]
-fn newcomers_wait_for_three_observations_or_for_two_a_tenth_of_a_second_apart() {
-    for (fps, unnamed) in [(60.0, 2), (FPS, 2), (15.0, 2), (10.0, 1), (6.0, 1)] {
+fn newcomers_wait_for_a_sixth_of_a_second_at_every_rate() {
+    for (fps, unnamed) in [
+        (60.0, 9),
+        (FPS, 5),
+        (15.0, 3),
+        (10.0, 2),
+        (6.0, 1),
+        (3.0, 1),
+    ] {
         let person = Person::new(
             3,
             people::walk(0.0, 1.0, &[(0.0, 4.0), (0.5, 4.0)]),
@@ -145,7 +152,7 @@ fn newcomers_wait_for_three_observations_or_for_two_a_tenth_of_a_second_apart() 
         let mut scene = Scene::new(vec![person], Noise::NONE, fps, 4);
         let mut fitter = Fitter::new(FitConfig::default()).unwrap();
         let mut out = BodyFrame::default();
-        let first = (0..10).find(|_| {
+        let first = (0..12).find(|_| {
             fitter.update(&scene.next().0, &mut out);
             out.count > 0
         });
@@ -192,7 +199,10 @@ fn a_missed_person_is_predicted_then_gone_then_recognised() {
         states[150], None,
         "nobody is shown for long without being seen"
     );
-    assert_eq!(states[200].unwrap().0, 1, "the same person comes back");
+    assert_eq!(states[161], None);
+    let (id, ..) = states[162].expect("whoever is recognised waits for three observations only");
+    assert_eq!(id, 1, "the same person comes back");
+    assert_eq!(states[200].unwrap().0, 1);
 }
 
 #[test]

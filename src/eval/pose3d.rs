@@ -1,4 +1,4 @@
-//! Errors of 3D joints: MPJPE, PA-MPJPE, 3DPCK@150, AUC.
+//! Errors of 3D joints: MPJPE, N-MPJPE, PA-MPJPE, 3DPCK@150, AUC.
 
 use edgecap_client::joints::{BODY_JOINTS, PELVIS};
 use nalgebra::{Matrix3, Vector3};
@@ -62,6 +62,9 @@ pub fn align_similarity(from: &[[f64; 3]], to: &[[f64; 3]]) -> Vec<[f64; 3]> {
 pub struct PoseErrors {
     /// Root-aligned.
     pub aligned: Vec<f64>,
+    /// Root-aligned, the prediction scaled about its pelvis as suits the truth best (least squares; Rhodin et al., CVPR 2018): what
+    /// is left when somebody's size does not count.
+    pub scaled: Vec<f64>,
     /// After similarity Procrustes.
     pub procrustes: Vec<f64>,
 }
@@ -83,9 +86,19 @@ impl PoseErrors {
         }
         (t.len() >= 4).then(|| Self {
             aligned: distances(&t, &p),
+            scaled: distances(&t, &scaled(&p, &t)),
             procrustes: distances(&t, &align_similarity(&p, &t)),
         })
     }
+}
+
+/// `from` scaled about the origin to lie as near as possible to `to`; unchanged where it has no extent.
+fn scaled(from: &[Point], to: &[Point]) -> Vec<Point> {
+    let dot = |a: &Point, b: &Point| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let spread: f64 = from.iter().map(|p| dot(p, p)).sum();
+    let common: f64 = from.iter().zip(to).map(|(p, q)| dot(p, q)).sum();
+    let scale = if spread > 0.0 { common / spread } else { 1.0 };
+    from.iter().map(|p| p.map(|x| x * scale)).collect()
 }
 
 fn distances(a: &[Point], b: &[Point]) -> Vec<f64> {
@@ -101,6 +114,8 @@ pub struct Pose3d {
     pub truth: usize,
     /// Mean root-aligned joint error, millimetres.
     pub mpjpe_mm: f64,
+    /// The same with the prediction scaled to the truth's size (N-MPJPE).
+    pub n_mpjpe_mm: f64,
     /// The same after similarity Procrustes.
     pub pa_mpjpe_mm: f64,
     /// Share of joints within 150 mm, root-aligned.
@@ -116,11 +131,13 @@ impl Pose3d {
     /// Pools the errors of `people` out of `truth` people; `roots` are pelvis errors in metres. `None` when nobody was found.
     pub fn pool(people: &[PoseErrors], truth: usize, roots: &[f64]) -> Option<Self> {
         let aligned: Vec<f64> = people.iter().flat_map(|e| e.aligned.clone()).collect();
+        let scaled: Vec<f64> = people.iter().flat_map(|e| e.scaled.clone()).collect();
         let turned: Vec<f64> = people.iter().flat_map(|e| e.procrustes.clone()).collect();
         (!aligned.is_empty()).then(|| Self {
             people: people.len(),
             truth,
             mpjpe_mm: 1e3 * mean(&aligned),
+            n_mpjpe_mm: 1e3 * mean(&scaled),
             pa_mpjpe_mm: 1e3 * mean(&turned),
             pck150: correct(&aligned),
             auc: area_under_curve(&aligned),

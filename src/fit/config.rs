@@ -84,6 +84,9 @@ pub struct IdentityConfig {
     pub confirm_hits: u32,
     /// … or two in a row that lie this far apart: at few frames a second they tell as much.
     pub confirm_time: f64,
+    /// Age from which somebody who is recognised as nobody gets a new identity: whoever comes out of hiding looks like somebody
+    /// else for the first frames.
+    pub birth_time: f64,
     /// A person not confirmed is dropped after this long without being seen.
     pub tentative_grace: f64,
     /// A person not seen is published as predicted for this long.
@@ -165,6 +168,7 @@ impl Default for IdentityConfig {
         Self {
             confirm_hits: 3,
             confirm_time: 0.1,
+            birth_time: 0.15,
             tentative_grace: 0.2,
             grace: 0.8,
             hold: 2.5,
@@ -311,6 +315,7 @@ impl FitConfig {
         )?;
         for (field, value) in [
             ("identity.confirm_time", i.confirm_time),
+            ("identity.birth_time", i.birth_time),
             ("identity.tentative_grace", i.tentative_grace),
             ("identity.grace", i.grace),
             ("identity.hold", i.hold),

@@ -465,6 +465,9 @@ impl Fitter {
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
         for (&t, pair) in ready.iter().zip(pairs) {
             let Some(who) = pair else {
+                if self.present[t].age < config.birth_time && !self.config.stills {
+                    continue;
+                }
                 self.present[t].id = self.next_id;
                 self.next_id = self.next_id.wrapping_add(1).max(1);
                 self.counters.births += 1;
