@@ -1,7 +1,7 @@
-"""How the system does on ten clips that no training has seen: python clips.py [--keep FOLDER] [options of `edgecap infer`, such as --flip-test].
+"""How the system does on ten clips that no training has seen: python clips.py [--keep FOLDER] [--fps 6] [options of `edgecap infer`, such as --flip-test].
 
-Renders them (`edgecap synth`, 60 frames at 6 a second, two to six people who walk, wave, squat and hide each other), runs `infer` and `fit` on each
-as on any film, and prints what `eval` says before and after the fit; in sum every person found counts alike.
+Renders them (`edgecap synth`, ten seconds each, two to six people who walk, wave, squat and hide each other: the same scenes at every rate), runs `infer`
+and `fit` on each as on any film, and prints what `eval` says before and after the fit; in sum every person found counts alike.
 """
 
 from __future__ import annotations
@@ -15,64 +15,75 @@ import tempfile
 from choices import Program
 
 SEEDS = range(501, 511)
+SECONDS = 10
 
 
 def people_of(seed: int) -> int:
     return 2 + (seed - SEEDS[0]) % 5
 
 
-def render(program: Program, folder: pathlib.Path, seed: int) -> tuple[pathlib.Path, pathlib.Path]:
+def render(program: Program, folder: pathlib.Path, seed: int, fps: int) -> tuple[pathlib.Path, pathlib.Path]:
     """The clip and its truth; those of an earlier call are taken as they are."""
     clip, truth = folder / f"{seed}.avi", folder / str(seed)
     if not clip.exists():
-        of = ["--frames", 60, "--fps", 6, "--people", people_of(seed), "--seed", seed, "--quality", 40]
+        of = ["--frames", SECONDS * fps, "--fps", fps, "--people", people_of(seed), "--seed", seed, "--quality", 40]
         program("synth", *of, "--out", truth, "--clip", clip)
     return clip, truth / "truth.json"
 
 
 def row(report: dict) -> dict:
     found = report["finding"][1]
-    pose = report.get("pose3d") or dict(truth=report["coco"]["people"], people=0, mpjpe_mm=0.0, pa_mpjpe_mm=0.0, pck150=0.0)
+    pose = report.get("pose3d") or dict(truth=report["coco"]["people"], people=0, mpjpe_mm=0.0, n_mpjpe_mm=0.0, pa_mpjpe_mm=0.0, pck150=0.0)
+    who = report.get("identity") or dict(idf1=0.0, truth=0, predicted=0, switches=0)
     return dict(
         truth=pose["truth"],
         matched=pose["people"],
         mpjpe=pose["mpjpe_mm"],
+        scaled=pose["n_mpjpe_mm"],
         pa=pose["pa_mpjpe_mm"],
         pck=pose["pck150"],
         asked=found["people"],
         found=found["found"],
         reports=found["predictions"],
-        switches=(report.get("identity") or {}).get("switches", 0),
+        switches=who["switches"],
+        appearances=who["truth"] + who["predicted"],
+        idf1=who["idf1"],
     )
 
 
 def total(rows: list[dict]) -> dict:
-    """Counts add up; errors are means over everybody who was matched."""
-    counts = {k: sum(r[k] for r in rows) for k in ("truth", "matched", "asked", "found", "reports", "switches")}
-    return counts | {k: sum(r["matched"] * r[k] for r in rows) / max(counts["matched"], 1) for k in ("mpjpe", "pa", "pck")}
+    """Counts add up; errors are means over everybody who was matched, IDF1 over everybody true or reported."""
+    counts = {k: sum(r[k] for r in rows) for k in ("truth", "matched", "asked", "found", "reports", "switches", "appearances")}
+
+    def mean(key: str, over: str) -> float:
+        return sum(r[over] * r[key] for r in rows) / max(counts[over], 1)
+
+    return counts | {k: mean(k, "matched") for k in ("mpjpe", "scaled", "pa", "pck")} | dict(idf1=mean("idf1", "appearances"))
 
 
 def line(name: str, r: dict) -> str:
     share = f"{r['matched']} of {r['truth']} ({100 * r['matched'] / max(r['truth'], 1):.1f} %)"
     found = f"{100 * r['found'] / max(r['asked'], 1):.1f} %, {100 * r['found'] / max(r['reports'], 1):.1f} % right"
-    return f"| {name} | {share} | {found} | {r['mpjpe']:.1f} / {r['pa']:.1f} mm | {100 * r['pck']:.1f} % | {r['switches']} |"
+    who = f"{100 * r['idf1']:.1f} %, {r['switches']}" if r["appearances"] else "–"
+    return f"| {name} | {share} | {found} | {r['mpjpe']:.1f} / {r['scaled']:.1f} / {r['pa']:.1f} mm | {100 * r['pck']:.1f} % | {who} |"
 
 
 def main(argv: list[str]) -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("--edgecap", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[2] / "target/release/edgecap")
     ap.add_argument("--keep", type=pathlib.Path, help="folder for the clips; those in it are not rendered again")
+    ap.add_argument("--fps", type=int, default=6, help="frames a second; a folder of --keep holds clips of one rate")
     ap.add_argument("--threads", type=int, default=2)
     a, options = ap.parse_known_args(argv)
     program = Program(a.edgecap, a.threads)
     sums: dict[str, list[dict]] = {"before the fit": [], "after the fit": []}
-    print("| clip | people with 3D | found at OKS ≥ 0.5 | MPJPE / PA-MPJPE | 3DPCK@150 | switches |\n|---|---|---|---|---|---|")
+    print("| clip | people with 3D | found at OKS ≥ 0.5 | MPJPE / N-MPJPE / PA-MPJPE | 3DPCK@150 | IDF1, switches |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as d:
         work = pathlib.Path(d)
         clips = a.keep or work
         clips.mkdir(parents=True, exist_ok=True)
         for seed in SEEDS:
-            clip, truth = render(program, clips, seed)
+            clip, truth = render(program, clips, seed, a.fps)
             seen, fitted = work / "seen.jsonl", work / "fitted.jsonl"
             program("infer", "--input", clip, "--jsonl", seen, "--threads", a.threads, *options)
             program("fit", "--input", seen, "--jsonl", fitted)

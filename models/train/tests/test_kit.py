@@ -26,7 +26,7 @@ import photos
 import targets
 import weights
 from augment import sharpen
-from clips import SEEDS, people_of, row, total
+from clips import SEEDS, line, people_of, row, total
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
 from distil import SEEN, Teachers, mirror_encodings, mirror_maps
 from dim import FULL_WELL, READ_NOISE, dim, linear, stored
@@ -118,15 +118,24 @@ class Distillation(unittest.TestCase):
 
 
 class Clips(unittest.TestCase):
-    def report(self, matched: int, mpjpe: float, found: int) -> dict:
-        pose = dict(truth=10, people=matched, mpjpe_mm=mpjpe, pa_mpjpe_mm=mpjpe / 2, pck150=0.5)
-        return dict(pose3d=pose, finding=[{}, dict(people=8, found=found, predictions=9)], identity=None)
+    def report(self, matched: int, mpjpe: float, found: int, identity: dict | None = None) -> dict:
+        pose = dict(truth=10, people=matched, mpjpe_mm=mpjpe, n_mpjpe_mm=mpjpe / 3, pa_mpjpe_mm=mpjpe / 2, pck150=0.5)
+        return dict(pose3d=pose, finding=[{}, dict(people=8, found=found, predictions=9)], identity=identity)
 
     def test_everybody_counts_alike_whatever_clip_they_are_in(self) -> None:
         t = total([row(self.report(9, 50, 8)), row(self.report(3, 90, 4))])
         self.assertEqual((t["truth"], t["matched"], t["asked"], t["found"], t["reports"]), (20, 12, 16, 12, 18))
         self.assertAlmostEqual(t["mpjpe"], 60)
         self.assertAlmostEqual(t["pa"], 30)
+        self.assertAlmostEqual(t["scaled"], 20)
+
+    def test_identities_count_by_appearances(self) -> None:
+        few, many = dict(idf1=0.5, truth=4, predicted=6, switches=2), dict(idf1=1.0, truth=20, predicted=20, switches=1)
+        t = total([row(self.report(9, 50, 8, few)), row(self.report(9, 50, 8, many))])
+        self.assertAlmostEqual(t["idf1"], 0.9)
+        self.assertEqual(t["switches"], 3)
+        self.assertTrue(line("all", t).endswith("| 90.0 %, 3 |"))
+        self.assertTrue(line("seen", total([row(self.report(9, 50, 8))])).endswith("| – |"))
 
     def test_nobody_found_is_no_error(self) -> None:
         nobody = self.report(0, 0, 0) | dict(pose3d=None, coco=dict(people=7))
