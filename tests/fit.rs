@@ -135,14 +135,14 @@ fn people_seen_for_one_frame_are_never_born() {
 }
 
 #[test]
-fn newcomers_wait_for_a_sixth_of_a_second_at_every_rate() {
+fn newcomers_wait_for_a_fifth_of_a_second_or_for_two_observations_a_tenth_apart() {
     for (fps, unnamed) in [
-        (60.0, 9),
-        (FPS, 5),
+        (60.0, 12),
+        (FPS, 6),
         (15.0, 3),
-        (10.0, 2),
+        (12.0, 3),
+        (10.0, 1),
         (6.0, 1),
-        (3.0, 1),
     ] {
         let person = Person::new(
             3,
@@ -152,7 +152,7 @@ fn newcomers_wait_for_a_sixth_of_a_second_at_every_rate() {
         let mut scene = Scene::new(vec![person], Noise::NONE, fps, 4);
         let mut fitter = Fitter::new(FitConfig::default()).unwrap();
         let mut out = BodyFrame::default();
-        let first = (0..12).find(|_| {
+        let first = (0..15).find(|_| {
             fitter.update(&scene.next().0, &mut out);
             out.count > 0
         });

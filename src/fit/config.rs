@@ -84,8 +84,8 @@ pub struct IdentityConfig {
     pub confirm_hits: u32,
     /// … or two in a row that lie this far apart: at few frames a second they tell as much.
     pub confirm_time: f64,
-    /// Age from which somebody who is recognised as nobody gets a new identity: whoever comes out of hiding looks like somebody
-    /// else for the first frames.
+    /// Age from which somebody who is recognised as nobody gets a new identity, where observations come less than `confirm_time`
+    /// apart: whoever comes out of hiding looks like somebody else for the first frames.
     pub birth_time: f64,
     /// A person not confirmed is dropped after this long without being seen.
     pub tentative_grace: f64,
@@ -168,7 +168,8 @@ impl Default for IdentityConfig {
         Self {
             confirm_hits: 3,
             confirm_time: 0.1,
-            birth_time: 0.15,
+            // Not 0.2: where frames come 30 a second, rounding would decide between six of them and seven.
+            birth_time: 0.19,
             tentative_grace: 0.2,
             grace: 0.8,
             hold: 2.5,

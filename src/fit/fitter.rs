@@ -465,7 +465,10 @@ impl Fitter {
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
         for (&t, pair) in ready.iter().zip(pairs) {
             let Some(who) = pair else {
-                if self.present[t].age < config.birth_time && !self.config.stills {
+                let track = &self.present[t];
+                let apart = track.age / f64::from(track.hits.saturating_sub(1).max(1));
+                let telling = track.steady && apart >= config.confirm_time;
+                if track.age < config.birth_time && !telling && !self.config.stills {
                     continue;
                 }
                 self.present[t].id = self.next_id;
