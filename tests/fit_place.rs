@@ -210,3 +210,86 @@ fn a_given_floor_is_the_world_at_once() {
     let ahead = out.world.point([1.0, 0.0, 5.0]);
     assert!((ahead[0] - 1.0).abs() < 1e-6 && (ahead[2] + 5.0).abs() < 1e-6);
 }
+
+/// Adults and a child on one floor, no settings: feet tell how tall each is beside the others.
+#[test]
+fn a_shared_floor_tells_statures() {
+    let heights = [1.84, 1.62, 1.15];
+    let cast = heights
+        .iter()
+        .zip([-0.9, 0.0, 0.9])
+        .enumerate()
+        .map(|(k, (&height, x))| {
+            let z = 4.0 + 0.3 * k as f64;
+            let legs = people::walk(
+                0.0,
+                0.8,
+                &[(x, z), (x + 0.3, z + 1.5), (x, z - 0.6), (x, z)],
+            );
+            Person::new(k as u64 + 2, legs, Activity::Stand).of_height(height)
+        })
+        .collect();
+    let mut scene = Scene::new(cast, Noise::REAL, FPS, 6);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut last: Option<Vec<(u32, f32)>> = None;
+    for frame in 0..900 {
+        let (observed, _) = scene.next();
+        fitter.update(&observed, &mut out);
+        let now: Vec<(u32, f32)> = out.bodies().iter().map(|b| (b.id, b.height)).collect();
+        for &(id, height) in &now {
+            let before = last.iter().flatten().find(|b| b.0 == id);
+            let grown = before.map_or(0.0, |b| (height / b.1 - 1.0).abs());
+            assert!(grown < 0.06 / FPS as f32, "frame {frame}: {grown}");
+        }
+        last = Some(now);
+    }
+    // By place from left to right.
+    let mut bodies = out.bodies().to_vec();
+    assert_eq!(bodies.len(), 3);
+    bodies.sort_by(|a, b| a.joints2d[PELVIS][0].total_cmp(&b.joints2d[PELVIS][0]));
+    for (body, truth) in bodies.iter().zip(heights) {
+        println!("{truth} m: {:.2} m", body.height);
+        let off = (f64::from(body.height) / truth - 1.0).abs();
+        assert!(off < 0.08, "{truth} m is taken for {:.2} m", body.height);
+    }
+}
+
+/// Who stands behind a counter has legs that the network invents: they tell nothing, to nobody.
+#[test]
+fn invented_legs_tell_no_stature() {
+    for legs3d in [1.0, 0.6, 0.2] {
+        let counter = Counter {
+            from: 0.0,
+            to: 99.0,
+            legs2d: 0.2,
+            legs3d,
+        };
+        let walk = |x: f64| {
+            let round = [(x, 4.0), (x + 0.3, 5.0), (x, 3.6)];
+            people::walk(0.0, 0.8, &round.repeat(5))
+        };
+        let cast = vec![
+            Person::new(2, walk(-0.9), Activity::Stand).of_height(1.70),
+            Person::new(3, walk(0.0), Activity::Stand).of_height(1.70),
+            Person::new(4, walk(0.9), Activity::Reach)
+                .of_height(1.70)
+                .behind(counter),
+        ];
+        let mut scene = Scene::new(cast, Noise::REAL, FPS, 6);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for _ in 0..600 {
+            fitter.update(&scene.next().0, &mut out);
+        }
+        assert!(fitter.ground().is_some());
+        for body in out.bodies() {
+            let off = (body.height / 1.70 - 1.0).abs();
+            assert!(
+                off < 0.06,
+                "{legs3d}: 1.70 m is taken for {:.2} m",
+                body.height
+            );
+        }
+    }
+}

@@ -1,4 +1,4 @@
-"""Pictures and truth of `edgecap synth` -> a folder of scenes like prerender.py's: python truth.py SYNTH FOLDER [--limit N].
+"""Pictures and truth of `edgecap synth` -> a folder of scenes like prerender.py's: python truth.py SYNTH [SYNTH ...] FOLDER [--limit N].
 
 Joint orders, visibility codes and camera axes are the same on both sides, so only shapes change.  Pictures of another size are scaled to
 fit 512 x 320 and padded.
@@ -33,13 +33,14 @@ def load(path: pathlib.Path) -> dict:
 
 def main(argv: list[str]) -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("synth", type=pathlib.Path)
+    ap.add_argument("synth", type=pathlib.Path, nargs="+")
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--limit", type=int, default=0)
     a = ap.parse_args(argv)
-    frames = [f for f in load(a.synth / "truth.json")["frames"] if f.get("file")][: a.limit or None]
+    # with where their picture is
+    frames = [dict(f, file=folder / f["file"]) for folder in a.synth for f in load(folder / "truth.json")["frames"] if f.get("file")][: a.limit or None]
     if not frames:
-        raise SystemExit(f"expected frames with pictures in {a.synth}, found none: run `edgecap synth` for stills, not for a clip")
+        raise SystemExit(f"expected frames with pictures in {', '.join(map(str, a.synth))}, found none: run `edgecap synth` without --clip")
     # those in front of the camera with anything to see
     people = [[p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3] for f in frames]
     n, room = len(frames), max(1, *map(len, people))
@@ -55,7 +56,7 @@ def main(argv: list[str]) -> None:
     a.folder.mkdir(parents=True, exist_ok=True)
     out = {k: np.lib.format.open_memmap(a.folder / f"{k}.npy", "w+", shapes[k][1], (n, *shapes[k][0])) for k in FIELDS}
     for i, f in enumerate(frames):
-        image, s, du, dv = letterbox(np.asarray(Image.open(a.synth / f["file"]).convert("RGB")), WIDTH, HEIGHT)
+        image, s, du, dv = letterbox(np.asarray(Image.open(f["file"]).convert("RGB")), WIDTH, HEIGHT)
         out["image"][i] = image[0].round().to(torch.uint8).numpy()
         c = f["camera"]
         out["K"][i] = [[c["fx"] * s, 0, c["cx"] * s + du], [0, c["fy"] * s, c["cy"] * s + dv], [0, 0, 1]]

@@ -8,11 +8,12 @@ use serde::Deserialize;
 pub struct FitConfig {
     /// Stature of everybody in view, metres, where it is known. Fixes depth, which one camera cannot.
     pub height: Option<f64>,
-    /// Stature, metres, that people are taken for while nothing better is known.
+    /// Stature, metres, that people are taken for while nothing better is known: that of most adults.
     pub default_height: f64,
     /// The floor, where it is known.
     pub ground: Option<GroundConfig>,
-    /// Find the floor from standing feet. Without `ground` this yields a floor-aligned world, not true heights.
+    /// Find the floor from standing feet. Without `ground` this yields a floor-aligned world, and how tall people are beside each
+    /// other; together they are as tall as assumed.
     pub estimate_ground: bool,
     /// Every frame is a picture of its own: no motion between frames, everybody is born at once.
     pub stills: bool,

@@ -9,7 +9,7 @@ use crate::joints::{BODY_JOINTS, DOF, PELVIS};
 use crate::message::JointState;
 
 /// The standing joints.
-const ANKLES: [usize; 2] = [10, 13];
+pub const ANKLES: [usize; 2] = [10, 13];
 /// A foot slower than this (m/s) may stand …
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.

@@ -10,7 +10,9 @@ use super::assignment::assign;
 use super::confidence::confidence;
 use super::config::{ConfigError, FitConfig};
 use super::evidence::Evidence;
-use super::ground::{Ground, GroundEstimate};
+use super::floor::FloorEstimate;
+use super::ground::Ground;
+use super::height::assumed;
 use super::humanoid::bone_rotations;
 use super::identity::{dissimilarity, reidentification};
 use super::motion::MotionModel;
@@ -18,7 +20,7 @@ use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use super::solver::Solver;
 use super::track::{Context, Track, clamp};
 use super::world::SteadyFloor;
-use crate::joints::{BODY_JOINTS, NECK, PELVIS};
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, NECK, PELVIS};
 use crate::message::{
     Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
     ObservationFrame,
@@ -91,7 +93,7 @@ pub struct Fitter {
     gone: Vec<Gone>,
     next_id: u32,
     header: Option<Header>,
-    feet: GroundEstimate,
+    feet: FloorEstimate,
     floor: SteadyFloor,
     since_feet: f64,
     counters: FitCounters,
@@ -133,7 +135,7 @@ impl Fitter {
             gone: Vec::new(),
             next_id: 1,
             header: None,
-            feet: GroundEstimate::default(),
+            feet: FloorEstimate::default(),
             floor: SteadyFloor::default(),
             since_feet: 0.0,
             counters: FitCounters::default(),
@@ -150,29 +152,39 @@ impl Fitter {
         self.counters
     }
 
-    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the heights
-    /// that people are taken for.
+    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the stature
+    /// that people are assumed to have.
     pub fn ground(&self) -> Option<Ground> {
         match &self.config.ground {
             Some(known) => Ground::from_config(known),
-            None => self.feet.ground(),
+            None => self.feet.floor().map(|floor| Ground {
+                normal: floor.ground.normal,
+                offset: floor.ground.offset * assumed(&self.config) / CANONICAL_STATURE as f64,
+            }),
         }
     }
 
+    /// Looks at who stands where: the floor, and how tall they are beside each other.
     fn learn_ground(&mut self, dt: f64) {
         if !self.config.estimate_ground || self.config.ground.is_some() {
             return;
         }
-        self.floor.follow(self.feet.ground(), dt);
         self.since_feet += dt;
-        if self.since_feet < FEET_EVERY {
-            return;
+        if self.since_feet >= FEET_EVERY {
+            self.since_feet = 0.0;
+            for track in self.present.iter().filter(|t| t.id != 0 && t.unseen == 0.0) {
+                for place in track.standing() {
+                    self.feet.add(track.id, place);
+                }
+            }
+            self.feet.update();
         }
-        self.since_feet = 0.0;
-        for track in self.present.iter().filter(|t| t.id != 0 && t.unseen == 0.0) {
-            let scale = track.stature.scale(&self.config);
-            for place in track.feet.places() {
-                self.feet.add(place * scale, scale);
+        self.floor.follow(self.ground(), dt);
+        if let Some(floor) = self.feet.floor() {
+            for track in self.present.iter_mut().filter(|t| t.id != 0) {
+                if let Some(share) = floor.stature(track.id) {
+                    track.stature.follow(&self.config, share, dt);
+                }
             }
         }
     }
@@ -284,7 +296,7 @@ impl Fitter {
 
     /// Another view: feet that stood before say nothing about it.
     fn forget_floor(&mut self) {
-        self.feet = GroundEstimate::default();
+        self.feet = FloorEstimate::default();
         self.floor.forget();
         self.since_feet = 0.0;
     }

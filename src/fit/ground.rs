@@ -1,4 +1,4 @@
-//! In: places where feet stand. Out: the floor, and the world that stands on it: y up, origin on the floor below the camera.
+//! The floor as a plane, and the world that stands on it: y up, origin on the floor below the camera.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -6,19 +6,6 @@ use super::config::GroundConfig;
 
 /// Height of a standing ankle above the floor at canonical stature, metres.
 pub const ANKLE: f64 = 0.085;
-/// Error of a standing ankle, metres.
-const SIGMA: f64 = 0.12;
-/// Cameras stand nearly upright: spread of the floor's slope across (roll) and along (pitch) the view.
-const ROLL: f64 = 0.05;
-const PITCH: f64 = 0.4;
-/// Feet that must have stood somewhere, and their spread in depth (metres), before a floor is believed.
-const ENOUGH: f64 = 40.0;
-const SPREAD: f64 = 0.25;
-/// Old feet fade so that about this many count.
-const MEMORY: f64 = 2000.0;
-/// A foot farther than this (metres) from a believed floor stands on something else.
-const OUTLIER: f64 = 0.4;
-
 /// The floor in camera axes: points p with normal · p + offset = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ground {
@@ -60,102 +47,9 @@ impl Ground {
     }
 }
 
-/// Running least squares of y = a·x + b·z + c over standing ankles.
-#[derive(Debug, Clone, Default)]
-pub struct GroundEstimate {
-    count: f64,
-    /// Sums of the products of (x, z, 1) with themselves and with y.
-    xx: [[f64; 3]; 3],
-    xy: [f64; 3],
-}
-
-impl GroundEstimate {
-    /// Takes in an ankle that stands at a place (camera space, metres) of a person `scale` times canonical stature.
-    pub fn add(&mut self, place: DVec3, scale: f64) {
-        let foot = place + DVec3::new(0.0, ANKLE * scale, 0.0);
-        if !foot.is_finite() || foot.z < 0.3 {
-            return;
-        }
-        if let Some(ground) = self.ground()
-            && ground.height(foot).abs() > OUTLIER
-        {
-            return;
-        }
-        let fade = (MEMORY / (self.count + 1.0)).min(1.0);
-        let row = [foot.x, foot.z, 1.0];
-        for i in 0..3 {
-            for j in 0..3 {
-                self.xx[i][j] = fade * self.xx[i][j] + row[i] * row[j];
-            }
-            self.xy[i] = fade * self.xy[i] + row[i] * foot.y;
-        }
-        self.count = fade * self.count + 1.0;
-    }
-
-    /// The floor, once enough feet stood at enough distances.
-    pub fn ground(&self) -> Option<Ground> {
-        if self.count < ENOUGH {
-            return None;
-        }
-        let mean_z = self.xx[1][2] / self.count;
-        let spread = (self.xx[1][1] / self.count - mean_z * mean_z)
-            .max(0.0)
-            .sqrt();
-        if spread < SPREAD {
-            return None;
-        }
-        let mut a = nalgebra::Matrix3::from_fn(|i, j| self.xx[i][j]);
-        a[(0, 0)] += (SIGMA / ROLL).powi(2);
-        a[(1, 1)] += (SIGMA / PITCH).powi(2);
-        let solution = a.cholesky()?.solve(&nalgebra::Vector3::from(self.xy));
-        let (a, b, c) = (solution.x, solution.y, solution.z);
-        let length = (a * a + b * b + 1.0).sqrt();
-        let offset = c / length;
-        let ground = Ground {
-            normal: DVec3::new(a, -1.0, b) / length,
-            offset,
-        };
-        (ground.normal.is_finite() && offset > 0.05).then_some(ground)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn feet_tell_a_tilted_floor() {
-        // Camera 2.2 m up, pitched 20° down.
-        let truth = Ground {
-            normal: DQuat::from_rotation_x(-20f64.to_radians()) * DVec3::NEG_Y,
-            offset: 2.2,
-        };
-        let mut estimate = GroundEstimate::default();
-        for i in 0..300 {
-            let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
-            let noise = 0.05 * (f64::from(i * 37 % 11) / 5.0 - 1.0);
-            // On the floor, an ankle's height up.
-            let n = truth.normal;
-            let y = -(n.x * x + n.z * z + truth.offset) / n.y;
-            let wild = if i % 25 == 24 { -1.0 } else { 0.0 };
-            estimate.add(
-                DVec3::new(x, y + noise + wild, z) - DVec3::new(0.0, ANKLE, 0.0),
-                1.0,
-            );
-        }
-        let found = estimate.ground().unwrap();
-        assert!(found.normal.dot(truth.normal) > 0.999, "{found:?}");
-        assert!((found.offset - truth.offset).abs() < 0.1, "{found:?}");
-    }
-
-    #[test]
-    fn one_spot_is_no_floor() {
-        let mut estimate = GroundEstimate::default();
-        for _ in 0..500 {
-            estimate.add(DVec3::new(0.0, 1.4, 4.0), 1.0);
-        }
-        assert_eq!(estimate.ground(), None);
-    }
 
     #[test]
     fn the_world_stands_on_the_floor() {

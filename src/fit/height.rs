@@ -1,4 +1,7 @@
 //! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings say.
+//!
+//! A floor that the settings give tells everybody's stature. One that was found from people's feet tells how tall they are
+//! beside each other.
 
 use super::config::FitConfig;
 use super::ground::{ANKLE, Ground};
@@ -13,6 +16,16 @@ const FIRST: u32 = 30;
 /// Step of the running median, as a share of the stature.
 const STEP: f64 = 0.003;
 
+/// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the stature, in
+/// a second: bodies that grow move through the room.
+const FOLLOW: f64 = 1.0;
+const GROW: f64 = 0.05;
+
+/// Stature, metres, that everybody is assumed to have.
+pub fn assumed(config: &FitConfig) -> f64 {
+    config.height.unwrap_or(config.default_height)
+}
+
 /// Running estimate of one person's stature.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Stature {
@@ -23,11 +36,11 @@ pub struct Stature {
 impl Stature {
     /// Stature in metres.
     pub fn metres(&self, config: &FitConfig) -> f64 {
-        config.height.unwrap_or(if self.frames > 0 {
-            self.estimate
+        if config.height.is_some() || self.frames == 0 {
+            assumed(config)
         } else {
-            config.default_height
-        })
+            self.estimate
+        }
     }
 
     /// Factor from the space of canonical stature to metres.
@@ -35,7 +48,20 @@ impl Stature {
         self.metres(config) / CANONICAL_STATURE as f64
     }
 
-    /// Takes in a fit at canonical stature. Only a known floor tells a stature: the person is as tall as it takes for the
+    /// Takes in what the floor found from feet tells, as a share of the assumed stature, `dt` seconds after the last time.
+    pub fn follow(&mut self, config: &FitConfig, share: f64, dt: f64) {
+        if self.frames == 0 {
+            *self = Self {
+                frames: 1,
+                estimate: assumed(config),
+            };
+        }
+        let most = GROW * dt * self.estimate;
+        let step = (share * assumed(config) - self.estimate) * -(-dt / FOLLOW).exp_m1();
+        self.estimate += step.clamp(-most, most);
+    }
+
+    /// Takes in a fit at canonical stature. Only a given floor tells a stature: the person is as tall as it takes for the
     /// lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
     pub fn update(
         &mut self,

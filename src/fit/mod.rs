@@ -16,6 +16,7 @@ pub mod contact;
 pub mod energy;
 pub mod evidence;
 pub mod fitter;
+pub mod floor;
 pub mod ground;
 pub mod height;
 pub mod humanoid;

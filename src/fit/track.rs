@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::appearance::Appearance;
 use super::bones::Bones;
 use super::config::FitConfig;
-use super::contact::Feet;
+use super::contact::{ANKLES, Feet};
 use super::energy::{Targets, no_targets};
 use super::evidence::Evidence;
 use super::height::Stature;
@@ -244,6 +244,18 @@ impl Track {
                 f.reset();
             }
         }
+    }
+
+    /// Where feet stand, canonical stature: those at rest, else the lower one of somebody who walks.
+    pub fn standing(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let resting = self.feet.places().next().is_some();
+        let lower = ANKLES
+            .into_iter()
+            .filter(|&ankle| self.states[ankle] == JointState::Observed)
+            .map(|ankle| self.posed.joints[ankle])
+            .max_by(|a, b| a.y.total_cmp(&b.y))
+            .filter(|_| !resting);
+        self.feet.places().chain(lower)
     }
 
     /// Takes over identity, proportions, height and looks of somebody recognised.

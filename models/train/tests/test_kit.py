@@ -511,17 +511,22 @@ class RenderedScenes(unittest.TestCase):
         unseen = seen | dict(visibility=[OUTSIDE] * NB)
         camera = dict(fx=400.0, fy=400.0, cx=256.0, cy=160.0)
         with tempfile.TemporaryDirectory() as folder:
-            synth, out = pathlib.Path(folder) / "synth", pathlib.Path(folder) / "scenes"
-            synth.mkdir()
-            Image.new("RGB", (512, 320), (9, 99, 199)).save(synth / "000000.jpg")
-            frames = [dict(file="000000.jpg", camera=camera, people=n * [seen] + [unseen]) for n in (2, 9)]
-            (synth / "truth.json").write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
-            subprocess.run([sys.executable, KIT / "truth.py", synth, out], check=True, capture_output=True)
+            out = pathlib.Path(folder) / "scenes"
+            synths = []
+            for name, blue, crowds in (("one", 199, (2, 9)), ("other", 40, (1,))):
+                synth = pathlib.Path(folder) / name
+                synth.mkdir()
+                Image.new("RGB", (512, 320), (9, 99, blue)).save(synth / "000000.png")
+                frames = [dict(file="000000.png", camera=camera, people=n * [seen] + [unseen]) for n in crowds]
+                (synth / "truth.json").write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
+                synths.append(synth)
+            subprocess.run([sys.executable, KIT / "truth.py", *synths, out], check=True, capture_output=True)
             pool = Stored(out, 1)
-            self.assertEqual((pool.data["size_px"] > 0).sum(1).tolist(), [2, 9])
+            self.assertEqual((pool.data["size_px"] > 0).sum(1).tolist(), [2, 9, 1])
+            self.assertEqual(pool.data["image"][:, 2, 7, 7].tolist(), [199, 199, 40])
             tiles = pool.draw(4, 320, 512, (1.0, 1.0), roll=0.0)
             self.assertEqual(tiles.joints2d.shape, (4, 9, NJ, 2))
-            self.assertTrue(bool((tiles.visible.eq(VISIBLE).all(-1).sum(1)[:, None] == torch.tensor([2, 9])).any(1).all()))
+            self.assertTrue(bool((tiles.visible.eq(VISIBLE).all(-1).sum(1)[:, None] == torch.tensor([2, 9, 1])).any(1).all()))
 
 
 class Company(unittest.TestCase):
