@@ -10,6 +10,7 @@ use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
 
 use super::ground::{ANKLE, Ground};
+use super::statures::{ADULTS, common_level, expected};
 
 /// Error of a standing ankle, metres. More than the 0.12 it is off by: looks at the same foot do not differ by chance alone.
 const SIGMA: f64 = 0.22;
@@ -32,16 +33,8 @@ const PEOPLE: usize = 32;
 const OUTLIER: f64 = 0.4;
 /// … and so does that of a newcomer who would have to be that small or tall (shares of the assumed stature).
 const BELIEVED: [f64; 2] = [0.45, 1.35];
-/// Spread of adults' statures, and share, mean and spread of children's: natural logarithms of shares of the assumed stature.
-const ADULTS: f64 = 0.06;
-const CHILDREN: [f64; 3] = [0.1, -0.35, 0.15];
-/// How likely feet tell nothing, by natural logarithm of the stature they claim: one time in twenty, anything from a third to thrice.
-/// (In units of [`gauss`], √2π of a density.)
-const NOTHING: f64 = 0.05 * 2.5 / 2.2;
 /// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
 const ROUNDS: usize = 4;
-/// Step of the search for the sizes of all together, natural logarithm.
-const STEP: f64 = 0.005;
 
 /// Sums over the feet of one person: products of (x, z, 1) with themselves and with y.
 #[derive(Debug, Clone)]
@@ -243,51 +236,6 @@ fn all_intercept(standers: &[Stander]) -> f64 {
     let count: f64 = standers.iter().map(Stander::count).sum();
     let sum: f64 = standers.iter().map(|s| s.xy.z).sum();
     (sum / count).max(0.1)
-}
-
-/// Times √2π.
-fn gauss(x: f64, sigma: f64) -> f64 {
-    (-0.5 * (x / sigma).powi(2)).exp() / sigma
-}
-
-/// How likely somebody measures so tall, adult and child; `spread`: of the measurement. All natural logarithms.
-fn likely(stature: f64, spread: f64) -> [f64; 2] {
-    let [share, mean, own] = CHILDREN;
-    [
-        (1.0 - share) * gauss(stature, ADULTS.hypot(spread)),
-        share * gauss(stature - mean, own.hypot(spread)),
-    ]
-}
-
-/// How tall somebody is who measures so: as tall as assumed where that is more than people are.
-fn expected(stature: f64, spread: f64) -> f64 {
-    let [_, mean, own] = CHILDREN;
-    let shrunk = |mean: f64, own: f64| {
-        let share = own * own / (own * own + spread * spread);
-        mean + share * (stature - mean)
-    };
-    let [adult, child] = likely(stature, spread);
-    (adult * shrunk(0.0, ADULTS) + child * shrunk(mean, own)) / (adult + child + NOTHING)
-}
-
-/// The intercept of somebody of the assumed stature under which these intercepts are likeliest.
-fn common_level(intercepts: &[f64], spreads: &[f64]) -> f64 {
-    let logs: Vec<f64> = intercepts.iter().map(|c| c.ln()).collect();
-    let least = logs.iter().copied().fold(f64::INFINITY, f64::min) + CHILDREN[1];
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max) - CHILDREN[1];
-    let steps = ((most - least) / STEP) as usize;
-    let likelihood = |level: f64| -> f64 {
-        let each = logs.iter().zip(spreads).map(|(own, spread)| {
-            let [adult, child] = likely(level - own, *spread);
-            (adult + child + NOTHING).ln()
-        });
-        each.sum()
-    };
-    let best = (0..=steps)
-        .map(|k| least + STEP * k as f64)
-        .map(|level| (likelihood(level), level))
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or(1.0, |(_, level)| level.exp())
 }
 
 #[cfg(test)]

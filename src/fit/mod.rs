@@ -29,6 +29,7 @@ pub mod placement;
 pub mod skeleton;
 pub mod solver;
 pub mod start;
+pub mod statures;
 pub mod swap;
 pub mod track;
 pub mod trust;
