@@ -3,28 +3,23 @@
 //!
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 
-use glam::{DVec3, Vec3};
-
 use super::appearance::Appearance;
 use super::assignment::assign;
-use super::confidence::confidence;
+use super::body::write_body;
 use super::config::{ConfigError, FitConfig};
 use super::evidence::Evidence;
 use super::floor::FloorEstimate;
 use super::ground::Ground;
+use super::header::Header;
 use super::height::assumed;
-use super::humanoid::bone_rotations;
 use super::identity::{dissimilarity, reidentification};
 use super::motion::MotionModel;
-use super::skeleton::{Pose, Posed, Skeleton, rotation_vector};
+use super::skeleton::{Posed, Skeleton};
 use super::solver::Solver;
-use super::track::{Context, Track, clamp};
+use super::track::{Context, Track};
 use super::world::SteadyFloor;
-use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, NECK, PELVIS};
-use crate::message::{
-    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, MAX_PEOPLE,
-    ObservationFrame,
-};
+use crate::joints::CANONICAL_STATURE;
+use crate::message::{Body, BodyFrame, FLAG_END_OF_STREAM, MAX_PEOPLE, ObservationFrame};
 
 /// Times that go back by more than this, or ahead by more than the identities' memory, belong to another recording.
 const RESTART_NS: u64 = 500_000_000;
@@ -104,19 +99,6 @@ pub struct Fitter {
 enum Absent {
     Present(usize),
     Gone(usize),
-}
-
-/// What a body frame repeats of the newest observation frame.
-#[derive(Debug, Clone, Copy)]
-struct Header {
-    sequence: u64,
-    capture_ns: u64,
-    width: u32,
-    height: u32,
-    intrinsics: Intrinsics,
-    stage_times: crate::message::StageTimes,
-    flags: u32,
-    frame_total: u32,
 }
 
 impl Fitter {
@@ -226,7 +208,7 @@ impl Fitter {
             self.forget_floor();
         }
         self.header = Some(header);
-        let camera = usable_camera(frame);
+        let camera = header.intrinsics;
         let seen: Vec<Seen> = frame
             .people()
             .iter()
@@ -553,121 +535,22 @@ impl Fitter {
         known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
         known.truncate(MAX_PEOPLE);
         known.sort_by_key(|t| t.id);
-        out.sequence = header.sequence;
-        out.capture_ns = header.capture_ns;
-        out.pose_ns = pose_ns;
-        out.publish_ns = 0;
-        out.width = header.width;
-        out.height = header.height;
-        out.intrinsics = header.intrinsics;
-        out.stage_times = header.stage_times;
-        out.fit_us = 0;
-        out.flags = header.flags;
-        out.frame_total = header.frame_total;
+        header.write(pose_ns, out);
         out.count = known.len() as u32;
         let given = self.config.ground.as_ref().and_then(Ground::from_config);
         out.world = self.floor.world(given);
         for (body, track) in out.bodies.iter_mut().zip(&known) {
-            self.write_body(track, ahead, &header.intrinsics, body);
+            write_body(
+                track,
+                ahead,
+                &header.intrinsics,
+                &self.config,
+                &self.model,
+                body,
+            );
         }
         out.bodies[known.len()..].fill(Body::default());
     }
-
-    fn write_body(&self, track: &Track, ahead: f64, camera: &Intrinsics, body: &mut Body) {
-        let skeleton = Skeleton::builtin();
-        let (mut pose, mut posed) = (track.pose, track.posed);
-        if ahead > 0.0 {
-            pose = track.motion.ahead(&track.pose, ahead, &self.model);
-            clamp(skeleton, &mut pose);
-            skeleton.pose(&pose, track.bones.lengths(), &mut posed);
-        }
-        let scale = track.stature.scale(&self.config);
-        let unseen = track.unseen + ahead;
-        let state = if track.unseen > 0.0 {
-            BodyState::Predicted
-        } else {
-            BodyState::Tracked
-        };
-        body.id = track.id;
-        body.state = state as u32;
-        body.position = (pose.position * scale).as_vec3().to_array();
-        body.orientation = pose.rotation.normalize().as_quat().to_array();
-        let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
-        body.velocity = velocity.as_vec3().to_array();
-        body.angles = flat_angles(&pose, scale);
-        let lengths = track.bones.lengths();
-        let mut sum = 0.0;
-        for j in 0..BODY_JOINTS {
-            let p = (posed.joints[j] * scale).as_vec3();
-            body.joints3d[j] = p.to_array();
-            body.joints2d[j] = pixel(camera, p);
-            let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
-            body.confidence[j] = sure as f32;
-            sum += sure;
-            body.bone_lengths[j] = if j == PELVIS {
-                0.0
-            } else {
-                (lengths[j] * scale) as f32
-            };
-            body.joint_states[j] = if track.unseen > 0.0 {
-                JointState::Predicted as u8
-            } else {
-                track.states[j] as u8
-            };
-        }
-        body.joint_states[BODY_JOINTS..].fill(0);
-        body.score = (sum / BODY_JOINTS as f64) as f32;
-        body.height = track.stature.metres(&self.config) as f32;
-        body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
-    }
-}
-
-impl Header {
-    fn of(frame: &ObservationFrame) -> Self {
-        Self {
-            sequence: frame.sequence,
-            capture_ns: frame.capture_ns,
-            width: frame.width,
-            height: frame.height,
-            intrinsics: usable_camera(frame),
-            stage_times: frame.stage_times,
-            flags: frame.flags,
-            frame_total: frame.frame_total,
-        }
-    }
-
-    /// Not seen, and expected with neck and pelvis beyond the picture's edge: nothing will confirm or correct that prediction.
-    fn has_left(&self, track: &Track) -> bool {
-        let beyond = |joint: usize| {
-            let [u, v] = pixel(&self.intrinsics, track.posed.joints[joint].as_vec3());
-            let inside = (-0.5..self.width as f32 - 0.5).contains(&u)
-                && (-0.5..self.height as f32 - 0.5).contains(&v);
-            !inside
-        };
-        track.unseen > 0.0 && [NECK, PELVIS].into_iter().all(beyond)
-    }
-
-    /// Whether the picture has the same size and camera.
-    fn same_camera(&self, other: &Self) -> bool {
-        (self.width, self.height, self.intrinsics) == (other.width, other.height, other.intrinsics)
-    }
-}
-
-/// The frame's camera, or a plausible one where its numbers make no sense.
-fn usable_camera(frame: &ObservationFrame) -> Intrinsics {
-    let c = frame.intrinsics;
-    let focal = |f: f32| f.is_finite() && f > 1e-3 && f < 1e7;
-    let point = |p: f32| p.is_finite() && p.abs() < 1e7;
-    if focal(c.fx) && focal(c.fy) && point(c.cx) && point(c.cy) {
-        c
-    } else {
-        Intrinsics::from_horizontal_fov(frame.width.max(1), frame.height.max(1), 60.0)
-    }
-}
-
-/// Where a joint is seen. Beside or behind the camera it has no pixel; the nearest depth with one stands in for it.
-fn pixel(camera: &Intrinsics, p: Vec3) -> [f32; 2] {
-    camera.project([p.x, p.y, p.z.max(0.05)])
 }
 
 fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
@@ -675,16 +558,6 @@ fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
     for i in indices.into_iter().rev() {
         items.remove(i);
     }
-}
-
-fn flat_angles(pose: &Pose, scale: f64) -> [f32; crate::joints::DOF] {
-    let turn = rotation_vector(pose.rotation);
-    let place = pose.position * scale;
-    std::array::from_fn(|d| match d {
-        0..3 => place[d] as f32,
-        3..6 => turn[d - 3] as f32,
-        _ => pose.angles[d - 6] as f32,
-    })
 }
 
 /// Whether the boxes of two people overlap by more than a tenth of the smaller.

@@ -9,6 +9,7 @@
 pub mod appearance;
 pub mod assignment;
 pub mod bodies_line;
+mod body;
 pub mod bones;
 pub mod confidence;
 pub mod config;
@@ -18,6 +19,7 @@ pub mod evidence;
 pub mod fitter;
 pub mod floor;
 pub mod ground;
+mod header;
 pub mod height;
 pub mod humanoid;
 pub mod identity;
