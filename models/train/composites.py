@@ -1,4 +1,4 @@
-"""Real people pasted together into whole frames, as pictures with truth: python composites.py PACK FOLDER [--n 700] [--seed 5].
+"""Real people pasted together into whole frames, as pictures with truth: python composites.py PACK FOLDER [--n 700] [--seed 5] [--close 0.25].
 
 What training tiles are made of, written as `truth.json` of `edgecap synth`: pictures of several real people in which everybody is labelled, so
 that whatever else is found is nobody.  There is no 3D truth in them (zeros).
@@ -22,6 +22,7 @@ from skeleton import NB, NJ
 WIDTH, HEIGHT = 512, 320
 SIZE = (45, 480)  # stature in pixels; the tallest are cut off by the frame
 PEOPLE = [0.0, 0.4, 0.3, 0.2, 0.1]  # probabilities of 0, 1, 2, ... people
+CLOSE_SIZE, CLOSE_PEOPLE = (300, 900), [0.0, 0.7, 0.2, 0.1]  # as somebody before a screen is seen
 VISIBLE, HIDDEN, OUTSIDE = 1, 3, 0
 
 
@@ -49,6 +50,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--n", type=int, default=700)
     ap.add_argument("--seed", type=int, default=5)
+    ap.add_argument("--close", type=float, default=0.25, help="share of pictures of people close to the camera")
     ap.add_argument("--cache", type=pathlib.Path, help="folder for decoded photos")
     ap.add_argument("--tiny", action="store_true", help="few photos, to see that it runs")
     a = ap.parse_args(argv)
@@ -59,7 +61,8 @@ def main(argv: list[str]) -> None:
     g = torch.Generator().manual_seed(a.seed + 1)
     frames = []
     for i in range(0, a.n, 2):
-        b = people.batch(2, HEIGHT, WIDTH, SIZE, PEOPLE)
+        close = float(torch.rand((), generator=g)) < a.close
+        b = people.batch(2, HEIGHT, WIDTH, CLOSE_SIZE if close else SIZE, CLOSE_PEOPLE if close else PEOPLE, close)
         images = (photometric(b.image, g) * 255).round().to(torch.uint8).permute(0, 2, 3, 1).numpy()
         for k, image in enumerate(images):
             name = f"{i + k:06}.jpg"

@@ -18,7 +18,7 @@ from augment import lying
 from scenes import Generator, Scenes
 from skeleton import FLIP14, FLIP21, ROOT
 
-
+WIDTH = 512  # of a frame as the network takes it, pixels; scenes may be larger
 FIELDS = [f.name for f in fields(Scenes) if f.name != "mask"]
 
 
@@ -45,7 +45,11 @@ class Pool:
         """Replace n scenes by new ones, where scenes are rendered on the way."""
 
     @torch.no_grad()
-    def draw(self, B: int, h: int, w: int, zoom: tuple[float, float] = (0.8, 1.3), roll: float = 0.12) -> Tiles:
+    def draw(
+        self, B: int, h: int, w: int, zoom: tuple[float, float] = (0.8, 1.3), roll: float = 0.12, close: tuple[float, float] | None = None
+    ) -> Tiles:
+        """`zoom`: of a frame of at most 512 pixels across, to which larger ones are shrunk first; `close`: somebody has a stature of so many pixels, as far as `zoom` allows, and is placed
+        by head and neck three times of four."""
         d, g, W, H = self.device, self.g, self.W, self.H
         i = torch.randint(self.filled, (B,), generator=g, device=d)
         D = {k: v[i] for k, v in self.data.items() if k != "K"}
@@ -53,7 +57,8 @@ class Pool:
         def rand(*s: int) -> Tensor:
             return torch.rand(*s, generator=g, device=d)
 
-        z = zoom[0] * (zoom[1] / zoom[0]) ** rand(B)
+        shrink = min(1.0, WIDTH / W)
+        z = zoom[0] * (zoom[1] / zoom[0]) ** rand(B) * shrink
         a = (torch.randn(B, generator=g, device=d) * roll).clamp(-3 * roll, 3 * roll)
         if h == w:
             a = a + lying(rand(B))
@@ -61,7 +66,12 @@ class Pool:
         # look at one of the people (tiles), or at the whole frame when the tile is as large as the scene
         size = D["size_px"]
         pick = torch.multinomial((size > 0).float() + 1e-6, 1, generator=g)[:, 0]
-        mid = D["joints2d"][torch.arange(B, device=d), pick].mean(1)
+        picked = D["joints2d"][torch.arange(B, device=d), pick]
+        mid = picked.mean(1)
+        if close is not None:
+            tall = close[0] * (close[1] / close[0]) ** rand(B)
+            z = (tall / size[torch.arange(B, device=d), pick].clamp_min(1)).clamp(zoom[0] * shrink, zoom[1])
+            mid = torch.where(rand(B, 1) < 0.75, picked[:, :2].mean(1), mid)
         lim = torch.stack([(W - w / z).clamp_min(0) / 2, (H - h / z).clamp_min(0) / 2], 1)
         full = torch.tensor([(W - 1) / 2, (H - 1) / 2], device=d)
         c = mid + (rand(B, 2) - 0.5) * torch.tensor([w, h], device=d) * 0.7 / z[:, None]

@@ -244,8 +244,9 @@ class People:
         self.photo_weight[photo] = old + 0.3 * ((0.1 + 4 * answer.to(old)) - old)
 
     @torch.no_grad()
-    def batch(self, B: int, H: int, W: int, size: tuple[float, float], people: list[float]) -> RealBatch:
-        """`size`: range of statures in pixels; `people`: probabilities of 0, 1, 2, ... people."""
+    def batch(self, B: int, H: int, W: int, size: tuple[float, float], people: list[float], close: bool = False) -> RealBatch:
+        """`size`: range of statures in pixels; `people`: probabilities of 0, 1, 2, ... people; `close`: three of four are placed by head
+        and neck instead of their middle."""
         d, g = self.device, self.g
         P, h, w = len(people) - 1, H // 8, W // 8
 
@@ -281,6 +282,9 @@ class People:
         fl = rand(B, P) < 0.5
         lo, hi = self.lo[id_], self.hi[id_]
         mid = (lo + hi) / 2
+        if close:
+            head = self.lab[id_][:, :, :2].all(-1) & (rand(B, P) < 0.75)
+            mid = torch.where(head[..., None], self.joints[id_][:, :, :2].mean(2), mid)
         co, si = k * a.cos(), k * a.sin()
         sgn = torch.where(fl, -1.0, 1.0)
         # x' = co*sgn*(x - mx) - si*(y - my) + cx ;  y' = si*sgn*(x - mx) + co*(y - my) + cy

@@ -48,6 +48,7 @@ class Mix:
     size: tuple[float, float]  # stature in pixels of the real people
     people: list[float]  # probabilities of 0, 1, 2, ... real people in a tile
     zoom: tuple[float, float]  # of synthetic scenes
+    close: bool = False  # people of `size` before the camera, most of them without legs; at most `zoom` times as large as rendered
 
 
 @dataclass
@@ -77,6 +78,8 @@ CPU_PHASES = [
         [
             Mix(192, 192, 6, 2, (85, 240), [0.08, 0.54, 0.26, 0.12], (0.7, 1.3)),
             Mix(256, 256, 4, 2, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5)),
+            Mix(192, 192, 6, 2, (85, 240), [0.08, 0.54, 0.26, 0.12], (0.7, 1.3)),
+            Mix(256, 256, 4, 2, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True),
         ],
     ),
     Phase(
@@ -84,6 +87,9 @@ CPU_PHASES = [
         [
             Mix(256, 256, 4, 1, (100, 340), [0.10, 0.42, 0.24, 0.16, 0.08], (0.8, 1.5)),
             Mix(320, 512, 2, 1, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4)),
+            Mix(256, 256, 4, 1, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True),
+            Mix(320, 512, 2, 1, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4)),
+            Mix(320, 512, 2, 1, (300, 900), [0.05, 0.65, 0.20, 0.10], (0.5, 2.6), close=True),
         ],
     ),
 ]
@@ -213,9 +219,9 @@ class Trainer:
 
     def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch]:
         h, w = ph.H // 8, ph.W // 8
-        r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people)
+        r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people, ph.close)
         pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
-        s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom)
+        s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom, close=ph.size if ph.close else None)
         x = photometric(torch.cat([r.image, s.image]), pool.g) - 0.5
         tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted)
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
@@ -223,8 +229,8 @@ class Trainer:
 
     # ------------------------------------------------------------------- step
 
-    def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0) -> tuple[Tensor, Tensor]:
-        """The six losses, what the teachers ask (0 without any), and the joint maps of the real tiles."""
+    def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, taught: bool = True) -> tuple[Tensor, Tensor]:
+        """The six losses, what the teachers ask (0 without any, or unless `taught`), and the joint maps of the real tiles."""
         n = len(tr.maps)
         first3d = 0 if self.teachers or self.people.lift.any() else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
@@ -236,8 +242,8 @@ class Trainer:
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        taught = self._taught(x, y, e, peak) if self.teachers else enc.new_zeros(())
-        return torch.stack([hr, pr, hs, ps, enc, where, taught]), y[:n].detach()
+        asked = self._taught(x, y, e, peak) if self.teachers and taught else enc.new_zeros(())
+        return torch.stack([hr, pr, hs, ps, enc, where, asked]), y[:n].detach()
 
     def _taught(self, x: Tensor, y: Tensor, e: Tensor, peak: float) -> Tensor:
         """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum."""
@@ -252,10 +258,11 @@ class Trainer:
         for g in self.opt.param_groups:
             g["lr"] = lr
         x, tr, ts, r = self.batch(ph)
-        L, y = self.losses(x, tr, ts, p)
+        taught = self.teachers is not None and not ph.close  # older networks have not seen people as large
+        L, y = self.losses(x, tr, ts, p, taught)
         warm = min(1.0, self.meta["step"] / 150)
         synth = self.a.synth
-        of_labels = 1 - self.a.distil_weight if self.teachers else 1.0
+        of_labels = 1 - self.a.distil_weight if taught else 1.0
         share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm]
         loss = (L * torch.tensor([of_labels * w for w in share] + [self.a.distil_weight], device=self.dev)).sum()
         loss.backward()

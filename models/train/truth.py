@@ -1,7 +1,7 @@
-"""Pictures and truth of `edgecap synth` -> a folder of scenes like prerender.py's: python truth.py SYNTH [SYNTH ...] FOLDER [--limit N].
+"""Pictures and truth of `edgecap synth` -> a folder of scenes like prerender.py's: python truth.py SYNTH [SYNTH ...] FOLDER [--limit N] [--size 512x320].
 
 Joint orders, visibility codes and camera axes are the same on both sides, so only shapes change.  Pictures of another size are scaled to
-fit 512 x 320 and padded.
+fit and padded.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from letterbox import letterbox
 from pool import FIELDS
 from skeleton import NB, NJ, ROOT
 
-WIDTH, HEIGHT = 512, 320
-
 
 def load(path: pathlib.Path) -> dict:
     """What a truth.json of `edgecap synth` says."""
@@ -36,7 +34,9 @@ def main(argv: list[str]) -> None:
     ap.add_argument("synth", type=pathlib.Path, nargs="+")
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--limit", type=int, default=0)
+    ap.add_argument("--size", type=lambda s: tuple(map(int, s.split("x"))), default=(512, 320), help="of the scenes; larger ones for people close by")
     a = ap.parse_args(argv)
+    width, height = a.size
     # with where their picture is
     frames = [dict(f, file=folder / f["file"]) for folder in a.synth for f in load(folder / "truth.json")["frames"] if f.get("file")][: a.limit or None]
     if not frames:
@@ -45,7 +45,7 @@ def main(argv: list[str]) -> None:
     people = [[p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3] for f in frames]
     n, room = len(frames), max(1, *map(len, people))
     shapes = dict(
-        image=((3, HEIGHT, WIDTH), np.uint8),
+        image=((3, height, width), np.uint8),
         joints2d=((room, NJ, 2), np.float32),
         visible=((room, NJ), np.uint8),
         joints3d=((room, NB, 3), np.float32),
@@ -56,7 +56,7 @@ def main(argv: list[str]) -> None:
     a.folder.mkdir(parents=True, exist_ok=True)
     out = {k: np.lib.format.open_memmap(a.folder / f"{k}.npy", "w+", shapes[k][1], (n, *shapes[k][0])) for k in FIELDS}
     for i, f in enumerate(frames):
-        image, s, du, dv = letterbox(np.asarray(Image.open(f["file"]).convert("RGB")), WIDTH, HEIGHT)
+        image, s, du, dv = letterbox(np.asarray(Image.open(f["file"]).convert("RGB")), width, height)
         out["image"][i] = image[0].round().to(torch.uint8).numpy()
         c = f["camera"]
         out["K"][i] = [[c["fx"] * s, 0, c["cx"] * s + du], [0, c["fy"] * s, c["cy"] * s + dv], [0, 0, 1]]

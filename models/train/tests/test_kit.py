@@ -473,6 +473,24 @@ class Tiles(unittest.TestCase):
         self.assertLess(int(turned.sum()), 70)
 
 
+    def test_close_people_are_as_large_as_asked_and_show_their_heads(self) -> None:
+        for side in (256, 1024):  # what is rendered larger may come closer
+            joints = torch.full((1, 1, NJ, 2), 0.5 * side) + torch.linspace(-0.4, 0.4, NJ)[:, None] * torch.tensor([0.0, side])
+            data = dict(
+                image=torch.zeros(1, 3, side, side, dtype=torch.uint8),
+                joints2d=joints,
+                visible=torch.ones(1, 1, NJ, dtype=torch.uint8),
+                joints3d=torch.randn(1, 1, NB, 3) + torch.tensor([0.0, 0.0, 9.0]),
+                rel3d=torch.randn(1, 1, NB, 3),
+                size_px=torch.full((1, 1), 0.8 * side),
+            )
+            t = Pool(data, 1, seed=3).draw(200, 96, 96, zoom=(0.5, 2.0), roll=0.0, close=(200.0, 600.0))
+            most = min(600.0, 1.6 * side)
+            self.assertTrue(bool(((t.size_px > 199) & (t.size_px < most + 1)).all()))
+            self.assertGreater(float(t.size_px.max()), 0.9 * most)
+            self.assertGreater(float(t.visible[:, 0, 0].float().mean()), 0.5)
+
+
 class Lifting(unittest.TestCase):
     def test_procrustes_undoes_a_similarity(self) -> None:
         x = torch.randn(5, 21, 3)
