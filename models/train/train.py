@@ -59,8 +59,16 @@ class Phase:
 
 GPU_PHASES = [
     Phase(0.30, [Mix(192, 192, 192, 192, (70, 200), [0.06, 0.72, 0.14, 0.08], (0.7, 1.2))]),
-    Phase(0.78, [Mix(256, 256, 128, 128, (80, 290), [0.06, 0.56, 0.22, 0.16], (0.8, 1.3))]),
-    Phase(1.1, [Mix(320, 512, 48, 48, (55, 330), [0.05, 0.30, 0.30, 0.20, 0.15], (0.95, 1.15))]),
+    Phase(
+        0.78,
+        [Mix(256, 256, 128, 128, (80, 290), [0.06, 0.56, 0.22, 0.16], (0.8, 1.3))] * 3
+        + [Mix(256, 256, 128, 128, (280, 800), [0.05, 0.73, 0.15, 0.07], (0.5, 2.6), close=True)],
+    ),
+    Phase(
+        1.1,
+        [Mix(320, 512, 48, 48, (55, 330), [0.05, 0.30, 0.30, 0.20, 0.15], (0.95, 1.15))] * 3
+        + [Mix(320, 512, 48, 48, (300, 900), [0.05, 0.60, 0.20, 0.10, 0.05], (0.5, 2.6), close=True)],
+    ),
 ]
 # A CPU has no time for empty pixels: small tiles full of people first, larger ones for larger people and crowds later.  What counts is
 # people of 100 to 300 px, at a kiosk rather more.  Where a network is good follows the sizes it is trained with: the fourth model, whose mixes had

@@ -30,7 +30,7 @@ from clips import SEEDS, line, people_of, row, total
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
 from distil import SEEN, Teachers, mirror_encodings, mirror_maps
 from dim import FULL_WELL, READ_NOISE, dim, linear, stored
-from framed import FRAME, frame
+from framed import FRAME, cut_off, frame
 from group import argmax_joints, people
 from letterbox import letterbox, to_original
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
@@ -44,6 +44,7 @@ from renorm import LIMITS, BatchRenorm2d
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import agreed, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
+from windows import seen_through, window
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(
@@ -443,6 +444,49 @@ class Framed(unittest.TestCase):
                 bright = np.maximum(x[ys, xs] - 20, 0)
                 self.assertAlmostEqual(float((bright * xs).sum() / bright.sum()), c, delta=0.3)
                 self.assertAlmostEqual(float((bright * ys).sum() / bright.sum()), r, delta=0.3)
+
+
+    def test_who_is_cut_off_fills_the_frame_down_to_the_cut(self) -> None:
+        joints = np.concatenate([PERSON + np.array([40, 20], np.float32), np.ones((NJ, 1), np.float32)], 1)
+        photo = np.full((190, 80, 3), 20, np.uint8)
+        photo[17:24, 37:44] = 255  # head top
+        for where, hips, knees in (("hips", 1, 0), ("thighs", 1, 0)):
+            cut = cut_off(Image.fromarray(photo), joints, where)
+            assert cut is not None
+            picture, moved = cut
+            self.assertEqual(picture.size, FRAME)
+            self.assertAlmostEqual(moved[0, 1], 0.25 * FRAME[1], delta=2)
+            self.assertEqual(moved[[8, 11], 2].tolist(), [hips, hips])
+            self.assertEqual(moved[[9, 12, 10, 13], 2].tolist(), [knees] * 4)
+            x = np.maximum(np.asarray(picture, np.float32)[..., 0] - 120, 0)  # beside the photo it is grey
+            ys, xs = np.mgrid[: FRAME[1], : FRAME[0]]
+            self.assertAlmostEqual(float((x * xs).sum() / x.sum()), moved[0, 0], delta=0.5)
+            self.assertAlmostEqual(float((x * ys).sum() / x.sum()), moved[0, 1], delta=0.5)
+        lying = joints.copy()
+        lying[:, :2] = joints[:, [1, 0]]
+        self.assertIsNone(cut_off(Image.fromarray(photo), lying, "hips"))
+
+
+class Windows(unittest.TestCase):
+    def test_a_window_keeps_rays_and_says_who_is_outside(self) -> None:
+        rng = np.random.default_rng(1)
+        camera = dict(fx=900.0, fy=900.0, cx=511.5, cy=319.5)
+        joints3d = np.array([[0.0, -0.8 + 0.08 * j, 3.0] for j in range(NB)])
+        joints2d = joints3d[:, :2] / joints3d[:, 2:] * 900 + [511.5, 319.5]
+        one = dict(stature=1.7, joints3d=joints3d.tolist(), joints2d=joints2d.tolist(), visibility=[1] * NB, box=[400.0, 50.0, 600.0, 600.0], pixels=9e4)
+        left, upper, scale = window(one, camera, (1024, 640), (600, 600), rng)
+        self.assertAlmostEqual(scale * 900 * 1.7 / joints3d[ROOT][2], 600, delta=1)
+        [seen] = seen_through([one], left, upper, scale)
+        there = np.array(seen["joints2d"])
+        inside = (there > -0.5).all(1) & (there < np.array([512, 320]) - 0.5).all(1)
+        self.assertTrue(inside[0] and not inside[NB - 1])
+        self.assertEqual(seen["visibility"], inside.astype(int).tolist())
+        moved = (np.array([511.5, 319.5]) + 0.5 - [left, upper]) * scale - 0.5
+        rays = joints3d[:, :2] / joints3d[:, 2:] * 900 * scale + moved
+        self.assertLess(np.abs(rays - there).max(), 0.02)
+        self.assertLessEqual(seen["box"][3], 320)
+        self.assertLess(seen["pixels"], 9e4 * scale**2)
+        self.assertEqual(seen_through([one], 5000, 0, scale), [])
 
 
 class Tiles(unittest.TestCase):
