@@ -33,6 +33,8 @@ const PEOPLE: usize = 32;
 const OUTLIER: f64 = 0.4;
 /// … and so does that of a newcomer who would have to be that small or tall (shares of the assumed stature).
 const BELIEVED: [f64; 2] = [0.45, 1.35];
+/// What is left of all feet after one that contradicts the floor: a camera that was moved has another one after some minutes.
+const DOUBT: f64 = 0.995;
 /// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
 const ROUNDS: usize = 4;
 
@@ -115,13 +117,10 @@ impl FloorEstimate {
         if let Some(floor) = &self.found
             && !floor.bears(foot, known.map(|k| &self.standers[k]))
         {
+            self.fade(DOUBT);
             return;
         }
-        let fade = (MEMORY / (self.count() + 1.0)).min(1.0);
-        for s in &mut self.standers {
-            s.xx *= fade;
-            s.xy *= fade;
-        }
+        self.fade((MEMORY / (self.count() + 1.0)).min(1.0));
         let mut own = known.map_or_else(
             || Stander {
                 id,
@@ -136,6 +135,13 @@ impl FloorEstimate {
         self.standers.retain(|s| s.count() > FORGOTTEN);
         if self.standers.len() > PEOPLE {
             self.standers.remove(0);
+        }
+    }
+
+    fn fade(&mut self, left: f64) {
+        for s in &mut self.standers {
+            s.xx *= left;
+            s.xy *= left;
         }
     }
 
@@ -253,7 +259,11 @@ mod tests {
 
     /// An ankle of somebody `share` times as tall as assumed who stands at (x, z) of the true floor, a little off.
     fn ankle(share: f64, x: f64, z: f64, off: f64) -> DVec3 {
-        let Ground { normal: n, offset } = truth();
+        ankle_on(truth(), share, x, z, off)
+    }
+
+    fn ankle_on(floor: Ground, share: f64, x: f64, z: f64, off: f64) -> DVec3 {
+        let Ground { normal: n, offset } = floor;
         let y = -(n.x * x + n.z * z + offset) / n.y;
         DVec3::new(x, y + off, z) / share - DVec3::new(0.0, ANKLE, 0.0)
     }
@@ -327,6 +337,23 @@ mod tests {
         let floor = floor.floor().unwrap();
         assert!((floor.stature(3).unwrap() - 1.0).abs() < 0.05, "{floor:?}");
         assert!((floor.stature(1).unwrap() - 1.0).abs() < 0.05, "{floor:?}");
+    }
+
+    #[test]
+    fn a_camera_that_was_moved_finds_its_new_floor() {
+        let mut estimate = walked(&[(1, 1.0), (2, 1.05)], 1000);
+        let moved = Ground {
+            normal: DVec3::NEG_Y,
+            offset: 0.9,
+        };
+        for i in 0..3000u32 {
+            let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
+            estimate.add(1 + i % 2, ankle_on(moved, 1.0, x, z, 0.0));
+            estimate.update();
+        }
+        let floor = estimate.floor().unwrap();
+        assert!(floor.ground.normal.dot(moved.normal) > 0.999, "{floor:?}");
+        assert!((floor.ground.offset - 0.9).abs() < 0.1, "{floor:?}");
     }
 
     #[test]
