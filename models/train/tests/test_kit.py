@@ -19,10 +19,12 @@ from PIL import Image
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(KIT))
 
+import card
 import checkpoint
 import export
 import person_score
 import photos
+import quant
 import targets
 import weights
 from augment import sharpen
@@ -803,6 +805,52 @@ class Normalisation(unittest.TestCase):
     def test_the_network_uses_it_everywhere(self) -> None:
         kinds = [type(m) for m in SelecSLSNet().modules() if isinstance(m, torch.nn.BatchNorm2d)]
         self.assertEqual(set(kinds), {BatchRenorm2d})
+
+
+class FakeQuantisation(unittest.TestCase):
+    def test_channels_have_ranges_of_their_own_and_7_bits(self) -> None:
+        relu = quant.QuantReLU(3)
+        x = torch.linspace(-1, 1, 4000).view(2, 1, 40, 50) * torch.tensor([8.0, 2.0, 0.0])[None, :, None, None]
+        relu.train()(x)
+        y = relu.eval()(x)
+        # the layer's range, the mean of it and the channel's own, and next to nothing
+        steps = torch.tensor([8.0, 4.0, 0.8]) / 127
+        levels = y / steps[None, :, None, None]
+        torch.testing.assert_close(levels, levels.round(), atol=1e-4, rtol=0)
+        self.assertLessEqual(float((y - x.relu()).abs().amax((0, 2, 3)).sub(steps / 2).max()), 1e-6)
+        self.assertEqual(len(y[:, 0].unique()), 128)
+        self.assertEqual(float(y[:, 2].abs().max()), 0.0)
+
+    def test_gradients_pass_what_is_rounded_and_not_what_is_clipped(self) -> None:
+        relu = quant.QuantReLU(1)
+        relu.amax.fill_(1.0)
+        x = torch.tensor([-0.5, 0.3, 1.5]).view(1, 1, 1, 3).requires_grad_()
+        relu.eval()(x).sum().backward()
+        self.assertEqual(x.grad.flatten().tolist(), [0.0, 1.0, 0.0])
+
+    def test_every_activation_of_the_network_is_rounded_and_comes_back(self) -> None:
+        torch.manual_seed(4)
+        net = quant.prepare(SelecSLSNet())
+        self.assertFalse([n for n, m in net.named_modules() if isinstance(m, torch.nn.ReLU)])
+        net.train()(torch.rand(2, 3, 64, 64) - 0.5)
+        ranges = quant.ranges(net)
+        self.assertTrue(all(r > 0 for r in ranges.values()))
+        other = quant.prepare(SelecSLSNet())
+        other.load_state_dict(net.state_dict())
+        self.assertEqual(quant.ranges(other), ranges)
+
+
+class Card(unittest.TestCase):
+    def test_a_row_says_what_was_measured_and_no_more(self) -> None:
+        finding = [dict(recall=0.9, people=20, precision=0.8, mean_oks=0.7), dict(recall=0.855, people=20, precision=0.8, mean_oks=0.75)]
+        pose = dict(mpjpe_mm=157.24, n_mpjpe_mm=140.0, pa_mpjpe_mm=119.0, people=17)
+        full = card.row("stills", dict(finding=finding, coco=dict(ap=0.485, ar=0.52), pck=0.762, pose3d=pose, identity=dict(idf1=0.93, switches=2)))
+        self.assertEqual(
+            full,
+            "| stills | 85.5 (90.0) % of 20, 80.0 % right | 48.5 / 52.0, 0.75 | 76.2 % | 157.2 / 140.0 / 119.0 mm of 17 | IDF1 93.0 %, 2 switches |",
+        )
+        self.assertEqual(card.row("LSP-test", dict(finding=[], pck=0.824)), "| LSP-test | – | – | 82.4 % | – |  |")
+        self.assertEqual(card.row("nobody", dict(finding=[], quiet=dict(quiet=98, pictures=100))), "| nobody | quiet 98 of 100 | | | | |")
 
 
 class Frames(unittest.TestCase):

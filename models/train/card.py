@@ -1,0 +1,122 @@
+"""What the program measures for the model card, in one call: python card.py HELD --data DATA [--model M.ecm] [options of `edgecap infer`, such as --flip-test].
+
+HELD keeps the held-out pictures: rendered stills and clips, LSP-test in frames; what is in it is not made again, so every model sees the same. One row a
+set, and with `--json` everything that `eval` said. Two calls side by side compare two models: `--model OTHER.ecm`, or float weights with `--stage2`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import clips
+import framed
+from choices import Program, folder_of
+from real import HELD_EVERY
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+TALL = (150, 200, 270)
+STILLS = {"stills": 990017}  # pictures that no training has seen, by seed
+
+
+@dataclass
+class Pictures:
+    """One set: what `infer` reads, how, and what `eval` holds it against."""
+
+    name: str
+    pictures: object
+    truth: list[object]
+    options: tuple[object, ...] = ()
+
+
+def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
+    """Renders and frames whatever is missing."""
+    held.mkdir(parents=True, exist_ok=True)
+    for name, seed in STILLS.items():
+        if not (held / name).exists():
+            program("synth", "--stills", "--frames", 120, "--people", 5, "--seed", seed, "--out", held / name)
+    people = str(data / "people2d")
+    for name, how in {f"tall{t}": ["--tall", str(t)] for t in TALL} | {f"cut_{c}": ["--cut", c] for c in framed.CUTS}:
+        if not (held / name / "annotations.json").exists():
+            framed.main([people, str(held / name), *how])
+
+
+def sets(held: pathlib.Path, data: pathlib.Path, work: pathlib.Path) -> Iterator[Pictures]:
+    demo = REPOSITORY / "models/demo/truth.json"
+    yield Pictures("demo clip", "demo", ["--truth", demo])
+    for name in STILLS:
+        yield Pictures(name, held / name, ["--truth", held / name / "truth.json"])
+    labels = sorted((data / "photos").glob("*/annotations.json"))
+    photos = folder_of(work, "photos", [p for s in labels for p in s.parent.glob("*.jpg")])
+    for size in ("512x320", "448x288", "384x240"):
+        yield Pictures(f"photos, {size}", photos, ["--truth", *labels], ("--size", size))
+    test = ["--split", "test"]
+    for folder in sorted(held.glob("*/annotations.json")):
+        yield Pictures(f"LSP-test, {folder.parent.name}", folder.parent / "lsp", ["--truth", folder, *test])
+    people = data / "people2d/annotations.json"
+    rows = [r for r in json.loads(people.read_text()) if r["split"] == "test"]
+    lsp = folder_of(work, "lsp", [data / "people2d" / r["file"] for r in rows])
+    yield Pictures("LSP-test, 256x256", lsp, ["--truth", people, *test], ("--size", "256x256"))
+    yield Pictures("four photos", data / "real3d", ["--truth", data / "real3d/annotations.json"])
+    nobody = folder_of(work, "nobody", sorted((data / "no_people").glob("*.jpg"))[HELD_EVERY - 1 :: HELD_EVERY])
+    yield Pictures("without people", nobody, ["--no-people"])
+
+
+def percent(x: float | None) -> str:
+    return "–" if x is None else f"{100 * x:.1f}"
+
+
+def row(name: str, report: dict) -> str:
+    """`report` as `eval --json` writes it."""
+    if quiet := report.get("quiet"):
+        return f"| {name} | quiet {quiet['quiet']} of {quiet['pictures']} | | | | |"
+    finding = report["finding"]
+    found = f"{percent(finding[1]['recall'])} ({percent(finding[0]['recall'])}) % of {finding[1]['people']}, {percent(finding[1]['precision'])} % right" if finding else "–"
+    coco = report.get("coco")
+    oks = f"{percent(coco['ap'])} / {percent(coco['ar'])}, {finding[1]['mean_oks']:.2f}" if coco else "–"
+    pose = report.get("pose3d")
+    depth = f"{pose['mpjpe_mm']:.1f} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
+    identity = report.get("identity")
+    who = f"IDF1 {percent(identity['idf1'])} %, {identity['switches']} switches" if identity else ""
+    return f"| {name} | {found} | {oks} | {percent(report.get('pck'))} % | {depth} | {who} |"
+
+
+def main(argv: list[str]) -> None:
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("held", type=pathlib.Path)
+    ap.add_argument("--data", type=pathlib.Path, required=True)
+    ap.add_argument("--edgecap", type=pathlib.Path, default=REPOSITORY / "target/release/edgecap")
+    ap.add_argument("--threads", type=int, default=2)
+    ap.add_argument("--clips", action="store_true", help="the ten clips of clips.py, too: eight minutes of rendering the first time")
+    ap.add_argument("--json", type=pathlib.Path, help="everything measured")
+    a, options = ap.parse_known_args(argv)
+    program = Program(a.edgecap, a.threads)
+    prepare(program, a.held, a.data)
+    everything: dict[str, dict] = {}
+    print("| pictures | found at OKS ≥ 0.5 (≥ 0.3) | AP / AR, mean OKS | PCK@0.2 | MPJPE / N-MPJPE / PA-MPJPE | who |\n|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as d:
+        work = pathlib.Path(d)
+        for s in sets(a.held, a.data, work):
+            lines = work / "people.jsonl"
+            program("infer", "--input", s.pictures, "--threads", a.threads, "--jsonl", lines, *s.options, *options)
+            everything[s.name] = json.loads(program("eval", "--predictions", lines, *s.truth, "--json", "-"))
+            print(row(s.name, everything[s.name]), flush=True)
+            if s.pictures == "demo":
+                fitted = work / "fitted.jsonl"
+                program("fit", "--input", lines, "--jsonl", fitted)
+                name = f"{s.name}, after the fit"
+                everything[name] = json.loads(program("eval", "--predictions", fitted, *s.truth, "--json", "-"))
+                print(row(name, everything[name]), flush=True)
+    if a.json:
+        a.json.write_text(json.dumps(everything))
+    if a.clips:
+        clips.main(["--keep", str(a.held / "clips"), "--edgecap", str(a.edgecap), "--threads", str(a.threads), *options])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
