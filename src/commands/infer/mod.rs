@@ -1,5 +1,9 @@
 //! `edgecap infer`: pictures in, observations out. The only process that sees pictures.
 
+mod engine_args;
+mod pipelines;
+mod zoom;
+
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -12,16 +16,18 @@ use serde::Serialize;
 
 use super::exit::Failure;
 use super::input::{self, InputArgs};
-use super::pipeline::{Pipeline, PipelineOptions};
 use super::stop::{self, Stop};
 use crate::capture::{CaptureError, Frame};
 use crate::output::AtomicFile;
 use crate::overlay;
+pub(super) use engine_args::{EngineArgs, parse_size};
+use pipelines::Pipelines;
+
+/// Network input for pictures that lie, pixels.
+pub(super) const DEFAULT_SIZE: (usize, usize) = (512, 320);
 
 /// How long to wait for a reader before the first frame of a file, and for it to leave after the last.
 const READER_PATIENCE: Duration = Duration::from_secs(5);
-/// Network input for pictures that lie, pixels.
-pub(super) const DEFAULT_SIZE: (usize, usize) = (512, 320);
 /// How often leftovers of killed processes are looked for.
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
@@ -44,117 +50,6 @@ pub struct InferArgs {
     /// End with this process
     #[arg(long, hide = true, value_name = "PID")]
     supervisor: Option<i32>,
-}
-
-/// Options of the network, shared by the verbs that run it.
-#[derive(Debug, Clone, clap::Args)]
-pub struct EngineArgs {
-    /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
-    #[arg(long, value_name = "FILE")]
-    pub model: Option<PathBuf>,
-    /// Weights of Stage II (safetensors) in place of the model's own
-    #[arg(long, value_name = "FILE")]
-    pub stage2: Option<PathBuf>,
-    /// Network input size, multiples of 16 [default: 512x320, turned for upright pictures]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<(usize, usize)>,
-    /// Threads for the network; all cores when not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub threads: Option<u16>,
-    /// Look at the mirror image of every picture, too, and take the mean: more accurate, twice the time
-    #[arg(long)]
-    pub flip_test: bool,
-}
-
-/// WIDTHxHEIGHT in multiples of 16.
-pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
-    let wrong = || {
-        format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320")
-    };
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-    let size = (
-        w.parse().map_err(|_| wrong())?,
-        h.parse().map_err(|_| wrong())?,
-    );
-    let ok = |n: usize| (64..=4096).contains(&n) && n.is_multiple_of(16);
-    if ok(size.0) && ok(size.1) {
-        Ok(size)
-    } else {
-        Err(wrong())
-    }
-}
-
-impl EngineArgs {
-    /// The arguments again, for a child process.
-    pub fn to_args(&self) -> Vec<std::ffi::OsString> {
-        let mut args: Vec<std::ffi::OsString> = Vec::new();
-        if let Some((w, h)) = self.size {
-            args.extend(["--size".into(), format!("{w}x{h}").into()]);
-        }
-        if let Some(model) = &self.model {
-            args.extend(["--model".into(), model.into()]);
-        }
-        if let Some(path) = &self.stage2 {
-            args.extend(["--stage2".into(), path.into()]);
-        }
-        if let Some(threads) = self.threads {
-            args.extend(["--threads".into(), threads.to_string().into()]);
-        }
-        if self.flip_test {
-            args.push("--flip-test".into());
-        }
-        args
-    }
-
-    fn build(&self, (width, height): (usize, usize)) -> anyhow::Result<Pipeline> {
-        let threads = self.threads.map_or_else(
-            || std::thread::available_parallelism().map_or(1, usize::from),
-            usize::from,
-        );
-        Pipeline::new(&PipelineOptions {
-            model: self.model.as_deref(),
-            stage2: self.stage2.as_deref(),
-            width,
-            height,
-            threads,
-            flip_test: self.flip_test,
-        })
-    }
-}
-
-/// The stages, built when the first picture of either orientation comes: people in an upright picture would be small in a
-/// network input that lies.
-struct Pipelines<'a> {
-    engine: &'a EngineArgs,
-    lying: Option<Pipeline>,
-    upright: Option<Pipeline>,
-}
-
-impl<'a> Pipelines<'a> {
-    /// Builds the one for lying pictures, so that a wrong model is told before the first frame.
-    fn new(engine: &'a EngineArgs) -> anyhow::Result<Self> {
-        let lying = engine.build(engine.size.unwrap_or(DEFAULT_SIZE))?;
-        Ok(Self {
-            engine,
-            lying: Some(lying),
-            upright: None,
-        })
-    }
-
-    fn of(&mut self, frame: &Frame) -> anyhow::Result<&mut Pipeline> {
-        let turned = frame.height > frame.width && self.engine.size.is_none();
-        let slot = if turned {
-            &mut self.upright
-        } else {
-            &mut self.lying
-        };
-        if slot.is_none() {
-            let (w, h) = DEFAULT_SIZE;
-            *slot = Some(self.engine.build(if turned { (h, w) } else { (w, h) })?);
-        }
-        slot.as_mut()
-            .ok_or_else(|| anyhow::anyhow!("no stages for this picture"))
-    }
 }
 
 #[derive(Serialize)]
@@ -214,6 +109,12 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         stop::with_supervisor(pid)?;
     }
     let chosen = input::choose(&args.input);
+    if args.engine.follows_people() && chosen.is_stills() && args.input.fps.is_none() {
+        return Err(Failure::usage(
+            "--size auto follows people from picture to picture: expected a film, a camera or a folder of its frames with --fps, found photos: give --size WxH",
+        )
+        .into());
+    }
     let camera = input::camera_file(&args.input, &chosen)?;
     let mut source = chosen.open(&args.input)?;
     let label = chosen.spec.to_string();
@@ -259,7 +160,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         let intrinsics = camera
             .for_frame(frame.width, frame.height)
             .map_err(Failure::config)?;
-        let seen = pipelines.of(&frame)?.process(&frame, &intrinsics)?;
+        let seen = pipelines.process(&frame, &intrinsics)?;
         if let Some((file, path)) = &mut jsonl {
             let line = Line {
                 frame: frame.sequence,

@@ -1,0 +1,130 @@
+//! Which network at which size, as the user says it.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use super::DEFAULT_SIZE;
+use super::zoom::INPUTS;
+use crate::commands::pipeline::{Pipeline, PipelineOptions};
+
+/// Options of the network, shared by the verbs that run it.
+#[derive(Debug, Clone, clap::Args)]
+pub struct EngineArgs {
+    /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Weights of Stage II (safetensors) in place of the model's own
+    #[arg(long, value_name = "FILE")]
+    pub stage2: Option<PathBuf>,
+    /// Network input size, multiples of 16 [default: 512x320, turned for upright pictures], or 'auto': as small as those in view
+    /// allow, which sees people close to the camera better and takes less time
+    #[arg(long, value_name = "WxH", value_parser = parse_input)]
+    pub size: Option<InputSize>,
+    /// Threads for the network; all cores when not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: Option<u16>,
+    /// Look at the mirror image of every picture, too, and take the mean: more accurate, twice the time
+    #[arg(long)]
+    pub flip_test: bool,
+}
+
+/// The network's input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputSize {
+    /// Pixels across and down.
+    Fixed(usize, usize),
+    /// As those in view want it.
+    Auto,
+}
+
+fn parse_input(text: &str) -> Result<InputSize, String> {
+    match text {
+        "auto" => Ok(InputSize::Auto),
+        size => parse_size(size)
+            .map(|(w, h)| InputSize::Fixed(w, h))
+            .map_err(|e| format!("{e}, or 'auto'")),
+    }
+}
+
+/// WIDTHxHEIGHT in multiples of 16.
+pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
+    let wrong = || {
+        format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320")
+    };
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let size = (
+        w.parse().map_err(|_| wrong())?,
+        h.parse().map_err(|_| wrong())?,
+    );
+    let ok = |n: usize| (64..=4096).contains(&n) && n.is_multiple_of(16);
+    if ok(size.0) && ok(size.1) {
+        Ok(size)
+    } else {
+        Err(wrong())
+    }
+}
+
+impl EngineArgs {
+    /// The arguments again, for a child process.
+    pub fn to_args(&self) -> Vec<OsString> {
+        let mut args: Vec<OsString> = Vec::new();
+        match self.size {
+            Some(InputSize::Fixed(w, h)) => {
+                args.extend(["--size".into(), format!("{w}x{h}").into()])
+            }
+            Some(InputSize::Auto) => args.extend(["--size".into(), "auto".into()]),
+            None => {}
+        }
+        if let Some(model) = &self.model {
+            args.extend(["--model".into(), model.into()]);
+        }
+        if let Some(path) = &self.stage2 {
+            args.extend(["--stage2".into(), path.into()]);
+        }
+        if let Some(threads) = self.threads {
+            args.extend(["--threads".into(), threads.to_string().into()]);
+        }
+        if self.flip_test {
+            args.push("--flip-test".into());
+        }
+        args
+    }
+
+    /// Whether the input size follows the people in view.
+    pub fn follows_people(&self) -> bool {
+        self.size == Some(InputSize::Auto)
+    }
+
+    /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest on.
+    pub fn size_of(&self, upright: bool, level: usize) -> (usize, usize) {
+        match self.size {
+            Some(InputSize::Fixed(w, h)) => (w, h),
+            Some(InputSize::Auto) => turned(INPUTS[level], upright),
+            None => turned(DEFAULT_SIZE, upright),
+        }
+    }
+
+    /// The stages at this size.
+    ///
+    /// # Errors
+    /// As [`Pipeline::new`].
+    pub fn build(&self, (width, height): (usize, usize)) -> anyhow::Result<Pipeline> {
+        let threads = self.threads.map_or_else(
+            || std::thread::available_parallelism().map_or(1, usize::from),
+            usize::from,
+        );
+        Pipeline::new(&PipelineOptions {
+            model: self.model.as_deref(),
+            stage2: self.stage2.as_deref(),
+            width,
+            height,
+            threads,
+            flip_test: self.flip_test,
+        })
+    }
+}
+
+/// A size for pictures that lie, for those of the other orientation if `upright`.
+pub fn turned((w, h): (usize, usize), upright: bool) -> (usize, usize) {
+    if upright { (h, w) } else { (w, h) }
+}

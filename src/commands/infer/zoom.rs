@@ -1,0 +1,217 @@
+//! Which input the next picture takes, where that follows the people in view.
+//!
+//! The network knows people of some 60 to 300 pixels best, whatever the picture: somebody before a screen is taller than that at 512×320 and is
+//! better seen by an input of half the size, which takes a quarter of the time; somebody across the hall needs the whole size. So the input is as
+//! small as the tallest person wants it, unless that makes the smallest one too small; and as those whom the present size cannot see would never
+//! be missed, another size is looked at beside it now and then.
+
+use edgecap_client::message::Observation;
+
+/// Network inputs for pictures that lie, from the largest to the smallest.
+pub const INPUTS: [(usize, usize); 3] = [(512, 320), (384, 240), (256, 160)];
+/// Somebody taller than this, network pixels, is better seen by a smaller input.
+const TALL: f32 = 320.0;
+/// Somebody smaller than this is not to become smaller.
+const SMALL: f32 = 90.0;
+/// How long everybody must want another input before it is taken.
+const PATIENCE_NS: u64 = 500_000_000;
+/// How often another input is looked at beside the present one.
+const LOOK_EVERY_NS: u64 = 1_000_000_000;
+
+/// The input at present, and who wants another.
+#[derive(Debug, Clone, Default)]
+pub struct Zoom {
+    level: usize,
+    /// Another input that people want, and since when, nanoseconds.
+    wish: Option<(usize, u64)>,
+    looked_ns: Option<u64>,
+    looked_at: usize,
+}
+
+impl Zoom {
+    /// Which of [`INPUTS`] the next picture takes.
+    pub fn level(&self) -> usize {
+        self.level
+    }
+
+    /// The input that the picture taken at `now` nanoseconds is to be looked at with as well, if any: every other one in its turn.
+    pub fn look_elsewhere(&mut self, now: u64) -> Option<usize> {
+        // A clock that went backwards is a film that began again.
+        let due = self
+            .looked_ns
+            .is_none_or(|at| now < at || now - at >= LOOK_EVERY_NS);
+        if !due {
+            return None;
+        }
+        self.looked_ns = Some(now);
+        loop {
+            self.looked_at = (self.looked_at + 1) % INPUTS.len();
+            if self.looked_at != self.level {
+                return Some(self.looked_at);
+            }
+        }
+    }
+
+    /// Takes in how tall people are, pixels of the largest input: those seen by the present input in the picture taken at `now`, and those seen by
+    /// another one if it was looked at.
+    pub fn seen(&mut self, now: u64, here: &[f32], elsewhere: Option<&[f32]>) {
+        let everybody = here.iter().chain(elsewhere.unwrap_or_default()).copied();
+        let wanted = wanted(everybody);
+        if wanted == self.level {
+            self.wish = None;
+            return;
+        }
+        let since = match self.wish {
+            Some((level, since)) if level == wanted && since <= now => since,
+            _ => now,
+        };
+        // Whom only another input sees, the present one will not see next time either.
+        if elsewhere.is_some() || now - since >= PATIENCE_NS {
+            self.level = wanted;
+            self.wish = None;
+        } else {
+            self.wish = Some((wanted, since));
+        }
+    }
+}
+
+/// The input for people of these statures, pixels of the largest input; the largest for nobody.
+fn wanted(statures: impl Iterator<Item = f32>) -> usize {
+    let (least, most) = statures.fold((f32::INFINITY, 0.0f32), |(a, b), s| (a.min(s), b.max(s)));
+    let share = |level: usize| INPUTS[level].0 as f32 / INPUTS[0].0 as f32;
+    let last = INPUTS.len() - 1;
+    let low_enough = (0..last).find(|&k| most * share(k) <= TALL).unwrap_or(last);
+    let large_enough = (0..=last)
+        .rev()
+        .find(|&k| least * share(k) >= SMALL)
+        .unwrap_or(0);
+    low_enough.min(large_enough)
+}
+
+/// How tall somebody is upright, pixels of the picture: the scale between the joints seen and the body's, times 1.70 m. `None` for who shows too little.
+pub fn stature(o: &Observation) -> Option<f32> {
+    use edgecap_client::joints::CANONICAL_STATURE;
+    let joints = || {
+        o.joints2d
+            .iter()
+            .zip(&o.joints3d)
+            .filter(|(p, _)| p[2] > 0.0)
+    };
+    let n = joints().count() as f32;
+    if n < 3.0 {
+        return None;
+    }
+    let mut mean = [0.0; 4];
+    for (p, x) in joints() {
+        for (m, v) in mean.iter_mut().zip([p[0], p[1], x[0], x[1]]) {
+            *m += v / n;
+        }
+    }
+    let (mut both, mut body) = (0.0, 0.0);
+    for (p, x) in joints() {
+        let (u, v, a, b) = (
+            p[0] - mean[0],
+            p[1] - mean[1],
+            x[0] - mean[2],
+            x[1] - mean[3],
+        );
+        both += u * a + v * b;
+        body += a * a + b * b;
+    }
+    let pixels = both / body * CANONICAL_STATURE;
+    (pixels.is_finite() && pixels > 0.0).then_some(pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME_NS: u64 = 33_333_333;
+
+    /// Ten seconds of pictures: `see` says who an input of this level sees. The input that the last picture had.
+    fn after_ten_seconds(zoom: &mut Zoom, from: u64, see: impl Fn(usize) -> Vec<f32>) -> usize {
+        let mut level = zoom.level();
+        for k in 0..300 {
+            let now = from + k * FRAME_NS;
+            let other = zoom.look_elsewhere(now).map(&see);
+            level = zoom.level();
+            zoom.seen(now, &see(level), other.as_deref());
+        }
+        level
+    }
+
+    /// Those of these people whom an input sees: 60 to 400 of its pixels.
+    fn seen_by(people: &[f32]) -> impl Fn(usize) -> Vec<f32> {
+        move |level| {
+            let share = INPUTS[level].0 as f32 / INPUTS[0].0 as f32;
+            let sees = |s: &&f32| (60.0..400.0).contains(&(**s * share));
+            people.iter().filter(sees).copied().collect()
+        }
+    }
+
+    #[test]
+    fn the_input_is_as_small_as_people_allow() {
+        let wants = |people: &[f32]| wanted(people.iter().copied());
+        assert_eq!(wants(&[]), 0);
+        assert_eq!(wants(&[200.0]), 0);
+        assert_eq!(wants(&[400.0]), 1);
+        assert_eq!(wants(&[700.0, 300.0]), 2);
+        // who is far away would be lost
+        assert_eq!(wants(&[700.0, 130.0]), 1);
+        assert_eq!(wants(&[700.0, 100.0]), 0);
+    }
+
+    #[test]
+    fn whom_the_present_input_does_not_see_is_found_by_looking_with_another() {
+        let mut zoom = Zoom::default();
+        // nobody, then somebody before the screen, then somebody far away as well, then nobody
+        let scenes: [(&[f32], usize); 4] = [(&[], 0), (&[700.0], 2), (&[700.0, 70.0], 0), (&[], 0)];
+        for (k, (people, level)) in (0..).zip(scenes) {
+            let from = k * 300 * FRAME_NS;
+            assert_eq!(after_ten_seconds(&mut zoom, from, seen_by(people)), level);
+        }
+    }
+
+    #[test]
+    fn a_moment_changes_nothing() {
+        let mut zoom = Zoom::default();
+        assert_eq!(after_ten_seconds(&mut zoom, 0, |_| vec![200.0]), 0);
+        let now = 300 * FRAME_NS;
+        zoom.seen(now, &[400.0], None);
+        zoom.seen(now + FRAME_NS, &[200.0], None);
+        zoom.seen(now + 30 * FRAME_NS, &[400.0], None);
+        assert_eq!(zoom.level(), 0);
+        zoom.seen(now + 50 * FRAME_NS, &[400.0], None);
+        assert_eq!(zoom.level(), 1);
+    }
+
+    #[test]
+    fn another_input_is_looked_at_once_a_second_and_never_the_present_one() {
+        let mut zoom = Zoom::default();
+        let looks: Vec<_> = (0..150)
+            .filter_map(|k| zoom.look_elsewhere(k * FRAME_NS))
+            .collect();
+        assert_eq!(looks, [1, 2, 1, 2, 1]);
+        // a film that begins again
+        assert_eq!(zoom.look_elsewhere(0), Some(2));
+    }
+
+    #[test]
+    fn how_tall_somebody_is_does_not_depend_on_what_shows() {
+        let mut o = Observation::default();
+        for (k, (p, x)) in o.joints2d.iter_mut().zip(&mut o.joints3d).enumerate() {
+            let (a, b) = ((k as f32 * 1.7).sin() * 0.4, (k as f32 * 0.9).cos() * 0.8);
+            (x[0], x[1]) = (a, b);
+            *p = [300.0 + 250.0 * a, 200.0 + 250.0 * b, 0.9];
+        }
+        assert!((stature(&o).unwrap() - 425.0).abs() < 0.1);
+        for p in &mut o.joints2d[8..] {
+            p[2] = 0.0;
+        }
+        assert!((stature(&o).unwrap() - 425.0).abs() < 0.1);
+        for p in &mut o.joints2d[2..] {
+            p[2] = 0.0;
+        }
+        assert_eq!(stature(&o), None);
+    }
+}

@@ -1,0 +1,102 @@
+//! `infer --size auto`: the input follows the people in view.
+
+mod program;
+
+use std::path::Path;
+
+use image::imageops::FilterType;
+use serde_json::Value;
+
+/// People per frame as `infer` writes them.
+fn people(input: &[&str], options: &[&str]) -> Vec<Value> {
+    let result = tempfile::tempdir().unwrap();
+    let file = result.path().join("people.jsonl");
+    let fixed = ["infer", "--jsonl", file.to_str().unwrap(), "--threads", "1"];
+    let out = program::output(&[&fixed[..], input, options].concat());
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    let text = std::fs::read_to_string(file).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["people"].clone())
+        .collect()
+}
+
+/// A picture of one person, rendered, and the same from so near that they are three times as tall: the upper third of their box fills it.
+fn far_and_near(folder: &Path) -> [image::DynamicImage; 2] {
+    let out = folder.join("rendered");
+    let scene = ["--frames", "1", "--people", "1", "--seed", "4"];
+    let made = program::output(
+        &[
+            &["synth", "--stills", "--out", out.to_str().unwrap()][..],
+            &scene,
+        ]
+        .concat(),
+    );
+    assert!(made.status.success(), "{}", program::stderr(&made));
+    let far = image::open(out.join("000000.jpg")).unwrap();
+    let truth = std::fs::read_to_string(out.join("truth.json")).unwrap();
+    let truth: Value = serde_json::from_str(&truth).unwrap();
+    let person = &truth["frames"][0]["people"][0];
+    let at: Vec<[f64; 2]> = serde_json::from_value(person["joints2d"].clone()).unwrap();
+    println!("{:?} {}", &at[..14], person["visibility"]);
+    let (w, h) = (512 / 3, 320 / 3);
+    let left = (at[1][0] as u32).saturating_sub(w / 2).min(512 - w);
+    let upper = (at[0][1] as u32).saturating_sub(10).min(320 - h);
+    let near = far
+        .crop_imm(left, upper, w, h)
+        .resize_exact(512, 320, FilterType::CatmullRom);
+    [far, near]
+}
+
+#[test]
+fn somebody_who_comes_close_is_looked_at_with_a_smaller_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let [far, near] = far_and_near(folder.path());
+    let film = folder.path().join("film");
+    std::fs::create_dir(&film).unwrap();
+    for k in 0..24 {
+        let picture = if (8..16).contains(&k) { &near } else { &far };
+        picture.save(film.join(format!("{k:02}.png"))).unwrap();
+    }
+    let input = ["--input", film.to_str().unwrap(), "--fps", "4"];
+    let auto = people(&input, &["--size", "auto"]);
+    let large = people(&input, &["--size", "512x320"]);
+    let small = people(&input, &["--size", "256x160"]);
+    for k in 0..24 {
+        println!(
+            "{k}: {} {} {}",
+            auto[k].as_array().unwrap().len(),
+            auto[k] == large[k],
+            auto[k] == small[k]
+        );
+    }
+    assert_eq!(auto[..8], large[..8]);
+    // a second, and half a second of patience
+    assert_eq!(auto[14..16], small[14..16]);
+    assert_ne!(auto[14..16], large[14..16]);
+    assert_eq!(auto[22..], large[22..]);
+}
+
+#[test]
+fn the_demo_needs_no_other_input() {
+    let demo = ["--input", "demo"];
+    assert_eq!(people(&demo, &["--size", "auto"]), people(&demo, &[]));
+}
+
+#[test]
+fn photos_have_nothing_before_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let [far, _] = far_and_near(folder.path());
+    let photo = folder.path().join("photo.png");
+    far.save(&photo).unwrap();
+    let photo = photo.to_str().unwrap();
+    let args = [
+        "infer",
+        "--input",
+        photo,
+        "--jsonl",
+        "/dev/null",
+        "--size",
+        "auto",
+    ];
+    program::assert_fails(&args, 64, &["--size auto", "photos", "--size WxH"]);
+}
