@@ -46,7 +46,7 @@ from renorm import LIMITS, BatchRenorm2d
 from mistakes import Mistakes, Seen, encodings, match, record
 from stage2 import agreed, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
-from windows import seen_through, window
+from windows import most_seen, seen_through, window
 
 # A person standing, 150 px tall: head top, neck, right arm, left arm, right leg, left leg.
 PERSON = np.array(
@@ -489,6 +489,19 @@ class Windows(unittest.TestCase):
         self.assertLessEqual(seen["box"][3], 320)
         self.assertLess(seen["pixels"], 9e4 * scale**2)
         self.assertEqual(seen_through([one], 5000, 0, scale), [])
+
+    def test_a_film_is_of_whoever_shows_their_head_most(self) -> None:
+        camera = dict(fx=900.0)
+
+        def person(id_: int, distance: float, head: int) -> dict:
+            return dict(id=id_, stature=1.7, joints3d=[[0.0, 0.0, distance]] * NB, visibility=[head, 1] + [1] * (NB - 2))
+
+        # 510 px, head hidden twice; 510 px; too far away
+        frames = [dict(camera=camera, people=[person(1, 3.0, int(k < 3)), person(2, 3.0 + k / 100, 1), person(3, 30.0, 1)]) for k in range(5)]
+        chosen = most_seen(frames, 300)
+        assert chosen
+        self.assertEqual((chosen[0]["id"], chosen[0]["joints3d"][0][2]), (2, 3.02))
+        self.assertIsNone(most_seen(frames, 900))
 
 
 class Tiles(unittest.TestCase):

@@ -3,7 +3,6 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use super::DEFAULT_SIZE;
 use super::zoom::INPUTS;
 use crate::commands::pipeline::{Pipeline, PipelineOptions};
 
@@ -16,8 +15,8 @@ pub struct EngineArgs {
     /// Weights of Stage II (safetensors) in place of the model's own
     #[arg(long, value_name = "FILE")]
     pub stage2: Option<PathBuf>,
-    /// Network input size, multiples of 16 [default: 512x320, turned for upright pictures], or 'auto': as small as those in view
-    /// allow, which sees people close to the camera better and takes less time
+    /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people close to the
+    /// camera better in less time [default: auto for films and cameras, 512x320 for photos; turned for upright pictures]
     #[arg(long, value_name = "WxH", value_parser = parse_input)]
     pub size: Option<InputSize>,
     /// Threads for the network; all cores when not given
@@ -90,17 +89,11 @@ impl EngineArgs {
         args
     }
 
-    /// Whether the input size follows the people in view.
-    pub fn follows_people(&self) -> bool {
-        self.size == Some(InputSize::Auto)
-    }
-
     /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest on.
     pub fn size_of(&self, upright: bool, level: usize) -> (usize, usize) {
         match self.size {
             Some(InputSize::Fixed(w, h)) => (w, h),
-            Some(InputSize::Auto) => turned(INPUTS[level], upright),
-            None => turned(DEFAULT_SIZE, upright),
+            Some(InputSize::Auto) | None => turned(INPUTS[level], upright),
         }
     }
 

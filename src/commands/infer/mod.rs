@@ -20,11 +20,11 @@ use super::stop::{self, Stop};
 use crate::capture::{CaptureError, Frame};
 use crate::output::AtomicFile;
 use crate::overlay;
-pub(super) use engine_args::{EngineArgs, parse_size};
+pub(super) use engine_args::{EngineArgs, InputSize, parse_size};
 use pipelines::Pipelines;
 
-/// Network input for pictures that lie, pixels.
-pub(super) const DEFAULT_SIZE: (usize, usize) = (512, 320);
+/// Network input for pictures that lie, pixels, where it does not follow the people in view.
+pub(super) const DEFAULT_SIZE: (usize, usize) = zoom::INPUTS[0];
 
 /// How long to wait for a reader before the first frame of a file, and for it to leave after the last.
 const READER_PATIENCE: Duration = Duration::from_secs(5);
@@ -109,7 +109,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         stop::with_supervisor(pid)?;
     }
     let chosen = input::choose(&args.input);
-    if args.engine.follows_people() && chosen.is_stills() && args.input.fps.is_none() {
+    let film = !chosen.is_stills() || args.input.fps.is_some();
+    if args.engine.size == Some(InputSize::Auto) && !film {
         return Err(Failure::usage(
             "--size auto follows people from picture to picture: expected a film, a camera or a folder of its frames with --fps, found photos: give --size WxH",
         )
@@ -134,7 +135,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     } else {
         None
     };
-    let mut pipelines = Pipelines::new(&args.engine)?;
+    let mut pipelines = Pipelines::new(&args.engine, film)?;
     tracing::info!(source = %label, name = %chosen.name, "infer starts");
 
     if let (Some(p), true) = (&publisher, args.wait_for_reader) {

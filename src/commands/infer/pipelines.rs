@@ -2,7 +2,7 @@
 
 use edgecap_client::message::{Intrinsics, Observation};
 
-use super::engine_args::{EngineArgs, turned};
+use super::engine_args::{EngineArgs, InputSize, turned};
 use super::zoom::{INPUTS, Zoom, stature};
 use crate::capture::Frame;
 use crate::commands::pipeline::{Pipeline, Seen};
@@ -26,17 +26,23 @@ struct Following {
 }
 
 impl<'a> Pipelines<'a> {
-    /// Builds the one for lying pictures, so that a wrong model is told before the first frame.
+    /// Builds the one for lying pictures, so that a wrong model is told before the first frame. Where the user names no size, that of a `film`
+    /// follows the people in view.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
-    pub fn new(engine: &'a EngineArgs) -> anyhow::Result<Self> {
+    pub fn new(engine: &'a EngineArgs, film: bool) -> anyhow::Result<Self> {
+        let follows = match engine.size {
+            Some(InputSize::Fixed(..)) => false,
+            Some(InputSize::Auto) => true,
+            None => film,
+        };
         let mut built: [[Option<Pipeline>; INPUTS.len()]; 2] = Default::default();
         ready(&mut built[0][0], engine, engine.size_of(false, 0))?;
         Ok(Self {
             engine,
             built,
-            following: engine.follows_people().then(Following::default),
+            following: follows.then(Following::default),
         })
     }
 
