@@ -1,6 +1,7 @@
-//! Files and folders that appear whole or not at all: written beside their place, then renamed.
+//! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such as `/dev/stdout`,
+//! `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -21,22 +22,67 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.finish()
 }
 
+/// Where bytes go until the file is finished.
+#[derive(Debug)]
+enum Place {
+    /// Beside the file's place.
+    Beside(NamedTempFile),
+    /// A device or pipe that was there before and stays.
+    Device(File),
+}
+
+impl Write for Place {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Beside(file) => file.write(buf),
+            Self::Device(file) => file.write(buf),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Beside(file) => file.flush(),
+            Self::Device(file) => file.flush(),
+        }
+    }
+}
+
+impl Seek for Place {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Self::Beside(file) => file.seek(to),
+            Self::Device(file) => file.seek(to),
+        }
+    }
+}
+
 /// A file being written; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
 #[derive(Debug)]
 pub struct AtomicFile {
     /// `None` once the file is finished or given up.
-    writer: Option<BufWriter<NamedTempFile>>,
+    writer: Option<BufWriter<Place>>,
     path: PathBuf,
     /// A folder made for this file alone.
     made: Option<PathBuf>,
 }
 
 impl AtomicFile {
-    /// Starts writing what will become `path`; missing parent folders are made.
+    /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the bytes at once.
     ///
     /// # Errors
     /// If the folder cannot be made or written.
     pub fn create(path: &Path) -> io::Result<Self> {
+        // Through links, so that none is replaced by a file.
+        let found = path.canonicalize();
+        let path = found.as_deref().unwrap_or(path);
+        if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            let device = File::options().write(true).open(path)?;
+            return Ok(Self {
+                writer: Some(BufWriter::new(Place::Device(device))),
+                path: path.to_owned(),
+                made: None,
+            });
+        }
         let folder = parent(path);
         let made = (!folder.exists()).then(|| folder.to_owned());
         fs::create_dir_all(folder)?;
@@ -53,7 +99,7 @@ impl AtomicFile {
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
         Ok(Self {
-            writer: Some(BufWriter::new(file)),
+            writer: Some(BufWriter::new(Place::Beside(file))),
             path: path.to_owned(),
             made,
         })
@@ -66,7 +112,10 @@ impl AtomicFile {
     pub fn sync(&mut self) -> io::Result<()> {
         let writer = self.inner()?;
         writer.flush()?;
-        writer.get_ref().as_file().sync_all()
+        match writer.get_ref() {
+            Place::Beside(file) => file.as_file().sync_all(),
+            Place::Device(_) => Ok(()),
+        }
     }
 
     /// Gives the file its name, replacing an older one.
@@ -75,16 +124,18 @@ impl AtomicFile {
     /// If the disk is full or the rename fails.
     pub fn finish(mut self) -> io::Result<()> {
         if let Some(writer) = self.writer.take() {
-            let file = writer
+            let place = writer
                 .into_inner()
                 .map_err(io::IntoInnerError::into_error)?;
-            file.persist(&self.path).map_err(|e| e.error)?;
+            if let Place::Beside(file) = place {
+                file.persist(&self.path).map_err(|e| e.error)?;
+            }
             self.made = None;
         }
         Ok(())
     }
 
-    fn inner(&mut self) -> io::Result<&mut BufWriter<NamedTempFile>> {
+    fn inner(&mut self) -> io::Result<&mut BufWriter<Place>> {
         self.writer
             .as_mut()
             .ok_or_else(|| io::ErrorKind::NotConnected.into())
@@ -198,6 +249,36 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"headtail");
         write(&path, b"other").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"other");
+    }
+
+    #[test]
+    fn a_link_stays_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink("file", &link).unwrap();
+        write(&link, b"new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_pipe_gets_the_bytes_and_stays_a_pipe() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read_to_string(pipe).unwrap()
+        });
+        let mut file = AtomicFile::create(&pipe).unwrap();
+        file.write_all(b"line").unwrap();
+        file.sync().unwrap();
+        file.finish().unwrap();
+        assert_eq!(reader.join().unwrap(), "line");
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]
