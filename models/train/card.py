@@ -41,7 +41,8 @@ def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
         if not (held / name).exists():
             program("synth", "--stills", "--frames", 120, "--people", 5, "--seed", seed, "--out", held / name)
     people = str(data / "people2d")
-    for name, how in {f"tall{t}": ["--tall", str(t)] for t in TALL} | {f"cut_{c}": ["--cut", c] for c in framed.CUTS}:
+    frames = {f"tall{t}": ["--tall", str(t)] for t in TALL} | {f"cut_{c}": ["--cut", c] for c in framed.CUTS}
+    for name, how in frames.items():
         if not (held / name / "annotations.json").exists():
             framed.main([people, str(held / name), *how])
 

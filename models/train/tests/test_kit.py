@@ -834,6 +834,15 @@ class FakeQuantisation(unittest.TestCase):
         self.assertEqual(len(y[:, 0].unique()), 128)
         self.assertEqual(float(y[:, 2].abs().max()), 0.0)
 
+    def test_a_wild_picture_does_not_stretch_the_ranges(self) -> None:
+        relu = quant.QuantReLU(2).train()
+        x = torch.ones(5, 2, 4, 4) * torch.tensor([1.0, 0.5])[:, None, None]
+        x[3] *= 50
+        relu(x)
+        self.assertEqual(relu.amax.tolist(), [1.0, 0.5])
+        relu(x[:1] * 0.1)
+        torch.testing.assert_close(relu.amax, torch.tensor([0.95, 0.475]))
+
     def test_gradients_pass_what_is_rounded_and_not_what_is_clipped(self) -> None:
         relu = quant.QuantReLU(1)
         relu.amax.fill_(1.0)
