@@ -21,6 +21,7 @@ from real import HELD_EVERY
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 TALL = (150, 200, 270)
+DEMO = "demo clip"  # as any file, its lens not known
 STILLS = {"stills": 990017}  # pictures that no training has seen, by seed
 
 
@@ -48,8 +49,8 @@ def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
 
 
 def sets(held: pathlib.Path, data: pathlib.Path, work: pathlib.Path) -> Iterator[Pictures]:
-    demo = REPOSITORY / "models/demo/truth.json"
-    yield Pictures("demo clip", "demo", ["--truth", demo])
+    demo = REPOSITORY / "models/demo"
+    yield Pictures(DEMO, demo / "demo.avi", ["--truth", demo / "truth.json"])
     for name in STILLS:
         yield Pictures(name, held / name, ["--truth", held / name / "truth.json"])
     labels = sorted((data / "photos").glob("*/annotations.json"))
@@ -93,6 +94,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--data", type=pathlib.Path, required=True)
     ap.add_argument("--edgecap", type=pathlib.Path, default=REPOSITORY / "target/release/edgecap")
     ap.add_argument("--threads", type=int, default=2)
+    ap.add_argument("--only", nargs="*", default=[""], help="sets whose names begin so")
     ap.add_argument("--clips", action="store_true", help="the ten clips of clips.py, too: eight minutes of rendering the first time")
     ap.add_argument("--json", type=pathlib.Path, help="everything measured")
     a, options = ap.parse_known_args(argv)
@@ -103,11 +105,13 @@ def main(argv: list[str]) -> None:
     with tempfile.TemporaryDirectory() as d:
         work = pathlib.Path(d)
         for s in sets(a.held, a.data, work):
+            if not s.name.startswith(tuple(a.only)):
+                continue
             lines = work / "people.jsonl"
             program("infer", "--input", s.pictures, "--threads", a.threads, "--jsonl", lines, *s.options, *options)
             everything[s.name] = json.loads(program("eval", "--predictions", lines, *s.truth, "--json", "-"))
             print(row(s.name, everything[s.name]), flush=True)
-            if s.pictures == "demo":
+            if s.name == DEMO:
                 fitted = work / "fitted.jsonl"
                 program("fit", "--input", lines, "--jsonl", fitted)
                 name = f"{s.name}, after the fit"
