@@ -12,6 +12,7 @@ TRIES = 3
 
 
 @cache
+@torch.enable_grad()  # an optimiser asks from where gradients are off
 def bf16_pays(device: torch.device) -> bool:
     """Whether a convolution of Stage I, forward and backward, takes less time in bf16 than in f32.  GPUs have it; of CPUs only those with
     AVX512-BF16 or AMX, and not all of these: Zen 5 takes half the time, a Sapphire Rapids whose AMX is masked 1.6 times as long."""
