@@ -86,8 +86,10 @@ fn a_picture_and_its_mirror_image_show_the_same_people() {
     let mut total = 0;
     for pair in with.chunks_exact(2) {
         assert_eq!(pair[0].len(), pair[1].len());
-        for (person, other) in pair[0].iter().zip(&pair[1]) {
-            let distance = apart(person, &mirrored(other));
+        // Scores weigh left and right differently, so people may come in another order.
+        for person in &pair[0] {
+            let others = pair[1].iter().map(|other| apart(person, &mirrored(other)));
+            let distance = others.fold(f64::INFINITY, f64::min);
             assert!(distance < 0.01, "{distance} px apart");
         }
         total += pair[0].len();
