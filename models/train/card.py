@@ -95,7 +95,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--edgecap", type=pathlib.Path, default=REPOSITORY / "target/release/edgecap")
     ap.add_argument("--threads", type=int, default=2)
     ap.add_argument("--only", nargs="*", default=[""], help="sets whose names begin so")
-    ap.add_argument("--clips", action="store_true", help="the ten clips of clips.py, too: eight minutes of rendering the first time")
+    ap.add_argument("--clips", action="store_true", help="the ten clips of clips.py, too, which are rendered the first time")
     ap.add_argument("--json", type=pathlib.Path, help="everything measured")
     a, options = ap.parse_known_args(argv)
     program = Program(a.edgecap, a.threads)

@@ -89,6 +89,11 @@ impl EngineArgs {
         args
     }
 
+    /// Whether every picture gets the same input.
+    pub fn is_fixed(&self) -> bool {
+        matches!(self.size, Some(InputSize::Fixed(..)))
+    }
+
     /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest on.
     pub fn size_of(&self, upright: bool, level: usize) -> (usize, usize) {
         match self.size {

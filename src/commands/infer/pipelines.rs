@@ -2,7 +2,7 @@
 
 use edgecap_client::message::{Intrinsics, Observation};
 
-use super::engine_args::{EngineArgs, InputSize, turned};
+use super::engine_args::{EngineArgs, turned};
 use super::zoom::{INPUTS, Zoom, stature};
 use crate::capture::Frame;
 use crate::commands::pipeline::{Pipeline, Seen};
@@ -26,23 +26,18 @@ struct Following {
 }
 
 impl<'a> Pipelines<'a> {
-    /// Builds the one for lying pictures, so that a wrong model is told before the first frame. Where the user names no size, that of a `film`
-    /// follows the people in view.
+    /// Builds the one for lying pictures, so that a wrong model is told before the first frame. The input of a `film` follows
+    /// the people in view unless it is fixed.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn new(engine: &'a EngineArgs, film: bool) -> anyhow::Result<Self> {
-        let follows = match engine.size {
-            Some(InputSize::Fixed(..)) => false,
-            Some(InputSize::Auto) => true,
-            None => film,
-        };
         let mut built: [[Option<Pipeline>; INPUTS.len()]; 2] = Default::default();
         ready(&mut built[0][0], engine, engine.size_of(false, 0))?;
         Ok(Self {
             engine,
             built,
-            following: follows.then(Following::default),
+            following: (film && !engine.is_fixed()).then(Following::default),
         })
     }
 
@@ -51,7 +46,7 @@ impl<'a> Pipelines<'a> {
     /// # Errors
     /// As [`Pipeline::new`] and [`Pipeline::process`].
     pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
-        let upright = frame.height > frame.width;
+        let upright = frame.height > frame.width && !self.engine.is_fixed();
         let engine = self.engine;
         let built = &mut self.built[usize::from(upright)];
         let Some(Following {
