@@ -3,14 +3,19 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
+use rustix::fs::OFlags;
+use rustix::io::Errno;
 use tempfile::{NamedTempFile, TempDir};
 
 /// Start of the names of what is not finished.
 const PREFIX: &str = ".edgecap-";
 const SUFFIX: &str = ".part";
+/// How long the reader of a pipe may take to open it.
+const READER_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Writes a whole file, replacing an older one; missing parent folders are made.
 ///
@@ -70,15 +75,14 @@ impl AtomicFile {
     /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the bytes at once.
     ///
     /// # Errors
-    /// If the folder cannot be made or written.
+    /// If the folder cannot be made or written, or if nobody reads from the pipe.
     pub fn create(path: &Path) -> io::Result<Self> {
         // Through links, so that none is replaced by a file.
         let found = path.canonicalize();
         let path = found.as_deref().unwrap_or(path);
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            let device = File::options().write(true).open(path)?;
             return Ok(Self {
-                writer: Some(BufWriter::new(Place::Device(device))),
+                writer: Some(BufWriter::new(Place::Device(open_device(path)?))),
                 path: path.to_owned(),
                 made: None,
             });
@@ -211,6 +215,31 @@ impl AtomicFolder {
     }
 }
 
+/// Opens a device or pipe to write into. Opening a pipe that nobody reads would wait for ever, whatever signal comes.
+fn open_device(path: &Path) -> io::Result<File> {
+    let began = Instant::now();
+    let mut options = File::options();
+    options
+        .write(true)
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed());
+    loop {
+        match options.open(path) {
+            Ok(device) => {
+                rustix::fs::fcntl_setfl(&device, OFlags::empty())?;
+                return Ok(device);
+            }
+            Err(e) if Errno::from_io_error(&e) != Some(Errno::NXIO) => return Err(e),
+            Err(e) if began.elapsed() > READER_PATIENCE => {
+                return Err(io::Error::new(
+                    e.kind(),
+                    "nobody reads from this pipe: start its reader first",
+                ));
+            }
+            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
 /// Folder in which a path's last part lies.
 pub fn parent(path: &Path) -> &Path {
     match path.parent() {
@@ -279,6 +308,16 @@ mod tests {
         assert_eq!(reader.join().unwrap(), "line");
         assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pipe_that_nobody_reads_is_an_error_that_says_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
+        let e = AtomicFile::create(&pipe).unwrap_err();
+        assert!(e.to_string().contains("nobody reads"), "{e}");
+        assert!(fs::metadata(&pipe).is_ok(), "the pipe stays");
     }
 
     #[test]
