@@ -18,7 +18,7 @@ use clap::Parser;
 use edgecap::capture::{Frame, Letterbox, PhotoSource, Resizer, Source};
 use edgecap::detect::{AssociationConfig, Associator, Detection, features};
 use edgecap::engine::{Engine, EngineOptions, Model};
-use edgecap::eval::{JointSet, ReadOptions, TruthFrame, TruthSet, oks};
+use edgecap::lab::eval::{JointSet, ReadOptions, TruthFrame, TruthSet, oks};
 use serde_json::json;
 
 #[derive(Debug, Parser)]

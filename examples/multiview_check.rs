@@ -20,9 +20,9 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
 use edgecap::capture::{self, InputSpec, OpenOptions};
-use edgecap::eval::multiview::{MultiviewCheck, View, read_qtm};
 use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::fit::{FitConfig, Fitter};
+use edgecap::lab::eval::multiview::{MultiviewCheck, View, read_qtm};
 use edgecap::message::{BodyFrame, ObservationFrame};
 
 #[derive(Debug, Parser)]

@@ -4,18 +4,17 @@
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
 
 pub mod assignment;
-pub mod bench;
 pub mod capture;
 pub mod commands;
 pub mod detect;
 pub mod engine;
-pub mod eval;
 pub mod fit;
+pub mod lab;
 pub mod lift;
+pub mod machine;
 pub mod npz;
 pub mod output;
 pub mod overlay;
-pub mod synth;
 pub mod translation;
 
 pub use edgecap_client::{joints, message};

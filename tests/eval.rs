@@ -1,11 +1,11 @@
 //! Measures against values worked out by hand.
 
-use edgecap::eval::{
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::lab::eval::{
     EvalError, EvalOptions, Format, Identity, ImageOks, Jitter, JointSet, Keypoint, Mupots,
     MupotsPerson, Pck, Pose3d, PoseErrors, Predictions, Protocol, TruthPerson, TruthSet,
     align_similarity, average_precision, evaluate, oks, quiet,
 };
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 
 type Joints2d = [[f32; 3]; EVIDENCE_JOINTS];
 

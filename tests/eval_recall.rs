@@ -1,10 +1,10 @@
 //! Who is found, by how much of them can be seen and by how many people there are: pictures counted by hand.
 
-use edgecap::eval::{
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use edgecap::lab::eval::{
     EvalOptions, Keypoint, Predictions, RecallRow, Report, TruthFrame, TruthPerson, TruthSet,
     evaluate,
 };
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
 /// Somebody whose neck is at `x`, with the first `labelled` joints in sight.
 fn person(x: f64, labelled: usize) -> TruthPerson {

@@ -4,11 +4,11 @@ use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use edgecap::eval::{
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::lab::eval::{
     EvalOptions, JointOrder, Person, PredictedFrame, Predictions, Protocol, ReadOptions, Report,
     TruthSet, Units, evaluate,
 };
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 use npyz::WriterBuilder;
 
 type Pose = [[f64; 3]; BODY_JOINTS];

@@ -3,9 +3,9 @@
 use edgecap::fit::skeleton::Skeleton;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, PARENTS, PELVIS};
+use edgecap::lab::synth::demo;
+use edgecap::lab::synth::truth::{SELF_OCCLUDED, Truth, TruthFrame, TruthPerson, VISIBLE};
 use edgecap::message::{BodyFrame, Intrinsics, Observation, ObservationFrame};
-use edgecap::synth::demo;
-use edgecap::synth::truth::{SELF_OCCLUDED, Truth, TruthFrame, TruthPerson, VISIBLE};
 use glam::Vec3;
 
 /// Joints about the pelvis at canonical stature, as Stage II gives them.

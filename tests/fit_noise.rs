@@ -2,9 +2,9 @@
 
 mod fit_scene;
 
-use edgecap::eval::{NoiseMeter, Spread};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
-use edgecap::synth::truth::{OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE};
+use edgecap::lab::eval::{NoiseMeter, Spread};
+use edgecap::lab::synth::truth::{OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE};
 use fit_scene::{Noise, Scene, Truth, people};
 
 fn person(truth: &Truth, scene: &Scene) -> TruthPerson {
@@ -23,7 +23,7 @@ fn person(truth: &Truth, scene: &Scene) -> TruthPerson {
     }
 }
 
-fn measure(noise: Noise) -> edgecap::eval::Noise {
+fn measure(noise: Noise) -> edgecap::lab::eval::Noise {
     // Everybody stands apart, in full view.
     let mut scene = Scene::new(people::everyday(), noise, 30.0, 7);
     let mut meter = NoiseMeter::default();

@@ -2,9 +2,9 @@
 
 mod fit_scene;
 
-use edgecap::eval::multiview::{MultiviewCheck, MultiviewReport, View};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
+use edgecap::lab::eval::multiview::{MultiviewCheck, MultiviewReport, View};
 use edgecap::message::{BodyFrame, Observation, ObservationFrame};
 use fit_scene::gauss;
 use fit_scene::people::{self, Activity, Person};

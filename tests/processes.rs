@@ -7,9 +7,9 @@ use std::process::Output;
 use std::time::Duration;
 
 use edgecap::joints::{NECK, PELVIS};
+use edgecap::lab::synth::Truth;
+use edgecap::lab::synth::truth::VISIBLE;
 use edgecap::message::{BodyFrame, ObservationFrame};
-use edgecap::synth::Truth;
-use edgecap::synth::truth::VISIBLE;
 use edgecap_client::{Message, Subscriber};
 use program::{Running, eventually, signal, stream};
 
@@ -109,10 +109,10 @@ fn the_demo_travels_through_both_processes() {
     let frames = lines(&result);
     assert_eq!(
         frames.len(),
-        edgecap::synth::demo::truth().frames.len(),
+        edgecap::lab::synth::demo::truth().frames.len(),
         "no frame is lost"
     );
-    let (seen, shown) = necks_found(&frames, &edgecap::synth::demo::truth());
+    let (seen, shown) = necks_found(&frames, &edgecap::lab::synth::demo::truth());
     assert!(
         seen * 5 > shown * 2,
         "{seen} of {shown} necks in sight have a body's neck near them"

@@ -6,13 +6,13 @@ use std::io::Cursor;
 use edgecap::capture::AviReader;
 use edgecap::commands::synth::{PictureFormat, SynthArgs, synth};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PARENTS, PELVIS};
-use edgecap::message::Intrinsics;
-use edgecap::synth::raster::{NOBODY, TRIANGLE_BITS};
-use edgecap::synth::render::SUPERSAMPLE;
-use edgecap::synth::shoot::{Reel, Shot, outline_still, shoot_still};
-use edgecap::synth::truth::{
+use edgecap::lab::synth::raster::{NOBODY, TRIANGLE_BITS};
+use edgecap::lab::synth::render::SUPERSAMPLE;
+use edgecap::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
+use edgecap::lab::synth::truth::{
     ABSENT, OCCLUDED, SELF_OCCLUDED, Truth, TruthError, TruthPerson, VISIBLE,
 };
+use edgecap::message::Intrinsics;
 
 const SIZE: (u32, u32) = (256, 160);
 

@@ -4,6 +4,7 @@
 
 mod avi;
 pub mod camera;
+pub mod demo;
 mod error;
 mod exif;
 mod ffmpeg;

@@ -7,8 +7,8 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 
 use super::exit::Failure;
-use crate::bench::{BenchOptions, Certificate, Subject, certify};
 use crate::engine::{Model, ModelError};
+use crate::lab::bench::{BenchOptions, Certificate, Subject, certify};
 use crate::output::AtomicFile;
 
 /// Options of `edgecap bench`.

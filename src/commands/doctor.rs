@@ -11,10 +11,10 @@ use edgecap_client::{LinkError, Publisher, Subscriber};
 use super::exit::{self, Failure};
 use super::input::DEFAULT_NAME;
 use super::pipeline::{Pipeline, PipelineOptions};
-use crate::bench::Machine;
+use crate::capture::demo;
 use crate::capture::{self, CameraInfo, CaptureError, Frame, InputSpec, OpenOptions, list_cameras};
 use crate::engine::Isa;
-use crate::synth::demo;
+use crate::machine::Machine;
 
 /// Pictures of the bundled clip that speed is measured with.
 const FRAMES: usize = 20;

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use super::exit::Failure;
-use crate::eval::{
+use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
 };

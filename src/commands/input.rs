@@ -5,8 +5,8 @@ use std::ffi::OsString;
 use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
+use crate::capture::demo;
 use crate::capture::{self, CameraFile, CaptureError, InputSpec, OpenOptions, Source};
-use crate::synth::demo;
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";

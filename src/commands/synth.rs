@@ -12,10 +12,10 @@ use rayon::prelude::*;
 
 use super::exit::Failure;
 use crate::capture::{AviWriter, Frame};
+use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
+use crate::lab::synth::truth::{FORMAT, VERSION};
+use crate::lab::synth::{Truth, TruthFrame};
 use crate::output::{AtomicFile, AtomicFolder, parent};
-use crate::synth::shoot::{Reel, Shot, outline_still, shoot_still};
-use crate::synth::truth::{FORMAT, VERSION};
-use crate::synth::{Truth, TruthFrame};
 
 /// Frames rendered before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;

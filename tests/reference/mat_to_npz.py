@@ -7,7 +7,7 @@
 
 The folder of each file (TS1, …) becomes its sequence and the start of the pictures' names. 3D joints are those of the universal
 skeleton, as in the sets' own protocols; `--metric` takes the true ones instead. What the arrays mean is told in
-`src/eval/truth/npz/mod.rs`.
+`src/lab/eval/truth/npz/mod.rs`.
 """
 
 from __future__ import annotations

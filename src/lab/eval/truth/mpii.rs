@@ -1,0 +1,62 @@
+//! MPII people as JSON, the way public toolboxes convert them: one entry per person, 16 joints.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::{TruthFrame, TruthPerson, TruthSet};
+use crate::lab::eval::Keypoint;
+
+/// Evidence joint of each of MPII's 16: ankles to hips, pelvis, thorax, upper neck, head top, then the arms. The evidence neck
+/// lies between MPII's thorax and upper neck, nearer the thorax.
+const JOINTS: [Option<usize>; 16] = [
+    Some(10),
+    Some(9),
+    Some(8),
+    Some(11),
+    Some(12),
+    Some(13),
+    None,
+    Some(1),
+    None,
+    Some(0),
+    Some(4),
+    Some(3),
+    Some(2),
+    Some(5),
+    Some(6),
+    Some(7),
+];
+
+#[derive(Deserialize)]
+pub(super) struct Entry {
+    image: String,
+    joints: Vec<[f64; 2]>,
+    joints_vis: Vec<f64>,
+}
+
+pub(super) fn read(entries: Vec<Entry>) -> TruthSet {
+    let mut people: BTreeMap<String, Vec<TruthPerson>> = BTreeMap::new();
+    for e in entries {
+        let labels = JOINTS.iter().zip(e.joints.iter().zip(&e.joints_vis));
+        let points = labels
+            .filter_map(|(joint, (p, seen))| {
+                let visibility = if *seen > 0.0 { 2 } else { 0 };
+                joint.map(|j| Keypoint::at(j, p[0], p[1], visibility))
+            })
+            .collect();
+        people
+            .entry(e.image)
+            .or_default()
+            .push(TruthPerson::of_points(points));
+    }
+    let frame = |(source, people)| TruthFrame {
+        source,
+        people,
+        ..TruthFrame::default()
+    };
+    TruthSet {
+        frames: people.into_iter().map(frame).collect(),
+        ..TruthSet::default()
+    }
+}

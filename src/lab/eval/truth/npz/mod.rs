@@ -1,0 +1,252 @@
+//! NumPy archives of 3D joints go in, labelled people come out.
+//!
+//! Two layouts are read, and any mixture: that of public toolboxes (mmpose, SPIN: `imgname`, `S`, `part`) and plain arrays
+//! (`positions_3d`, `positions_2d`), whose names follow VideoPose3D. N rows, P people a row, J joints:
+//!
+//! | array | shape | meaning |
+//! |---|---|---|
+//! | `S` or `positions_3d` | [N, J, 3], [N, P, J, 3] | joints in camera axes (x right, y down, z forward) |
+//! | `part` or `positions_2d` | [N, J, 2], [N, P, J, 2] | joints in the picture, pixels; else projected with `camera_matrix` |
+//! | `imgname` | [N], strings | picture of every row; rows of one picture are people in it |
+//! | `frames` | [N] | without `imgname`: index in a video; else 0, 1, 2, … |
+//! | `valid` | [N], [N, P] | 0: nobody there |
+//! | `sequence` | [1], [N], strings | recording of every row; else the folder of `imgname` |
+//! | `joint_order` | string | `h36m` or `mpi_inf_3dhp`; needed for 17 joints |
+//! | `units` | string | of the 3D joints: `m` (also when it is missing) or `mm` |
+//! | `camera_matrix` | [3, 3], [N, 3, 3] | intrinsics, pixels; lenses without distortion |
+//! | `camera_pose` | [3, 4], [N, 3, 4] | world to camera; then the 3D joints are in world axes |
+//!
+//! A last column more (4 in 3D, 3 in 2D) is a flag, 0 where a joint is not known; so is NaN. In a video a person keeps its
+//! place along P: it is the identity.
+
+mod camera;
+mod check;
+mod table;
+
+use std::collections::HashMap;
+use std::io::Cursor;
+
+use clap::ValueEnum;
+
+use self::camera::Camera;
+use self::table::{Source, Table};
+use super::{JointOrder, ReadOptions, TruthFrame, TruthPerson, TruthSet};
+use crate::lab::eval::EvalError;
+use crate::npz::Archive;
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Units {
+    /// Metres.
+    #[default]
+    M,
+    /// Millimetres.
+    Mm,
+}
+
+impl Units {
+    fn in_metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Mm => 1e-3,
+        }
+    }
+}
+
+/// Reads the bytes of an archive; `name` is for errors.
+pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<TruthSet, EvalError> {
+    let archive = Archive::new(Cursor::new(bytes))
+        .map_err(|e| EvalError::format(name, e.expected, e.found))?;
+    let mut source = Source { archive, name };
+    let Some(solid) = Table::<3>::read(&mut source, ["positions_3d", "S"])? else {
+        return Err(source.wrong(
+            "an array 'positions_3d' or 'S' of 3D joints",
+            format!(
+                "{}; see the evaluation section of the README",
+                source.listed()
+            ),
+        ));
+    };
+    let flat = Table::<2>::read(&mut source, ["positions_2d", "part"])?;
+    if let Some(flat) = &flat
+        && flat.size() != solid.size()
+    {
+        return Err(source.wrong(
+            format!(
+                "'{}' and '{}' of as many rows, people and joints",
+                solid.key, flat.key
+            ),
+            format!("{:?} and {:?}", solid.size(), flat.size()),
+        ));
+    }
+    let [rows, people, joints] = solid.size();
+    let order = joint_order(&mut source, options, joints)?;
+    let units = match options.units {
+        Some(units) => units,
+        None => named(&mut source, "units")?.unwrap_or_default(),
+    };
+    let camera = Camera::read(&mut source, rows, units.in_metres())?;
+    if flat.is_none() && !camera.projects() {
+        return Err(source.wrong(
+            "'positions_2d', 'part' or 'camera_matrix': who is who is seen in the picture",
+            "none of them; add one",
+        ));
+    }
+    let valid = valid(&mut source, rows, people)?;
+    let pictures = per_row(&mut source, "imgname", rows)?;
+    let sequences = per_row(&mut source, "sequence", rows)?;
+    let frames = match pictures {
+        Some(_) => None,
+        None => Some(frame_numbers(&mut source, rows)?),
+    };
+
+    let mut set = TruthSet {
+        video: pictures.is_none(),
+        ..TruthSet::default()
+    };
+    let mut place: HashMap<String, usize> = HashMap::new();
+    for row in 0..rows {
+        let picture = pictures.as_ref().map_or("", |all| &all[row]);
+        let sequence = match &sequences {
+            Some(all) => all[row].as_str(),
+            None => picture.rsplit_once('/').map_or("", |(folder, _)| folder),
+        };
+        if options.split.as_deref().is_some_and(|s| s != sequence) {
+            continue;
+        }
+        let found = (0..people).filter(|p| valid[row * people + p]).map(|p| {
+            let solid = |k: usize| {
+                let at = solid.at([row, p, k])?;
+                Some(camera.place(row, at.map(|x| x * units.in_metres())))
+            };
+            let flat = |k: usize| match &flat {
+                Some(flat) => flat.at([row, p, k]),
+                None => camera.project(row, solid(k)?),
+            };
+            TruthPerson {
+                id: set.video.then_some(p as u64),
+                ..TruthPerson::of_joints(&order, flat, solid)
+            }
+        });
+        let found: Vec<TruthPerson> = found.collect();
+        match place.get(picture).filter(|_| !set.video) {
+            Some(&k) => set.frames[k].people.extend(found),
+            None => {
+                place.insert(picture.to_owned(), set.frames.len());
+                set.frames.push(TruthFrame {
+                    source: picture.to_owned(),
+                    frame: frames.as_ref().map(|f| f[row]),
+                    sequence: sequence.to_owned(),
+                    people: found,
+                });
+            }
+        }
+    }
+    if let Some(part) = options.split.as_ref().filter(|_| set.frames.is_empty()) {
+        return Err(source.wrong(
+            format!("rows of the sequence '{part}'"),
+            "none; name another --split, or none",
+        ));
+    }
+    // A set that never shows two people labels one of perhaps several.
+    set.single = people == 1 && set.frames.iter().all(|f| f.people.len() <= 1);
+    check::plausible(&set, name)?;
+    Ok(set)
+}
+
+/// The body joint at each place of the archive's order.
+fn joint_order(
+    source: &mut Source<'_>,
+    options: &ReadOptions,
+    joints: usize,
+) -> Result<Vec<Option<usize>>, EvalError> {
+    let order = match options.joint_order {
+        Some(order) => Some(order),
+        None => named(source, "joint_order")?.or(JointOrder::of_count(joints)),
+    };
+    let Some(order) = order else {
+        return Err(source.wrong(
+            "to know the order of the joints",
+            format!(
+                "{joints} joints and no array 'joint_order'; say --joint-order h36m or --joint-order mpi-inf-3dhp"
+            ),
+        ));
+    };
+    order.body_joints(joints).ok_or_else(|| {
+        source.wrong(
+            "17 or 32 joints of Human3.6M, or 17 or 28 of MPI-INF-3DHP",
+            format!("{joints} joints for {order:?}"),
+        )
+    })
+}
+
+/// The choice that an array of one string names, if there is such an array.
+fn named<T: ValueEnum>(source: &mut Source<'_>, key: &str) -> Result<Option<T>, EvalError> {
+    let Some(texts) = source.texts(key)? else {
+        return Ok(None);
+    };
+    let choice = match &texts[..] {
+        [text] => T::from_str(text, true).ok(),
+        _ => None,
+    };
+    let Some(choice) = choice else {
+        let names = T::value_variants().iter().filter_map(T::to_possible_value);
+        let names: Vec<String> = names.map(|v| v.get_name().to_owned()).collect();
+        let expected = format!("'{key}' to be one string of {}", names.join(", "));
+        return Err(source.wrong(expected, format!("{texts:?}")));
+    };
+    Ok(Some(choice))
+}
+
+/// One string for every row; a single one counts for all.
+fn per_row(
+    source: &mut Source<'_>,
+    key: &str,
+    rows: usize,
+) -> Result<Option<Vec<String>>, EvalError> {
+    let Some(mut texts) = source.texts(key)? else {
+        return Ok(None);
+    };
+    if texts.len() == 1 {
+        texts = vec![texts.swap_remove(0); rows];
+    }
+    if texts.len() != rows {
+        let found = format!("{} strings", texts.len());
+        return Err(source.wrong(
+            format!("'{key}' to have {rows} strings, one per row"),
+            found,
+        ));
+    }
+    Ok(Some(texts))
+}
+
+fn valid(source: &mut Source<'_>, rows: usize, people: usize) -> Result<Vec<bool>, EvalError> {
+    let Some(flags) = source.numbers("valid")? else {
+        return Ok(vec![true; rows * people]);
+    };
+    let wide = flags.shape == [rows, people];
+    if !wide && flags.shape != [rows] && flags.shape != [rows, 1] {
+        return Err(source.wrong(
+            format!("'valid' of shape [{rows}] or [{rows}, {people}]"),
+            format!("{:?}", flags.shape),
+        ));
+    }
+    let of = |k: usize| flags.data[if wide { k } else { k / people }] > 0.0;
+    Ok((0..rows * people).map(of).collect())
+}
+
+/// Index of every row in its video.
+fn frame_numbers(source: &mut Source<'_>, rows: usize) -> Result<Vec<u64>, EvalError> {
+    let Some(numbers) = source.numbers("frames")? else {
+        return Ok((0..rows as u64).collect());
+    };
+    let whole = |x: &f64| *x >= 0.0 && x.fract() == 0.0;
+    let rising = numbers.data.windows(2).all(|w| w[0] < w[1]);
+    if numbers.data.len() != rows || !rising || !numbers.data.iter().all(whole) {
+        return Err(source.wrong(
+            format!("'frames' to be {rows} rising indices from 0"),
+            format!("{} values of another kind", numbers.data.len()),
+        ));
+    }
+    Ok(numbers.data.iter().map(|&x| x as u64).collect())
+}

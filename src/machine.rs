@@ -1,0 +1,106 @@
+//! Facts about this machine that decide what a figure means.
+
+use std::fs;
+
+use edgecap_kernels::Isa;
+use serde::Serialize;
+
+/// Where a measurement was made.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Machine {
+    /// Model name of the CPU.
+    pub cpu: String,
+    /// Cores that this process may use.
+    pub cores: usize,
+    /// Frequency governor; `None` where the system hides it, as virtual machines do.
+    pub governor: Option<String>,
+    /// Instruction set in use.
+    pub isa: &'static str,
+    /// Instruction sets this CPU has kernels for, slowest first.
+    pub available: Vec<&'static str>,
+    /// Runnable processes, mean of the minute before the measurement; `None` where the system does not say.
+    pub load: Option<f64>,
+}
+
+impl Machine {
+    /// Looks at this machine; kernels of `isa` will run.
+    pub fn here(isa: Isa) -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let read = |path| fs::read_to_string(path).ok();
+        Self {
+            cpu: read("/proc/cpuinfo")
+                .as_deref()
+                .and_then(cpu_model)
+                .unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
+            cores,
+            governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+                .map(|s| s.trim().to_owned()),
+            isa: isa.name(),
+            available: Isa::available().map(Isa::name).collect(),
+            load: read("/proc/loadavg").and_then(|s| s.split(' ').next()?.parse().ok()),
+        }
+    }
+
+    /// Whether so much else was running that the figures are no certificate.
+    pub fn is_disturbed(&self) -> bool {
+        self.load.is_some_and(|l| l > 0.25 * self.cores as f64)
+    }
+}
+
+/// The model name in the text of `/proc/cpuinfo`; x86 and most ARM kernels spell the key differently.
+fn cpu_model(cpuinfo: &str) -> Option<String> {
+    let value = |key: &str| {
+        let fields = cpuinfo.lines().filter_map(|l| l.split_once(':'));
+        let mut named = fields.filter(|(k, _)| k.trim() == key);
+        named.next().map(|(_, v)| v.trim().to_owned())
+    };
+    let family = || {
+        let (f, m) = (value("cpu family")?, value("model")?);
+        Some(format!(" (family {f}, model {m})"))
+    };
+    value("model name")
+        .map(|name| name + &family().unwrap_or_default())
+        .or_else(|| value("Model"))
+        .or_else(|| value("CPU part").map(|p| format!("ARM part {p}")))
+        .filter(|name| !name.is_empty())
+}
+
+/// Peak resident memory of this process, bytes of 10⁶, since the last [`reset_peak_memory`].
+pub(crate) fn peak_memory_mb() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024.0 / 1e6)
+}
+
+/// Forgets the peak so far; returns the resident memory now, or `None` where the system does not let us forget.
+pub(crate) fn reset_peak_memory() -> Option<f64> {
+    fs::write("/proc/self/clear_refs", "5").ok()?;
+    peak_memory_mb()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_are_found_under_every_spelling() {
+        let x86 = "processor\t: 0\ncpu family\t: 25\nmodel\t\t: 17\nmodel name\t: AMD EPYC\n";
+        assert_eq!(cpu_model(x86).unwrap(), "AMD EPYC (family 25, model 17)");
+        let pi = "processor\t: 0\nCPU part\t: 0xd0b\n\nModel\t\t: Raspberry Pi 5\n";
+        assert_eq!(cpu_model(pi).unwrap(), "Raspberry Pi 5");
+        assert_eq!(cpu_model("CPU part\t: 0xd0b\n").unwrap(), "ARM part 0xd0b");
+        assert_eq!(cpu_model("nothing"), None);
+    }
+
+    #[test]
+    fn peak_memory_sees_what_was_touched() {
+        let Some(before) = reset_peak_memory() else {
+            println!("skipped: /proc/self/clear_refs cannot be written here");
+            return;
+        };
+        let block = vec![1u8; 64_000_000];
+        std::hint::black_box(&block);
+        assert!(peak_memory_mb().unwrap() > before + 50.0);
+    }
+}
