@@ -1,6 +1,6 @@
 //! Association of 1, 5, 10 and 20 people in perfect 512 × 320 maps; checks that all are found before it times.
 
-#[path = "../tests/detect_maps/mod.rs"]
+#[path = "../tests/stages/detect_maps/mod.rs"]
 mod detect_maps;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};

@@ -4,10 +4,10 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::message::{BodyFrame, ObservationFrame};
 
-#[path = "../tests/fit_scene/mod.rs"]
-mod fit_scene;
+#[path = "../tests/fit/scene/mod.rs"]
+mod scene;
 
-use fit_scene::{Noise, Scene, people};
+use scene::{Noise, Scene, people};
 
 fn recorded(people: Vec<people::Person>, frames: usize) -> Vec<ObservationFrame> {
     let noise = Noise {
@@ -22,7 +22,7 @@ fn recorded(people: Vec<people::Person>, frames: usize) -> Vec<ObservationFrame>
 
 fn update(c: &mut Criterion) {
     for (name, people, expected) in [("one person", 1, 1), ("ten people", 10, 10)] {
-        let mut cast = fit_scene::people::ten();
+        let mut cast = scene::people::ten();
         cast.truncate(people);
         let frames = recorded(cast, 300);
         let mut fitter = Fitter::new(FitConfig::default()).expect("defaults are valid");

@@ -1,5 +1,5 @@
 //! What Stage I and II get wrong on synthetic pictures with exact truth: prints the statistics and the profile that
-//! `tests/fit_scene` makes its observations by.
+//! `tests/fit/scene` makes its observations by.
 //!
 //! ```text
 //! edgecap synth --clip /tmp/noise/clip.avi --frames 600 --seed 3
@@ -97,7 +97,7 @@ fn print(n: &Noise) {
         "people who are not there            {:.2} a frame",
         n.phantom
     );
-    println!("\nProfile for tests/fit_scene:\n");
+    println!("\nProfile for tests/fit/scene:\n");
     println!(
         "        slow2d: {:.4},\n        white2d: {:.4},",
         n.plane.slow, n.plane.white

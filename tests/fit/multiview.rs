@@ -1,13 +1,11 @@
 //! The check of one view against the others, on a synthetic scene that four cameras see: every figure is known beforehand.
 
-mod fit_scene;
-
+use crate::scene::gauss;
+use crate::scene::people::{self, Activity, Person};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
 use edgecap::lab::eval::multiview::{MultiviewCheck, MultiviewReport, View};
 use edgecap::message::{BodyFrame, Observation, ObservationFrame};
-use fit_scene::gauss;
-use fit_scene::people::{self, Activity, Person};
 use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;

@@ -1,14 +1,12 @@
 //! Stage III against exact truth: identities, errors, jitter, limits, times that misbehave, numbers that make no sense.
 
-mod fit_scene;
-
+use crate::scene::measure::{Report, is_finite, line, run};
+use crate::scene::people::{self, Activity, Person};
+use crate::scene::{Noise, Scene};
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
 use edgecap::message::{BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, ObservationFrame};
-use fit_scene::measure::{Report, is_finite, line, run};
-use fit_scene::people::{self, Activity, Person};
-use fit_scene::{Noise, Scene};
 use glam::Vec3;
 use proptest::prelude::*;
 
@@ -298,7 +296,7 @@ fn half_the_frame_rate_ahead_is_nearer_than_standing_still() {
         fitter.update(&scene.next().0, &mut now);
         fitter.predict(now.capture_ns + 33_333_333, &mut ahead);
         let truths = scene.truths(scene.time(f + 1));
-        let matches = fit_scene::measure::match_bodies(&truths, &now, &Default::default());
+        let matches = crate::scene::measure::match_bodies(&truths, &now, &Default::default());
         for (truth, b) in truths.iter().zip(matches) {
             let Some(b) = b else { continue };
             let grow = truth.height / f64::from(now.bodies[b].height);
@@ -585,8 +583,8 @@ proptest! {
             fitter.predict(time.saturating_add(50_000_000), &mut ahead);
             prop_assert!(is_finite(&ahead));
             let mut r = Report::default();
-            fit_scene::measure::limits(&out, &mut r);
-            fit_scene::measure::limits(&ahead, &mut r);
+            crate::scene::measure::limits(&out, &mut r);
+            crate::scene::measure::limits(&ahead, &mut r);
             prop_assert!(r.beyond <= 5.0);
             prop_assert!(out.bodies().is_sorted_by(|a, b| a.id < b.id));
             for body in out.bodies() {

@@ -1,11 +1,9 @@
-//! Prints what each part of the fit is worth: `cargo test --release --test fit_ablation -- --ignored --nocapture`; with
+//! Prints what each part of the fit is worth: `cargo test --release --test fit -- ablation --ignored --nocapture`; with
 //! `PROFILE=measured` under the errors that were measured on rendered pictures.
 
-mod fit_scene;
-
+use crate::scene::measure::{Report, all, line, run};
+use crate::scene::{Noise, Scene, people};
 use edgecap::fit::FitConfig;
-use fit_scene::measure::{Report, all, line, run};
-use fit_scene::{Noise, Scene, people};
 
 /// The errors asked for.
 fn profile() -> Noise {

@@ -1,5 +1,4 @@
 //! H.264 without ffmpeg. Needs the feature `mp4`; the film itself comes from the folder in `EDGECAP_DATA`.
-#![cfg(feature = "mp4")]
 
 use std::path::PathBuf;
 

@@ -1,8 +1,6 @@
 //! A tiny network with random weights, run by the engine in f32 and int8, against a reference that shares no code with it.
 
-mod common;
-
-use common::{naive, picture, tiny};
+use crate::tiny_network::{naive, picture, tiny};
 use edgecap::engine::model::{Calibration, RangeChoice, Weights};
 use edgecap::engine::{CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Precision};
 

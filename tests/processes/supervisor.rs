@@ -1,17 +1,15 @@
 //! The two processes and their supervisor on the bundled clip: the way through, crashes, and what is left behind.
 
-mod program;
-
 use std::path::PathBuf;
 use std::process::Output;
 use std::time::Duration;
 
+use crate::program::{Running, eventually, signal, stream};
 use edgecap::joints::{NECK, PELVIS};
 use edgecap::lab::synth::Truth;
 use edgecap::lab::synth::truth::VISIBLE;
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Message, Subscriber};
-use program::{Running, eventually, signal, stream};
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
 
@@ -99,7 +97,7 @@ fn the_demo_travels_through_both_processes() {
     let [infer, fit] = demo.children();
     assert_ne!(infer, fit);
     let (out, _folder) = demo.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
         said.contains(result.to_str().unwrap()),
@@ -134,12 +132,12 @@ fn without_arguments_and_camera_the_bundled_clip_plays() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let out = program::edgecap()
+    let out = crate::program::edgecap()
         .current_dir(folder.path())
         .args(["--name", &stream("bare")])
         .output()
         .unwrap();
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let result = folder
         .path()
         .join(format!("edgecap-out/{}.bodies.jsonl", stream("bare")));
@@ -178,7 +176,7 @@ fn killing_fit_does_not_stop_infer() {
     drop((observations, bodies));
     let result = demo.result();
     let (out, _folder) = demo.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
     assert!(lines(&result).len() > 10);
 }
 
@@ -194,7 +192,12 @@ fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
     let result = demo.result();
     signal(demo.run.pid(), "TERM");
     let (out, folder) = demo.wait(Duration::from_secs(20));
-    assert_eq!(out.status.code(), Some(0), "{}", program::stderr(&out));
+    assert_eq!(
+        out.status.code(),
+        Some(0),
+        "{}",
+        crate::program::stderr(&out)
+    );
     for pid in children {
         assert!(
             !std::path::Path::new(&format!("/proc/{pid}")).exists(),

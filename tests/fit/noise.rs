@@ -1,11 +1,9 @@
 //! The statistics of observation errors, against observations made with known ones.
 
-mod fit_scene;
-
+use crate::scene::{Noise, Scene, Truth, people};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use edgecap::lab::eval::{NoiseMeter, Spread};
 use edgecap::lab::synth::truth::{OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE};
-use fit_scene::{Noise, Scene, Truth, people};
 
 fn person(truth: &Truth, scene: &Scene) -> TruthPerson {
     let joints3d = truth.joints.map(|p| p.as_vec3().to_array());

@@ -1,16 +1,13 @@
 //! `fit --rate`: bodies between camera frames. Observations come at a camera's pace from a synthetic scene.
 
-mod fit_scene;
-mod program;
-
 use std::time::{Duration, Instant};
 
+use crate::program::{Running, eventually, stream};
+use crate::scene::people::{self, Activity, Person};
+use crate::scene::{Noise, Scene};
 use edgecap::capture::monotonic_ns;
 use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
-use fit_scene::people::{self, Activity, Person};
-use fit_scene::{Noise, Scene};
-use program::{Running, eventually, stream};
 
 /// Camera frames a second.
 const FPS: f64 = 15.0;
@@ -99,7 +96,7 @@ fn bodies_come_between_frames_and_not_from_far_ahead() {
         assert!(b.pose_ns >= b.capture_ns && b.pose_ns - b.capture_ns <= MOST_AHEAD);
         assert!(b.publish_ns > b.capture_ns, "latency is filled in");
         assert!(b.fit_us > 0, "so is the time of the fit");
-        assert_eq!((b.width, b.intrinsics), (fit_scene::WIDTH, scene.camera));
+        assert_eq!((b.width, b.intrinsics), (crate::scene::WIDTH, scene.camera));
     }
     let between = got
         .windows(2)

@@ -1,8 +1,6 @@
 //! Wrong input gets one clear line and a sysexits code, and nothing is left behind.
 
-mod program;
-
-use program::{assert_fails, stream};
+use crate::program::{assert_fails, stream};
 
 #[test]
 fn inputs_that_are_not_there() {
@@ -32,7 +30,7 @@ fn inputs_that_are_not_there() {
         );
     }
     let here = tempfile::tempdir().unwrap();
-    let out = program::edgecap()
+    let out = crate::program::edgecap()
         .current_dir(here.path())
         .args([
             "run",
@@ -166,6 +164,10 @@ fn command_lines_that_mean_nothing() {
         &["fly"],
         &["fit", "--input", "x"],
     ] {
-        assert_eq!(program::output(args).status.code(), Some(64), "{args:?}");
+        assert_eq!(
+            crate::program::output(args).status.code(),
+            Some(64),
+            "{args:?}"
+        );
     }
 }

@@ -1,13 +1,11 @@
 //! What `run` and `watch` show: skeletons on a terminal, a line now and then elsewhere.
 
-mod program;
-
 use std::fs::File;
 use std::io::Read;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use program::{Running, edgecap, eventually, signal, stream};
+use crate::program::{Running, edgecap, eventually, signal, stream};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
@@ -134,10 +132,10 @@ fn watch_stops_when_asked_and_the_run_goes_on() {
     signal(watch.pid(), "INT");
     assert_eq!(watch.wait(Duration::from_secs(10)).status.code(), Some(0));
     let out = run.wait(Duration::from_secs(240));
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
 }
 
 #[test]
 fn names_that_cannot_be_are_refused() {
-    program::assert_fails(&["watch", "--name", "a/b"], 64, &["a/b"]);
+    crate::program::assert_fails(&["watch", "--name", "a/b"], 64, &["a/b"]);
 }

@@ -1,7 +1,5 @@
 //! `infer --size auto`: the input follows the people in view.
 
-mod program;
-
 use std::path::Path;
 
 use image::imageops::FilterType;
@@ -12,8 +10,8 @@ fn people(input: &[&str], options: &[&str]) -> Vec<Value> {
     let result = tempfile::tempdir().unwrap();
     let file = result.path().join("people.jsonl");
     let fixed = ["infer", "--jsonl", file.to_str().unwrap(), "--threads", "1"];
-    let out = program::output(&[&fixed[..], input, options].concat());
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    let out = crate::program::output(&[&fixed[..], input, options].concat());
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let text = std::fs::read_to_string(file).unwrap();
     text.lines()
         .map(|line| serde_json::from_str::<Value>(line).unwrap()["people"].clone())
@@ -24,14 +22,14 @@ fn people(input: &[&str], options: &[&str]) -> Vec<Value> {
 fn far_and_near(folder: &Path) -> [image::DynamicImage; 2] {
     let out = folder.join("rendered");
     let scene = ["--frames", "1", "--people", "1", "--seed", "4"];
-    let made = program::output(
+    let made = crate::program::output(
         &[
             &["synth", "--stills", "--out", out.to_str().unwrap()][..],
             &scene,
         ]
         .concat(),
     );
-    assert!(made.status.success(), "{}", program::stderr(&made));
+    assert!(made.status.success(), "{}", crate::program::stderr(&made));
     let far = image::open(out.join("000000.jpg")).unwrap();
     let truth = std::fs::read_to_string(out.join("truth.json")).unwrap();
     let truth: Value = serde_json::from_str(&truth).unwrap();
@@ -89,5 +87,5 @@ fn photos_have_nothing_before_them() {
         "--size",
         "auto",
     ];
-    program::assert_fails(&args, 64, &["--size auto", "photos", "--size WxH"]);
+    crate::program::assert_fails(&args, 64, &["--size auto", "photos", "--size WxH"]);
 }

@@ -1,8 +1,6 @@
 //! Association: perfect maps give the people back, bad maps give nothing and never panic.
 
-mod detect_maps;
-
-use detect_maps::{Figure, crowd, render};
+use crate::detect_maps::{Figure, crowd, render};
 use edgecap::detect::{AssociationConfig, Associator, Detection};
 use edgecap::engine::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 use edgecap::joints::{EVIDENCE_JOINTS, NECK};

@@ -1,8 +1,6 @@
 //! `edgecap doctor`: one line for each thing, and an exit code when one is broken.
 
-mod program;
-
-use program::{Running, edgecap, eventually};
+use crate::program::{Running, edgecap, eventually};
 
 const THINGS: [&str; 7] = [
     "build",
@@ -18,7 +16,12 @@ const THINGS: [&str; 7] = [
 fn report(out: &std::process::Output) -> [String; 7] {
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
     let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines.len(), THINGS.len(), "{text}{}", program::stderr(out));
+    assert_eq!(
+        lines.len(),
+        THINGS.len(),
+        "{text}{}",
+        crate::program::stderr(out)
+    );
     std::array::from_fn(|i| {
         assert_eq!(lines[i][8..].find(THINGS[i]), Some(0), "{}", lines[i]);
         lines[i].to_owned()
@@ -49,7 +52,7 @@ fn every_thing_has_its_line() {
 fn the_version_names_the_weights() {
     let out = edgecap().arg("--version").output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
-    let recorded = include_str!("../models/edgecap.ecm.blake3");
+    let recorded = include_str!("../../models/edgecap.ecm.blake3");
     let expected = format!("weights {})", &recorded[..12]);
     assert!(said.starts_with("edgecap 0."), "{said}");
     assert!(said.trim_end().ends_with(&expected), "{said}");
@@ -58,7 +61,7 @@ fn the_version_names_the_weights() {
         .env("EDGECAP_LOG", "info")
         .output()
         .unwrap();
-    let log = program::stderr(&out);
+    let log = crate::program::stderr(&out);
     assert!(log.contains(said.trim_end()), "{log}");
     assert!(!log.contains('\x1b'), "colours in a file: {log:?}");
 }

@@ -1,7 +1,5 @@
 //! `infer --flip-test` on pictures and their mirror images: it sees the same people in both.
 
-mod program;
-
 use std::path::Path;
 
 use edgecap::joints::MIRROR;
@@ -19,8 +17,8 @@ fn people(pictures: &Path, options: &[&str]) -> Vec<People> {
     let (input, file) = (pictures.to_str().unwrap(), file.to_str().unwrap());
     let fixed = ["infer", "--input", input, "--jsonl", file];
     let size = ["--size", "256x160", "--threads", "1"];
-    let out = program::output(&[&fixed[..], &size, options].concat());
-    assert!(out.status.success(), "{}", program::stderr(&out));
+    let out = crate::program::output(&[&fixed[..], &size, options].concat());
+    assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let text = std::fs::read_to_string(file).unwrap();
     let joints = |person: &Value| serde_json::from_value(person["joints2d"].clone()).unwrap();
     text.lines()
@@ -70,8 +68,9 @@ fn a_picture_and_its_mirror_image_show_the_same_people() {
     let out = rendered.to_str().unwrap();
     let scene = ["--frames", "2", "--people", "3", "--seed", "4"];
     let size = ["--width", "256", "--height", "160"];
-    let made = program::output(&[&["synth", "--stills", "--out", out][..], &scene, &size].concat());
-    assert!(made.status.success(), "{}", program::stderr(&made));
+    let made =
+        crate::program::output(&[&["synth", "--stills", "--out", out][..], &scene, &size].concat());
+    assert!(made.status.success(), "{}", crate::program::stderr(&made));
     std::fs::create_dir(&pictures).unwrap();
     for k in 0..2 {
         let picture = image::open(rendered.join(format!("00000{k}.jpg"))).unwrap();

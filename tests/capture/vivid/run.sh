@@ -3,10 +3,10 @@
 # that fails, a second instance, what `edgecap doctor` says. About five minutes; prints what happened, checks nothing by itself.
 #
 # Debian: apt-get install --no-install-recommends qemu-system-x86 busybox-static v4l-utils cpio kmod
-# Usage: cargo build --release --bins --example camera_probe && tests/capture_vivid/run.sh
+# Usage: cargo build --release --bins --example camera_probe && tests/capture/vivid/run.sh
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-build=${1:-$here/../../target/release}
+build=${1:-$here/../../../target/release}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"

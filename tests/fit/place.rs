@@ -1,14 +1,12 @@
 //! Stage III against exact truth: how tall and how far away people are, the floor and the world.
 
-mod fit_scene;
-
+use crate::scene::measure::run;
+use crate::scene::people::{self, Activity, Counter, Person};
+use crate::scene::{Noise, Scene};
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
 use edgecap::message::{BodyFrame, World, WorldState};
-use fit_scene::measure::run;
-use fit_scene::people::{self, Activity, Counter, Person};
-use fit_scene::{Noise, Scene};
 
 const FPS: f64 = 30.0;
 
@@ -41,7 +39,7 @@ fn the_height_comes_from_settings_or_floor() {
     let floor = FitConfig {
         ground: Some(GroundConfig {
             normal: [0.0, -1.0, 0.0],
-            offset: fit_scene::CAMERA_HEIGHT,
+            offset: crate::scene::CAMERA_HEIGHT,
         }),
         ..FitConfig::default()
     };
@@ -143,7 +141,7 @@ fn standing_feet_tell_the_floor() {
     let tilt = ground.normal.dot(-glam::DVec3::Y).acos().to_degrees();
     println!("{ground:?}, tilt {tilt:.1}°");
     assert!(tilt < 5.0);
-    assert!((ground.offset - fit_scene::CAMERA_HEIGHT).abs() < 0.15);
+    assert!((ground.offset - crate::scene::CAMERA_HEIGHT).abs() < 0.15);
 }
 
 #[test]
@@ -194,7 +192,7 @@ fn bodies_stand_on_the_floor_of_the_world() {
 fn a_given_floor_is_the_world_at_once() {
     let ground = GroundConfig {
         normal: [0.0, -2.0, 0.0],
-        offset: fit_scene::CAMERA_HEIGHT,
+        offset: crate::scene::CAMERA_HEIGHT,
     };
     let config = FitConfig {
         ground: Some(ground),
@@ -205,7 +203,9 @@ fn a_given_floor_is_the_world_at_once() {
     let mut out = BodyFrame::default();
     fitter.update(&scene.next().0, &mut out);
     assert_eq!(out.world.state, WorldState::Given as u32);
-    let below = out.world.point([0.0, fit_scene::CAMERA_HEIGHT as f32, 0.0]);
+    let below = out
+        .world
+        .point([0.0, crate::scene::CAMERA_HEIGHT as f32, 0.0]);
     assert!(below.iter().all(|v| v.abs() < 1e-6), "{below:?}");
     let ahead = out.world.point([1.0, 0.0, 5.0]);
     assert!((ahead[0] - 1.0).abs() < 1e-6 && (ahead[2] + 5.0).abs() < 1e-6);

@@ -1,0 +1,13 @@
+//! Stage III against exact truth.
+
+#[path = "../program/mod.rs"]
+mod program;
+mod scene;
+
+mod ablation;
+mod demo;
+mod fitter;
+mod multiview;
+mod noise;
+mod place;
+mod rate;

@@ -1,0 +1,7 @@
+//! The measuring instruments: measures worked out by hand, truth in public formats, synthetic scenes.
+
+mod eval_command;
+mod measures;
+mod recall;
+mod synth;
+mod truth;

@@ -1,0 +1,10 @@
+//! The stages before shared memory, each by itself, and what draws their results.
+
+mod detect;
+mod detect_maps;
+mod engine;
+mod lift;
+mod model_file;
+mod overlay;
+mod overlay_characters;
+mod tiny_network;
