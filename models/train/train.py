@@ -16,7 +16,7 @@ import pathlib
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO
 
 import torch
@@ -28,6 +28,7 @@ import targets
 import weights
 from augment import photometric
 from distil import Teachers
+from everyday import Everyday
 from model import SelecSLSNet
 from muon import Muon
 from pool import Pool, Rendered, Stored
@@ -49,6 +50,8 @@ class Mix:
     people: list[float]  # probabilities of 0, 1, 2, ... real people in a tile
     zoom: tuple[float, float]  # of synthetic scenes
     close: bool = False  # people of `size` before the camera, most of them without legs; at most `zoom` times as large as rendered
+    everyday: int = 0  # tiles of photos in which everybody is labelled
+    view: tuple[float, float] = (0.6, 1.3)  # of those photos, times what a whole frame shows
 
 
 @dataclass
@@ -101,12 +104,41 @@ CPU_PHASES = [
         ],
     ),
 ]
+# A trained network and photos in which everybody is labelled: those make two of three tiles, what it learnt before the rest.
+CPU_EVERYDAY_PHASES = [
+    Phase(
+        0.80,
+        [
+            Mix(192, 192, 1, 1, (85, 240), [0.08, 0.54, 0.26, 0.12], (0.7, 1.3), everyday=4),
+            Mix(256, 256, 1, 1, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=3, view=(0.6, 1.2)),
+            Mix(256, 256, 1, 1, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=3),
+        ],
+    ),
+    Phase(
+        1.1,
+        [
+            Mix(320, 512, 1, 1, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4), everyday=2, view=(0.9, 1.15)),
+            Mix(256, 256, 1, 1, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=3, view=(0.6, 1.2)),
+            Mix(512, 320, 1, 1, (65, 400), [0.10, 0.30, 0.30, 0.30], (0.95, 1.4), everyday=2, view=(0.9, 1.15)),
+            Mix(256, 256, 1, 1, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=3),
+        ],
+    ),
+]
 EMA_EVERY = 4  # steps between two updates of the averaged weights
 TINY_PHASES = [
     Phase(0.7, [Mix(96, 96, 4, 4, (50, 95), [0.06, 0.72, 0.22], (0.5, 0.9))]),
     Phase(1.1, [Mix(128, 160, 2, 2, (50, 120), [0.06, 0.60, 0.34], (0.4, 0.7))]),
 ]
-PHASES = {"gpu": GPU_PHASES, "cpu": CPU_PHASES, "tiny": TINY_PHASES}
+TINY_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=2) for m in q.mixes]) for q in TINY_PHASES]
+GPU_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
+PHASES = {
+    "gpu": GPU_PHASES,
+    "cpu": CPU_PHASES,
+    "tiny": TINY_PHASES,
+    "gpu everyday": GPU_EVERYDAY_PHASES,
+    "cpu everyday": CPU_EVERYDAY_PHASES,
+    "tiny everyday": TINY_EVERYDAY_PHASES,
+}
 
 
 def lr_at(p: float, top: float) -> float:
@@ -126,7 +158,7 @@ class Trainer:
             torch.backends.cudnn.benchmark = True
             # Geometry runs through matmul: TF32 there would move labels by centimetres.  Convolutions run in bf16 anyway.
             torch.backends.cuda.matmul.allow_tf32 = False
-        self.phases = PHASES["tiny" if a.tiny else "gpu" if self.cuda else "cpu"]
+        self.phases = PHASES[("tiny" if a.tiny else "gpu" if self.cuda else "cpu") + (" everyday" if a.everyday else "")]
         self.small = not self.cuda or a.tiny
         self.out: pathlib.Path = a.out
         self.out.mkdir(parents=True, exist_ok=True)
@@ -214,6 +246,7 @@ class Trainer:
         self.people = People(a.pack, self.dev, photos, seed + 1, limit=150 if a.tiny else 0, cache=a.cache)
         if a.cache and self.group.first:
             self.group.wait()
+        self.everyday = Everyday(a.everyday, seed + 3) if a.everyday else None
         t1 = time.time()
         self.pools: list[Pool] = [Stored(p, seed + 2 + i) for i, p in enumerate(a.scenes)]
         if not self.pools:
@@ -230,17 +263,26 @@ class Trainer:
         r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people, ph.close)
         pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom, close=ph.size if ph.close else None)
-        x = photometric(torch.cat([r.image, s.image]), pool.g) - 0.5
-        tr = targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted)
+        images, tr = [r.image], targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted)
+        if self.everyday is not None:
+            e = self.everyday.batch(ph.everyday, ph.H, ph.W, ph.view, ph.size if ph.close else None)
+            images.append(e.image.to(self.dev))
+            answer = targets.everyday(*(v.to(self.dev) for v in (e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy)))
+            tr = targets.together(tr, answer)
+        x = photometric(torch.cat([*images, s.image]), pool.g) - 0.5
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
         return x.contiguous(memory_format=torch.channels_last), tr, ts, r
 
     # ------------------------------------------------------------------- step
 
-    def losses(self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, taught: bool = True) -> tuple[Tensor, Tensor]:
-        """The six losses, what the teachers ask (0 without any, or unless `taught`), and the joint maps of the real tiles."""
+    def losses(
+        self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, taught: bool = True, everyday: int = 0
+    ) -> tuple[Tensor, Tensor]:
+        """The six losses, what the teachers ask (0 without any, or unless `taught`), and the joint maps of the real tiles, of which the last
+        `everyday` are photos in which everybody is labelled."""
         n = len(tr.maps)
-        first3d = 0 if self.teachers or self.people.lift.any() else n
+        taught = taught and self.teachers is not None
+        first3d = 0 if taught or self.people.lift.any() else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
@@ -250,13 +292,17 @@ class Trainer:
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        asked = self._taught(x, y, e, peak) if self.teachers and taught else enc.new_zeros(())
+        asked = self._taught(x, y, e, peak, slice(n - everyday, n)) if taught else enc.new_zeros(())
         return torch.stack([hr, pr, hs, ps, enc, where, asked]), y[:n].detach()
 
-    def _taught(self, x: Tensor, y: Tensor, e: Tensor, peak: float) -> Tensor:
-        """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum."""
+    def _taught(self, x: Tensor, y: Tensor, e: Tensor, peak: float, everyday: slice) -> Tensor:
+        """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum.
+
+        In photos in which everybody is labelled only the teachers' 3D counts: in 2D the labels know better.
+        """
         assert self.teachers is not None
         t = self.teachers.answer(x)
+        t.weight[everyday] = 0
         hm, paf = targets.loss2d(y, t, peak)
         flat = (1 + self.a.synth) * (hm + 0.5 * paf) + 2 * self.a.where * targets.location_loss(y, t)
         return flat + (1 + self.a.lend) * self.a.w3d * targets.loss3d(e, t)
@@ -266,8 +312,9 @@ class Trainer:
         for g in self.opt.param_groups:
             g["lr"] = lr
         x, tr, ts, r = self.batch(ph)
-        taught = self.teachers is not None and not ph.close  # older networks have not seen people as large
-        L, y = self.losses(x, tr, ts, p, taught)
+        taught = self.meta["step"] % self.a.distil_every == 0 and (not ph.close or self.everyday is not None)  # older networks have not seen people as large
+        taught = taught and self.teachers is not None
+        L, y = self.losses(x, tr, ts, p, taught, ph.everyday if self.everyday else 0)
         warm = min(1.0, self.meta["step"] / 150)
         synth = self.a.synth
         of_labels = 1 - self.a.distil_weight if taught else 1.0
@@ -280,7 +327,7 @@ class Trainer:
         self.opt.step()
         self.opt.zero_grad(set_to_none=True)
         # photos without people that make the network see some are shown again sooner
-        bad = (y[:, : targets.NJ].float().amax((2, 3)).mean(1)).clamp(0, 1)
+        bad = (y[: ph.real, : targets.NJ].float().amax((2, 3)).mean(1)).clamp(0, 1)
         if self.cuda:
             bad = torch.where(r.empty, bad, (self.people.photo_weight[r.photo] - 0.1) / 4)  # no wait for the device
             self.people.fired(r.photo, bad)
@@ -288,7 +335,7 @@ class Trainer:
             self.people.fired(r.photo[r.empty], bad[r.empty])
         self.meta["step"] += 1
         k = self.meta["step"]
-        self.meta["images"] += (ph.real + ph.synth) * self.group.count
+        self.meta["images"] += len(x) * self.group.count
         if k % self.a.sync == 0:
             self._meet()
         if k % EMA_EVERY == 0:
@@ -442,6 +489,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--pool", type=int, default=4096, help="scenes kept on the device (0.5 MB each)")
     ap.add_argument("--reuse", type=float, default=12, help="tiles drawn per rendered scene")
     ap.add_argument("--distil", type=pathlib.Path, nargs="*", default=[], help="safetensors files of networks whose mean answer is learnt, too")
+    ap.add_argument("--distil-every", type=int, default=1, help="steps from one question to the teachers to the next")
+    ap.add_argument("--everyday", type=pathlib.Path, help="folder of everyday.py: photos in which everybody is labelled")
     ap.add_argument("--distil-weight", type=float, default=0.5, help="share of what the teachers ask; the labels have the rest")
     ap.add_argument("--muon", action="store_true", help="orthogonal updates for the hidden convolutions (README.md, On a CPU)")
     ap.add_argument("--quant-last", type=float, default=0.0, help="share of the schedule, at its end, with int8 fake quantisation")
