@@ -6,9 +6,8 @@
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use edgecap::capture::{
-    CaptureError, Frame, InputSpec, OpenOptions, list_cameras, monotonic_ns, open,
-};
+use edgecap::camera::monotonic_ns;
+use edgecap::capture::{CaptureError, Frame, InputSpec, OpenOptions, list_cameras, open};
 
 /// Longest wait for a picture.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -19,10 +19,12 @@ use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
+use edgecap::camera::View;
+use edgecap::camera::calibration::read_qtm;
 use edgecap::capture::{self, InputSpec, OpenOptions};
 use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::lab::eval::multiview::{MultiviewCheck, View, read_qtm};
+use edgecap::lab::eval::multiview::MultiviewCheck;
 use edgecap::message::{BodyFrame, ObservationFrame};
 
 #[derive(Debug, Parser)]

@@ -4,6 +4,8 @@
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
 
 pub mod assignment;
+pub mod body;
+pub mod camera;
 pub mod capture;
 pub mod commands;
 pub mod detect;
@@ -15,7 +17,7 @@ pub mod machine;
 pub mod npz;
 pub mod output;
 pub mod overlay;
-pub mod translation;
+pub mod solve;
 
 pub use edgecap_client::{joints, message};
 

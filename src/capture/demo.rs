@@ -1,6 +1,6 @@
 //! The bundled clip: a few seconds of synthetic people.
 
-use super::CameraFile;
+use crate::camera::CameraFile;
 
 /// The clip: Motion-JPEG in an AVI container.
 pub const CLIP: &[u8] = include_bytes!("../../models/demo/demo.avi");

@@ -23,7 +23,7 @@ mod y4m;
 mod yuv;
 
 pub use avi::{AviReader, AviWriter};
-pub use camera::{CameraFile, CameraInfo, CameraSource, DEFAULT_FOV, list_cameras, monotonic_ns};
+pub use camera::{CameraInfo, CameraSource, list_cameras};
 pub use error::CaptureError;
 pub use exif::Orientation;
 pub use ffmpeg::{Ffmpeg, FfmpegSource};

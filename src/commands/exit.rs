@@ -2,6 +2,7 @@
 
 use edgecap_client::LinkError;
 
+use crate::camera::CameraError;
 use crate::capture::CaptureError;
 use crate::engine::ModelError;
 use crate::fit::offline::OfflineError;
@@ -116,6 +117,9 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(e.code);
             }
             if let Some(e) = cause.downcast_ref::<CaptureError>() {
+                return Some(e.exit_code());
+            }
+            if let Some(e) = cause.downcast_ref::<CameraError>() {
                 return Some(e.exit_code());
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {

@@ -11,7 +11,7 @@ use edgecap_client::{Publisher, Subscriber};
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::stop::{self, Stop};
-use crate::capture::{CameraFile, DEFAULT_FOV, monotonic_ns};
+use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::bodies_line::write_bodies;
 use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};

@@ -5,8 +5,9 @@ use std::ffi::OsString;
 use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
+use crate::camera::CameraFile;
 use crate::capture::demo;
-use crate::capture::{self, CameraFile, CaptureError, InputSpec, OpenOptions, Source};
+use crate::capture::{self, CaptureError, InputSpec, OpenOptions, Source};
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";

@@ -3,21 +3,21 @@
 //!
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 
-use super::appearance::Appearance;
-use super::assignment::assign;
-use super::body::write_body;
-use super::config::{ConfigError, FitConfig};
-use super::evidence::Evidence;
-use super::floor::FloorEstimate;
-use super::ground::Ground;
-use super::header::Header;
-use super::height::assumed;
-use super::identity::{dissimilarity, reidentification};
-use super::motion::MotionModel;
-use super::skeleton::{Posed, Skeleton};
-use super::solver::Solver;
-use super::track::{Context, Track};
-use super::world::SteadyFloor;
+use crate::assignment::assign;
+use crate::body::skeleton::{Posed, Skeleton};
+use crate::fit::config::{ConfigError, FitConfig};
+use crate::fit::energy::MotionModel;
+use crate::fit::energy::PoseSolver;
+use crate::fit::evidence::Evidence;
+use crate::fit::identity::Appearance;
+use crate::fit::identity::{dissimilarity, reidentification};
+use crate::fit::publish::Header;
+use crate::fit::publish::write_body;
+use crate::fit::scene::FloorEstimate;
+use crate::fit::scene::FloorPlane;
+use crate::fit::scene::SteadyFloor;
+use crate::fit::scene::assumed;
+use crate::fit::track::{Context, Track};
 use crate::joints::CANONICAL_STATURE;
 use crate::message::{Body, BodyFrame, FLAG_END_OF_STREAM, MAX_PEOPLE, ObservationFrame};
 
@@ -82,7 +82,7 @@ struct Gone {
 pub struct Fitter {
     config: FitConfig,
     model: MotionModel,
-    solver: Solver,
+    solver: PoseSolver,
     /// Tentative people and those with an identity, seen or missed for a moment.
     present: Vec<Track>,
     gone: Vec<Gone>,
@@ -112,7 +112,7 @@ impl Fitter {
         Ok(Self {
             model: MotionModel::new(skeleton, &config.terms, &config.prediction),
             config,
-            solver: Solver::default(),
+            solver: PoseSolver::default(),
             present: Vec::new(),
             gone: Vec::new(),
             next_id: 1,
@@ -136,10 +136,10 @@ impl Fitter {
 
     /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the stature
     /// that people are assumed to have.
-    pub fn ground(&self) -> Option<Ground> {
+    pub fn ground(&self) -> Option<FloorPlane> {
         match &self.config.ground {
-            Some(known) => Ground::from_config(known),
-            None => self.feet.floor().map(|floor| Ground {
+            Some(known) => FloorPlane::from_config(known),
+            None => self.feet.floor().map(|floor| FloorPlane {
                 normal: floor.ground.normal,
                 offset: floor.ground.offset * assumed(&self.config) / CANONICAL_STATURE as f64,
             }),
@@ -537,7 +537,11 @@ impl Fitter {
         known.sort_by_key(|t| t.id);
         header.write(pose_ns, out);
         out.count = known.len() as u32;
-        let given = self.config.ground.as_ref().and_then(Ground::from_config);
+        let given = self
+            .config
+            .ground
+            .as_ref()
+            .and_then(FloorPlane::from_config);
         out.world = self.floor.world(given);
         for (body, track) in out.bodies.iter_mut().zip(&known) {
             write_body(

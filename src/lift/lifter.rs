@@ -5,7 +5,7 @@ use edgecap_client::message::{Intrinsics, Observation};
 use edgecap_kernels::Isa;
 
 use super::weights::{INPUTS, OUTPUTS};
-use super::{LiftError, Stage2Weights, appearance, input, mlp::Mlp, unseen, view};
+use super::{LiftError, Stage2Weights, input, mlp::Mlp, torso_colours, unseen, view};
 use crate::capture::{Frame, Letterbox};
 use crate::detect::Detection;
 
@@ -83,7 +83,7 @@ impl Lifter {
             let mut joints2d = original(d, letterbox);
             let [u, v] = anchor(&joints2d);
             let turn = view::to_camera(intrinsics.ray(u, v));
-            let (hue, saturation) = appearance::histograms(frame, &joints2d);
+            let (hue, saturation) = torso_colours::histograms(frame, &joints2d);
             let joints3d = aligned.map(|p| view::rotate(&turn, p));
             unseen::fill(&mut joints2d, &joints3d, intrinsics);
             observations.push(Observation {

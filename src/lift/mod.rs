@@ -1,10 +1,10 @@
 //! Stage II: detections go in, observations (full 3D per person) come out. XNect §4.2.
 
-mod appearance;
 mod error;
 mod input;
 mod lifter;
 mod mlp;
+mod torso_colours;
 mod unseen;
 mod view;
 mod weights;

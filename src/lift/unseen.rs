@@ -4,7 +4,7 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use edgecap_client::message::Intrinsics;
 use glam::{DVec2, DVec3};
 
-use crate::translation::least_squares;
+use crate::camera::translation::least_squares;
 
 /// Fewest seen joints that place the body.
 const MIN_JOINTS: usize = 4;

@@ -5,13 +5,13 @@ use std::io;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use edgecap::camera::{CameraFile, Clock, monotonic_ns};
 use edgecap::capture::camera::{
-    CameraPort, CameraStream, Clock, InstanceLock, Live, Mode, PictureDecoder, PixelFormat,
-    RawLayout, Step, choose_mode,
+    CameraPort, CameraStream, InstanceLock, Live, Mode, PictureDecoder, PixelFormat, RawLayout,
+    Step, choose_mode,
 };
 use edgecap::capture::{
-    AviWriter, CameraFile, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range,
-    Source, monotonic_ns, open,
+    AviWriter, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range, Source, open,
 };
 use proptest::prelude::*;
 

@@ -1,6 +1,6 @@
 //! Stage III on what is exactly true of the bundled clip, whose people come from elsewhere than the fit's own skeleton.
 
-use edgecap::fit::skeleton::Skeleton;
+use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, PARENTS, PELVIS};
 use edgecap::lab::synth::demo;

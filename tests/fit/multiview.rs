@@ -2,9 +2,10 @@
 
 use crate::scene::gauss;
 use crate::scene::people::{self, Activity, Person};
+use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
-use edgecap::lab::eval::multiview::{MultiviewCheck, MultiviewReport, View};
+use edgecap::lab::eval::multiview::{MultiviewCheck, MultiviewReport};
 use edgecap::message::{BodyFrame, Observation, ObservationFrame};
 use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;
@@ -24,7 +25,10 @@ fn views() -> Vec<View> {
                 size: [1088, 1920],
                 focal: DVec2::new(1680.0, 1684.0),
                 centre: DVec2::new(533.0, 948.0),
-                distortion: [-0.046, 0.14, 0.0006, 0.0007],
+                distortion: Brown {
+                    radial: [-0.046, 0.14, 0.0],
+                    tangential: [0.0006, 0.0007],
+                },
                 rotation,
                 position: middle - rotation.transpose() * DVec3::new(0.0, 0.0, 4.5),
             }

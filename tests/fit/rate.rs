@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::program::{Running, eventually, stream};
 use crate::scene::people::{self, Activity, Person};
 use crate::scene::{Noise, Scene};
-use edgecap::capture::monotonic_ns;
+use edgecap::camera::monotonic_ns;
 use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
 

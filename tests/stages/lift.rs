@@ -1,5 +1,6 @@
 //! Stage II: against a plain reference with random weights, and against PyTorch where its answers are at hand.
 
+use edgecap::camera::translation::least_squares;
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
@@ -9,7 +10,6 @@ use edgecap::lift::{
     Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
 };
 use edgecap::message::Intrinsics;
-use edgecap::translation::least_squares;
 use edgecap_kernels::Isa;
 use glam::{DVec2, DVec3};
 use rand::rngs::SmallRng;

@@ -10,7 +10,7 @@
 use std::io;
 use std::time::{Duration, Instant};
 
-use super::clock::Clock;
+use crate::camera::Clock;
 use crate::capture::error::CaptureError;
 use crate::capture::frame::Frame;
 

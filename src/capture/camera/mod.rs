@@ -3,9 +3,7 @@
 //! [`CameraSource`] holds the [lock](InstanceLock) and the [`Live`] state machine, which opens and reopens a [`CameraPort`].
 //! [`V4l2Port`] is the real one.
 
-mod clock;
 mod decode;
-mod intrinsics;
 mod list;
 mod live;
 mod lock;
@@ -14,9 +12,7 @@ mod port;
 mod source;
 mod v4l2;
 
-pub use clock::{Clock, SystemClock, monotonic_ns};
 pub use decode::{PictureDecoder, PixelFormat, RawLayout};
-pub use intrinsics::{CameraFile, DEFAULT_FOV};
 pub use list::{CameraInfo, list_cameras};
 pub use live::{CameraPort, CameraStream, Live, Step};
 pub use lock::InstanceLock;

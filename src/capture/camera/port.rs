@@ -4,12 +4,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::clock::monotonic_ns;
 use super::decode::{PictureDecoder, PixelFormat, RawLayout};
 use super::list::{CameraInfo, list_cameras, not_permitted};
 use super::live::{CameraPort, CameraStream};
 use super::mode::{Mode, choose_mode};
 use super::v4l2::{Camera, Ready, Sizes, Stream};
+use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::frame::Frame;
 use crate::capture::spec::OpenOptions;

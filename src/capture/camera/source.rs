@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::clock::{Clock, SystemClock};
 use super::list::list_cameras;
 use super::live::{CameraPort, Live, Step};
 use super::lock::InstanceLock;
 use super::port::V4l2Port;
+use crate::camera::{Clock, SystemClock};
 use crate::capture::error::CaptureError;
 use crate::capture::frame::Frame;
 use crate::capture::source::Source;

@@ -199,7 +199,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
             for (slot, o) in message.people.iter_mut().zip(seen.people) {
                 *slot = *o;
             }
-            message.publish_ns = crate::capture::monotonic_ns();
+            message.publish_ns = crate::camera::monotonic_ns();
             p.publish(&message)?;
             if cleaned.elapsed() > CLEAN_UP_EVERY {
                 p.clean_up();
@@ -220,7 +220,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         message.sequence = last_sequence;
         message.flags |= FLAG_END_OF_STREAM;
         message.count = 0;
-        message.publish_ns = crate::capture::monotonic_ns();
+        message.publish_ns = crate::camera::monotonic_ns();
         p.publish(&message)?;
         // Messages still in a reader's buffer live in this process's memory.
         wait_until(&stop, || p.subscriber_count() == 0);

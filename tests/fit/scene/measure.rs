@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use edgecap::fit::assignment::assign;
-use edgecap::fit::skeleton::Skeleton;
+use edgecap::assignment::assign;
+use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
 use edgecap::message::{Body, BodyFrame, JointState, ObservationFrame};

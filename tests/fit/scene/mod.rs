@@ -8,7 +8,7 @@
     reason = "a joint's index runs over several arrays at once"
 )]
 
-use edgecap::fit::skeleton::{ANGLES, BoneLengths, Pose, Posed, Skeleton};
+use edgecap::body::skeleton::{ANGLES, BoneLengths, Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 use edgecap::message::{APPEARANCE_BINS, Intrinsics, Observation, ObservationFrame};
 use glam::{DQuat, DVec2, DVec3};

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
-use edgecap::fit::skeleton::{BoneLengths, Pose, Posed, Skeleton};
+use edgecap::body::skeleton::{BoneLengths, Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
 use edgecap::message::APPEARANCE_BINS;
 use glam::{DQuat, DVec2, DVec3};
@@ -163,7 +163,7 @@ impl Person {
             weight += w;
         }
         let (heading, effort): (f64, f64) = (heading / weight, effort / weight);
-        let mut angles = [0.0; edgecap::fit::skeleton::ANGLES];
+        let mut angles = [0.0; edgecap::body::skeleton::ANGLES];
         let walking = (effort / 1.2).clamp(0.0, 1.2);
         self.stand(t, 1.0 - walking.min(1.0), &mut angles);
         gait(travelled / 1.35 * TAU, walking, &mut angles);

@@ -6,7 +6,7 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, JOINT_NAMES};
 use edgecap_client::message::{BodyFrame, ObservationFrame};
 use glam::{DVec2, DVec3};
 
-use super::{View, triangulate};
+use crate::camera::{View, triangulate};
 use crate::lab::eval::PoseErrors;
 
 /// Candidates of a view that are combined with those of the others: the best scores.

@@ -3,9 +3,5 @@
 //! The views but one are triangulated and reprojected into the one left out, which yields a truth that this view had no part in.
 
 mod check;
-mod qtm;
-mod view;
 
 pub use check::{MultiviewCheck, MultiviewReport};
-pub use qtm::read_qtm;
-pub use view::{View, triangulate};

@@ -1,0 +1,98 @@
+//! The parameters of the 29-DoF skeleton, steps between them, and what forward kinematics makes of them.
+
+use glam::{DQuat, DVec3};
+
+use super::ANGLES;
+use crate::joints::{BODY_JOINTS, DOF};
+
+/// The parameters of a fitted person: 3 + 3 + 23 degrees of freedom.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Pelvis in camera space, metres.
+    pub position: DVec3,
+    /// Rotation of the pelvis from rest axes to camera axes.
+    pub rotation: DQuat,
+    /// Joint angles in the order of `models/skeleton.toml`, radians.
+    pub angles: [f64; ANGLES],
+}
+
+impl Pose {
+    /// Rest pose, upright and facing the camera, `depth` metres away.
+    pub fn facing_camera(depth: f64) -> Self {
+        Self {
+            position: DVec3::new(0.0, 0.0, depth),
+            rotation: DQuat::from_rotation_x(std::f64::consts::PI),
+            angles: [0.0; ANGLES],
+        }
+    }
+
+    /// This pose moved by a step: translation in metres, rotation vector in camera axes, angles.
+    pub fn moved(&self, step: &[f64; DOF]) -> Self {
+        let mut angles = self.angles;
+        for (angle, d) in angles.iter_mut().zip(&step[6..]) {
+            *angle += d;
+        }
+        Self {
+            position: self.position + DVec3::from_slice(&step[..3]),
+            rotation: (DQuat::from_scaled_axis(DVec3::from_slice(&step[3..6])) * self.rotation)
+                .normalize(),
+            angles,
+        }
+    }
+
+    /// The step that leads from `from` to this pose; the inverse of [`moved`](Self::moved).
+    pub fn step_from(&self, from: &Pose) -> [f64; DOF] {
+        let mut step = [0.0; DOF];
+        (self.position - from.position).write_to_slice(&mut step[..3]);
+        rotation_vector(self.rotation * from.rotation.conjugate()).write_to_slice(&mut step[3..6]);
+        for (d, (to, from)) in step[6..]
+            .iter_mut()
+            .zip(self.angles.iter().zip(&from.angles))
+        {
+            *d = to - from;
+        }
+        step
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.position.is_finite()
+            && self.rotation.is_finite()
+            && self.angles.iter().all(|a| a.is_finite())
+    }
+}
+
+/// The shortest rotation vector of a unit quaternion.
+pub fn rotation_vector(q: DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    let v = DVec3::new(q.x, q.y, q.z);
+    let s = v.length();
+    if s < 1e-9 {
+        return v * 2.0;
+    }
+    v * (2.0 * s.atan2(q.w) / s)
+}
+
+/// A skeleton in a pose: what forward kinematics yields.
+#[derive(Debug, Clone, Copy)]
+pub struct Posed {
+    /// Joints in camera space, metres.
+    pub joints: [DVec3; BODY_JOINTS],
+    /// Rotation of the bone that ends in each joint, rest axes to camera axes; of the pelvis for joint 14.
+    pub frames: [DQuat; BODY_JOINTS],
+    /// Axis of every joint angle, camera axes.
+    pub axes: [DVec3; ANGLES],
+    /// Point about which every joint angle turns.
+    pub origins: [DVec3; ANGLES],
+}
+
+impl Default for Posed {
+    fn default() -> Self {
+        Self {
+            joints: [DVec3::ZERO; BODY_JOINTS],
+            frames: [DQuat::IDENTITY; BODY_JOINTS],
+            axes: [DVec3::ZERO; ANGLES],
+            origins: [DVec3::ZERO; ANGLES],
+        }
+    }
+}

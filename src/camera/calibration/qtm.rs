@@ -1,0 +1,152 @@
+//! Calibrations of Qualisys Track Manager (`.qca.txt`, XML) go in, views come out.
+//!
+//! Pixels are counted in 1/64, positions in millimetres; the rows of the rotation are the camera's axes in the world, x right,
+//! y up, z backward. Distortion coefficients are unscaled and those of OpenCV.
+
+use glam::{DMat3, DVec2, DVec3};
+use roxmltree::{Document, Node};
+
+use crate::camera::{Brown, CameraError, View};
+
+/// Parts of a pixel in which a calibration counts.
+const SUBPIXELS: f64 = 64.0;
+
+/// Reads the text of a calibration; `name` is for errors.
+///
+/// # Errors
+/// [`CameraError::Calibration`] when it is no such calibration or a number is missing.
+pub fn read_qtm(text: &str, name: &str) -> Result<Vec<View>, CameraError> {
+    let wrong = |found: String| CameraError::Calibration {
+        file: name.to_owned(),
+        expected: "a QTM calibration (.qca.txt)",
+        found,
+    };
+    let document = Document::parse(text).map_err(|e| wrong(e.to_string()))?;
+    let cameras = document
+        .descendants()
+        .filter(|n| n.has_tag_name("camera") && n.attribute("active") != Some("0"));
+    let views = cameras
+        .map(view)
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(wrong)?;
+    if views.is_empty() {
+        return Err(wrong("no active camera".into()));
+    }
+    Ok(views)
+}
+
+fn view(camera: Node<'_, '_>) -> Result<View, String> {
+    let name = camera.attribute("serial").unwrap_or("?");
+    let part = |tag: &str| {
+        let mut children = camera.children();
+        children
+            .find(|n| n.has_tag_name(tag))
+            .ok_or_else(|| format!("camera {name} without <{tag}>"))
+    };
+    let number = |node: Node<'_, '_>, key: &str| -> Result<f64, String> {
+        node.attribute(key)
+            .and_then(|v| v.trim().parse().ok())
+            .filter(|v: &f64| v.is_finite())
+            .ok_or_else(|| format!("camera {name} without the number {key}"))
+    };
+    let (inner, outer, picture) = (
+        part("intrinsic")?,
+        part("transform")?,
+        part("fov_video_max")?,
+    );
+    let lens = |u: &str, v: &str| -> Result<DVec2, String> {
+        Ok(DVec2::new(number(inner, u)?, number(inner, v)?) / SUBPIXELS)
+    };
+    let row = |k: usize| -> Result<DVec3, String> {
+        Ok(DVec3::new(
+            number(outer, &format!("r{k}1"))?,
+            number(outer, &format!("r{k}2"))?,
+            number(outer, &format!("r{k}3"))?,
+        ))
+    };
+    let rotation = DMat3::from_cols(row(1)?, -row(2)?, -row(3)?).transpose();
+    if (rotation * rotation.transpose() - DMat3::IDENTITY)
+        .to_cols_array()
+        .iter()
+        .any(|v| v.abs() > 1e-3)
+    {
+        return Err(format!("camera {name} with a rotation that is none"));
+    }
+    let pixels = |first: &str, last: &str| -> Result<u32, String> {
+        Ok((number(picture, last)? - number(picture, first)? + 1.0) as u32)
+    };
+    let millimetres = DVec3::new(
+        number(outer, "x")?,
+        number(outer, "y")?,
+        number(outer, "z")?,
+    );
+    Ok(View {
+        name: name.to_owned(),
+        size: [pixels("left", "right")?, pixels("top", "bottom")?],
+        focal: lens("focalLengthU", "focalLengthV")?,
+        centre: lens("centerPointU", "centerPointV")?,
+        distortion: Brown {
+            radial: [
+                number(inner, "radialDistortion1")?,
+                number(inner, "radialDistortion2")?,
+                0.0,
+            ],
+            tangential: [
+                number(inner, "tangentalDistortion1")?,
+                number(inner, "tangentalDistortion2")?,
+            ],
+        },
+        rotation,
+        position: millimetres * 1e-3,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: &str = r#"<?xml version='1.0' encoding='ASCII'?><calibration><cameras>
+        <camera active="1" serial="cam01" viewrotation="0">
+        <fov_video_max bottom="1919" left="0" right="1087" top="0"/>
+        <transform r11="0" r12="1" r13="0" r21="0" r22="0" r23="1" r31="1" r32="0" r33="0" x="3000" y="0" z="1500"/>
+        <intrinsic centerPointU="34816" centerPointV="61440" focalLengthU="107520" focalLengthV="107520"
+          radialDistortion1="0" radialDistortion2="0" tangentalDistortion1="0" tangentalDistortion2="0"/>
+        </camera></cameras></calibration>"#;
+
+    #[test]
+    fn a_camera_looks_at_what_is_in_front_of_it() {
+        let [view] = &read_qtm(ONE, "one").unwrap()[..] else {
+            panic!("one camera");
+        };
+        assert_eq!((view.name.as_str(), view.size), ("cam01", [1088, 1920]));
+        // Three metres along the world's x, 1.5 m up, looking back along x; the world's z is up, its y to the right.
+        let middle = view.project(DVec3::new(0.0, 0.0, 1.5)).unwrap();
+        assert!((middle - DVec2::new(544.0, 960.0)).length() < 1e-9);
+        let beside = view.project(DVec3::new(0.0, 0.3, 1.8)).unwrap();
+        assert!((beside - DVec2::new(544.0 + 168.0, 960.0 - 168.0)).length() < 1e-9);
+        assert!(view.project(DVec3::new(4.0, 0.0, 1.5)).is_none());
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, expected) in [
+            ("no xml", "a QTM calibration"),
+            ("<calibration/>", "no active camera"),
+            (
+                &ONE.replace("focalLengthU", "focalLength"),
+                "cam01 without the number focalLengthU",
+            ),
+            (
+                &ONE.replace("<transform", "<transfer"),
+                "cam01 without <transform>",
+            ),
+            (&ONE.replace("r12=\"1\"", "r12=\"2\""), "rotation"),
+        ] {
+            let error = read_qtm(text, "c.qca.txt").unwrap_err().to_string();
+            assert!(
+                error.contains("c.qca.txt") && error.contains(expected),
+                "{error}"
+            );
+        }
+    }
+}

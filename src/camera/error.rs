@@ -1,0 +1,59 @@
+//! What can be wrong with a file that describes cameras.
+
+use std::io;
+use std::path::Path;
+
+/// Why a file yields no camera.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    /// The file cannot be read.
+    #[error("{file}: {source}; check the path and its permissions")]
+    Read {
+        /// The file.
+        file: String,
+        /// The system's own words.
+        source: io::Error,
+    },
+    /// The user's own description of the camera contradicts itself.
+    #[error("{file}: {reason}")]
+    Settings {
+        /// The file.
+        file: String,
+        /// What was expected, what was found.
+        reason: String,
+    },
+    /// A calibration of another program cannot be read.
+    #[error("{file}: expected {expected}, found {found}")]
+    Calibration {
+        /// The file.
+        file: String,
+        /// The format.
+        expected: &'static str,
+        /// What is wrong with it.
+        found: String,
+    },
+}
+
+impl CameraError {
+    /// The code from `sysexits.h` that a command ends with: 65 data, 66 no input, 74 input/output, 77 permission,
+    /// 78 configuration.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Read { source, .. } => match source.kind() {
+                io::ErrorKind::NotFound => 66,
+                io::ErrorKind::PermissionDenied => 77,
+                _ => 74,
+            },
+            Self::Settings { .. } => 78,
+            Self::Calibration { .. } => 65,
+        }
+    }
+
+    /// A file that cannot be read.
+    pub(crate) fn read(path: &Path, source: io::Error) -> Self {
+        Self::Read {
+            file: path.display().to_string(),
+            source,
+        }
+    }
+}

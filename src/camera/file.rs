@@ -1,0 +1,159 @@
+//! `camera.toml`: what a user knows about the lens goes in, the camera of each frame comes out.
+
+use std::path::Path;
+
+use edgecap_client::message::Intrinsics;
+use serde::Deserialize;
+
+use super::CameraError;
+
+/// Horizontal field of view of an ordinary webcam, degrees.
+pub const DEFAULT_FOV: f32 = 60.0;
+/// How much the aspect of a frame may differ from the calibrated one: rounding of sizes, not a crop.
+const ASPECT_TOLERANCE: f32 = 0.02;
+
+/// The lens of a camera, independent of the size of its pictures.
+///
+/// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a picture of
+/// `width` × `height`, centres of pixels on integers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CameraFile {
+    /// Square pixels, principal point in the middle.
+    Fov {
+        /// Horizontal field of view, degrees.
+        degrees: f32,
+    },
+    /// Measured at one size of picture.
+    Calibrated {
+        /// In pixels of that size.
+        intrinsics: Intrinsics,
+        /// Width of that size.
+        width: u32,
+        /// Height of that size.
+        height: u32,
+    },
+}
+
+impl Default for CameraFile {
+    fn default() -> Self {
+        Self::Fov {
+            degrees: DEFAULT_FOV,
+        }
+    }
+}
+
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    fov_degrees: Option<f32>,
+    fx: Option<f32>,
+    fy: Option<f32>,
+    cx: Option<f32>,
+    cy: Option<f32>,
+    width: Option<u32>,
+    height: Option<u32>,
+}
+
+impl CameraFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`CameraError::Read`] when it cannot be read, [`CameraError::Settings`] when its contents make no camera.
+    pub fn read(path: &Path) -> Result<Self, CameraError> {
+        let text = std::fs::read_to_string(path).map_err(|e| CameraError::read(path, e))?;
+        Self::parse(&text).map_err(|reason| CameraError::Settings {
+            file: path.display().to_string(),
+            reason,
+        })
+    }
+
+    /// Reads the file's text.
+    ///
+    /// # Errors
+    /// One line: what is missing, unknown or impossible.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let raw: Raw = toml::from_str(text).map_err(|e| {
+            let place = e.span().map_or(String::new(), |s| {
+                format!(
+                    "line {}: ",
+                    1 + text[..s.start.min(text.len())].matches('\n').count()
+                )
+            });
+            format!("{place}{}", e.message())
+        })?;
+        match raw {
+            Raw {
+                fov_degrees: Some(degrees),
+                fx: None,
+                fy: None,
+                cx: None,
+                cy: None,
+                width: None,
+                height: None,
+            } => {
+                if !(1.0..=179.0).contains(&degrees) {
+                    return Err(format!(
+                        "expected a horizontal field of view of 1 to 179 degrees, found {degrees}"
+                    ));
+                }
+                Ok(Self::Fov { degrees })
+            }
+            Raw {
+                fov_degrees: None,
+                fx: Some(fx),
+                fy,
+                cx: Some(cx),
+                cy: Some(cy),
+                width: Some(width),
+                height: Some(height),
+            } => {
+                let fy = fy.unwrap_or(fx);
+                let lengths = [fx, fy].iter().all(|f| f.is_finite() && *f > 0.0);
+                let inside = (0.0..width as f32).contains(&cx) && (0.0..height as f32).contains(&cy);
+                if !lengths || !inside {
+                    return Err(format!(
+                        "expected focal lengths above 0 and a principal point inside {width}x{height}, found fx {fx}, fy {fy}, cx {cx}, cy {cy}"
+                    ));
+                }
+                Ok(Self::Calibrated {
+                    intrinsics: Intrinsics { fx, fy, cx, cy },
+                    width,
+                    height,
+                })
+            }
+            _ => Err(
+                "expected either fov_degrees alone, or fx, cx, cy, width, height (and fy where pixels are not square)".into(),
+            ),
+        }
+    }
+
+    /// The camera of pictures of `width` × `height`.
+    ///
+    /// # Errors
+    /// One line when the calibration is for pictures of another shape: a crop, whose place nobody has told.
+    pub fn for_frame(&self, width: u32, height: u32) -> Result<Intrinsics, String> {
+        match *self {
+            Self::Fov { degrees } => Ok(Intrinsics::from_horizontal_fov(width, height, degrees)),
+            Self::Calibrated {
+                intrinsics: i,
+                width: w,
+                height: h,
+            } => {
+                let (sx, sy) = (width as f32 / w as f32, height as f32 / h as f32);
+                if (sx / sy - 1.0).abs() > ASPECT_TOLERANCE {
+                    return Err(format!(
+                        "the camera is calibrated for {w}x{h} pictures, these have {width}x{height}, another shape; calibrate at this size or give fov_degrees"
+                    ));
+                }
+                // Edges scale about the picture's edge; centres of pixels lie half a pixel inside.
+                Ok(Intrinsics {
+                    fx: i.fx * sx,
+                    fy: i.fy * sy,
+                    cx: (i.cx + 0.5) * sx - 0.5,
+                    cy: (i.cy + 0.5) * sy - 0.5,
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! All that is known of cameras: lens, distortion, place in the world, several of them, calibration files, clock.
+//!
+//! Camera axes: x right, y down, z forward; metres; pixels with their centres on integers.
+
+pub mod calibration;
+mod clock;
+mod distortion;
+mod error;
+mod file;
+mod rig;
+pub mod translation;
+mod view;
+
+pub use clock::{Clock, SystemClock, monotonic_ns};
+pub use distortion::Brown;
+pub use error::CameraError;
+pub use file::{CameraFile, DEFAULT_FOV};
+pub use rig::triangulate;
+pub use view::View;

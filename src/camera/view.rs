@@ -1,0 +1,108 @@
+//! A calibrated camera in the world: points in space to pixels, pixels to rays.
+
+use edgecap_client::message::Intrinsics;
+use glam::{DMat3, DVec2, DVec3};
+
+use super::Brown;
+
+/// Films are coded in squares of as many pixels.
+const MACROBLOCK: u32 = 16;
+
+/// A camera in the world, pixels of the original picture, metres.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// What the calibration calls it.
+    pub name: String,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Focal lengths and principal point.
+    pub focal: DVec2,
+    /// Principal point.
+    pub centre: DVec2,
+    /// What the lens does to the pinhole's picture.
+    pub distortion: Brown,
+    /// World axes to camera axes (x right, y down, z forward).
+    pub rotation: DMat3,
+    /// Where the camera stands in the world.
+    pub position: DVec3,
+}
+
+impl View {
+    /// The pinhole without distortion.
+    pub fn intrinsics(&self) -> Intrinsics {
+        Intrinsics {
+            fx: self.focal.x as f32,
+            fy: self.focal.y as f32,
+            cx: self.centre.x as f32,
+            cy: self.centre.y as f32,
+        }
+    }
+
+    /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole macroblocks
+    /// of 16 pixels, cut at the right and below. `None` for pictures of another camera or scale.
+    pub fn for_pictures(&self, size: [u32; 2]) -> Option<Self> {
+        let fits = (0..2).all(|k| {
+            size[k] == self.size[k] || size[k].next_multiple_of(MACROBLOCK) == self.size[k]
+        });
+        fits.then(|| Self {
+            size,
+            ..self.clone()
+        })
+    }
+
+    /// A world point in camera axes.
+    pub fn to_camera(&self, point: DVec3) -> DVec3 {
+        self.rotation * (point - self.position)
+    }
+
+    /// Pixel of a world point; `None` behind the camera.
+    pub fn project(&self, point: DVec3) -> Option<DVec2> {
+        let p = self.to_camera(point);
+        (p.z > 0.05).then(|| self.distortion.distort(p.truncate() / p.z) * self.focal + self.centre)
+    }
+
+    /// Direction in the world through a pixel of the distorted picture, a unit vector.
+    pub fn ray(&self, pixel: DVec2) -> DVec3 {
+        let p = self
+            .distortion
+            .undistort((pixel - self.centre) / self.focal);
+        (self.rotation.transpose() * p.extend(1.0)).normalize()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub(in crate::camera) fn around(degrees: f64) -> View {
+        // Three metres away, looking at the origin; the world's y points down here.
+        let rotation = DMat3::from_rotation_y(degrees.to_radians());
+        View {
+            name: format!("{degrees}"),
+            size: [1080, 1920],
+            focal: DVec2::new(1680.0, 1682.0),
+            centre: DVec2::new(532.0, 948.0),
+            distortion: Brown {
+                radial: [-0.046, 0.14, 0.0],
+                tangential: [0.0006, -0.0007],
+            },
+            rotation,
+            position: -3.0 * (rotation.transpose() * DVec3::Z),
+        }
+    }
+
+    #[test]
+    fn pictures_may_lack_what_fills_the_last_macroblock() {
+        let coded = View {
+            size: [1088, 1920],
+            ..around(0.0)
+        };
+        let shown = coded.for_pictures([1080, 1920]).unwrap();
+        assert_eq!(shown.size, [1080, 1920]);
+        assert_eq!(shown.centre, coded.centre);
+        assert_eq!(coded.for_pictures([1088, 1920]), Some(coded.clone()));
+        for other in [[1072, 1920], [1088, 1080], [544, 960], [1096, 1920]] {
+            assert_eq!(coded.for_pictures(other), None, "{other:?}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! In: a fitted person's feet and their velocities. Out: the places where feet stand, so that they do not slide.
+
+use glam::DVec3;
+
+use super::Contact;
+use crate::body::skeleton::{Posed, Skeleton};
+use crate::fit::config::TermsConfig;
+use crate::joints::{BODY_JOINTS, DOF, PELVIS};
+use crate::message::JointState;
+
+/// The standing joints.
+pub const ANKLES: [usize; 2] = [10, 13];
+/// A foot slower than this (m/s) may stand …
+const STANDS: f64 = 0.35;
+/// … and one faster than this does not.
+const MOVES: f64 = 0.7;
+/// Seconds of slowness before a foot counts as standing.
+const SETTLE: f64 = 0.1;
+/// Metres away from its place at which a foot has left it.
+const LEFT: f64 = 0.1;
+/// Seconds for which a foot that is not seen still stands.
+const HIDDEN: f64 = 0.35;
+/// Error of a place, metres.
+const SIGMA: f64 = 0.035;
+/// Seconds in which a place follows what is seen.
+const DRIFT: f64 = 0.8;
+
+/// Standing feet of one person.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Feet {
+    feet: [Foot; 2],
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Foot {
+    place: Option<DVec3>,
+    slow: f64,
+    hidden: f64,
+}
+
+impl Feet {
+    /// Contact terms for the next fit.
+    pub fn contacts(&self, terms: &TermsConfig) -> [Option<Contact>; 2] {
+        std::array::from_fn(|i| {
+            self.feet[i]
+                .place
+                .filter(|_| terms.contact > 0.0)
+                .map(|place| Contact {
+                    joint: ANKLES[i],
+                    place,
+                    weight: terms.contact / (SIGMA * SIGMA),
+                })
+        })
+    }
+
+    /// Places of the feet that stand.
+    pub fn places(&self) -> impl Iterator<Item = DVec3> + '_ {
+        self.feet.iter().filter_map(|f| f.place)
+    }
+
+    /// Takes in a fit, `dt` seconds after the last. A foot that is not seen (by `states`) may have left: it stands nowhere.
+    pub fn update(
+        &mut self,
+        skeleton: &Skeleton,
+        posed: &Posed,
+        velocity: &[f64; DOF],
+        states: &[JointState; BODY_JOINTS],
+        dt: f64,
+    ) {
+        for (foot, joint) in self.feet.iter_mut().zip(ANKLES) {
+            let ankle = posed.joints[joint];
+            foot.hidden = if states[joint] == JointState::Observed {
+                0.0
+            } else {
+                foot.hidden + dt
+            };
+            if foot.hidden > HIDDEN {
+                foot.place = None;
+                foot.slow = 0.0;
+                continue;
+            }
+            // Along the ray the place is hardly seen: the picture decides.
+            let speed = joint_velocity(skeleton, posed, velocity, joint)
+                .truncate()
+                .length();
+            foot.slow = if speed < STANDS { foot.slow + dt } else { 0.0 };
+            match &mut foot.place {
+                Some(place) => {
+                    let gap = ankle - *place;
+                    if speed > MOVES || gap.length() > LEFT {
+                        *foot = Foot::default();
+                    } else {
+                        *place += gap * (dt / DRIFT).min(1.0);
+                    }
+                }
+                None if foot.slow >= SETTLE => foot.place = Some(ankle),
+                None => {}
+            }
+        }
+    }
+
+    /// Forgets where the feet stood.
+    pub fn lift(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// Velocity of a joint in camera space, metres per second.
+pub fn joint_velocity(
+    skeleton: &Skeleton,
+    posed: &Posed,
+    velocity: &[f64; DOF],
+    joint: usize,
+) -> DVec3 {
+    let mut v = DVec3::from_slice(&velocity[..3]);
+    v += DVec3::from_slice(&velocity[3..6]).cross(posed.joints[joint] - posed.joints[PELVIS]);
+    for &k in skeleton.chain(joint) {
+        v += velocity[6 + k] * posed.axes[k].cross(posed.joints[joint] - posed.origins[k]);
+    }
+    v
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::skeleton::Pose;
+
+    #[test]
+    fn a_resting_foot_is_held_and_a_step_lets_go() {
+        let s = Skeleton::builtin();
+        let mut feet = Feet::default();
+        let mut pose = Pose::facing_camera(3.0);
+        let mut posed = Posed::default();
+        let mut velocity = [0.0; DOF];
+        let seen = [JointState::Observed; BODY_JOINTS];
+        for _ in 0..10 {
+            s.pose(&pose, s.lengths(), &mut posed);
+            feet.update(s, &posed, &velocity, &seen, 0.033);
+        }
+        assert_eq!(feet.places().count(), 2);
+        assert_eq!(
+            feet.contacts(&TermsConfig::default())
+                .iter()
+                .flatten()
+                .count(),
+            2
+        );
+        let right_hip = s
+            .angles()
+            .iter()
+            .position(|a| a.name == "r_hip_abduction")
+            .unwrap();
+        velocity[6 + right_hip] = 3.0;
+        pose.angles[right_hip] += 0.1;
+        s.pose(&pose, s.lengths(), &mut posed);
+        feet.update(s, &posed, &velocity, &seen, 0.033);
+        let held: Vec<usize> = feet
+            .contacts(&TermsConfig::default())
+            .iter()
+            .flatten()
+            .map(|c| c.joint)
+            .collect();
+        assert_eq!(held, [13]);
+    }
+}

@@ -1,0 +1,222 @@
+//! In: poses as they were fitted and how well each was determined. Out: velocities, the pose to expect next and how far to
+//! trust it. One constant-velocity Kalman filter per degree of freedom; its prediction is the temporal term of the energy.
+
+use crate::body::skeleton::{Pose, Skeleton};
+use crate::fit::config::{PredictionConfig, TermsConfig};
+use crate::joints::DOF;
+
+/// Uncertainty before anything was seen: metres or radians, and per second.
+const INITIAL: [f64; 2] = [0.3, 1.0];
+/// Greatest variance of a velocity, (m/s)² or (rad/s)².
+const MAX_RATE_VARIANCE: f64 = 36.0;
+/// Interval over which accelerations keep their sign, seconds: turns them into a noise density.
+const ACCELERATION_TIME: f64 = 1.0 / 30.0;
+/// Errors of successive frames are alike, so a frame tells less than its variance says: by this factor.
+const CORRELATED: f64 = 3.0;
+
+/// The temporal term's weight beyond what the Kalman filter calls for: trades a little error for half the jitter.
+const CALM: f64 = 2.0;
+
+/// Typical acceleration of each degree of freedom, m/s² or rad/s².
+fn acceleration(dof: usize, skeleton: &Skeleton) -> f64 {
+    match dof {
+        0 | 1 => 2.5,
+        2 => 2.0,
+        3..6 => 8.0,
+        _ => {
+            let name = skeleton.angles()[dof - 6].name.as_str();
+            let part = name.trim_start_matches("r_").trim_start_matches("l_");
+            match part.split('_').next().unwrap_or(part) {
+                "spine" => 5.0,
+                "neck" => 6.0,
+                "shoulder" => 25.0,
+                "elbow" => 30.0,
+                "hip" => 20.0,
+                "knee" => 30.0,
+                _ => 15.0,
+            }
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Covariance {
+    place: f64,
+    mixed: f64,
+    rate: f64,
+}
+
+/// Velocities of one person and how certain pose and velocity are.
+#[derive(Debug, Clone)]
+pub struct Motion {
+    /// Velocity of every degree of freedom per second: metres, rotation vector in camera axes, angles.
+    pub velocity: [f64; DOF],
+    covariance: [Covariance; DOF],
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            velocity: [0.0; DOF],
+            covariance: [Covariance {
+                place: INITIAL[0] * INITIAL[0],
+                mixed: 0.0,
+                rate: INITIAL[1] * INITIAL[1],
+            }; DOF],
+        }
+    }
+}
+
+/// Noise densities of all degrees of freedom; built once.
+#[derive(Debug, Clone)]
+pub struct MotionModel {
+    density: [f64; DOF],
+    fade: [f64; DOF],
+    temporal: f64,
+    depth: f64,
+}
+
+impl MotionModel {
+    /// From the energy's weights and the fading of unseen motion.
+    pub fn new(skeleton: &Skeleton, terms: &TermsConfig, prediction: &PredictionConfig) -> Self {
+        Self {
+            density: std::array::from_fn(|d| acceleration(d, skeleton).powi(2) * ACCELERATION_TIME),
+            fade: std::array::from_fn(|d| {
+                if d < 3 {
+                    prediction.root_fade
+                } else {
+                    prediction.joint_fade
+                }
+            }),
+            temporal: terms.temporal,
+            depth: terms.depth,
+        }
+    }
+}
+
+impl Motion {
+    /// The pose `dt` seconds ahead, with velocities that fade as nothing is seen; nothing is changed.
+    pub fn ahead(&self, pose: &Pose, dt: f64, model: &MotionModel) -> Pose {
+        let step = std::array::from_fn(|d| {
+            let tau = model.fade[d];
+            self.velocity[d] * tau * -(-dt / tau).exp_m1()
+        });
+        pose.moved(&step)
+    }
+
+    /// Moves on by `dt` seconds in which something is expected to be seen; returns the predicted pose.
+    pub fn predict(&mut self, pose: &Pose, dt: f64, model: &MotionModel) -> Pose {
+        let step = std::array::from_fn(|d| self.velocity[d] * dt);
+        for (c, s) in self.covariance.iter_mut().zip(&model.density) {
+            c.place += 2.0 * dt * c.mixed + dt * dt * c.rate + s * dt * dt * dt / 3.0;
+            c.mixed += dt * c.rate + s * dt * dt / 2.0;
+            c.rate = (c.rate + s * dt).min(MAX_RATE_VARIANCE);
+            // Keep it a covariance where the rate was capped.
+            let bound = (c.place * c.rate).sqrt();
+            c.mixed = c.mixed.clamp(-bound, bound);
+        }
+        pose.moved(&step)
+    }
+
+    /// Moves on by `dt` seconds in which nothing was seen.
+    pub fn coast(&mut self, pose: &Pose, dt: f64, model: &MotionModel) -> Pose {
+        let ahead = self.ahead(pose, dt, model);
+        self.predict(pose, dt, model);
+        for (v, tau) in self.velocity.iter_mut().zip(&model.fade) {
+            *v *= (-dt / tau).exp();
+        }
+        ahead
+    }
+
+    /// Inverse variance of the prediction by degree of freedom: weights of the temporal term.
+    pub fn weights(&self, model: &MotionModel) -> [f64; DOF] {
+        std::array::from_fn(|d| {
+            let factor = if d == 2 {
+                model.temporal + model.depth - 1.0
+            } else {
+                model.temporal
+            };
+            CALM * factor.max(0.0) / (CORRELATED * self.covariance[d].place)
+        })
+    }
+
+    /// Takes in a fitted pose: `innovation` is its step from the prediction, `information` the diagonal of the matrix it
+    /// was solved with, the temporal term's `weights` included.
+    pub fn correct(
+        &mut self,
+        innovation: &[f64; DOF],
+        information: &[f64; DOF],
+        weights: &[f64; DOF],
+    ) {
+        for d in 0..DOF {
+            let c = &mut self.covariance[d];
+            self.velocity[d] += c.mixed / c.place * innovation[d];
+            let seen = (information[d] - weights[d]).max(0.0) / CORRELATED;
+            let gain = c.place * seen / (1.0 + c.place * seen);
+            let (k1, mixed) = (c.mixed * gain / c.place, c.mixed);
+            c.place *= 1.0 - gain;
+            c.mixed *= 1.0 - gain;
+            c.rate = (c.rate - k1 * mixed).max(1e-9);
+        }
+    }
+
+    /// Forgets the motion of one degree of freedom, e.g. after its angle jumped to an equivalent one.
+    pub fn restart(&mut self, dof: usize) {
+        self.velocity[dof] = 0.0;
+        self.covariance[dof] = Covariance {
+            place: INITIAL[0] * INITIAL[0],
+            mixed: 0.0,
+            rate: INITIAL[1] * INITIAL[1],
+        };
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.velocity.iter().all(|v| v.is_finite())
+            && self
+                .covariance
+                .iter()
+                .all(|c| c.place.is_finite() && c.mixed.is_finite() && c.rate.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constant_velocity_is_learned_without_lag() {
+        let model = MotionModel::new(
+            Skeleton::builtin(),
+            &TermsConfig::default(),
+            &PredictionConfig::default(),
+        );
+        let mut motion = Motion::default();
+        let mut pose = Pose::facing_camera(3.0);
+        let dt = 1.0 / 30.0;
+        let mut miss = 0.0;
+        for i in 0..90 {
+            let predicted = motion.predict(&pose, dt, &model);
+            let truth = 0.05 * i as f64;
+            miss = truth - predicted.position.x;
+            // A measurement with variance 0.01.
+            let weights = motion.weights(&model);
+            let information: [f64; DOF] = weights.map(|w| w + 100.0);
+            let mut step = [0.0; DOF];
+            step[0] = miss * 100.0 / information[0];
+            pose = predicted.moved(&step);
+            motion.correct(&step, &information, &weights);
+        }
+        assert!(miss.abs() < 0.005, "{miss}");
+        assert!((motion.velocity[0] - 1.5).abs() < 0.1);
+        let ahead = motion.ahead(&pose, 10.0, &model);
+        assert!(
+            ahead.position.x - pose.position.x < 1.5,
+            "extrapolation fades"
+        );
+        for _ in 0..1000 {
+            pose = motion.coast(&pose, dt, &model);
+        }
+        assert!(motion.is_finite() && motion.velocity[0].abs() < 1e-6);
+    }
+}

@@ -1,0 +1,124 @@
+//! In: evidence of a known person, placed in space. Out: the evidence without joints that contradict the rest.
+//!
+//! Stage I invents limbs that it cannot see, e.g. short legs for somebody behind a counter. What trunk, head and shoulders say
+//! about place and size stands; a joint that lies elsewhere in the picture is treated as not seen, together with those that
+//! hang on it, so that it pulls neither the root nor the pose. It comes back after it has agreed for as long as it has been
+//! doubted, at most a while: a single bad frame costs no other, a lasting contradiction does not flicker.
+
+use super::Evidence;
+use super::root::disagreement;
+use crate::joints::EVIDENCE_JOINTS;
+
+/// Joints that may be doubted, each after the one it hangs on, and that one.
+const DOUBTABLE: [(usize, Option<usize>); 10] = [
+    (3, None),
+    (4, Some(3)),
+    (6, None),
+    (7, Some(6)),
+    (8, None),
+    (9, Some(8)),
+    (10, Some(9)),
+    (11, None),
+    (12, Some(11)),
+    (13, Some(12)),
+];
+/// Disagreement, metres at the person's distance, above which a joint is not believed …
+const DOUBTED: f64 = 0.22;
+/// … and below which it is again …
+const BELIEVED: f64 = 0.14;
+/// … after at most this long, seconds.
+const CALM: f64 = 0.3;
+
+/// Which joints of a person are not believed at the moment: seconds of agreement that each still owes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Trust {
+    owed: [f64; EVIDENCE_JOINTS],
+}
+
+impl Trust {
+    /// Judges the first evidence of a person.
+    pub fn first(evidence: &mut Evidence) -> Self {
+        let mut trust = Self::default();
+        trust.judge(evidence, CALM);
+        trust
+    }
+
+    /// Judges every joint, `dt` seconds after the last time, and takes those that are not believed out of the evidence.
+    /// Without a root what was doubted stays doubted.
+    pub fn judge(&mut self, evidence: &mut Evidence, dt: f64) {
+        for (joint, parent) in DOUBTABLE {
+            let owed = &mut self.owed[joint];
+            if let Some(root) = evidence.root.filter(|_| evidence.confidence[joint] > 0.0) {
+                let most = if *owed > 0.0 { BELIEVED } else { DOUBTED };
+                *owed = if disagreement(evidence, root, joint) > most {
+                    (*owed + dt).min(CALM)
+                } else {
+                    (*owed - dt).max(0.0)
+                };
+            }
+            if self.doubts(joint) || parent.is_some_and(|p| self.doubts(p)) {
+                evidence.confidence[joint] = 0.0;
+            }
+            // Doubt reaches to the end of the limb.
+            if parent.is_some_and(|p| self.doubts(p)) {
+                self.owed[joint] = self.owed[joint].max(dt);
+            }
+        }
+    }
+
+    fn doubts(&self, joint: usize) -> bool {
+        self.owed[joint] > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DVec2, DVec3};
+
+    /// Somebody of whom every joint lies 3 m away on the axis, but for `wrong`, off by half a metre.
+    fn evidence(wrong: &[usize]) -> Evidence {
+        let mut plane = [DVec2::ZERO; EVIDENCE_JOINTS];
+        for &j in wrong {
+            plane[j].y = -0.5 / 3.0;
+        }
+        Evidence {
+            plane,
+            confidence: [0.8; EVIDENCE_JOINTS],
+            points3d: [DVec3::ZERO; crate::joints::BODY_JOINTS],
+            known3d: true,
+            root: Some(DVec3::new(0.0, 0.0, 3.0)),
+            score: 0.8,
+        }
+    }
+
+    fn left_out(trust: &mut Trust, wrong: &[usize]) -> Vec<usize> {
+        let mut e = evidence(wrong);
+        trust.judge(&mut e, 0.03);
+        (0..EVIDENCE_JOINTS)
+            .filter(|&j| e.confidence[j] == 0.0)
+            .collect()
+    }
+
+    #[test]
+    fn doubt_reaches_outwards_and_lasts_as_long_as_the_contradiction_did() {
+        let mut trust = Trust::default();
+        assert_eq!(left_out(&mut trust, &[9]), [9, 10]);
+        // One bad frame is forgotten at the next good one.
+        assert_eq!(left_out(&mut trust, &[]), [] as [usize; 0]);
+        for _ in 0..40 {
+            assert_eq!(left_out(&mut trust, &[4]), [4]);
+        }
+        let frames = (0..40)
+            .take_while(|_| !left_out(&mut trust, &[]).is_empty())
+            .count();
+        assert!((8..=10).contains(&frames), "{frames}");
+        // Head, neck and shoulders are what the rest is judged by.
+        assert!(left_out(&mut trust, &[0, 1, 2, 5]).is_empty());
+        // From the first sight on a contradiction is doubted in full.
+        let mut e = evidence(&[10, 13]);
+        let mut trust = Trust::first(&mut e);
+        assert_eq!((e.confidence[10], e.confidence[13]), (0.0, 0.0));
+        assert!(left_out(&mut trust, &[]) == [10, 13]);
+    }
+}

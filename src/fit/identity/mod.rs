@@ -1,0 +1,7 @@
+//! Who is who. In: what is remembered of people, and what is seen. Out: how unlike each pair is. XNect §5.1.
+
+mod appearance;
+mod dissimilarity;
+
+pub use appearance::Appearance;
+pub use dissimilarity::{dissimilarity, reidentification};

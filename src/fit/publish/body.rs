@@ -1,0 +1,79 @@
+//! In: a person as the fit knows them. Out: the [`Body`] that apps read, in metres and pixels.
+
+use glam::DVec3;
+
+use super::confidence::confidence;
+use super::header::pixel;
+use crate::body::skeleton::bone_rotations;
+use crate::body::skeleton::{Pose, Skeleton, rotation_vector};
+use crate::fit::config::FitConfig;
+use crate::fit::energy::MotionModel;
+use crate::fit::track::{LIMIT_SLACK, Track};
+use crate::joints::{BODY_JOINTS, DOF, PELVIS};
+use crate::message::{Body, BodyState, Intrinsics, JointState};
+
+/// Writes somebody as they are expected `ahead` seconds after they were last looked at.
+pub fn write_body(
+    track: &Track,
+    ahead: f64,
+    camera: &Intrinsics,
+    config: &FitConfig,
+    model: &MotionModel,
+    body: &mut Body,
+) {
+    let skeleton = Skeleton::builtin();
+    let (mut pose, mut posed) = (track.pose, track.posed);
+    if ahead > 0.0 {
+        pose = track.motion.ahead(&track.pose, ahead, model);
+        skeleton.clamp(&mut pose.angles, LIMIT_SLACK);
+        skeleton.pose(&pose, track.bones.lengths(), &mut posed);
+    }
+    let scale = track.stature.scale(config);
+    let unseen = track.unseen + ahead;
+    let state = if track.unseen > 0.0 {
+        BodyState::Predicted
+    } else {
+        BodyState::Tracked
+    };
+    body.id = track.id;
+    body.state = state as u32;
+    body.position = (pose.position * scale).as_vec3().to_array();
+    body.orientation = pose.rotation.normalize().as_quat().to_array();
+    let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
+    body.velocity = velocity.as_vec3().to_array();
+    body.angles = flat_angles(&pose, scale);
+    let lengths = track.bones.lengths();
+    let mut sum = 0.0;
+    for j in 0..BODY_JOINTS {
+        let p = (posed.joints[j] * scale).as_vec3();
+        body.joints3d[j] = p.to_array();
+        body.joints2d[j] = pixel(camera, p);
+        let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
+        body.confidence[j] = sure as f32;
+        sum += sure;
+        body.bone_lengths[j] = if j == PELVIS {
+            0.0
+        } else {
+            (lengths[j] * scale) as f32
+        };
+        body.joint_states[j] = if track.unseen > 0.0 {
+            JointState::Predicted as u8
+        } else {
+            track.states[j] as u8
+        };
+    }
+    body.joint_states[BODY_JOINTS..].fill(0);
+    body.score = (sum / BODY_JOINTS as f64) as f32;
+    body.height = track.stature.metres(config) as f32;
+    body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
+}
+
+fn flat_angles(pose: &Pose, scale: f64) -> [f32; DOF] {
+    let turn = rotation_vector(pose.rotation);
+    let place = pose.position * scale;
+    std::array::from_fn(|d| match d {
+        0..3 => place[d] as f32,
+        3..6 => turn[d - 3] as f32,
+        _ => pose.angles[d - 6] as f32,
+    })
+}

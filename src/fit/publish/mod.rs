@@ -1,0 +1,8 @@
+//! In: people as the fit knows them. Out: the body frame that apps read, in metres and pixels.
+
+mod body;
+mod confidence;
+mod header;
+
+pub use body::write_body;
+pub use header::Header;

@@ -1,0 +1,377 @@
+//! In: places where feet stand, everybody's at canonical stature. Out: the floor that they share, and how tall who stands on it is.
+//!
+//! Whoever is taken for taller or smaller than they are is placed too far or too near in proportion, feet included: they stand on
+//! a floor of the same slope at another height, y = a·x + b·z + c / s, where s is their stature as a share of the assumed one.
+//! So slopes are shared and everybody has an intercept of their own: a linear mixed model (Laird and Ware 1982), from which the
+//! intercepts are eliminated in closed form. One camera cannot tell a room from its model, so the sizes of all together rest on
+//! how tall people are: most of them adults, about as tall as assumed, some children.
+
+use glam::DVec3;
+use nalgebra::{Matrix3, Vector3};
+
+use super::floor_plane::{ANKLE, FloorPlane};
+use super::stature_prior::{ADULTS, common_level, expected};
+
+/// Error of a standing ankle, metres. More than the 0.12 it is off by: looks at the same foot do not differ by chance alone.
+const SIGMA: f64 = 0.22;
+/// What is wrong with a person's feet for as long as they are in view, metres.
+const LASTING: f64 = 0.05;
+/// Cameras stand nearly upright: spread of the floor's slope across (roll) and along (pitch) the view.
+const ROLL: f64 = 0.05;
+const PITCH: f64 = 0.4;
+/// Feet that must have stood somewhere, and their spread in depth (metres), before a floor is believed.
+const ENOUGH: f64 = 40.0;
+const SPREAD: f64 = 0.25;
+/// Looks at somebody's feet before they tell a stature.
+const TELLING: f64 = 6.0;
+/// Old feet fade so that about this many count; who has fewer left than that is forgotten.
+const MEMORY: f64 = 2000.0;
+const FORGOTTEN: f64 = 0.5;
+/// People whose feet are remembered.
+const PEOPLE: usize = 32;
+/// A foot farther than this (metres) from where its person stands on a believed floor stands on something else, …
+const OUTLIER: f64 = 0.4;
+/// … and so does that of a newcomer who would have to be that small or tall (shares of the assumed stature).
+const BELIEVED: [f64; 2] = [0.45, 1.35];
+/// What is left of all feet after one that contradicts the floor: a camera that was moved has another one after some minutes.
+const DOUBT: f64 = 0.995;
+/// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
+const ROUNDS: usize = 4;
+
+/// Sums over the feet of one person: products of (x, z, 1) with themselves and with y.
+#[derive(Debug, Clone)]
+struct Stander {
+    id: u32,
+    xx: Matrix3<f64>,
+    xy: Vector3<f64>,
+}
+
+impl Stander {
+    fn count(&self) -> f64 {
+        self.xx[(2, 2)]
+    }
+
+    /// Mean of (x, z, 1).
+    fn middle(&self) -> Vector3<f64> {
+        self.xx.column(2) / self.count()
+    }
+
+    /// Height of the floor at x = z = 0 under this person, by slopes alone.
+    fn intercept(&self, plane: &Vector3<f64>) -> f64 {
+        let slopes = Vector3::new(plane.x, plane.y, 0.0);
+        self.xy.z / self.count() - self.middle().dot(&slopes)
+    }
+}
+
+/// Whose feet stood where.
+#[derive(Debug, Clone, Default)]
+pub struct FloorEstimate {
+    /// In the order of the last look.
+    standers: Vec<Stander>,
+    found: Option<Floor>,
+}
+
+/// A floor and who stands on it.
+#[derive(Debug, Clone)]
+pub struct Floor {
+    /// In metres, if people on average are as tall as assumed.
+    pub ground: FloorPlane,
+    /// Identity and stature, as a share of the assumed one, of those whose feet tell it.
+    statures: Vec<(u32, f64)>,
+    /// Slopes and common intercept.
+    plane: Vector3<f64>,
+}
+
+impl Floor {
+    /// Stature as a share of the assumed one; `None` for people whose feet do not tell it.
+    pub fn stature(&self, id: u32) -> Option<f64> {
+        let own = self.statures.iter().find(|(who, _)| *who == id);
+        own.map(|(_, stature)| *stature)
+    }
+
+    /// Whether a foot may stand on it; `owner`: where it stood before.
+    fn bears(&self, foot: DVec3, owner: Option<&Stander>) -> bool {
+        let intercept = foot.y - self.plane.x * foot.x - self.plane.y * foot.z;
+        if let Some(owner) = owner.filter(|s| s.count() >= ENOUGH) {
+            return (intercept - owner.intercept(&self.plane)).abs() <= OUTLIER;
+        }
+        let stature = self.plane.z / intercept;
+        intercept > 0.0 && stature > BELIEVED[0] && stature < BELIEVED[1]
+    }
+}
+
+impl FloorEstimate {
+    /// The floor as of the last call of [`update`](Self::update), once enough feet stood at enough distances.
+    pub fn floor(&self) -> Option<&Floor> {
+        self.found.as_ref()
+    }
+
+    /// Takes in a standing ankle of person `id`: camera space at canonical stature, metres.
+    pub fn add(&mut self, id: u32, ankle: DVec3) {
+        let foot = ankle + DVec3::new(0.0, ANKLE, 0.0);
+        if !foot.is_finite() || foot.z < 0.3 {
+            return;
+        }
+        let row = Vector3::new(foot.x, foot.z, 1.0);
+        let known = self.standers.iter().position(|s| s.id == id);
+        if let Some(floor) = &self.found
+            && !floor.bears(foot, known.map(|k| &self.standers[k]))
+        {
+            self.fade(DOUBT);
+            return;
+        }
+        self.fade((MEMORY / (self.count() + 1.0)).min(1.0));
+        let mut own = known.map_or_else(
+            || Stander {
+                id,
+                xx: Matrix3::zeros(),
+                xy: Vector3::zeros(),
+            },
+            |k| self.standers.remove(k),
+        );
+        own.xx += row * row.transpose();
+        own.xy += row * foot.y;
+        self.standers.push(own);
+        self.standers.retain(|s| s.count() > FORGOTTEN);
+        if self.standers.len() > PEOPLE {
+            self.standers.remove(0);
+        }
+    }
+
+    fn fade(&mut self, left: f64) {
+        for s in &mut self.standers {
+            s.xx *= left;
+            s.xy *= left;
+        }
+    }
+
+    /// Finds the floor anew.
+    pub fn update(&mut self) {
+        self.found = self.solve();
+    }
+
+    fn count(&self) -> f64 {
+        self.standers.iter().map(Stander::count).sum()
+    }
+
+    fn solve(&self) -> Option<Floor> {
+        let all: Matrix3<f64> = self.standers.iter().map(|s| s.xx).sum();
+        let count = all[(2, 2)];
+        if count < ENOUGH {
+            return None;
+        }
+        let mean: Vector3<f64> = all.column(2) / count;
+        let spread = (all[(1, 1)] / count - mean.y * mean.y).max(0.0).sqrt();
+        if spread < SPREAD {
+            return None;
+        }
+        let mut level = all_intercept(&self.standers);
+        let mut variances = vec![(ADULTS * level).powi(2) + LASTING.powi(2); self.standers.len()];
+        let mut plane = Vector3::zeros();
+        let mut errors = Vec::new();
+        for _ in 0..ROUNDS {
+            let normal = self.normal_matrix(&variances);
+            let right: Vector3<f64> = self
+                .standers
+                .iter()
+                .zip(&variances)
+                .map(|(s, v)| s.xy - s.xx.column(2) * (s.xy.z / (s.count() + SIGMA * SIGMA / v)))
+                .sum();
+            let solver = normal.cholesky()?;
+            plane = solver.solve(&right);
+            let covariance = solver.inverse() * (SIGMA * SIGMA);
+            // Of an intercept: by the feet, and by slopes over the distance from where most of them stood.
+            errors.clear();
+            errors.extend(self.standers.iter().map(|s| {
+                let mut off = s.middle() - mean;
+                off.z = 0.0;
+                let own = LASTING.powi(2) + SIGMA * SIGMA / s.count();
+                own + (off.transpose() * covariance * off)[0]
+            }));
+            let own = self.standers.iter().map(|s| s.intercept(&plane).max(0.1));
+            let own: Vec<f64> = own.collect();
+            let spreads = errors.iter().map(|e| e.sqrt() / level).collect::<Vec<_>>();
+            level = common_level(&own, &spreads);
+            for (v, c) in variances.iter_mut().zip(&own) {
+                *v = ((ADULTS * level).powi(2) + LASTING.powi(2)).max((c - level).powi(2));
+            }
+        }
+        let length = (plane.x * plane.x + plane.y * plane.y + 1.0).sqrt();
+        let ground = FloorPlane {
+            normal: DVec3::new(plane.x, -1.0, plane.y) / length,
+            offset: level / length,
+        };
+        if !ground.normal.is_finite() || ground.offset <= 0.05 {
+            return None;
+        }
+        let telling = self.standers.iter().zip(&errors);
+        let mut statures: Vec<(u32, f64)> = telling
+            .filter(|(s, _)| s.count() >= TELLING)
+            .map(|(s, e)| {
+                let measured = (level / s.intercept(&plane).max(0.1)).ln();
+                (s.id, expected(measured, e.sqrt() / level).exp())
+            })
+            .collect();
+        if statures.len() < 2 {
+            // Nobody to compare with.
+            statures.clear();
+        }
+        plane.z = level;
+        Some(Floor {
+            ground,
+            statures,
+            plane,
+        })
+    }
+
+    /// Of slopes and common intercept, everybody's own intercept with its variance being eliminated.
+    fn normal_matrix(&self, variances: &[f64]) -> Matrix3<f64> {
+        let mut sum = Matrix3::zeros();
+        sum[(0, 0)] = (SIGMA / ROLL).powi(2);
+        sum[(1, 1)] = (SIGMA / PITCH).powi(2);
+        for (s, v) in self.standers.iter().zip(variances) {
+            let u = s.xx.column(2);
+            sum += s.xx - u * u.transpose() / (s.count() + SIGMA * SIGMA / v);
+        }
+        sum
+    }
+}
+
+/// Mean height of feet below the camera.
+fn all_intercept(standers: &[Stander]) -> f64 {
+    let count: f64 = standers.iter().map(Stander::count).sum();
+    let sum: f64 = standers.iter().map(|s| s.xy.z).sum();
+    (sum / count).max(0.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    /// Camera 2.2 m up, pitched 20° down.
+    fn truth() -> FloorPlane {
+        FloorPlane {
+            normal: DQuat::from_rotation_x(-20f64.to_radians()) * DVec3::NEG_Y,
+            offset: 2.2,
+        }
+    }
+
+    /// An ankle of somebody `share` times as tall as assumed who stands at (x, z) of the true floor, a little off.
+    fn ankle(share: f64, x: f64, z: f64, off: f64) -> DVec3 {
+        ankle_on(truth(), share, x, z, off)
+    }
+
+    fn ankle_on(floor: FloorPlane, share: f64, x: f64, z: f64, off: f64) -> DVec3 {
+        let FloorPlane { normal: n, offset } = floor;
+        let y = -(n.x * x + n.z * z + offset) / n.y;
+        DVec3::new(x, y + off, z) / share - DVec3::new(0.0, ANKLE, 0.0)
+    }
+
+    /// The floor after people, each by identity and share, walked about for `looks` looks.
+    fn walked(people: &[(u32, f64)], looks: u32) -> FloorEstimate {
+        let mut estimate = FloorEstimate::default();
+        for i in 0..looks {
+            for &(id, share) in people {
+                let k = i + 17 * id;
+                let off = 0.05 * (f64::from(k * 37 % 11) / 5.0 - 1.0);
+                // One in 25 steps on a stage.
+                let wild = if i % 25 == 24 { -1.0 } else { 0.0 };
+                let (x, z) = (f64::from(k % 7) - 3.0, 3.0 + 0.5 * f64::from(k % 9));
+                estimate.add(id, ankle(share, x, z, off + wild));
+            }
+            estimate.update();
+        }
+        estimate
+    }
+
+    #[test]
+    fn feet_tell_a_tilted_floor() {
+        for people in [&[(1, 1.0)][..], &[(1, 1.0), (2, 0.7), (3, 1.05)]] {
+            let estimate = walked(people, 300);
+            let floor = estimate.floor().unwrap();
+            assert!(floor.ground.normal.dot(truth().normal) > 0.999, "{floor:?}");
+            assert!(
+                (floor.ground.offset - truth().offset).abs() < 0.1,
+                "{floor:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn one_spot_is_no_floor() {
+        let mut estimate = FloorEstimate::default();
+        for _ in 0..500 {
+            estimate.add(1, DVec3::new(0.0, 1.4, 4.0));
+        }
+        estimate.update();
+        assert!(estimate.floor().is_none());
+    }
+
+    #[test]
+    fn statures_beside_each_other() {
+        for people in [
+            &[(1, 1.0), (2, 0.7)][..],
+            &[(1, 0.93), (2, 1.07)],
+            &[(1, 1.06), (2, 1.0), (3, 0.94), (4, 0.65), (5, 0.8)],
+        ] {
+            let estimate = walked(people, 200);
+            let floor = estimate.floor().unwrap();
+            for &(id, share) in people {
+                let found = floor.stature(id).unwrap();
+                assert!((found / share - 1.0).abs() < 0.05, "{share}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn whoever_stands_alone_is_as_tall_as_assumed() {
+        let floor = walked(&[(1, 0.8)], 200);
+        assert_eq!(floor.floor().unwrap().stature(1), None);
+    }
+
+    #[test]
+    fn nobody_is_a_giant() {
+        // Feet on a stage, 60 cm up.
+        let floor = walked(&[(1, 1.0), (2, 1.03), (3, 1.4)], 200);
+        let floor = floor.floor().unwrap();
+        assert!((floor.stature(3).unwrap() - 1.0).abs() < 0.05, "{floor:?}");
+        assert!((floor.stature(1).unwrap() - 1.0).abs() < 0.05, "{floor:?}");
+    }
+
+    #[test]
+    fn a_camera_that_was_moved_finds_its_new_floor() {
+        let mut estimate = walked(&[(1, 1.0), (2, 1.05)], 1000);
+        let moved = FloorPlane {
+            normal: DVec3::NEG_Y,
+            offset: 0.9,
+        };
+        for i in 0..3000u32 {
+            let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
+            estimate.add(1 + i % 2, ankle_on(moved, 1.0, x, z, 0.0));
+            estimate.update();
+        }
+        let floor = estimate.floor().unwrap();
+        assert!(floor.ground.normal.dot(moved.normal) > 0.999, "{floor:?}");
+        assert!((floor.ground.offset - 0.9).abs() < 0.1, "{floor:?}");
+    }
+
+    #[test]
+    fn memory_is_bounded_and_fades() {
+        let mut estimate = walked(&[(1, 1.0), (2, 0.8)], 200);
+        assert!(estimate.floor().unwrap().stature(2).is_some());
+        for id in 3..3000 {
+            estimate.add(id, ankle(1.0, 0.1, 3.0 + 0.001 * f64::from(id), 0.0));
+        }
+        estimate.update();
+        assert!(estimate.standers.len() <= PEOPLE);
+        assert_eq!(estimate.floor().and_then(|f| f.stature(2)), None);
+        let mut estimate = walked(&[(1, 1.0), (2, 0.8)], 200);
+        for i in 0..20_000 {
+            estimate.add(1, ankle(1.0, 0.1, 3.0 + f64::from(i % 5), 0.0));
+        }
+        estimate.update();
+        assert!(estimate.count() < MEMORY + 2.0);
+        assert_eq!(estimate.floor().and_then(|f| f.stature(2)), None);
+    }
+}

@@ -1,0 +1,147 @@
+//! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings say.
+//!
+//! A floor that the settings give tells everybody's stature. One that was found from people's feet tells how tall they are
+//! beside each other.
+
+use super::floor_plane::{ANKLE, FloorPlane};
+use crate::body::skeleton::Posed;
+use crate::fit::config::FitConfig;
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
+use crate::message::JointState;
+
+/// Statures that are believed, metres.
+const BELIEVED: [f64; 2] = [0.8, 2.3];
+/// Frames over which the first estimate is a plain mean.
+const FIRST: u32 = 30;
+/// Step of the running median, as a share of the stature.
+const STEP: f64 = 0.003;
+
+/// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the stature, in
+/// a second: bodies that grow move through the room.
+const FOLLOW: f64 = 1.0;
+const GROW: f64 = 0.05;
+
+/// Stature, metres, that everybody is assumed to have.
+pub fn assumed(config: &FitConfig) -> f64 {
+    config.height.unwrap_or(config.default_height)
+}
+
+/// Running estimate of one person's stature.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Stature {
+    frames: u32,
+    estimate: f64,
+}
+
+impl Stature {
+    /// Stature in metres.
+    pub fn metres(&self, config: &FitConfig) -> f64 {
+        if config.height.is_some() || self.frames == 0 {
+            assumed(config)
+        } else {
+            self.estimate
+        }
+    }
+
+    /// Factor from the space of canonical stature to metres.
+    pub fn scale(&self, config: &FitConfig) -> f64 {
+        self.metres(config) / CANONICAL_STATURE as f64
+    }
+
+    /// Takes in what the floor found from feet tells, as a share of the assumed stature, `dt` seconds after the last time.
+    pub fn follow(&mut self, config: &FitConfig, share: f64, dt: f64) {
+        if self.frames == 0 {
+            *self = Self {
+                frames: 1,
+                estimate: assumed(config),
+            };
+        }
+        let most = GROW * dt * self.estimate;
+        let step = (share * assumed(config) - self.estimate) * -(-dt / FOLLOW).exp_m1();
+        self.estimate += step.clamp(-most, most);
+    }
+
+    /// Takes in a fit at canonical stature. Only a given floor tells a stature: the person is as tall as it takes for the
+    /// lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
+    pub fn update(
+        &mut self,
+        config: &FitConfig,
+        posed: &Posed,
+        states: &[JointState; BODY_JOINTS],
+    ) {
+        if config.height.is_some() {
+            return;
+        }
+        let Some(ground) = config.ground.as_ref().and_then(FloorPlane::from_config) else {
+            return;
+        };
+        let stature = [10, 13]
+            .into_iter()
+            .filter(|&ankle| states[ankle] == JointState::Observed)
+            .map(|ankle| {
+                let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
+                CANONICAL_STATURE as f64 * ground.offset / below
+            })
+            .filter(|s| *s > 0.0)
+            .fold(f64::INFINITY, f64::min);
+        if !(stature > BELIEVED[0] && stature < BELIEVED[1]) {
+            return;
+        }
+        self.frames = self.frames.saturating_add(1);
+        if self.frames <= FIRST {
+            self.estimate += (stature - self.estimate) / self.frames as f64;
+        } else {
+            self.estimate *= 1.0 + STEP * ((stature - self.estimate) / 0.02).clamp(-1.0, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::skeleton::{Pose, Skeleton};
+    use crate::fit::config::GroundConfig;
+
+    #[test]
+    fn the_floor_tells_the_height() {
+        let s = Skeleton::builtin();
+        let truth = 1.86;
+        let scale = truth / 1.70;
+        let camera_height = 1.4;
+        let config = FitConfig {
+            ground: Some(GroundConfig {
+                normal: [0.0, -2.0, 0.0],
+                offset: camera_height,
+            }),
+            ..FitConfig::default()
+        };
+        let mut stature = Stature::default();
+        assert_eq!(stature.metres(&config), 1.70);
+        let seen = [JointState::Observed; BODY_JOINTS];
+        let mut posed = Posed::default();
+        for i in 0..200 {
+            let mut pose = Pose::facing_camera(3.0 + 0.01 * f64::from(i));
+            s.pose(&pose, s.lengths(), &mut posed);
+            // Stand it on the floor in true metres, then look at it at canonical stature.
+            let low = posed.joints[10].y;
+            let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
+            pose.position.y += (camera_height - jump) / scale - ANKLE - low;
+            s.pose(&pose, s.lengths(), &mut posed);
+            stature.update(&config, &posed, &seen);
+            // Feet that nobody sees say nothing, wherever they are.
+            pose.position.y -= 0.5;
+            s.pose(&pose, s.lengths(), &mut posed);
+            stature.update(&config, &posed, &[JointState::Occluded; BODY_JOINTS]);
+        }
+        assert!(
+            (stature.metres(&config) - truth).abs() < 0.03,
+            "{}",
+            stature.metres(&config)
+        );
+        let known = FitConfig {
+            height: Some(1.5),
+            ..config
+        };
+        assert_eq!(stature.metres(&known), 1.5);
+    }
+}

@@ -1,0 +1,569 @@
+//! One person over time. In: the evidence that identity gave to this person. Out: the fitted pose. XNect §5.2.
+
+mod bones;
+mod first_pose;
+
+use glam::{DVec2, DVec3};
+
+use crate::body::skeleton::LIMBS;
+use crate::body::skeleton::{BoneLengths, Pose, Posed, Skeleton};
+use crate::fit::config::FitConfig;
+use crate::fit::energy::{ANKLES, Feet};
+use crate::fit::energy::{Motion, MotionModel};
+use crate::fit::energy::{PoseSolver, Problem, Solution};
+use crate::fit::energy::{Targets, no_targets};
+use crate::fit::evidence::Evidence;
+use crate::fit::evidence::OneEuro;
+use crate::fit::evidence::SwapMemory;
+use crate::fit::evidence::Trust;
+use crate::fit::evidence::place;
+use crate::fit::identity::Appearance;
+use crate::fit::scene::Stature;
+use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
+use crate::message::JointState;
+use crate::solve::Effort;
+use bones::Bones;
+use first_pose::{best_branch, first_pose};
+
+/// E2D weight of each evidence joint: lower limbs, elbows, wrists count more. XNect §5.2.
+const WEIGHTS_2D: [f64; EVIDENCE_JOINTS] = [
+    1.0, 1.0, 1.0, 1.5, 2.0, 1.0, 1.5, 2.0, 1.0, 1.7, 1.7, 1.0, 1.7, 1.7,
+];
+/// E3D weight of each joint: hands and foot tips are guessed more than seen.
+const WEIGHTS_3D: [f64; BODY_JOINTS] = [
+    1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.5, 1.0, 0.5, 0.5,
+    0.5, 0.5,
+];
+/// Share of its E3D weight that a joint keeps when its pixel was not seen.
+const UNSEEN_3D: f64 = 0.35;
+/// Evidence joints behind each body joint that is not one itself.
+const SEEN_THROUGH: [usize; BODY_JOINTS] = [
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 8, 1, 0, 4, 7, 10, 13,
+];
+/// Standard deviation of a soft limit, radians.
+const LIMIT_SIGMA: f64 = 0.035;
+/// Angles may exceed limits by this, radians; soft limits act before.
+pub const LIMIT_SLACK: f64 = 0.052;
+/// Standard deviation of an angle about rest, radians: only decides what nothing else does.
+const REST_SIGMA: f64 = 1.5;
+/// A joint farther than this (metres) from its prediction is an outlier …
+const OUTLIER: f64 = 0.35;
+/// … unless it stays there for as long as this, seconds: three frames at 30 a second, none at 6, where the prediction reaches less
+/// far than people move.
+const OUTLIER_TIME: f64 = 0.12;
+/// Energy of a limb (two joints) above which another pose for it is tried.
+const LIMB_STUCK: f64 = 14.0;
+/// Mean distance between fit and Stage II (metres) above which the whole pose is doubtful.
+const POSE_DOUBTFUL: f64 = 0.1;
+/// Seconds of doubt before the pose is started afresh.
+const DOUBT: f64 = 0.25;
+/// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed anew.
+const REACQUIRE_AFTER: f64 = 0.25;
+const REACQUIRE_APART: f64 = 0.2;
+/// Effort with a good guess and without.
+const WARM: Effort = Effort {
+    iterations: 4,
+    tolerance: 0.01,
+};
+const COLD: Effort = Effort {
+    iterations: 25,
+    tolerance: 1e-4,
+};
+
+/// What every track of a fitter shares.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// The articulated body.
+    pub skeleton: &'a Skeleton,
+    /// Settings.
+    pub config: &'a FitConfig,
+    /// How people move.
+    pub model: &'a MotionModel,
+    /// Working memory.
+    pub solver: &'a mut PoseSolver,
+}
+
+/// One person: identity, pose and everything that is remembered.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Identity; 0 until confirmed.
+    pub id: u32,
+    /// Observations so far.
+    pub hits: u32,
+    /// Seconds since the person was first seen.
+    pub age: f64,
+    /// Never missed since.
+    pub steady: bool,
+    /// Seconds since the person was last seen.
+    pub unseen: f64,
+    /// The pose now, at canonical stature.
+    pub pose: Pose,
+    /// Its forward kinematics.
+    pub posed: Posed,
+    /// Velocities.
+    pub motion: Motion,
+    /// Proportions.
+    pub bones: Bones,
+    /// Remembered appearance.
+    pub appearance: Option<Appearance>,
+    /// Seconds since the appearance was refreshed.
+    pub appearance_age: f64,
+    /// Height.
+    pub stature: Stature,
+    /// Standing feet.
+    pub feet: Feet,
+    /// How each joint is known.
+    pub states: [JointState; BODY_JOINTS],
+    /// Recent distance between fit and Stage II, metres.
+    pub deviations: [f64; BODY_JOINTS],
+    /// Seconds since each joint was seen.
+    pub joint_unseen: [f64; BODY_JOINTS],
+    filters2d: [OneEuro<2>; EVIDENCE_JOINTS],
+    filters3d: [OneEuro<3>; BODY_JOINTS],
+    outliers2d: [f64; EVIDENCE_JOINTS],
+    outliers3d: [f64; BODY_JOINTS],
+    swaps: SwapMemory,
+    trust: Trust,
+    doubt: f64,
+}
+
+impl Track {
+    /// Starts a person from a first observation; `None` if it does not determine a pose.
+    pub fn start(evidence: &Evidence, cx: &mut Context<'_>) -> Option<Self> {
+        let evidence = &mut evidence.clone();
+        let trust = Trust::first(evidence);
+        let mut track = Self {
+            id: 0,
+            hits: 0,
+            age: 0.0,
+            steady: true,
+            unseen: 0.0,
+            pose: first_pose(cx.skeleton, evidence)?,
+            posed: Posed::default(),
+            motion: Motion::default(),
+            bones: Bones::new(cx.skeleton),
+            appearance: None,
+            appearance_age: 0.0,
+            stature: Stature::default(),
+            feet: Feet::default(),
+            states: [JointState::Predicted; BODY_JOINTS],
+            deviations: [0.05; BODY_JOINTS],
+            joint_unseen: [0.0; BODY_JOINTS],
+            filters2d: [OneEuro::default(); EVIDENCE_JOINTS],
+            filters3d: [OneEuro::default(); BODY_JOINTS],
+            outliers2d: [0.0; EVIDENCE_JOINTS],
+            outliers3d: [0.0; BODY_JOINTS],
+            swaps: SwapMemory::default(),
+            trust,
+            doubt: 0.0,
+        };
+        let pose = track.pose;
+        track.start_filters(evidence);
+        let mut targets = track.targets(evidence, pose, evidence.root?.z, cx);
+        targets.weights_motion = [0.0; DOF];
+        let solution = cold_solve(
+            &mut targets,
+            &pose,
+            track.bones.lengths(),
+            cx,
+            &mut track.posed,
+        );
+        track.pose = solution.pose;
+        track.settle(evidence, &targets);
+        track.hits = 1;
+        (track.pose.is_finite()).then_some(track)
+    }
+
+    /// Takes in evidence, `dt` seconds after the pose.
+    pub fn observe(&mut self, mut evidence: Evidence, dt: f64, cx: &mut Context<'_>) {
+        let mut predicted = self.motion.predict(&self.pose, dt, cx.model);
+        let mut expected = Posed::default();
+        cx.skeleton
+            .pose(&predicted, self.bones.lengths(), &mut expected);
+        if self.lost_sight(&evidence, &expected) && self.reacquire(&evidence, dt, cx) {
+            return;
+        }
+        self.swaps.undo(&mut evidence, &expected, dt);
+        evidence.root = place(&evidence, Some(predicted.position.z));
+        self.trust.judge(&mut evidence, dt);
+        self.filter(&mut evidence, &expected, dt, cx);
+        let depth = predicted.position.z.max(0.3);
+        let mut targets = self.targets(&evidence, predicted, depth, cx);
+        targets.contacts = self.feet.contacts(&cx.config.terms);
+        targets.weights_motion = self.motion.weights(cx.model);
+        let lengths = *self.bones.lengths();
+        let mut solution = cx.solver.solve(
+            &problem(cx.skeleton, &lengths, &targets),
+            &predicted,
+            WARM,
+            &mut self.posed,
+        );
+        if evidence.known3d {
+            self.free_limbs(&mut targets, &mut solution, &lengths, cx);
+            self.start_afresh(&evidence, &mut targets, &mut solution, dt, &lengths, cx);
+        }
+        predicted = targets.predicted;
+        if !solution.pose.is_finite() {
+            // Never seen to happen; the prediction is finite because every pose before it was.
+            solution.pose = predicted;
+            cx.skeleton.pose(&predicted, &lengths, &mut self.posed);
+        }
+        let innovation = solution.pose.step_from(&predicted);
+        self.motion
+            .correct(&innovation, &solution.information, &targets.weights_motion);
+        self.pose = solution.pose;
+        self.unseen = 0.0;
+        self.hits = self.hits.saturating_add(1);
+        self.age += dt;
+        self.appearance_age += dt;
+        self.settle_after(&evidence, &targets, dt, cx);
+    }
+
+    /// Lets `dt` seconds pass without evidence.
+    pub fn coast(&mut self, dt: f64, cx: &mut Context<'_>) {
+        self.pose = self.motion.coast(&self.pose, dt, cx.model);
+        cx.skeleton.clamp(&mut self.pose.angles, LIMIT_SLACK);
+        cx.skeleton
+            .pose(&self.pose, self.bones.lengths(), &mut self.posed);
+        self.age += dt;
+        self.steady = false;
+        self.unseen += dt;
+        self.appearance_age += dt;
+        self.states = [JointState::Predicted; BODY_JOINTS];
+        for t in &mut self.joint_unseen {
+            *t += dt;
+        }
+        for f in &mut self.filters2d {
+            f.skip(dt);
+        }
+        for f in &mut self.filters3d {
+            f.skip(dt);
+        }
+        if self.unseen > 0.3 {
+            self.feet.lift();
+            for f in &mut self.filters2d {
+                f.reset();
+            }
+            for f in &mut self.filters3d {
+                f.reset();
+            }
+        }
+    }
+
+    /// Where feet stand, canonical stature: those at rest, else the lower one of somebody who walks.
+    pub fn standing(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let resting = self.feet.places().next().is_some();
+        let lower = ANKLES
+            .into_iter()
+            .filter(|&ankle| self.states[ankle] == JointState::Observed)
+            .map(|ankle| self.posed.joints[ankle])
+            .max_by(|a, b| a.y.total_cmp(&b.y))
+            .filter(|_| !resting);
+        self.feet.places().chain(lower)
+    }
+
+    /// Takes over identity, proportions, height and looks of somebody recognised.
+    pub fn succeed(&mut self, old: Track) {
+        self.id = old.id;
+        self.bones = old.bones;
+        self.stature = old.stature;
+        self.appearance_age = 0.0;
+        match (&mut self.appearance, old.appearance) {
+            (Some(now), Some(before)) => now.blend(&before, 0.5),
+            (now, before) => *now = now.or(before),
+        }
+    }
+
+    /// Where the person is expected `dt` seconds from now.
+    pub fn expected(&self, dt: f64, cx: &Context<'_>, out: &mut Posed) -> Pose {
+        let mut pose = self.motion.ahead(&self.pose, dt, cx.model);
+        cx.skeleton.clamp(&mut pose.angles, LIMIT_SLACK);
+        cx.skeleton.pose(&pose, self.bones.lengths(), out);
+        pose
+    }
+
+    /// Whether somebody comes back elsewhere than expected, too far for the filters to follow.
+    fn lost_sight(&self, evidence: &Evidence, expected: &Posed) -> bool {
+        self.unseen > REACQUIRE_AFTER
+            && evidence
+                .distance2d(expected, 1.0)
+                .is_some_and(|d| d > REACQUIRE_APART)
+    }
+
+    /// Starts the pose from this observation alone, keeping identity and proportions.
+    fn reacquire(&mut self, evidence: &Evidence, dt: f64, cx: &mut Context<'_>) -> bool {
+        let Some(mut fresh) = Self::start(evidence, cx) else {
+            return false;
+        };
+        fresh.id = self.id;
+        fresh.hits = self.hits.saturating_add(1);
+        fresh.age = self.age + dt;
+        fresh.steady = self.steady;
+        fresh.bones = self.bones.clone();
+        fresh.appearance = self.appearance;
+        fresh.appearance_age = self.appearance_age + dt;
+        fresh.stature = self.stature;
+        cx.skeleton
+            .pose(&fresh.pose, fresh.bones.lengths(), &mut fresh.posed);
+        *self = fresh;
+        true
+    }
+
+    fn start_filters(&mut self, evidence: &Evidence) {
+        let config = crate::fit::config::OneEuroConfig::default();
+        for j in 0..EVIDENCE_JOINTS {
+            if evidence.confidence[j] > 0.0 {
+                self.filters2d[j].update(evidence.plane[j].to_array(), 0.0, 1.0, &config);
+            }
+        }
+        if evidence.known3d {
+            for j in 0..BODY_JOINTS {
+                self.filters3d[j].update(evidence.points3d[j].to_array(), 0.0, 1.0, &config);
+            }
+        }
+    }
+
+    /// 1€ filters with outliers held back: a joint that jumps away from its prediction is left out for a moment.
+    fn filter(&mut self, e: &mut Evidence, expected: &Posed, dt: f64, cx: &Context<'_>) {
+        let root = expected.joints[PELVIS];
+        let depth = root.z.max(0.3);
+        for j in 0..EVIDENCE_JOINTS {
+            let filter = &mut self.filters2d[j];
+            if e.confidence[j] == 0.0 {
+                filter.skip(dt);
+                continue;
+            }
+            let p = expected.joints[j];
+            let far = p.z > 0.2 && ((p.truncate() / p.z - e.plane[j]) * depth).length() > OUTLIER;
+            if far && self.outliers2d[j] + dt < OUTLIER_TIME {
+                self.outliers2d[j] += dt;
+                e.confidence[j] = 0.0;
+                filter.skip(dt);
+                continue;
+            }
+            if far {
+                filter.reset();
+            }
+            self.outliers2d[j] = 0.0;
+            let smooth = filter.update(e.plane[j].to_array(), dt, depth, &cx.config.filter2d);
+            e.plane[j] = DVec2::from_array(smooth);
+        }
+        for j in 0..BODY_JOINTS {
+            let filter = &mut self.filters3d[j];
+            if !e.known3d {
+                filter.skip(dt);
+                continue;
+            }
+            let far = (expected.joints[j] - root - e.points3d[j]).length() > OUTLIER;
+            if far && self.outliers3d[j] + dt < OUTLIER_TIME {
+                self.outliers3d[j] += dt;
+                filter.skip(dt);
+                continue;
+            }
+            if far {
+                filter.reset();
+            }
+            self.outliers3d[j] = 0.0;
+            let smooth = filter.update(e.points3d[j].to_array(), dt, 1.0, &cx.config.filter3d);
+            e.points3d[j] = DVec3::from_array(smooth);
+        }
+    }
+
+    fn targets(&self, e: &Evidence, predicted: Pose, depth: f64, cx: &Context<'_>) -> Targets {
+        let terms = &cx.config.terms;
+        let mut targets = no_targets(predicted);
+        targets.depth = depth;
+        targets.points2d = e.plane;
+        targets.points3d = e.points3d;
+        for j in 0..EVIDENCE_JOINTS {
+            targets.weights2d[j] =
+                terms.reprojection * WEIGHTS_2D[j] * e.confidence[j] / terms.sigma2d.powi(2);
+        }
+        if e.known3d {
+            for j in 0..BODY_JOINTS {
+                let seen = e.confidence[SEEN_THROUGH[j]] > 0.0;
+                let held_back = self.outliers3d[j] > 0.0;
+                let share = if held_back {
+                    0.0
+                } else if seen {
+                    1.0
+                } else {
+                    UNSEEN_3D
+                };
+                targets.weights3d[j] =
+                    terms.position * WEIGHTS_3D[j] * share / terms.sigma3d.powi(2);
+            }
+        }
+        targets.weight_limit = terms.limits / (LIMIT_SIGMA * LIMIT_SIGMA);
+        targets.weight_rest = 1.0 / (REST_SIGMA * REST_SIGMA);
+        targets
+    }
+
+    /// Tries the closed form on limbs whose joints lie far from what is seen, and keeps what lowers the energy clearly.
+    fn free_limbs(
+        &mut self,
+        targets: &mut Targets,
+        solution: &mut Solution,
+        lengths: &BoneLengths,
+        cx: &mut Context<'_>,
+    ) {
+        for limb in LIMBS {
+            let strain = targets.joint_cost(&self.posed, limb.middle)
+                + targets.joint_cost(&self.posed, limb.end);
+            if strain < LIMB_STUCK {
+                continue;
+            }
+            let Some(angles) = best_branch(
+                cx.skeleton,
+                limb,
+                &self.posed,
+                &targets.points3d,
+                &solution.pose.angles,
+            ) else {
+                continue;
+            };
+            let mut trial = targets.clone();
+            let mut start = solution.pose;
+            for (k, angle) in limb.angles(cx.skeleton).into_iter().zip(angles) {
+                start.angles[k] = angle;
+                trial.predicted.angles[k] = angle;
+                trial.weights_motion[6 + k] = 0.0;
+            }
+            let mut posed = Posed::default();
+            let found = cx.solver.solve(
+                &problem(cx.skeleton, lengths, &trial),
+                &start,
+                WARM,
+                &mut posed,
+            );
+            if found.cost < solution.cost - 0.4 * strain {
+                for k in limb.angles(cx.skeleton) {
+                    trial.predicted.angles[k] = found.pose.angles[k];
+                    self.motion.restart(6 + k);
+                }
+                *targets = trial;
+                *solution = found;
+                self.posed = posed;
+            }
+        }
+    }
+
+    /// Starts the pose anew where it has disagreed with what is seen for a while and a fresh start agrees much better.
+    fn start_afresh(
+        &mut self,
+        evidence: &Evidence,
+        targets: &mut Targets,
+        solution: &mut Solution,
+        dt: f64,
+        lengths: &BoneLengths,
+        cx: &mut Context<'_>,
+    ) {
+        let data = |posed: &Posed| -> f64 {
+            let root = posed.joints[PELVIS];
+            let far = |j: usize| (posed.joints[j] - root - evidence.points3d[j]).length();
+            (0..BODY_JOINTS).map(far).sum::<f64>() / BODY_JOINTS as f64
+        };
+        let cost = data(&self.posed);
+        if cost < POSE_DOUBTFUL {
+            self.doubt = (self.doubt - dt).max(0.0);
+            return;
+        }
+        self.doubt += dt;
+        if self.doubt < DOUBT {
+            return;
+        }
+        self.doubt = 0.0;
+        let Some(start) = first_pose(cx.skeleton, evidence) else {
+            return;
+        };
+        let mut fresh = self.targets(evidence, start, start.position.z, cx);
+        let mut posed = Posed::default();
+        let found = cold_solve(&mut fresh, &start, lengths, cx, &mut posed);
+        if data(&posed) < 0.7 * cost && found.pose.is_finite() {
+            fresh.predicted = found.pose;
+            self.motion = Motion::default();
+            self.feet.lift();
+            *targets = fresh;
+            *solution = found;
+            self.posed = posed;
+        }
+    }
+
+    fn settle_after(&mut self, e: &Evidence, targets: &Targets, dt: f64, cx: &Context<'_>) {
+        let share = (dt / 0.3).min(1.0);
+        if e.known3d {
+            for j in 0..BODY_JOINTS {
+                let d = (self.posed.joints[j] - self.posed.joints[PELVIS] - e.points3d[j]).length();
+                self.deviations[j] += share * (d - self.deviations[j]);
+            }
+        }
+        for t in &mut self.joint_unseen {
+            *t += dt;
+        }
+        self.settle(e, targets);
+        let torso = [1, 2, 5, 8, 11].iter().all(|&j| e.confidence[j] > 0.0);
+        let strain: f64 = (0..BODY_JOINTS)
+            .map(|j| targets.joint_cost(&self.posed, j))
+            .sum();
+        if torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64 {
+            self.bones.update(cx.skeleton, &e.points3d, &self.posed);
+        }
+        self.feet.update(
+            cx.skeleton,
+            &self.posed,
+            &self.motion.velocity,
+            &self.states,
+            dt,
+        );
+        self.stature.update(cx.config, &self.posed, &self.states);
+    }
+
+    fn settle(&mut self, e: &Evidence, targets: &Targets) {
+        for j in 0..BODY_JOINTS {
+            let through = SEEN_THROUGH[j];
+            // Beyond three standard deviations the pose does not rest on this observation.
+            let seen =
+                e.confidence[through] > 0.0 && targets.deviation2d(&self.posed, through) < 9.0;
+            self.states[j] = if seen {
+                self.joint_unseen[j] = 0.0;
+                JointState::Observed
+            } else {
+                JointState::Occluded
+            };
+        }
+    }
+}
+
+/// XNect's order for a first frame: angles from 3D and limits, then everything.
+fn cold_solve(
+    targets: &mut Targets,
+    start: &Pose,
+    lengths: &BoneLengths,
+    cx: &mut Context<'_>,
+    posed: &mut Posed,
+) -> Solution {
+    let weights2d = std::mem::replace(&mut targets.weights2d, [0.0; EVIDENCE_JOINTS]);
+    let first = cx
+        .solver
+        .solve(&problem(cx.skeleton, lengths, targets), start, COLD, posed);
+    targets.weights2d = weights2d;
+    cx.solver.solve(
+        &problem(cx.skeleton, lengths, targets),
+        &first.pose,
+        COLD,
+        posed,
+    )
+}
+
+fn problem<'a>(
+    skeleton: &'a Skeleton,
+    lengths: &'a BoneLengths,
+    targets: &'a Targets,
+) -> Problem<'a> {
+    Problem {
+        skeleton,
+        lengths,
+        targets,
+        slack: LIMIT_SLACK,
+    }
+}
