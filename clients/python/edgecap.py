@@ -5,6 +5,9 @@
         for body in frame.people():
             print(body.id, list(body.position), body.joint("r_wrist"))
 
+Where frames may fail to come, take them one by one: `stream = edgecap.bodies("camera0")`, `stream.next(timeout_s)` gives one
+or None, and `stream.publishers` says whether anybody publishes (0 within a second of the publisher's death, 1 once it is back).
+
 `frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
 
 Camera frame: x right, y down, z forward, metres; pixels of the original picture; quaternions xyzw; times CLOCK_MONOTONIC
@@ -14,6 +17,9 @@ nanoseconds.  The structures mirror `clients/rust/src/message.rs`, whose tests c
 from __future__ import annotations
 
 import ctypes
+import fcntl
+import os
+import time
 from collections.abc import Iterator
 from ctypes import c_float, c_uint8, c_uint32, c_uint64
 from dataclasses import dataclass
@@ -216,38 +222,93 @@ class BodyFrame(ctypes.Structure):
         )
 
 
-def _stream(camera: str, stream: str, version: int, payload: type[ctypes.Structure], timeout_s: float) -> Iterator[ctypes.Structure]:
-    import iceoryx2 as iox2
+def runtime_dir() -> str:
+    """The folder that edgecap's processes of this user share; the same search as in the Rust client."""
+    if named := os.environ.get("EDGECAP_RUNTIME_DIR"):
+        return named
+    user = os.geteuid()
 
-    iox2.set_log_level(iox2.LogLevel.Fatal)
-    node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
-    name = f"edgecap/v{version}/{camera}/{stream}"
-    messages = node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
-    wake = node.service_builder(iox2.ServiceName.new(name + "/wake")).event().open()
-    subscriber = messages.subscriber_builder().create()
-    listener = wake.listener_builder().create()
-    while True:
-        sample = subscriber.receive()
-        if sample is None:
-            listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s))
-            sample = subscriber.receive()
-        if sample is None:
-            continue
-        frame = payload.from_buffer_copy(sample.payload().contents)
-        sample.delete()
-        yield frame
-        if frame.flags & FLAG_END_OF_STREAM:
-            return
+    def is_mine(folder: str) -> bool:
+        try:
+            return os.path.isdir(folder) and os.stat(folder).st_uid == user
+        except OSError:
+            return False
+
+    if is_mine("/run/edgecap"):
+        return "/run/edgecap"
+    own = os.environ.get("XDG_RUNTIME_DIR", "")
+    return os.path.join(own, "edgecap") if own and is_mine(own) else f"/tmp/edgecap-{user}"
 
 
-def bodies(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[BodyFrame]:
+class Stream:
+    """A reader of one camera's stream: an iterator that ends with the input.  `RuntimeError` where nothing was ever published."""
+
+    def __init__(self, camera: str, stream: str, version: int, payload: type[ctypes.Structure], timeout_s: float):
+        import iceoryx2 as iox2
+
+        folder = os.path.realpath(runtime_dir())
+        try:
+            # Held as long as the stream, so that nobody clears the folder below it.
+            self._lock = open(os.path.join(folder, "lock"), "r+b")
+            fcntl.flock(self._lock, fcntl.LOCK_SH)
+            with open(os.path.join(folder, "prefix")) as f:
+                prefix = f.read()
+        except OSError as e:
+            raise RuntimeError(f"{folder}: {e.strerror}; start edgecap as this user, or set EDGECAP_RUNTIME_DIR") from e
+        config = iox2.config.default()
+        config.global_cfg.root_path = iox2.Path.new(folder)
+        config.global_cfg.prefix = iox2.FileName.new(prefix)
+        self._iox2, self._payload, self._timeout_s, self._looked = iox2, payload, timeout_s, 0.0
+        self._node = iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
+        name = f"edgecap/v{version}/{camera}/{stream}"
+        try:
+            self._messages = self._node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
+            self._wake = self._node.service_builder(iox2.ServiceName.new(name + "/wake")).event().open()
+        except Exception as e:
+            raise RuntimeError(f"{name}: {e}; is 'edgecap run' or 'edgecap fit' running, of the same version?") from e
+        self._subscriber = self._messages.subscriber_builder().create()
+        self._listener = self._wake.listener_builder().create()
+
+    def next(self, timeout_s: float = 1.0) -> ctypes.Structure | None:
+        """The oldest message not yet read, waiting up to `timeout_s` for one; None when none came."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            sample = self._subscriber.receive()
+            if sample is not None:
+                frame = self._payload.from_buffer_copy(sample.payload().contents)
+                sample.delete()
+                return frame
+            left = deadline - time.monotonic()
+            if left <= 1e-5:
+                return None
+            self._listener.timed_wait(self._iox2.Duration.from_secs_f64(left))
+
+    @property
+    def publishers(self) -> int:
+        """Processes that publish this stream now, 0 or 1.  One that was killed is gone within a quarter of a second of asking."""
+        if time.monotonic() - self._looked > 0.25:
+            self._node.try_cleanup_dead_nodes()
+            self._looked = time.monotonic()
+        return self._messages.dynamic_config.number_of_publishers
+
+    def __iter__(self) -> Iterator[ctypes.Structure]:
+        while True:
+            frame = self.next(self._timeout_s)
+            if frame is None:
+                continue
+            yield frame
+            if frame.flags & FLAG_END_OF_STREAM:
+                return
+
+
+def bodies(camera: str = "camera0", timeout_s: float = 1.0) -> Stream:
     """Every body frame, oldest unread first, until the input ends.  `edgecap run` or `edgecap fit` must have been started."""
-    return _stream(camera, "bodies", 2, BodyFrame, timeout_s)
+    return Stream(camera, "bodies", 2, BodyFrame, timeout_s)
 
 
-def observations(camera: str = "camera0", timeout_s: float = 1.0) -> Iterator[ObservationFrame]:
+def observations(camera: str = "camera0", timeout_s: float = 1.0) -> Stream:
     """Every observation frame, oldest unread first, until the input ends."""
-    return _stream(camera, "observations", 1, ObservationFrame, timeout_s)
+    return Stream(camera, "observations", 1, ObservationFrame, timeout_s)
 
 
 if __name__ == "__main__":

@@ -12,17 +12,20 @@
 //! }
 //! # Ok::<(), edgecap_client::LinkError>(())
 //! ```
+//!
+//! iceoryx2 logs to stderr as `IOX2_LOG_LEVEL` says; the level is the program's and never changed here.
 
 #![forbid(unsafe_code)]
 
 pub mod joints;
 mod link;
 pub mod message;
+pub mod place;
 mod publisher;
 mod subscriber;
 mod world;
 
 pub use link::{BUFFER, LinkError, MAX_SUBSCRIBERS, Message, service_name};
 pub use publisher::Publisher;
-pub use subscriber::{Received, Subscriber};
+pub use subscriber::{Priority, Received, Subscriber};
 pub use world::WorldBody;

@@ -1,16 +1,32 @@
 //! Shared-memory services: their names, capacities, and the errors of connecting to them.
 //!
-//! Services are called `edgecap/v<version>/<camera>/<stream>`, the version being that of the stream's message; beside each lies an event service of the same name plus `/wake`, so
-//! that nobody polls. Opening creates what is not there yet: processes may start in any order.
+//! Services are called `edgecap/v<version>/<camera>/<stream>`, the version being that of the stream's message; beside each
+//! lies an event service of the same name plus `/wake`, so that nobody polls. Opening creates what is not there yet: processes
+//! may start in any order.
+
+use std::path::PathBuf;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use iceoryx2::node::NodeBuilder;
 use iceoryx2::prelude::*;
+use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 
 use crate::message::{BodyFrame, ObservationFrame};
+use crate::place::Place;
 
-/// Most processes that may read one stream.
+/// Most readers of one stream.
 pub const MAX_SUBSCRIBERS: usize = 16;
+/// Places beyond them for our own processes, so that no reader can keep them out.
+const RESERVED: usize = 2;
+/// Processes that may have a stream open: all of those, the writer, and as many that only look, such as a reader that is
+/// refused and a writer that is about to be replaced.
+const MAX_NODES: usize = 2 * (MAX_SUBSCRIBERS + RESERVED) + 2;
 /// Messages that wait for a slow reader before the oldest is overwritten.
 pub const BUFFER: usize = 16;
 
@@ -37,6 +53,9 @@ impl Message for BodyFrame {
     const VERSION: u32 = 2;
 }
 
+/// How long others may be busy making or removing the same stream.
+const PATIENCE: Duration = Duration::from_secs(2);
+
 /// Why a stream could not be opened or used.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
@@ -45,11 +64,28 @@ pub enum LinkError {
         "camera name '{0}': expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_'; choose another with --name"
     )]
     Name(String),
+    /// The folder of this installation cannot be used.
+    #[error(
+        "runtime folder {}: {cause}; make it this user's own, or name another in EDGECAP_RUNTIME_DIR",
+        folder.display()
+    )]
+    Place {
+        /// The folder.
+        folder: PathBuf,
+        /// What was found.
+        cause: String,
+    },
     /// Another process publishes this stream already.
     #[error(
         "another process already publishes {service}; stop it, or give this camera another --name"
     )]
     Busy {
+        /// The service.
+        service: String,
+    },
+    /// As many processes read this stream as may.
+    #[error("too many readers of {service}: expected at most {MAX_SUBSCRIBERS}; stop one first")]
+    Readers {
         /// The service.
         service: String,
     },
@@ -63,14 +99,149 @@ pub enum LinkError {
         /// iceoryx2's reason.
         cause: String,
     },
+    /// This user may not use what is there.
+    #[error("{service} belongs to another user; run as the user who publishes it")]
+    Permission {
+        /// The service.
+        service: String,
+    },
+    /// There is no room for the messages.
+    #[error("{service}: /dev/shm is full ({cause}); make room there, or mount it larger")]
+    Full {
+        /// The service.
+        service: String,
+        /// The system's words.
+        cause: String,
+    },
+    /// What a process left that died is damaged.
+    #[error("{service}: what is left of an earlier run is damaged ({cause}); run 'edgecap doctor --repair'")]
+    Damaged {
+        /// The service.
+        service: String,
+        /// iceoryx2's reason.
+        cause: String,
+    },
     /// Shared memory failed otherwise.
-    #[error("shared memory of {service}: {cause}; is /dev/shm writable and not full?")]
+    #[error("shared memory of {service} failed ({cause}); 'edgecap doctor' looks closer")]
     SharedMemory {
         /// The service.
         service: String,
         /// iceoryx2's reason.
         cause: String,
     },
+}
+
+/// What a failed call to iceoryx2 means for us.
+enum Cause {
+    /// Somebody is making or removing it: worth another try.
+    Again,
+    Incompatible,
+    Permission,
+    Readers,
+    Damaged,
+    Other,
+}
+
+impl Cause {
+    fn error(self, service: &str, detail: &dyn core::fmt::Debug) -> LinkError {
+        let (service, cause) = (service.to_owned(), format!("{detail:?}"));
+        match self {
+            Self::Incompatible => LinkError::Incompatible { service, cause },
+            Self::Permission => LinkError::Permission { service },
+            Self::Readers => LinkError::Readers { service },
+            Self::Damaged => LinkError::Damaged { service, cause },
+            Self::Again | Self::Other => LinkError::SharedMemory { service, cause },
+        }
+    }
+}
+
+impl From<PublishSubscribeOpenOrCreateError> for Cause {
+    fn from(e: PublishSubscribeOpenOrCreateError) -> Self {
+        use PublishSubscribeCreateError as Create;
+        use PublishSubscribeOpenError as Open;
+        match e {
+            PublishSubscribeOpenOrCreateError::SystemInFlux => Self::Again,
+            PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(e) => match e {
+                Open::DoesNotExist | Open::IsMarkedForDestruction | Open::Interrupt => Self::Again,
+                Open::IncompatibleTypes
+                | Open::IncompatibleMessagingPattern
+                | Open::IncompatibleAttributes
+                | Open::IncompatibleOverflowBehavior
+                | Open::DoesNotSupportRequestedMinBufferSize
+                | Open::DoesNotSupportRequestedMinHistorySize
+                | Open::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+                | Open::DoesNotSupportRequestedAmountOfPublishers
+                | Open::DoesNotSupportRequestedAmountOfSubscribers
+                | Open::DoesNotSupportRequestedAmountOfNodes
+                | Open::VersionMismatch => Self::Incompatible,
+                Open::InsufficientPermissions => Self::Permission,
+                Open::ExceedsMaxNumberOfNodes => Self::Readers,
+                Open::ServiceInCorruptedState | Open::HangsInCreation => Self::Damaged,
+                _ => Self::Other,
+            },
+            PublishSubscribeOpenOrCreateError::PublishSubscribeCreateError(e) => match e {
+                Create::AlreadyExists
+                | Create::IsBeingCreatedByAnotherInstance
+                | Create::Interrupt => Self::Again,
+                Create::InsufficientPermissions => Self::Permission,
+                Create::ServiceInCorruptedState | Create::HangsInCreation => Self::Damaged,
+                _ => Self::Other,
+            },
+        }
+    }
+}
+
+impl From<EventOpenOrCreateError> for Cause {
+    fn from(e: EventOpenOrCreateError) -> Self {
+        use EventCreateError as Create;
+        use EventOpenError as Open;
+        match e {
+            EventOpenOrCreateError::SystemInFlux => Self::Again,
+            EventOpenOrCreateError::EventOpenError(e) => match e {
+                Open::DoesNotExist | Open::IsMarkedForDestruction | Open::Interrupt => Self::Again,
+                Open::IncompatibleMessagingPattern
+                | Open::IncompatibleAttributes
+                | Open::IncompatibleDeadline
+                | Open::IncompatibleNotifierCreatedEvent
+                | Open::IncompatibleNotifierDroppedEvent
+                | Open::IncompatibleNotifierDeadEvent
+                | Open::DoesNotSupportRequestedAmountOfNotifiers
+                | Open::DoesNotSupportRequestedAmountOfListeners
+                | Open::DoesNotSupportRequestedMaxEventId
+                | Open::DoesNotSupportRequestedAmountOfNodes
+                | Open::VersionMismatch => Self::Incompatible,
+                Open::InsufficientPermissions => Self::Permission,
+                Open::ExceedsMaxNumberOfNodes => Self::Readers,
+                Open::ServiceInCorruptedState | Open::HangsInCreation => Self::Damaged,
+                _ => Self::Other,
+            },
+            EventOpenOrCreateError::EventCreateError(e) => match e {
+                Create::AlreadyExists
+                | Create::IsBeingCreatedByAnotherInstance
+                | Create::Interrupt => Self::Again,
+                Create::InsufficientPermissions => Self::Permission,
+                Create::ServiceInCorruptedState => Self::Damaged,
+                _ => Self::Other,
+            },
+        }
+    }
+}
+
+/// Calls `open` until it succeeds or fails for another reason than that somebody is making or removing the same.
+fn patiently<T, E: Copy + core::fmt::Debug + Into<Cause>>(
+    service: &str,
+    open: impl Fn() -> Result<T, E>,
+) -> Result<T, LinkError> {
+    let began = Instant::now();
+    loop {
+        match open() {
+            Ok(opened) => return Ok(opened),
+            Err(e) => match e.into() {
+                Cause::Again if began.elapsed() < PATIENCE => sleep(Duration::from_millis(10)),
+                cause => return Err(cause.error(service, &e)),
+            },
+        }
+    }
 }
 
 type Pair<M> = (
@@ -85,6 +256,8 @@ pub(crate) struct Link<M: Message> {
     pub(crate) wake: event::PortFactory<ipc::Service>,
     pub(crate) node: Node<ipc::Service>,
     pub(crate) service: String,
+    /// Left last: what is above is of it.
+    pub(crate) place: Place,
 }
 
 impl<M: Message> Link<M> {
@@ -93,72 +266,67 @@ impl<M: Message> Link<M> {
         if camera.is_empty() || camera.len() > 64 || !camera.chars().all(ok) {
             return Err(LinkError::Name(camera.to_owned()));
         }
-        set_log_level(LogLevel::Fatal);
         let service = service_name::<M>(camera);
-        let failed = |cause: String| LinkError::SharedMemory {
-            service: service.clone(),
-            cause,
-        };
-        let role = NodeName::new(role).map_err(|e| failed(format!("{e:?}")))?;
+        let place = Place::enter()?;
+        let config = place.config()?;
+        let other = |e: &dyn core::fmt::Debug| Cause::Other.error(&service, e);
+        let role = NodeName::new(role).map_err(|e| other(&e))?;
         let node = NodeBuilder::new()
             .name(&role)
-            .config(&Config::default())
+            .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|e| failed(format!("{e:?}")))?;
+            .create::<ipc::Service>();
+        let node = node.map_err(|e| match e {
+            NodeCreationFailure::InsufficientPermissions => Cause::Permission.error(&service, &e),
+            NodeCreationFailure::SystemCorrupted => Cause::Damaged.error(&service, &e),
+            e => other(&e),
+        })?;
+        place.close_to_others();
         let (messages, wake) = Self::services(&node, &service)?;
         Ok(Self {
             messages,
             wake,
             node,
             service,
+            place,
         })
     }
 
     fn services(node: &Node<ipc::Service>, service: &str) -> Result<Pair<M>, LinkError> {
-        let incompatible = |cause: String| LinkError::Incompatible {
-            service: service.to_owned(),
-            cause,
+        let named = |name: &str| {
+            ServiceName::new(name).map_err(|e| Cause::Other.error(service, &e))
         };
-        let failed = |cause: String| LinkError::SharedMemory {
-            service: service.to_owned(),
-            cause,
-        };
-        let name = ServiceName::new(service).map_err(|e| failed(format!("{e:?}")))?;
-        let wake =
-            ServiceName::new(&format!("{service}/wake")).map_err(|e| failed(format!("{e:?}")))?;
-        let messages = node
-            .service_builder(&name)
-            .publish_subscribe::<M>()
-            .max_publishers(1)
-            .max_subscribers(MAX_SUBSCRIBERS)
-            .history_size(1)
-            .subscriber_max_buffer_size(BUFFER)
-            .subscriber_max_borrowed_samples(2)
-            .enable_safe_overflow(true)
-            .open_or_create()
-            .map_err(|e| {
-                let cause = format!("{e:?}");
-                if cause.contains("Incompatible") || cause.contains("DoesNotSupport") {
-                    incompatible(cause)
-                } else {
-                    failed(cause)
-                }
-            })?;
-        let wake = node
-            .service_builder(&wake)
-            .event()
-            .max_notifiers(2)
-            .max_listeners(MAX_SUBSCRIBERS)
-            .open_or_create()
-            .map_err(|e| failed(format!("{e:?}")))?;
+        let (name, wake) = (named(service)?, named(&format!("{service}/wake"))?);
+        let messages = patiently(service, || {
+            node.service_builder(&name)
+                .publish_subscribe::<M>()
+                .max_publishers(1)
+                .max_subscribers(MAX_SUBSCRIBERS + RESERVED)
+                .max_nodes(MAX_NODES)
+                .history_size(1)
+                .subscriber_max_buffer_size(BUFFER)
+                .subscriber_max_borrowed_samples(2)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        })?;
+        let wake = patiently(service, || {
+            node.service_builder(&wake)
+                .event()
+                .max_notifiers(2)
+                .max_listeners(MAX_SUBSCRIBERS + RESERVED)
+                .max_nodes(MAX_NODES)
+                .open_or_create()
+        })?;
         Ok((messages, wake))
     }
 
     pub(crate) fn failed(&self, cause: impl core::fmt::Debug) -> LinkError {
-        LinkError::SharedMemory {
+        Cause::Other.error(&self.service, &cause)
+    }
+
+    pub(crate) fn too_many_readers(&self) -> LinkError {
+        LinkError::Readers {
             service: self.service.clone(),
-            cause: format!("{cause:?}"),
         }
     }
 }

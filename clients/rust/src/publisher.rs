@@ -35,6 +35,10 @@ impl<M: Message> Publisher<M> {
             }
             Err(e) => return Err(link.failed(e)),
         };
+        link.place.reserve().map_err(|e| LinkError::Full {
+            service: link.service.clone(),
+            cause: e.to_string(),
+        })?;
         let notifier = link
             .wake
             .notifier_builder()

@@ -1,9 +1,9 @@
 //! Publisher and subscriber over real shared memory.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
-use edgecap_client::{BUFFER, LinkError, Publisher, Subscriber};
+use edgecap_client::{BUFFER, LinkError, MAX_SUBSCRIBERS, Priority, Publisher, Subscriber};
 
 fn camera(test: &str) -> String {
     format!("test-{test}-{}", std::process::id())
@@ -97,4 +97,47 @@ fn a_second_writer_and_a_bad_name_are_refused() {
             "{name}"
         );
     }
+}
+
+#[test]
+fn a_wait_is_as_long_as_it_was_asked_for() {
+    let camera = camera("wait");
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
+    publisher.publish(&BodyFrame::default()).unwrap();
+    assert!(subscriber.next(PATIENCE).unwrap().is_some());
+    // The wake-up of that message has not been waited for.
+    let wait = Duration::from_millis(300);
+    let began = Instant::now();
+    assert!(subscriber.next(wait).unwrap().is_none());
+    assert!(began.elapsed() >= wait, "{:?}", began.elapsed());
+}
+
+#[test]
+fn readers_cannot_keep_the_writer_or_our_own_processes_out() {
+    let camera = camera("crowd");
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let readers: Vec<_> = (0..MAX_SUBSCRIBERS)
+        .map(|_| Subscriber::<BodyFrame>::open(&camera).unwrap())
+        .collect();
+    let one_more = Subscriber::<BodyFrame>::open(&camera).unwrap_err();
+    assert!(matches!(one_more, LinkError::Readers { .. }), "{one_more}");
+    assert!(one_more.to_string().contains("too many readers"), "{one_more}");
+    let own = Subscriber::<BodyFrame>::open_with(&camera, Priority::Reserved).unwrap();
+    for _ in 0..3 {
+        assert!(Subscriber::<BodyFrame>::open(&camera).is_err());
+    }
+    drop(publisher);
+    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    publisher.publish(&BodyFrame::default()).unwrap();
+    assert!(own.next(PATIENCE).unwrap().is_some());
+    drop(readers);
+}
+
+#[test]
+fn the_host_programs_log_level_stays() {
+    use iceoryx2_log::{LogLevel, get_log_level, set_log_level};
+    set_log_level(LogLevel::Error);
+    let _open = Subscriber::<BodyFrame>::open(&camera("log")).unwrap();
+    assert_eq!(get_log_level(), LogLevel::Error as u8);
 }
