@@ -21,6 +21,8 @@ pub const SOFTWARE: u8 = 70;
 pub const CANNOT_CREATE: u8 = 73;
 /// Reading or writing failed on the way.
 pub const IO: u8 = 74;
+/// The system does not let this user do it.
+pub const NO_PERMISSION: u8 = 77;
 /// Ended by the user: 128 + SIGINT, as shells have it.
 pub const INTERRUPTED: u8 = 130;
 /// A configuration file was wrong.
@@ -133,8 +135,13 @@ pub fn code(error: &anyhow::Error) -> u8 {
             }
             match cause.downcast_ref::<LinkError>()? {
                 LinkError::Name(_) => Some(USAGE),
-                LinkError::Busy { .. } | LinkError::Incompatible { .. } => Some(UNAVAILABLE),
-                LinkError::SharedMemory { .. } => Some(IO),
+                LinkError::Busy { .. }
+                | LinkError::Incompatible { .. }
+                | LinkError::Readers { .. } => Some(UNAVAILABLE),
+                LinkError::Place { .. } | LinkError::Permission { .. } => Some(NO_PERMISSION),
+                LinkError::Full { .. }
+                | LinkError::Damaged { .. }
+                | LinkError::SharedMemory { .. } => Some(IO),
             }
         })
         .unwrap_or(SOFTWARE)

@@ -76,6 +76,8 @@ pub fn main() -> u8 {
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .init();
+    // What shared memory has to say comes back as errors.
+    iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     tracing::info!("edgecap {}", crate::BUILD);
     let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
         Verb::Run(args) => run::run(args),

@@ -300,6 +300,25 @@ fn one_program_per_camera() {
 }
 
 #[test]
+fn a_lock_given_back_is_free_while_a_neighbour_starts_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let started = std::sync::atomic::AtomicBool::new(true);
+    std::thread::scope(|s| {
+        s.spawn(|| {
+            // A child has all open files of its parent until it becomes another program.
+            for _ in 0..100 {
+                std::process::Command::new("true").status().unwrap();
+            }
+            started.store(false, std::sync::atomic::Ordering::Relaxed);
+        });
+        while started.load(std::sync::atomic::Ordering::Relaxed) {
+            let lock = InstanceLock::acquire_in(folder.path().to_owned(), "/dev/video0").unwrap();
+            assert!(lock.is_held());
+        }
+    });
+}
+
+#[test]
 fn a_lock_file_that_is_a_link_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let victim = folder.path().join("victim");

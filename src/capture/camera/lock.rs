@@ -87,3 +87,12 @@ impl InstanceLock {
         self.file.is_some()
     }
 }
+
+impl Drop for InstanceLock {
+    fn drop(&mut self) {
+        // Closing would not do while a child of another thread, forked but not yet another program, holds the same open file.
+        if let Some(file) = &self.file {
+            let _ = file.unlock();
+        }
+    }
+}
