@@ -37,22 +37,29 @@ STRETCHED = {"human_dataset_v2"}  # squeezed into squares
 ASPECT = (0.6, 1.7)  # of what was squeezed
 FRAME = (512, 320)  # pixels of the whole frame, longer side along the picture's
 GREYS = (0.0, 114 / 255, 128 / 255, 0.5)  # of what lies beyond the picture
+# Where COCO's joints of somebody upright lie in the box, shares of it: a guess at people without joints.
+STANDING = np.array(
+    [[0.5, 0.1], [0.54, 0.08], [0.46, 0.08], [0.58, 0.09], [0.42, 0.09], [0.7, 0.21], [0.3, 0.21], [0.78, 0.36], [0.22, 0.36]]
+    + [[0.8, 0.5], [0.2, 0.5], [0.62, 0.52], [0.38, 0.52], [0.62, 0.74], [0.38, 0.74], [0.62, 0.95], [0.38, 0.95]]
+)
 SMALLEST = 32  # px of stature: smaller people are neither demanded nor forbidden
 
 
 def states(person: dict, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """One labelled person -> joints [17, 2] in pixels and what is known of each [17]; all `UNKNOWN` for somebody unsure."""
-    nothing = np.zeros((17, 2), np.float32), np.full(17, UNKNOWN, np.uint8)
+    """One labelled person -> joints [17, 2] in pixels and what is known of each [17]; all `UNKNOWN` for somebody unsure, whose joints are guesses."""
     if "true" in person:
         t = np.array(person["true"], np.float32)
         return t[:, :2] * [width, height], np.where(t[:, 2] > 0, LABELLED, UNKNOWN).astype(np.uint8)
-    if "kp" not in person or person.get("agree", 0) < DOUBTED:
-        return nothing
+    if "kp" not in person:
+        x0, y0, x1, y1 = person["box"]
+        return (STANDING * [x1 - x0, y1 - y0] + [x0, y0]) * [width, height], np.full(17, UNKNOWN, np.uint8)
     k, spread, gap = (np.array(person[key], np.float32) for key in ("kp", "spread", "gap"))
     beyond = ((k[:, :2] < -0.01) | (k[:, :2] > 1.01)).any(1)
     sure = (k[:, 2] >= CONFIDENT) & (spread <= SPREAD) & ~beyond
-    sure &= gap <= (GAP_AGREED if person["agree"] >= AGREED else GAP_DOUBTED)
+    sure &= gap <= (GAP_AGREED if person.get("agree", 0) >= AGREED else GAP_DOUBTED)
+    sure &= person.get("agree", 0) >= DOUBTED
     unseen = (k[:, 2] < UNSEEN) | (beyond & (k[:, 2] < CONFIDENT))
+    unseen &= person.get("agree", 0) >= DOUBTED
     return k[:, :2] * [width, height], np.where(sure, LABELLED, np.where(unseen, ABSENT, UNKNOWN)).astype(np.uint8)
 
 

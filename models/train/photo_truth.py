@@ -1,0 +1,53 @@
+"""Photos of `everyday.py`, as files with truth: python photo_truth.py EVERYDAY FOLDER [--n 900] [--seed 5].
+
+Written as `truth.json` of `edgecap synth`, for `examples/association_candidates`: whoever is labelled counts, people of whom nothing is sure
+neither count nor are wrong, and whatever else is found is nobody. There is no 3D truth (zeros).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import sys
+
+import numpy as np
+
+from coco17 import ABSENT, LABELLED
+from composites import HIDDEN, OUTSIDE, VISIBLE, person
+from everyday import LEAST, Everyday
+
+
+def codes(state: np.ndarray) -> np.ndarray:
+    """What is known of joints -> the codes of `truth.json`; people of whom too little is known have nothing visible."""
+    c = np.where(state == LABELLED, VISIBLE, np.where(state == ABSENT, OUTSIDE, HIDDEN))
+    enough = (state == LABELLED).sum(-1, keepdims=True) >= LEAST
+    return np.where(enough, c, HIDDEN)
+
+
+def main(argv: list[str]) -> None:
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("everyday", type=pathlib.Path)
+    ap.add_argument("folder", type=pathlib.Path)
+    ap.add_argument("--n", type=int, default=900)
+    ap.add_argument("--seed", type=int, default=5)
+    a = ap.parse_args(argv)
+    e = Everyday(a.everyday, a.seed)
+    a.folder.mkdir(parents=True, exist_ok=True)
+    share = e.weight.numpy() / e.weight.sum().item()
+    ids = np.sort(np.random.default_rng(a.seed).choice(len(share), min(a.n, len(share)), replace=False, p=share.astype(np.float64) / share.sum(dtype=np.float64)))
+    frames = []
+    for k, i in enumerate(ids):
+        name = f"{k:06}.jpg"
+        (a.folder / name).write_bytes(e.pictures[e.offset[i] : e.offset[i + 1]].tobytes())
+        own = slice(e.start[i], e.start[i + 1])
+        joints, known = e.joints[own].numpy(), codes(e.state[own].numpy())
+        people = [person(p + 1, joints[p], known[p]) for p in range(len(joints))]
+        frames.append(dict(frame=k, time_ns=0, file=name, camera=dict(fx=512, fy=512, cx=255.5, cy=159.5), people=people))
+    truth = dict(format="edgecap-truth", version=1, seed=a.seed, width=512, height=320, fps=0, frames=frames)
+    (a.folder / "truth.json").write_text(json.dumps(truth))
+    print(f"{len(frames)} photos, {sum(len(f['people']) for f in frames)} people")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
