@@ -9,8 +9,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::NodeBuilder;
-use iceoryx2::prelude::*;
 use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::prelude::*;
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
@@ -114,7 +114,9 @@ pub enum LinkError {
         cause: String,
     },
     /// What a process left that died is damaged.
-    #[error("{service}: what is left of an earlier run is damaged ({cause}); run 'edgecap doctor --repair'")]
+    #[error(
+        "{service}: what is left of an earlier run is damaged ({cause}); run 'edgecap doctor --repair'"
+    )]
     Damaged {
         /// The service.
         service: String,
@@ -293,9 +295,8 @@ impl<M: Message> Link<M> {
     }
 
     fn services(node: &Node<ipc::Service>, service: &str) -> Result<Pair<M>, LinkError> {
-        let named = |name: &str| {
-            ServiceName::new(name).map_err(|e| Cause::Other.error(service, &e))
-        };
+        let named =
+            |name: &str| ServiceName::new(name).map_err(|e| Cause::Other.error(service, &e));
         let (name, wake) = (named(service)?, named(&format!("{service}/wake"))?);
         let messages = patiently(service, || {
             node.service_builder(&name)

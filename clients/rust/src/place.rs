@@ -103,8 +103,7 @@ impl Place {
         let mut config = Config::default();
         let root = RootPath::new(self.folder.as_os_str().as_encoded_bytes());
         config.global.set_root_path(&root.map_err(|e| wrong(&e))?);
-        config.global.prefix =
-            FileName::new(self.prefix.as_bytes()).map_err(|e| wrong(&e))?;
+        config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(|e| wrong(&e))?;
         Ok(config)
     }
 
@@ -150,7 +149,10 @@ impl Place {
             let Ok(meta) = fs::metadata(&object) else {
                 continue;
             };
-            let age = meta.modified().ok().and_then(|t| SystemTime::now().duration_since(t).ok());
+            let age = meta
+                .modified()
+                .ok()
+                .and_then(|t| SystemTime::now().duration_since(t).ok());
             if meta.mode() & 0o777 == UNFINISHED && age.is_some_and(|a| a > UNFINISHED_AFTER) {
                 let _ = fs::remove_file(&object);
             }
@@ -262,8 +264,14 @@ fn make_prefix(folder: &Path) -> io::Result<String> {
         // Missing, or damaged: it names nothing that could be found again.
         let _ = fs::remove_file(&path);
     }
-    let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&draft)?;
-    let made = file.write_all(prefix.as_bytes()).and_then(|()| fs::hard_link(&draft, &path));
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(&draft)?;
+    let made = file
+        .write_all(prefix.as_bytes())
+        .and_then(|()| fs::hard_link(&draft, &path));
     fs::remove_file(&draft)?;
     match made {
         Ok(()) => Ok(prefix),
@@ -273,7 +281,9 @@ fn make_prefix(folder: &Path) -> io::Result<String> {
 }
 
 fn is_prefix(text: &str) -> bool {
-    let digits = text.strip_prefix("edgecap_").and_then(|t| t.strip_suffix('_'));
+    let digits = text
+        .strip_prefix("edgecap_")
+        .and_then(|t| t.strip_suffix('_'));
     digits.is_some_and(|d| d.len() == 16 && d.bytes().all(|b| b.is_ascii_hexdigit()))
 }
 
@@ -283,7 +293,11 @@ fn objects(prefix: &str) -> Vec<PathBuf> {
     };
     entries
         .flatten()
-        .filter(|e| e.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
+        .filter(|e| {
+            e.file_name()
+                .as_encoded_bytes()
+                .starts_with(prefix.as_bytes())
+        })
         .map(|e| e.path())
         .collect()
 }

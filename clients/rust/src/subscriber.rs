@@ -75,7 +75,11 @@ impl<M: Message> Subscriber<M> {
             ListenerCreateError::ExceedsMaxSupportedListeners => link.too_many_readers(),
             e => link.failed(e),
         })?;
-        let port = link.messages.subscriber_builder().buffer_size(BUFFER).create();
+        let port = link
+            .messages
+            .subscriber_builder()
+            .buffer_size(BUFFER)
+            .create();
         let port = port.map_err(|e| match e {
             SubscriberCreateError::ExceedsMaxSupportedSubscribers => link.too_many_readers(),
             e => link.failed(e),

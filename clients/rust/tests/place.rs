@@ -15,9 +15,15 @@ fn a_place_is_made_once_and_for_one_user() {
     assert_eq!(fs::metadata(&folder).unwrap().mode() & 0o777, 0o700);
     let prefix = fs::read_to_string(folder.join("prefix")).unwrap();
     let again = Place::enter_at(&folder).unwrap();
-    assert_eq!(prefix, fs::read_to_string(again.folder().join("prefix")).unwrap());
+    assert_eq!(
+        prefix,
+        fs::read_to_string(again.folder().join("prefix")).unwrap()
+    );
     let other = Place::enter_at(&parent.path().join("other")).unwrap();
-    assert_ne!(prefix, fs::read_to_string(other.folder().join("prefix")).unwrap());
+    assert_ne!(
+        prefix,
+        fs::read_to_string(other.folder().join("prefix")).unwrap()
+    );
     drop(place);
 }
 
@@ -67,7 +73,8 @@ fn what_was_never_finished_is_removed_once_it_is_old() {
     let unfinished = |name: &str, age: u64| {
         let path = std::path::PathBuf::from(format!("/dev/shm/{prefix}{name}"));
         let file = fs::File::create(&path).unwrap();
-        file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
+        file.set_modified(SystemTime::now() - Duration::from_secs(age))
+            .unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o200)).unwrap();
         path
     };

@@ -122,7 +122,10 @@ fn readers_cannot_keep_the_writer_or_our_own_processes_out() {
         .collect();
     let one_more = Subscriber::<BodyFrame>::open(&camera).unwrap_err();
     assert!(matches!(one_more, LinkError::Readers { .. }), "{one_more}");
-    assert!(one_more.to_string().contains("too many readers"), "{one_more}");
+    assert!(
+        one_more.to_string().contains("too many readers"),
+        "{one_more}"
+    );
     let own = Subscriber::<BodyFrame>::open_with(&camera, Priority::Reserved).unwrap();
     for _ in 0..3 {
         assert!(Subscriber::<BodyFrame>::open(&camera).is_err());
