@@ -1,0 +1,287 @@
+//! One function per reader: any bytes go in, nothing may panic, hang or touch memory that is not its own.
+//!
+//! `fuzz_targets/` hands them to libFuzzer; `tests/fuzz.rs` of the main workspace runs them over seeds and damaged seeds.
+
+use std::io::Cursor;
+
+use edgecap::camera::CameraFile;
+use edgecap::capture::{AviReader, Frame, PhotoDecoder, Source, Y4mReader};
+use edgecap::engine::{Engine, EngineOptions, Model, Network, Precision};
+use edgecap::fit::bodies_line::BodiesLine;
+use edgecap::fit::offline::{CameraSource, ObservationReader};
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::message::{Body, BodyFrame, ObservationFrame};
+use edgecap::overlay::{Glyphs, Person, Screen, characters, draw};
+
+use crate::seeds;
+
+/// A target by its name.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All of them.
+pub const TARGETS: &[Target] = &[
+    ("model", model),
+    ("safetensors", safetensors),
+    ("network", network),
+    ("avi", avi),
+    #[cfg(feature = "mp4")]
+    ("mp4", mp4),
+    ("y4m", y4m),
+    ("photo", photo),
+    ("observations", observations),
+    ("camera", camera),
+    ("fit_config", fit_config),
+    ("messages", messages),
+];
+
+/// Pictures that are taken from one film.
+const PICTURES: usize = 8;
+/// Lines, frames or messages that are taken from one input.
+const FRAMES: usize = 16;
+/// The largest network that is run, so that an input takes milliseconds.
+const MOST_MACS: u64 = 20_000_000;
+/// The largest network that is given memory, numbers.
+const MOST_NUMBERS: usize = 4_000_000;
+
+/// A model file. Its digest is made right first: a flipped bit that the digest shows teaches nothing about what comes after.
+pub fn model(data: &[u8]) {
+    let mut bytes = data.to_vec();
+    seeds::sign(&mut bytes);
+    if let Ok(model) = Model::from_bytes(&bytes) {
+        run(&model, Precision::Int8);
+        run(&model, Precision::F32);
+        let again = Model::from_bytes(&model.to_bytes().expect("an open model can be written"));
+        assert_eq!(
+            again.expect("what was written can be read").weights(),
+            model.weights()
+        );
+    }
+}
+
+/// Weights as PyTorch exports them, for Stage I and Stage II.
+pub fn safetensors(data: &[u8]) {
+    let network = Network::parse(seeds::NETWORK).expect("the seed is a network");
+    if let Ok(model) = Model::from_safetensors(data, network.clone()) {
+        run(&model, Precision::F32);
+        if let Ok(model) = model.quantise(None) {
+            run(&model, Precision::Int8);
+        }
+    }
+    let _ = Model::random(network, 1).with_stage2(data);
+}
+
+/// A network table, with random weights.
+pub fn network(data: &[u8]) {
+    let Ok(network) = Network::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    if network.graph().parameters() <= MOST_NUMBERS {
+        run(&Model::random(network, 1), Precision::F32);
+    }
+}
+
+/// Runs a small network once on its smallest input.
+fn run(model: &Model, precision: Precision) {
+    let graph = model.network().graph();
+    let side = model.network().input().multiple.max(16);
+    if side > 64 || graph.macs(side, side) > MOST_MACS {
+        return;
+    }
+    let sizes = graph.sizes(side, side);
+    let numbers = sizes
+        .iter()
+        .zip(&graph.values)
+        .fold(0_usize, |sum, ((h, w), v)| {
+            sum.saturating_add(h.saturating_mul(*w).saturating_mul(v.channels))
+        });
+    if numbers > MOST_NUMBERS {
+        return;
+    }
+    let options = EngineOptions {
+        width: side,
+        height: side,
+        threads: 1,
+        isa: None,
+        precision,
+        pin: false,
+    };
+    if let Ok(mut engine) = Engine::new(model, options) {
+        let picture: Vec<u8> = (0..3 * side * side).map(|i| (i * 37) as u8).collect();
+        engine.run(&picture);
+    }
+}
+
+/// Motion-JPEG in an AVI container.
+pub fn avi(data: &[u8]) {
+    if let Ok(film) = AviReader::new(Cursor::new(data), "fuzz.avi") {
+        play(film);
+    }
+}
+
+/// H.264 in an MP4 container. It is opened by path, so it lies in memory that has one.
+#[cfg(feature = "mp4")]
+pub fn mp4(data: &[u8]) {
+    use std::io::Write;
+    let mut file = tempfile::NamedTempFile::new_in("/dev/shm").expect("/dev/shm takes files");
+    file.write_all(data).expect("/dev/shm has room");
+    if let Ok(Some(film)) = edgecap::capture::Mp4Source::open(file.path()) {
+        play(film);
+    }
+}
+
+/// Uncompressed YUV4MPEG2.
+pub fn y4m(data: &[u8]) {
+    if let Ok(film) = Y4mReader::new(data, "fuzz.y4m", Some(data.len() as u64)) {
+        play(film);
+    }
+    if let Ok(pipe) = Y4mReader::new(data, "fuzz.y4m", None) {
+        play(pipe);
+    }
+}
+
+fn play(mut film: impl Source) {
+    let _ = (film.frame_count(), film.fps());
+    let mut frame = Frame::default();
+    for _ in 0..PICTURES {
+        match film.next_into(&mut frame) {
+            Ok(true) => assert_whole(&frame),
+            Ok(false) => break,
+            Err(e) if e.is_skippable() => {}
+            Err(_) => break,
+        }
+    }
+}
+
+fn assert_whole(frame: &Frame) {
+    let expected = 3 * frame.width as usize * frame.height as usize;
+    assert!(expected > 0 && frame.rgb.len() == expected);
+}
+
+/// A JPEG or PNG with its Exif orientation.
+pub fn photo(data: &[u8]) {
+    let mut decoder = PhotoDecoder::default();
+    let mut frame = Frame::default();
+    for bytes in [data, data] {
+        if decoder.decode(bytes, &mut frame).is_ok() {
+            assert_whole(&frame);
+        }
+    }
+}
+
+/// Recorded observations, fitted.
+pub fn observations(data: &[u8]) {
+    let camera = CameraSource::Recorded { fov_degrees: 60.0 };
+    let mut reader = ObservationReader::new(data, "fuzz.jsonl", camera);
+    let mut frame = ObservationFrame::default();
+    let mut fitter = Fitter::new(FitConfig::default()).expect("the defaults are a configuration");
+    for _ in 0..FRAMES {
+        match reader.read(&mut frame) {
+            Ok(true) => fit(&mut fitter, &frame),
+            Ok(false) => break,
+            Err(_) => {}
+        }
+    }
+}
+
+/// A camera file.
+pub fn camera(data: &[u8]) {
+    let Ok(camera) = CameraFile::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    for (width, height) in [(640, 480), (1, 16_384)] {
+        if let Ok(lens) = camera.for_frame(width, height) {
+            let numbers = [lens.fx, lens.fy, lens.cx, lens.cy];
+            assert!(numbers.iter().all(|v| v.is_finite()), "{lens:?}");
+        }
+    }
+}
+
+/// The fit's settings, and people fitted under them.
+pub fn fit_config(data: &[u8]) {
+    let Ok(config) = FitConfig::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    let mut fitter = Fitter::new(config).expect("settings that were read are in range");
+    for k in 0..4 {
+        fit(&mut fitter, &seeds::observation_frame(k));
+    }
+}
+
+/// What lies in shared memory when its writer has gone mad: observations that `fit` reads, bodies that everybody reads.
+pub fn messages(data: &[u8]) {
+    let Some((&kind, bytes)) = data.split_first() else {
+        return;
+    };
+    if kind & 1 == 0 {
+        let mut fitter =
+            Fitter::new(FitConfig::default()).expect("the defaults are a configuration");
+        for part in bytes.chunks(size_of::<ObservationFrame>()).take(FRAMES) {
+            let frame: Box<ObservationFrame> = seeds::from_bytes(part);
+            show(frame.people());
+            fit(&mut fitter, &frame);
+        }
+    } else {
+        for part in bytes.chunks(size_of::<BodyFrame>()).take(FRAMES) {
+            let frame: Box<BodyFrame> = seeds::from_bytes(part);
+            for body in frame.bodies() {
+                let _ = frame.in_world(body);
+            }
+            write(&frame);
+            show(frame.bodies());
+        }
+    }
+}
+
+/// Fits one frame and holds what comes out against what every reader may count on.
+fn fit(fitter: &mut Fitter, frame: &ObservationFrame) {
+    let mut out = BodyFrame::default();
+    fitter.update(frame, &mut out);
+    assert_bodies(&out);
+    write(&out);
+    fitter.predict(frame.capture_ns.wrapping_add(20_000_000), &mut out);
+    assert_bodies(&out);
+}
+
+fn assert_bodies(frame: &BodyFrame) {
+    for Body {
+        position,
+        orientation,
+        angles,
+        joints3d,
+        confidence,
+        height,
+        ..
+    } in frame.bodies()
+    {
+        let numbers = position
+            .iter()
+            .chain(orientation)
+            .chain(angles)
+            .chain(confidence);
+        let finite = numbers
+            .chain(joints3d.as_flattened())
+            .all(|v| v.is_finite());
+        assert!(finite && *height > 0.0, "a body is made of numbers");
+    }
+}
+
+fn write(frame: &BodyFrame) {
+    serde_json::to_string(&BodiesLine::from(frame)).expect("a line can be written");
+}
+
+fn show<P: Person>(people: &[P]) {
+    let mut frame = Frame {
+        width: 32,
+        height: 24,
+        rgb: vec![0; 3 * 32 * 24],
+        ..Frame::default()
+    };
+    draw(&mut frame, people);
+    let screen = Screen {
+        columns: 24,
+        rows: 12,
+        glyphs: Glyphs::Braille,
+        coloured: true,
+    };
+    characters(people, [32, 24], screen);
+}

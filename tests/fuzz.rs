@@ -1,0 +1,195 @@
+//! The fuzz targets on the stable compiler, without sanitizers: whole seeds, everything that fuzzing once found, and seeds
+//! damaged at random. `fuzz/README.md` says how the same targets run under libFuzzer.
+
+#[path = "../fuzz/src/seeds.rs"]
+mod seeds;
+#[path = "../fuzz/src/targets.rs"]
+mod targets;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rand::rngs::SmallRng;
+use rand::seq::IndexedRandom;
+use rand::{Rng, SeedableRng};
+use targets::TARGETS;
+
+/// Damaged inputs per seed.
+const DAMAGED: u64 = 200;
+
+fn folder(kind: &str, target: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fuzz")
+        .join(kind)
+        .join(target)
+}
+
+/// Runs a target and says which input it was, should it panic.
+fn check(target: fn(&[u8]), what: &str, bytes: &[u8]) {
+    let panicked = std::panic::catch_unwind(|| target(bytes)).is_err();
+    assert!(!panicked, "{what} panics: {}", bytes.escape_ascii());
+}
+
+/// A few of the mistakes that copying, cutting and hostile hands make.
+fn damage(bytes: &mut Vec<u8>, rng: &mut SmallRng) {
+    for _ in 0..rng.random_range(1..=4) {
+        if bytes.is_empty() {
+            return;
+        }
+        let at = rng.random_range(0..bytes.len());
+        let end = (at + rng.random_range(1..=16)).min(bytes.len());
+        match rng.random_range(0..7) {
+            0 => bytes[at] ^= 1 << rng.random_range(0..8),
+            1 => bytes[at] = *[0, 1, 0x7F, 0x80, 0xFF, b'9', b'-'].choose(rng).unwrap(),
+            2 => bytes[at..end].fill(*[0, 0xFF, b'9'].choose(rng).unwrap()),
+            3 => bytes.truncate(at),
+            4 => drop(bytes.drain(at..end)),
+            5 => {
+                let piece = bytes[at..end].to_vec();
+                let to = rng.random_range(0..=bytes.len());
+                bytes.splice(to..to, piece);
+            }
+            _ => {
+                // A number in text, or a length in a header.
+                let number = [u64::MAX, 1 << 62, 1 << 32, 1 << 31, 65_536, 0]
+                    .choose(rng)
+                    .unwrap();
+                let piece = if bytes[at].is_ascii_digit() {
+                    number.to_string().into_bytes()
+                } else {
+                    number.to_le_bytes()[..4].to_vec()
+                };
+                let end = (at + if bytes[at].is_ascii_digit() { 1 } else { 4 }).min(bytes.len());
+                bytes.splice(at..end, piece);
+            }
+        }
+    }
+}
+
+fn runs(name: &str) {
+    let (_, target) = *TARGETS
+        .iter()
+        .find(|(n, _)| *n == name)
+        .expect("a target's name");
+    for (i, seed) in seeds::seeds(name).iter().enumerate() {
+        check(target, &format!("{name}, seed {i}"), seed);
+        for k in 0..DAMAGED {
+            let mut bytes = seed.clone();
+            damage(&mut bytes, &mut SmallRng::seed_from_u64(k));
+            check(target, &format!("{name}, seed {i}, damage {k}"), &bytes);
+        }
+    }
+    if let Ok(found) = fs::read_dir(folder("found", name)) {
+        for entry in found {
+            let path = entry.unwrap().path();
+            check(
+                target,
+                &path.display().to_string(),
+                &fs::read(&path).unwrap(),
+            );
+        }
+    }
+}
+
+macro_rules! each {
+    ($($name:ident),*) => {
+        $(
+            #[test]
+            fn $name() {
+                runs(stringify!($name));
+            }
+        )*
+    };
+}
+
+each!(
+    model,
+    safetensors,
+    network,
+    avi,
+    y4m,
+    photo,
+    observations,
+    camera,
+    fit_config,
+    messages
+);
+
+#[cfg(feature = "mp4")]
+each!(mp4);
+
+/// Half a minute of damage for every target, in CI.
+#[test]
+#[ignore = "long: half a minute a target"]
+fn long_damage() {
+    for (name, target) in TARGETS {
+        let whole = seeds::seeds(name);
+        let start = std::time::Instant::now();
+        for k in DAMAGED.. {
+            if start.elapsed().as_secs() >= 30 {
+                break;
+            }
+            let mut rng = SmallRng::seed_from_u64(k);
+            let mut bytes = whole.choose(&mut rng).unwrap().clone();
+            damage(&mut bytes, &mut rng);
+            check(*target, &format!("{name}, damage {k}"), &bytes);
+        }
+    }
+}
+
+/// Seeds that are refused at once would test nothing.
+#[test]
+fn seeds_are_whole() {
+    use edgecap::camera::CameraFile;
+    use edgecap::capture::{AviReader, PhotoDecoder, Source, Y4mReader};
+    use edgecap::engine::{Model, Network};
+    let seeds = seeds::seeds;
+    assert!(
+        Model::from_bytes(&seeds("model")[0])
+            .unwrap()
+            .stage2()
+            .is_some()
+    );
+    for text in seeds("network") {
+        Network::parse(std::str::from_utf8(&text).unwrap()).unwrap();
+    }
+    let pictures = |mut film: Box<dyn Source>| {
+        let mut count = 0;
+        while film.next().unwrap().is_some() {
+            count += 1;
+        }
+        count
+    };
+    let avi = std::io::Cursor::new(seeds("avi").remove(0));
+    assert_eq!(pictures(Box::new(AviReader::new(avi, "avi").unwrap())), 3);
+    for film in seeds("y4m") {
+        let film = std::io::Cursor::new(film);
+        assert_eq!(
+            pictures(Box::new(Y4mReader::new(film, "y4m", None).unwrap())),
+            3
+        );
+    }
+    for photo in seeds("photo") {
+        PhotoDecoder::default()
+            .decode(&photo, &mut Default::default())
+            .unwrap();
+    }
+    for text in seeds("camera") {
+        CameraFile::parse(std::str::from_utf8(&text).unwrap()).unwrap();
+    }
+    let config = seeds("fit_config").remove(0);
+    edgecap::fit::FitConfig::parse(std::str::from_utf8(&config).unwrap()).unwrap();
+}
+
+/// The seeds as files, where libFuzzer looks for them.
+#[test]
+#[ignore = "writes fuzz/corpus"]
+fn write_seeds() {
+    for name in TARGETS.iter().map(|(name, _)| name).chain(&["mp4"]) {
+        let folder = folder("corpus", name);
+        fs::create_dir_all(&folder).unwrap();
+        for (i, bytes) in seeds::seeds(name).iter().enumerate() {
+            fs::write(folder.join(format!("seed-{i}")), bytes).unwrap();
+        }
+    }
+}
