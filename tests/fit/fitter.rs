@@ -62,8 +62,8 @@ fn people_who_leave_come_back_as_themselves() {
 }
 
 #[test]
-#[ignore = "half an hour of six people: run with --release"]
-fn five_minutes_of_six_people() {
+#[ignore = "long: half an hour of six people"]
+fn long_half_hour_of_six_people() {
     for seed in 1..=6 {
         let mut scene = Scene::new(people::wanderers(300.0, seed), Noise::REAL, FPS, seed);
         let r = run(&mut scene, FitConfig::default(), 9000, 30, false);
@@ -74,8 +74,8 @@ fn five_minutes_of_six_people() {
 }
 
 #[test]
-#[ignore = "ten scenes: run with --release"]
-fn many_crossings() {
+#[ignore = "long: ten scenes"]
+fn long_crossings() {
     let mut switches = Vec::new();
     for seed in 1..=10 {
         let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, seed);
