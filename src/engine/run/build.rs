@@ -1,7 +1,8 @@
 //! Model + plan → steps: kernels are chosen, weights packed, every access checked once.
 
 use edgecap_kernels::{
-    Algorithm, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
+    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv,
+    QConvParams,
 };
 
 use rayon::prelude::*;
@@ -67,7 +68,7 @@ pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
 
 /// Whether a node's weights can be given a fourth channel.
 fn takes_picture(node: &Node) -> bool {
-    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups == 1)
+    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups() == 1)
 }
 
 /// Builds every step; `shares` says into how many parts the rows of a step may be cut.
@@ -115,14 +116,7 @@ fn step(
     };
     let is_map = matches!(target, Target::Map { .. });
     let kernel = match (&node.op, source) {
-        (
-            Op::MaxPool {
-                kernel,
-                stride,
-                padding,
-            },
-            _,
-        ) => Kernel::Pool(MaxPool::new(isa, *kernel, *stride, *padding).map_err(refused)?),
+        (Op::MaxPool { shape }, _) => Kernel::Pool(MaxPool::new(isa, *shape).map_err(refused)?),
         (Op::Conv { shape, relu, .. }, Source::Float(convs)) => {
             let conv = convs[index].as_ref().ok_or_else(missing)?;
             let params = FConvParams {
@@ -140,7 +134,7 @@ fn step(
                 return Err(missing());
             }
             check_sum(graph, node, scales)?;
-            let conv = int8(node, input.layout.channels, conv, scales, isa).map_err(refused)?;
+            let conv = int8(node, input.layout.channels(), conv, scales, isa).map_err(refused)?;
             if is_map {
                 Kernel::Int8ToMap(conv)
             } else {
@@ -164,7 +158,7 @@ fn step(
     }
     .map_err(refused)?;
 
-    let height = out.0.height;
+    let height = out.0.height();
     let count = shares.min(height).max(1);
     let part = |i: usize| match &kernel {
         Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.part(height, i, count),
@@ -216,11 +210,11 @@ fn int8(
     let residual = node.residual.and_then(|v| scales[v].as_ref());
     let output = scales[node.output].as_ref();
     let (gi, go) = (
-        shape.in_channels / shape.groups,
-        shape.out_channels / shape.groups,
+        shape.in_channels() / shape.groups(),
+        shape.out_channels() / shape.groups(),
     );
-    let taps = shape.kernel * shape.kernel;
-    let mut bias = Vec::with_capacity(shape.out_channels);
+    let taps = shape.kernel() * shape.kernel();
+    let mut bias = Vec::with_capacity(shape.out_channels());
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
         let first = o / go * gi;
         let of = |(i, &w): (usize, &i8)| f64::from(w) * f64::from(zeros[first + i / taps]);
@@ -249,19 +243,20 @@ fn int8(
         },
     };
     let picture = node.inputs.contains(&Graph::INPUT);
-    let mut shape = *shape;
+    let mut dims = shape.dims();
     let mut weights = std::borrow::Cow::from(&conv.weight);
-    if channels > shape.in_channels {
+    if channels > shape.in_channels() {
         weights = conv
             .weight
-            .chunks_exact(shape.in_channels * taps)
+            .chunks_exact(shape.in_channels() * taps)
             .flat_map(|row| {
-                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels) * taps);
+                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels()) * taps);
                 row.iter().copied().chain(zeros)
             })
             .collect();
-        shape.in_channels = channels;
+        dims.in_channels = channels;
     }
+    let shape = ConvShape::new(dims)?;
     let pack = |algorithm| {
         let params = QConvParams {
             shape,

@@ -190,7 +190,7 @@ impl Engine {
                     name: step.name.clone(),
                     kernel: step.kernel_name(),
                     shape: node.conv().copied(),
-                    output: (out.height, out.width),
+                    output: (out.height(), out.width()),
                     macs: step.macs,
                     ns: self.team.nanoseconds(i),
                 }
@@ -257,11 +257,11 @@ impl Engine {
 /// The tensor lies within the arena, and nobody writes it meanwhile.
 unsafe fn add(tensor: &Tensor, arena: *const f32, observed: &mut Observed) {
     let l = &tensor.layout;
-    for y in 0..l.height {
-        for x in 0..l.width {
-            let at = tensor.base + l.origin + y * l.row_stride + x * l.pixel_stride;
+    for y in 0..l.height() {
+        for x in 0..l.width() {
+            let at = tensor.base + l.origin() + y * l.row_stride() + x * l.pixel_stride();
             // SAFETY: (y, x) and `channels` elements from it lie within the layout, hence within the arena (caller).
-            observed.add(unsafe { std::slice::from_raw_parts(arena.add(at), l.channels) });
+            observed.add(unsafe { std::slice::from_raw_parts(arena.add(at), l.channels()) });
         }
     }
 }
@@ -297,15 +297,15 @@ fn outputs(graph: &Graph, plan: &Plan, maps: &Maps) -> Result<[usize; 2], Engine
 /// Writes what padding reads, once: nobody writes halos later.
 fn fill_halos(graph: &Graph, plan: &Plan, source: &Source<'_>, arena: &mut [u8]) {
     for slot in &plan.slots {
-        let l = slot.layout();
-        let halo = l.halo as isize;
+        let l = slot.layout;
+        let halo = l.halo() as isize;
         for &(v, first) in &slot.tenants {
             let padding = source.padding(v);
             if padding == 0 {
                 continue;
             }
-            for y in -halo..l.height as isize + halo {
-                for x in -halo..l.width as isize + halo {
+            for y in -halo..l.height() as isize + halo {
+                for x in -halo..l.width() as isize + halo {
                     let at = slot.base + l.index(y, x) + first;
                     arena[at..at + graph.values[v].channels].fill(padding);
                 }

@@ -159,8 +159,8 @@ impl Step {
     /// Bytes of scratch that a share needs.
     pub fn scratch_bytes(&self) -> usize {
         match &self.kernel {
-            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.scratch_bytes(&self.input.layout),
-            Kernel::Float(c) => c.scratch_bytes(&self.input.layout),
+            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.scratch_bytes(),
+            Kernel::Float(c) => c.scratch_bytes(),
             Kernel::Pool(_) => 0,
         }
     }
@@ -170,7 +170,7 @@ impl Step {
         match &self.kernel {
             Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.name(),
             Kernel::Float(c) => c.name(),
-            Kernel::Pool(_) => "maxpool",
+            Kernel::Pool(p) => p.name(),
         }
     }
 
