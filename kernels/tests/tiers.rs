@@ -6,6 +6,10 @@ use edgecap_kernels::{
 };
 use proptest::prelude::*;
 
+use guarded::Guarded;
+
+mod guarded;
+
 /// A small generator, so that a failing case is named by its seed alone.
 struct Numbers(u64);
 
@@ -62,11 +66,7 @@ fn sliced(height: usize, width: usize, channels: usize, around: usize, halo: usi
         .channel_slice(around, channels)
 }
 
-/// Whole length of the buffer that `sliced` is a slice of, and some elements more.
-fn buffer_len(layout: &Layout, around: usize) -> usize {
-    layout.buffer_len() + around + 5
-}
-
+/// Every buffer ends where its tensor does, and the memory with it.
 fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
     let Case {
         shape,
@@ -104,8 +104,8 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
         isa,
         &QConvParams {
             shape,
-            weights: &weights,
-            bias: &bias,
+            weights: &Guarded::new(&weights),
+            bias: &Guarded::new(&bias),
             input_max: case.input_max,
             epilogue,
             algorithm,
@@ -120,7 +120,7 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
         shape.input_halo(),
     );
     let max = i64::from(case.input_max);
-    let input: Vec<u8> = (0..buffer_len(&in_layout, around))
+    let input: Vec<u8> = (0..in_layout.buffer_len())
         .map(|_| match case.values {
             Values::Any => numbers.within(0, max),
             Values::Most | Values::Least => max,
@@ -132,11 +132,13 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
         shape.output_len(width),
         shape.out_channels(),
         around,
-        1,
+        case.parts % 2,
     );
-    let len = buffer_len(&out_layout, around);
+    let len = out_layout.buffer_len();
     let residual: Vec<u8> = (0..len).map(|_| numbers.within(0, 127) as u8).collect();
-    let (mut bytes, mut floats) = (vec![222u8; len], vec![-7.5f32; len]);
+    let (input, residual) = (Guarded::new(&input), Guarded::new(&residual));
+    let mut bytes = Guarded::new(&vec![222u8; len]);
+    let mut floats = Guarded::new(&vec![-7.5f32; len]);
     let mut scratch = Scratch::new(conv.scratch_bytes());
     if case.to_f32 {
         conv.run(
@@ -170,7 +172,7 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
             }
         }
     }
-    (bytes, floats)
+    (bytes.to_vec(), floats.to_vec())
 }
 
 fn check_q(case: &Case) {
@@ -252,6 +254,10 @@ fn tiers_that_are_tested_here() {
 }
 
 #[test]
+#[cfg_attr(
+    miri,
+    ignore = "hours under Miri; small_layers_equal_scalar is the same on small shapes"
+)]
 fn int8_layers_equal_scalar() {
     for (i, shape) in layer_shapes().into_iter().enumerate() {
         for values in [Values::Any, Values::Most, Values::Least, Values::Ends] {
@@ -331,7 +337,7 @@ prop_compose! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: if cfg!(miri) { 4 } else { 300 }, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn int8_of_any_shape_equals_scalar(case in any_case()) {
         check_q(&case);
@@ -359,7 +365,7 @@ fn check_f(case: &Case) {
         around,
         shape.input_halo(),
     );
-    let input: Vec<f32> = (0..buffer_len(&in_layout, around))
+    let input: Vec<f32> = (0..in_layout.buffer_len())
         .map(|_| numbers.float())
         .collect();
     let out_layout = sliced(
@@ -369,7 +375,7 @@ fn check_f(case: &Case) {
         around,
         0,
     );
-    let len = buffer_len(&out_layout, around);
+    let len = out_layout.buffer_len();
     let residual: Vec<f32> = (0..len).map(|_| numbers.float()).collect();
     let run =
         |isa: Isa, weights: &[f32], bias: &[f32], input: &[f32], residual: &[f32], relu: bool| {
@@ -377,22 +383,23 @@ fn check_f(case: &Case) {
                 isa,
                 &FConvParams {
                     shape,
-                    weights,
-                    bias,
+                    weights: &Guarded::new(weights),
+                    bias: &Guarded::new(bias),
                     relu,
                     residual: case.residual,
                 },
             )
             .unwrap();
-            let mut output = vec![99.0f32; len];
+            let (input, residual) = (Guarded::new(input), Guarded::new(residual));
+            let mut output = Guarded::new(&vec![99.0f32; len]);
             conv.run(
-                Tensor::new(input, in_layout),
-                case.residual.then(|| Tensor::new(residual, out_layout)),
+                Tensor::new(&input, in_layout),
+                case.residual.then(|| Tensor::new(&residual, out_layout)),
                 TensorMut::new(&mut output, out_layout),
                 &mut Scratch::new(conv.scratch_bytes()),
             )
             .unwrap();
-            output
+            output.to_vec()
         };
     let magnitudes = |values: &[f32]| values.iter().map(|v| v.abs()).collect::<Vec<_>>();
     let expected = run(Isa::Scalar, &weights, &bias, &input, &residual, case.to_f32);
@@ -423,7 +430,7 @@ fn check_f(case: &Case) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: if cfg!(miri) { 4 } else { 150 }, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn f32_of_any_shape_is_close_to_scalar(case in any_case()) {
         check_f(&case);
@@ -431,6 +438,10 @@ proptest! {
 }
 
 #[test]
+#[cfg_attr(
+    miri,
+    ignore = "hours under Miri; f32_of_any_shape_is_close_to_scalar draws small ones"
+)]
 fn f32_layers_are_close_to_scalar() {
     for (i, shape) in layer_shapes().into_iter().enumerate() {
         check_f(&Case {
@@ -507,7 +518,7 @@ fn pool_equals_scalar() {
     for channels in [1, 5, 16, 31, 32, 64, 65, 100] {
         let layout = sliced(9, 7, channels, 2, 1);
         let mut numbers = Numbers(channels as u64 * 2 + 1);
-        let bytes: Vec<u8> = (0..buffer_len(&layout, 2))
+        let bytes: Vec<u8> = (0..layout.buffer_len())
             .map(|_| numbers.within(0, 255) as u8)
             .collect();
         let floats: Vec<f32> = bytes.iter().map(|&b| f32::from(b) / 3.0).collect();
@@ -521,15 +532,14 @@ fn pool_equals_scalar() {
                 1,
                 0,
             );
-            let (mut q, mut f) = (
-                vec![1u8; buffer_len(&out, 1)],
-                vec![1.0f32; buffer_len(&out, 1)],
-            );
+            let (bytes, floats) = (Guarded::new(&bytes), Guarded::new(&floats));
+            let mut q = Guarded::new(&vec![1u8; out.buffer_len()]);
+            let mut f = Guarded::new(&vec![1.0f32; out.buffer_len()]);
             pool.run(Tensor::new(&bytes, layout), TensorMut::new(&mut q, out))
                 .unwrap();
             pool.run(Tensor::new(&floats, layout), TensorMut::new(&mut f, out))
                 .unwrap();
-            all.push((q, f));
+            all.push((q.to_vec(), f.to_vec()));
         }
         assert!(all.iter().all(|outputs| *outputs == all[0]));
     }
@@ -537,6 +547,7 @@ fn pool_equals_scalar() {
 
 /// Winograd against the definition: outputs of 7 bits differ by at most one step, and few of them differ.
 #[test]
+#[cfg_attr(miri, ignore = "accuracy, not memory")]
 fn winograd_is_within_one_step_of_direct() {
     for (channels, outs, groups) in [
         (16, 16, 1),

@@ -92,6 +92,22 @@ impl Pipeline {
         })
     }
 
+    /// The stages for another network input, which share packed weights and threads with these.
+    ///
+    /// # Errors
+    /// If the network does not take this size.
+    pub fn resized(&self, width: usize, height: usize) -> anyhow::Result<Self> {
+        let resizer = Resizer::new(width as u32, height as u32);
+        Ok(Self {
+            engine: self.engine.resized(width, height)?,
+            flip_test: self.flip_test.as_ref().map(|_| FlipTest::default()),
+            associator: self.associator.clone(),
+            lifter: self.lifter.clone(),
+            input: vec![0; resizer.output_bytes()],
+            resizer,
+        })
+    }
+
     /// Everyone in the frame.
     ///
     /// # Errors
