@@ -12,6 +12,9 @@ use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
 
+/// What to say where no vector kernels run.
+pub(super) const SCALAR_ONLY: &str = "only scalar kernels are left, a picture takes seconds: expected a CPU with SSE4.1 or newer (or ARM), or EDGECAP_ISA unset";
+
 /// What to run, and how.
 #[derive(Debug, Clone)]
 pub struct PipelineOptions<'a> {
@@ -73,6 +76,9 @@ impl Pipeline {
             },
         )?;
         let isa = engine.isa();
+        if isa == Isa::Scalar {
+            tracing::warn!("{SCALAR_ONLY}");
+        }
         tracing::info!(
             isa = isa.name(),
             ?precision,

@@ -107,7 +107,7 @@ winograd_int8!(
     avx2::I16
 );
 direct_f32!(
-    F32_AVX2 = "f32_direct_4x24__avx2",
+    F32_AVX2 = "f32_direct_4x16__avx2",
     ["avx2", "fma"],
     Plain<avx2::F32>
 );

@@ -111,7 +111,8 @@ unsafe impl Dot for F32 {
     type S = Avx2;
     type Acc = __m256;
     type V = __m256;
-    const MAX_NV: usize = 3;
+    // With a third vector the compiler keeps an accumulator on the stack.
+    const MAX_NV: usize = 2;
     const MAX_MR: usize = 4;
     const PACK: usize = 1;
 
