@@ -3,6 +3,8 @@
 //! The way of a frame: [`capture`] → [`engine`] (Stage I) → [`detect`] → [`lift`] (Stage II) → shared memory → [`fit`]
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.
 
+#![deny(unsafe_code)]
+
 pub mod assignment;
 pub mod body;
 pub mod camera;

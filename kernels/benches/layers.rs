@@ -18,12 +18,12 @@ const CHECKED_ROWS: usize = 2;
 fn name(height: usize, width: usize, shape: &ConvShape) -> String {
     format!(
         "{height}x{width}_{}to{}_g{}_k{}s{}{}",
-        shape.in_channels,
-        shape.out_channels,
-        shape.groups,
-        shape.kernel,
-        shape.stride,
-        if shape.transposed { "t" } else { "" }
+        shape.in_channels(),
+        shape.out_channels(),
+        shape.groups(),
+        shape.kernel(),
+        shape.stride(),
+        if shape.transposed() { "t" } else { "" }
     )
 }
 
@@ -33,26 +33,27 @@ fn int8(c: &mut Criterion) {
         let mut group = c.benchmark_group(format!("int8/{}", name(height, width, &shape)));
         group.throughput(Throughput::Elements(shape.macs(height, width)));
         let weights = common::weights(&shape);
-        let bias = vec![500; shape.out_channels];
-        let input = Layout::dense(height, width, shape.in_channels, 1);
+        let bias = vec![500; shape.out_channels()];
+        let input = Layout::dense(height, width, shape.in_channels(), 1).unwrap();
         let data: Vec<u8> = (0..input.buffer_len())
             .map(|i| (i * 37 % 101) as u8)
             .collect();
         let output = Layout::dense(
             shape.output_len(height),
             shape.output_len(width),
-            shape.out_channels,
+            shape.out_channels(),
             1,
-        );
+        )
+        .unwrap();
         for &algorithm in Algorithm::candidates(&shape) {
             let build = |isa| {
                 let params = QConvParams {
                     shape,
                     weights: &weights,
                     bias: &bias,
-                    input_max: if shape.in_channels == 4 { 255 } else { 127 },
+                    input_max: if shape.in_channels() == 4 { 255 } else { 127 },
                     epilogue: Epilogue::U8 {
-                        scale: vec![2e-4; shape.out_channels],
+                        scale: vec![2e-4; shape.out_channels()],
                         max: 127,
                         residual_scale: None,
                     },
@@ -64,8 +65,8 @@ fn int8(c: &mut Criterion) {
             let mut run = |conv: &QConv, result: &mut [u8], part: &Part| {
                 conv.check((&input, data.len()), None, (&output, result.len()))
                     .expect("the tensors fit");
-                if scratch.len() < conv.scratch_bytes(&input) {
-                    scratch = Scratch::new(conv.scratch_bytes(&input));
+                if scratch.len() < conv.scratch_bytes() {
+                    scratch = Scratch::new(conv.scratch_bytes());
                 }
                 // SAFETY: checked above; the buffers are separate.
                 unsafe {
@@ -83,11 +84,11 @@ fn int8(c: &mut Criterion) {
             let conv = build(isa);
             let mut result = vec![0u8; output.buffer_len()];
             let mut expected = result.clone();
-            let first = Part::whole(CHECKED_ROWS.min(output.height), shape.groups);
+            let first = Part::whole(CHECKED_ROWS.min(output.height()), shape.groups());
             run(&conv, &mut result, &first);
             run(&build(Isa::Scalar), &mut expected, &first);
             assert!(result == expected, "{} differs from scalar", conv.name());
-            let whole = Part::whole(output.height, shape.groups);
+            let whole = Part::whole(output.height(), shape.groups());
             group.bench_function(conv.name(), |b| {
                 b.iter(|| run(&conv, black_box(&mut result), &whole));
             });
@@ -104,17 +105,18 @@ fn f32(c: &mut Criterion) {
             .iter()
             .map(|&w| f32::from(w) / 127.0)
             .collect();
-        let bias = vec![0.1; shape.out_channels];
-        let input = Layout::dense(height, width, shape.in_channels, 1);
+        let bias = vec![0.1; shape.out_channels()];
+        let input = Layout::dense(height, width, shape.in_channels(), 1).unwrap();
         let data: Vec<f32> = (0..input.buffer_len())
             .map(|i| (i * 37 % 101) as f32 / 100.0)
             .collect();
         let output = Layout::dense(
             shape.output_len(height),
             shape.output_len(width),
-            shape.out_channels,
+            shape.out_channels(),
             1,
-        );
+        )
+        .unwrap();
         let build = |isa| {
             let params = FConvParams {
                 shape,
@@ -145,7 +147,7 @@ fn f32(c: &mut Criterion) {
         let conv = build(isa);
         let mut result = vec![0f32; output.buffer_len()];
         let mut expected = result.clone();
-        let first = Part::whole(CHECKED_ROWS.min(output.height), shape.groups);
+        let first = Part::whole(CHECKED_ROWS.min(output.height()), shape.groups());
         run(&conv, &mut result, &first);
         run(&build(Isa::Scalar), &mut expected, &first);
         let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * (1.0 + b.abs());
@@ -154,7 +156,7 @@ fn f32(c: &mut Criterion) {
             "{} differs from scalar",
             conv.name()
         );
-        let whole = Part::whole(output.height, shape.groups);
+        let whole = Part::whole(output.height(), shape.groups());
         group.bench_function(conv.name(), |b| {
             b.iter(|| run(&conv, black_box(&mut result), &whole));
         });

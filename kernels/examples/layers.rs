@@ -55,10 +55,10 @@ fn int8(
         &QConvParams {
             shape,
             weights: &weights(&shape),
-            bias: &vec![0; shape.out_channels],
-            input_max: if shape.in_channels == 4 { 255 } else { 127 },
+            bias: &vec![0; shape.out_channels()],
+            input_max: if shape.in_channels() == 4 { 255 } else { 127 },
             epilogue: Epilogue::U8 {
-                scale: vec![1e-4; shape.out_channels],
+                scale: vec![1e-4; shape.out_channels()],
                 max: 127,
                 residual_scale: None,
             },
@@ -66,13 +66,14 @@ fn int8(
         },
     )
     .unwrap();
-    let input = Layout::dense(height, width, shape.in_channels, 1);
+    let input = Layout::dense(height, width, shape.in_channels(), 1).unwrap();
     let output = Layout::dense(
         shape.output_len(height),
         shape.output_len(width),
-        shape.out_channels,
+        shape.out_channels(),
         1,
-    );
+    )
+    .unwrap();
     let name = conv.name().to_owned();
     let pool = pool.clone();
     let run = move || {
@@ -80,7 +81,7 @@ fn int8(
         let [data, result] = &mut pool.buffers;
         conv.check((&input, data.len()), None, (&output, result.len()))
             .unwrap();
-        let part = Part::whole(output.height, shape.groups);
+        let part = Part::whole(output.height(), shape.groups());
         // SAFETY: checked above; the buffers are borrowed here alone.
         unsafe {
             conv.run_part(
@@ -114,19 +115,20 @@ fn f32(
         &FConvParams {
             shape,
             weights: &weights,
-            bias: &vec![0.0; shape.out_channels],
+            bias: &vec![0.0; shape.out_channels()],
             relu: true,
             residual: false,
         },
     )
     .unwrap();
-    let input = Layout::dense(height, width, shape.in_channels, 1);
+    let input = Layout::dense(height, width, shape.in_channels(), 1).unwrap();
     let output = Layout::dense(
         shape.output_len(height),
         shape.output_len(width),
-        shape.out_channels,
+        shape.out_channels(),
         1,
-    );
+    )
+    .unwrap();
     let name = conv.name().to_owned();
     let pool = pool.clone();
     let run = move || {
@@ -134,7 +136,7 @@ fn f32(
         let [data, result] = &mut pool.buffers;
         conv.check((&input, data.len()), None, (&output, result.len()))
             .unwrap();
-        let part = Part::whole(output.height, shape.groups);
+        let part = Part::whole(output.height(), shape.groups());
         // SAFETY: checked above; the buffers are borrowed here alone.
         unsafe {
             conv.run_part(
@@ -199,11 +201,11 @@ fn main() {
                 "{:>3}x{:<3} {:>3}->{:<3} g{} k{} s{} {name}",
                 height,
                 width,
-                shape.in_channels,
-                shape.out_channels,
-                shape.groups,
-                shape.kernel,
-                shape.stride
+                shape.in_channels(),
+                shape.out_channels(),
+                shape.groups(),
+                shape.kernel(),
+                shape.stride()
             );
             all.push((label, times, macs, algorithm, run));
         }

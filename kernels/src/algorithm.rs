@@ -17,7 +17,7 @@ pub enum Algorithm {
 impl Algorithm {
     /// The algorithms that can compute `shape`, the plainest first.
     pub fn candidates(shape: &ConvShape) -> &'static [Algorithm] {
-        if shape.kernel == 3 && shape.stride == 1 && !shape.transposed {
+        if shape.kernel() == 3 && shape.stride() == 1 && !shape.transposed() {
             &[Algorithm::Direct, Algorithm::Winograd]
         } else {
             &[Algorithm::Direct]
@@ -27,7 +27,7 @@ impl Algorithm {
     /// The algorithm to use where nothing was measured. It depends on the shape alone, so that results do not depend on the
     /// machine.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
-        let depth = shape.in_channels / shape.groups.max(1);
+        let depth = shape.group_in();
         if depth >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
             Algorithm::Winograd
         } else {

@@ -3,7 +3,7 @@
 use crate::tensor::Expected;
 use crate::{ConvShape, Isa, KernelError, Layout, Scratch};
 
-/// Refuses what cannot be packed: a tier that the CPU lacks, a shape that no kernel can run, arrays of the wrong length.
+/// Refuses what cannot be packed: a tier that the CPU lacks, arrays of the wrong length.
 pub(crate) fn check_params(
     isa: Isa,
     shape: &ConvShape,
@@ -13,31 +13,13 @@ pub(crate) fn check_params(
     if !isa.is_available() {
         return Err(KernelError::Unsupported(isa));
     }
-    check_shape(shape)?;
     check_length("weights", shape.weight_len(), weights)?;
-    check_length("biases", shape.out_channels, bias)
+    check_length("biases", shape.out_channels(), bias)
 }
 
 /// Refuses a scratch with less than `needed` bytes.
 pub(crate) fn check_scratch(needed: usize, scratch: &Scratch) -> Result<(), KernelError> {
     check_length("bytes of scratch", needed.max(scratch.len()), scratch.len())
-}
-
-fn check_shape(shape: &ConvShape) -> Result<(), KernelError> {
-    let divides = |channels: usize| channels.checked_rem(shape.groups) == Some(0);
-    if !divides(shape.in_channels) || !divides(shape.out_channels) {
-        return Err(KernelError::Shape(format!(
-            "expected groups to divide both channel counts, found {} groups for {} -> {} channels; correct the channel table",
-            shape.groups, shape.in_channels, shape.out_channels
-        )));
-    }
-    if shape.kernel == 0 || shape.stride == 0 || shape.padding >= shape.kernel {
-        return Err(KernelError::Shape(format!(
-            "expected kernel > padding and stride > 0, found kernel {}, padding {}, stride {}; correct the channel table",
-            shape.kernel, shape.padding, shape.stride
-        )));
-    }
-    Ok(())
 }
 
 /// Refuses arrays of the wrong length.
@@ -64,23 +46,18 @@ pub(crate) fn check_tensors(
     residual: Option<(&Layout, usize)>,
     output: (&Layout, usize),
 ) -> Result<(), KernelError> {
-    let (height, width) = (input.0.height, input.0.width);
-    if !shape.transposed && height.min(width) + 2 * shape.padding < shape.kernel {
+    let (height, width) = (input.0.height(), input.0.width());
+    if shape.output_len(height.min(width)) == 0 {
         return Err(KernelError::Tensor(format!(
             "input: expected at least {} rows and columns with padding, found {height}x{width}; use a larger picture",
-            shape.kernel
-        )));
-    }
-    if height == 0 || width == 0 {
-        return Err(KernelError::Tensor(format!(
-            "input: expected at least one pixel, found {height}x{width}; use a larger picture"
+            shape.kernel()
         )));
     }
     Expected {
         role: "input",
         height,
         width,
-        channels: shape.in_channels,
+        channels: shape.in_channels(),
         halo: shape.input_halo(),
     }
     .check(input.0, input.1)?;
@@ -88,7 +65,7 @@ pub(crate) fn check_tensors(
         role: "output",
         height: shape.output_len(height),
         width: shape.output_len(width),
-        channels: shape.out_channels,
+        channels: shape.out_channels(),
         halo: 0,
     };
     out.check(output.0, output.1)?;

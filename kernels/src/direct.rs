@@ -6,53 +6,59 @@
 
 use std::marker::PhantomData;
 
-use crate::packed::{MAX_TAPS, Packed};
+use crate::packed::{Blocking, MAX_TAPS, Packed, Panels};
 use crate::phase::Phase;
-use crate::segments::Segments;
+#[cfg(target_arch = "x86_64")]
+use crate::segments::SegmentedPacked;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::SegmentedDot;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
 
 /// A direct convolution over concrete tensors.
-pub(crate) struct Job<'a> {
-    pub packed: &'a Packed,
-    /// Where the tier sums in i16 segments.
-    pub segments: Option<&'a Segments>,
+pub(crate) struct Job<'a, P> {
+    panels: &'a P,
     /// Accumulators' initial values, 4 bytes per padded output channel.
-    pub bias: *const u8,
+    bias: *const u8,
     /// Pixel (0, 0), channel 0.
-    pub input: *const u8,
+    input: *const u8,
     /// Bytes from a row to the next.
-    pub row_bytes: isize,
+    row_bytes: isize,
     /// Bytes from a pixel to the next.
-    pub pixel_bytes: isize,
-    pub out_layout: &'a Layout,
-    pub part: &'a Part,
+    pixel_bytes: isize,
+    out_layout: &'a Layout,
+    part: &'a Part,
 }
 
-impl<'a> Job<'a> {
+impl<'a, P: Panels> Job<'a, P> {
+    /// `bias` holds 4 bytes per padded output channel.
+    ///
     /// # Safety
     /// `input` is the start of the buffer that `layout` was checked for.
-    pub unsafe fn new<T>(
-        packed: &'a Packed,
-        segments: Option<&'a Segments>,
-        bias: &'a [impl Copy],
+    pub unsafe fn new<T, A: Copy>(
+        panels: &'a P,
+        bias: &'a [A],
         input: *const T,
         in_layout: &Layout,
         out_layout: &'a Layout,
         part: &'a Part,
     ) -> Self {
         let size = size_of::<T>();
-        debug_assert_eq!(bias.len(), packed.groups * packed.vectors() * packed.lanes);
+        const { assert!(size_of::<A>() == 4, "an accumulator is 32 bits") };
+        let packed = panels.packed();
+        assert_eq!(
+            bias.len(),
+            packed.groups() * packed.vectors() * packed.lanes(),
+            "initial values"
+        );
         Self {
-            packed,
-            segments,
+            panels,
             bias: bias.as_ptr().cast(),
-            // SAFETY: the origin lies in the buffer.
-            input: unsafe { input.add(in_layout.origin) }.cast(),
-            row_bytes: (in_layout.row_stride * size) as isize,
-            pixel_bytes: (in_layout.pixel_stride * size) as isize,
+            // SAFETY: origin < buffer_len <= the buffer's length (checked layout).
+            input: unsafe { input.add(in_layout.origin()) }.cast(),
+            // A layout's strides are at most isize::MAX / 8 elements, and elements at most 4 bytes.
+            row_bytes: (in_layout.row_stride() * size) as isize,
+            pixel_bytes: (in_layout.pixel_stride() * size) as isize,
             out_layout,
             part,
         }
@@ -91,6 +97,8 @@ pub(crate) struct Place {
 /// As for [`Dot`]; `tile.x` and its taps, and the panel, are readable.
 pub(crate) unsafe trait Chain {
     type D: Dot;
+    /// What it reads.
+    type Panels: Panels;
 
     /// Adds `Σ taps Σ depth x · w` to a tile's accumulators.
     unsafe fn sum<const MR: usize, const NV: usize>(
@@ -125,6 +133,7 @@ pub(crate) struct Plain<D>(PhantomData<D>);
 // SAFETY: reads weights front to back, 4 · LANES · NV bytes per group, and 4 bytes per pixel and group.
 unsafe impl<D: Dot> Chain for Plain<D> {
     type D = D;
+    type Panels = Packed;
 
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
@@ -134,7 +143,8 @@ unsafe impl<D: Dot> Chain for Plain<D> {
         let vector = 4 * D::S::LANES;
         let mut w = tile.weights;
         for &tap in tile.taps {
-            // SAFETY: groups of this tap lie within the input's halo (checked layouts), panels hold taps · depth · NV vectors.
+            // SAFETY: the tile's pixels at this tap have 4 · depth readable bytes each (caller); the panel holds
+            // taps · depth · NV vectors (`Packed`), of which every step reads the next NV.
             unsafe {
                 let mut x = tile.x.offset(tap);
                 for _ in 0..tile.depth {
@@ -162,9 +172,10 @@ unsafe impl<D: Dot> Chain for Plain<D> {
 pub(crate) struct Segmented<D>(PhantomData<D>);
 
 #[cfg(target_arch = "x86_64")]
-// SAFETY: as for Plain; a tap's segment lengths add up to the depth.
+// SAFETY: as for Plain; a tap's segment lengths add up to the depth (`SegmentedPacked`).
 unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
     type D = D;
+    type Panels = SegmentedPacked;
 
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
@@ -175,12 +186,16 @@ unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
         let mut w = tile.weights;
         let mut lengths = tile.segments.iter();
         for &tap in tile.taps {
-            // SAFETY: groups of this tap lie within the input's halo (checked layouts), panels hold taps · depth · NV vectors.
+            // SAFETY: the tile's pixels at this tap have 4 · depth readable bytes each (caller); the panel holds
+            // taps · depth · NV vectors (`Packed`), of which every step reads the next NV.
             unsafe {
                 let mut x = tile.x.offset(tap);
                 let end = x.add(tile.depth * 4);
                 while x != end {
-                    let length = usize::from(*lengths.next().unwrap_unchecked());
+                    // There is one as long as groups are left; without it nothing more is read.
+                    let Some(&length) = lengths.next() else {
+                        break;
+                    };
                     let mut weights = [D::weights(w); NV];
                     for n in 1..NV {
                         weights[n] = D::weights(w.add(n * vector));
@@ -221,7 +236,7 @@ unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
 
 /// A row of tiles' constants.
 struct Strip<'a, 'b, C: Chain, W> {
-    job: &'b Job<'a>,
+    job: &'b Job<'a, C::Panels>,
     writer: &'b W,
     phase: &'b Phase,
     tile: Tile<'b>,
@@ -241,44 +256,51 @@ struct Strip<'a, 'b, C: Chain, W> {
 /// # Safety
 /// The features of the chain are on; the contract of `QConv::run_part` holds for the job's tensors and the writer's.
 #[inline(always)]
-pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job, writer: &W) {
-    let packed = job.packed;
+pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Panels>, writer: &W) {
+    let packed = job.panels.packed();
+    assert_eq!(
+        packed.blocking(),
+        Blocking::of::<C::D>(),
+        "packed for another kernel"
+    );
     let lanes = Vectors::<C>::LANES;
     let mut taps = [0isize; MAX_TAPS];
     for group in job.part.groups.clone() {
-        for (b, block) in packed.blocks.iter().enumerate() {
-            for (p, phase) in packed.phases.iter().enumerate() {
+        for (b, block) in packed.blocks().iter().enumerate() {
+            for (p, phase) in packed.phases().iter().enumerate() {
                 for (offset, tap) in taps.iter_mut().zip(&phase.taps) {
                     *offset = tap.dy * job.row_bytes + tap.dx * job.pixel_bytes;
                 }
                 let panel = packed.panel(group, b, p);
                 let lane = (group * packed.vectors() + block.first) * lanes;
                 let first = block.first * lanes;
-                // SAFETY: the group's first input channel and the block's first lane lie in their arrays.
+                // SAFETY: group < groups (the part lies within the shape's, caller), so that
+                // 4 · group · depth < in_channels · 4 / pack bytes of a pixel, and lane + count · lanes <= bias.len() (asserted in
+                // `Job::new`).
                 unsafe {
                     let strip = Strip::<C, W> {
                         job,
                         writer,
                         phase,
                         tile: Tile {
-                            x: job.input.add(group * packed.depth * 4),
+                            x: job.input.add(group * packed.depth() * 4),
                             x_step: phase.in_step * job.pixel_bytes as usize,
                             taps: &taps[..phase.taps.len()],
-                            depth: packed.depth,
+                            depth: packed.depth(),
                             weights: packed.weights(panel).as_ptr(),
-                            segments: job.segments.map_or(&[], |s| s.of(panel)),
+                            segments: job.panels.segments(panel),
                         },
                         bias: job.bias.add(lane * 4),
                         lane,
-                        channel: group * packed.outs + first,
-                        outs: (packed.outs - first).min(block.count * lanes),
+                        channel: group * packed.outs() + first,
+                        outs: (packed.outs() - first).min(block.count * lanes),
                         chain: PhantomData,
                     };
                     match block.count {
                         1 => strip.rows::<1>(),
-                        2 => strip.rows::<2>(),
-                        3 => strip.rows::<3>(),
-                        _ => unreachable!("blocks have at most 3 vectors"),
+                        2 if C::D::MAX_NV >= 2 => strip.rows::<2>(),
+                        3 if C::D::MAX_NV >= 3 => strip.rows::<3>(),
+                        count => unreachable!("a block of {count} vectors"),
                     }
                 }
             }
@@ -290,14 +312,14 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
     #[inline(always)]
     unsafe fn rows<const NV: usize>(&self) {
         let phase = self.phase;
-        let columns =
-            (self.job.out_layout.width + phase.out_step - 1 - phase.first_column) / phase.out_step;
+        let columns = (self.job.out_layout.width() + phase.out_step - 1 - phase.first_column)
+            / phase.out_step;
         for oy in self.job.part.rows.clone() {
             if oy % phase.out_step != phase.first_row {
                 continue;
             }
             let mut column = 0;
-            // SAFETY: column + MR <= columns for every tile.
+            // SAFETY: oy is an output row (the part lies within them, caller), and column + MR <= columns for every tile.
             unsafe {
                 if C::D::MAX_MR == 8 {
                     while column + 8 <= columns {
@@ -325,7 +347,9 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
         let (job, phase) = (self.job, self.phase);
         let lanes = Vectors::<C>::LANES;
         let y = (oy / phase.out_step * phase.in_step) as isize;
-        // SAFETY: the tile's pixels lie in the output, so their taps lie in the input with its halo; the writer owns them.
+        // SAFETY: output pixels (oy, (first + m) · out_step + first_column), m < MR, lie in the output (caller). Their taps lie
+        // in -halo..height + halo rows and -halo..width + halo columns of the input, halo being `ConvShape::input_halo`, which
+        // `check` proved readable. Initial values: NV · lanes from the block's first (see `run`).
         unsafe {
             let x = self
                 .tile

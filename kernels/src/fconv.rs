@@ -102,8 +102,8 @@ impl FConv {
         }
     }
 
-    /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
-    pub fn scratch_bytes(&self, _input: &Layout) -> usize {
+    /// Bytes of [`Scratch`] that a run needs, per thread.
+    pub fn scratch_bytes(&self) -> usize {
         0
     }
 
@@ -112,7 +112,7 @@ impl FConv {
     /// # Panics
     /// Unless `index < count`.
     pub fn part(&self, out_height: usize, index: usize, count: usize) -> Part {
-        Part::share(out_height, self.shape.groups, 1, index, count)
+        Part::share(out_height, self.shape.groups(), 1, index, count)
     }
 
     /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
@@ -151,8 +151,8 @@ impl FConv {
             residual.as_ref().map(|r| (&r.layout, r.data.len())),
             (&output.layout, output.data.len()),
         )?;
-        check_scratch(self.scratch_bytes(&input.layout), scratch)?;
-        let part = Part::whole(output.layout.height, self.shape.groups);
+        check_scratch(self.scratch_bytes(), scratch)?;
+        let part = Part::whole(output.layout.height(), self.shape.groups());
         // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
         // the borrows keep the buffers separate.
         unsafe {
@@ -187,7 +187,7 @@ impl FConv {
         part: &Part,
         scratch: &mut Scratch,
     ) {
-        assert!(scratch.len() >= self.scratch_bytes(in_layout), "scratch");
+        assert!(scratch.len() >= self.scratch_bytes(), "scratch");
         let run = Run {
             input,
             in_layout,

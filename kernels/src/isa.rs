@@ -10,6 +10,8 @@ pub const ISA_VARIABLE: &str = "EDGECAP_ISA";
 pub enum Isa {
     /// Plain Rust: every CPU; the oracle of the others.
     Scalar,
+    /// SSSE3 and SSE4.1: x86 CPUs without AVX2.
+    Sse41,
     /// AVX2 and FMA.
     Avx2,
     /// AVX2, FMA and AVX-VNNI (`vpdpbusd` on 256 bits).
@@ -26,8 +28,9 @@ pub enum Isa {
 
 impl Isa {
     /// Every tier, slowest first.
-    pub const ALL: [Isa; 7] = [
+    pub const ALL: [Isa; 8] = [
         Isa::Scalar,
+        Isa::Sse41,
         Isa::Avx2,
         Isa::AvxVnni,
         Isa::Avx512,
@@ -40,6 +43,7 @@ impl Isa {
     pub fn name(self) -> &'static str {
         match self {
             Isa::Scalar => "scalar",
+            Isa::Sse41 => "sse41",
             Isa::Avx2 => "avx2",
             Isa::AvxVnni => "avxvnni",
             Isa::Avx512 => "avx512",
@@ -50,38 +54,11 @@ impl Isa {
     }
 
     /// Whether this CPU can run the tier.
-    #[cfg(target_arch = "x86_64")]
     pub fn is_available(self) -> bool {
-        let avx2 = || is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-        let avx512 = || {
-            avx2()
-                && is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512vl")
-        };
-        match self {
-            Isa::Scalar => true,
-            Isa::Avx2 => avx2(),
-            Isa::AvxVnni => avx2() && is_x86_feature_detected!("avxvnni"),
-            Isa::Avx512 => avx512(),
-            Isa::Avx512Vnni => avx512() && is_x86_feature_detected!("avx512vnni"),
-            Isa::Neon | Isa::NeonDot => false,
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        if let Some(tier) = crate::kernel::Tier::of(self) {
+            return tier.is_available();
         }
-    }
-
-    /// Whether this CPU can run the tier.
-    #[cfg(target_arch = "aarch64")]
-    pub fn is_available(self) -> bool {
-        match self {
-            Isa::Scalar | Isa::Neon => true,
-            Isa::NeonDot => std::arch::is_aarch64_feature_detected!("dotprod"),
-            _ => false,
-        }
-    }
-
-    /// Whether this CPU can run the tier.
-    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-    pub fn is_available(self) -> bool {
         self == Isa::Scalar
     }
 

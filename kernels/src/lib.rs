@@ -10,16 +10,17 @@
 #![allow(clippy::needless_range_loop)]
 
 mod algorithm;
-#[cfg(target_arch = "aarch64")]
-mod arm;
-mod conv;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod arch;
 mod conv_check;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod direct;
 mod error;
 mod fconv;
+mod geometry;
 mod isa;
-mod layout;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod kernel;
 mod linear;
 mod naive;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
@@ -38,20 +39,12 @@ mod tensor;
 mod winograd;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod writers;
-#[cfg(target_arch = "x86_64")]
-mod x86;
-
-#[cfg(target_arch = "aarch64")]
-use arm as arch;
-#[cfg(target_arch = "x86_64")]
-use x86 as arch;
 
 pub use algorithm::Algorithm;
-pub use conv::ConvShape;
 pub use error::KernelError;
 pub use fconv::{FConv, FConvParams};
+pub use geometry::{ConvDims, ConvShape, Layout, PoolShape};
 pub use isa::{ISA_VARIABLE, Isa, IsaError};
-pub use layout::Layout;
 pub use linear::Linear;
 pub use part::Part;
 pub use peak::Peak;

@@ -1,9 +1,21 @@
 //! Fully connected f32 layer over a small batch: `y = relu(x Wᵀ + b)`.
 
 use crate::conv_check::check_length;
-use crate::{ConvShape, FConv, FConvParams, Isa, KernelError, Layout, Scratch, Tensor, TensorMut};
+use crate::{
+    ConvDims, ConvShape, FConv, FConvParams, Isa, KernelError, Layout, Scratch, Tensor, TensorMut,
+};
 
 /// A packed fully connected layer.
+///
+/// ```
+/// use edgecap_kernels::{Isa, Linear};
+///
+/// let layer = Linear::new(Isa::detect()?, 2, 3, &[1., 2., 3., 4., -5., 6.], &[0., 1., 2.], true)?;
+/// let mut output = [0.0; 6];
+/// layer.run(2, &[1., 1., 2., 0.], &mut output)?;
+/// assert_eq!(output, [3., 8., 3., 2., 7., 0.]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Linear {
     conv: FConv,
@@ -13,7 +25,7 @@ impl Linear {
     /// Packs `weights` `[outputs, inputs]`, row-major, and `bias` `[outputs]`.
     ///
     /// # Errors
-    /// When the CPU lacks `isa` or a length does not fit.
+    /// When the CPU lacks `isa`, a length does not fit, or inputs or outputs are 0 or more than 2²⁰.
     pub fn new(
         isa: Isa,
         inputs: usize,
@@ -22,15 +34,11 @@ impl Linear {
         bias: &[f32],
         relu: bool,
     ) -> Result<Self, KernelError> {
-        let shape = ConvShape {
+        let shape = ConvShape::new(ConvDims {
             in_channels: inputs,
             out_channels: outputs,
-            groups: 1,
-            kernel: 1,
-            stride: 1,
-            padding: 0,
-            transposed: false,
-        };
+            ..ConvDims::default()
+        })?;
         let conv = FConv::new(
             isa,
             &FConvParams {
@@ -46,12 +54,12 @@ impl Linear {
 
     /// Numbers per row of the input.
     pub fn inputs(&self) -> usize {
-        self.conv.shape().in_channels
+        self.conv.shape().in_channels()
     }
 
     /// Numbers per row of the output.
     pub fn outputs(&self) -> usize {
-        self.conv.shape().out_channels
+        self.conv.shape().out_channels()
     }
 
     /// `input` `[batch, inputs]` → `output` `[batch, outputs]`, both row-major. Allocates nothing.
@@ -59,15 +67,18 @@ impl Linear {
     /// # Errors
     /// When a slice has the wrong length.
     pub fn run(&self, batch: usize, input: &[f32], output: &mut [f32]) -> Result<(), KernelError> {
-        check_length("inputs", batch * self.inputs(), input.len())?;
-        check_length("outputs", batch * self.outputs(), output.len())?;
         if batch == 0 {
-            return Ok(());
+            check_length("inputs", 0, input.len())?;
+            return check_length("outputs", 0, output.len());
         }
+        let from = Layout::dense(1, batch, self.inputs(), 0)?;
+        let to = Layout::dense(1, batch, self.outputs(), 0)?;
+        check_length("inputs", from.buffer_len(), input.len())?;
+        check_length("outputs", to.buffer_len(), output.len())?;
         self.conv.run(
-            Tensor::new(input, Layout::dense(1, batch, self.inputs(), 0)),
+            Tensor::new(input, from),
             None,
-            TensorMut::new(output, Layout::dense(1, batch, self.outputs(), 0)),
+            TensorMut::new(output, to),
             &mut Scratch::default(),
         )
     }

@@ -33,8 +33,8 @@ pub(crate) unsafe fn convolve<X: Copy, W: Copy, S: Copy>(
         in_layout,
         out_width,
     } = *walk;
-    let depth = shape.in_channels / shape.groups;
-    let out_per_group = shape.out_channels / shape.groups;
+    let depth = shape.group_in();
+    let out_per_group = shape.group_out();
     let channels = part.groups.start * out_per_group..part.groups.end * out_per_group;
     for phase in phases {
         let rows = part.rows.clone();
@@ -51,8 +51,8 @@ pub(crate) unsafe fn convolve<X: Copy, W: Copy, S: Copy>(
                             // SAFETY: taps reach at most `input_halo()` pixels beyond the tensor, which the caller's buffer
                             // holds; first + ic < in_channels.
                             let value = unsafe { *input.add(at + ic) };
-                            let row = (oc * depth + ic) * shape.kernel + tap.ky;
-                            sum = add(sum, value, weights[row * shape.kernel + tap.kx]);
+                            let row = (oc * depth + ic) * shape.kernel() + tap.ky;
+                            sum = add(sum, value, weights[row * shape.kernel() + tap.kx]);
                         }
                     }
                     finish(oy, ox, oc, sum);

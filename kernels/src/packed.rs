@@ -12,19 +12,37 @@ use crate::simd::{Dot, Simd};
 /// Most taps of a phase: 7 × 7.
 pub(crate) const MAX_TAPS: usize = 49;
 
-/// Packed weights.
+/// Packed weights. Made by [`Packed::new`] only; what kernels rely on is that panel (group, block, phase) holds
+/// `taps · depth · block.count · lanes` groups of 4 bytes, and blocks are 1 to [`MAX_BLOCK`] vectors that cover `outs`.
 #[derive(Debug, Clone)]
 pub(crate) struct Packed {
-    pub phases: Vec<Phase>,
-    pub groups: usize,
-    /// Output channels per group.
-    pub outs: usize,
-    /// 32-bit groups of input channels per tap.
-    pub depth: usize,
-    pub lanes: usize,
-    pub blocks: Vec<Block>,
+    phases: Vec<Phase>,
+    groups: usize,
+    outs: usize,
+    depth: usize,
+    blocking: Blocking,
+    blocks: Vec<Block>,
     panels: Vec<usize>,
     data: Scratch,
+}
+
+/// What a direct kernel reads: packed weights, and where a tap's sums have to leave i16.
+pub(crate) trait Panels {
+    /// The weights.
+    fn packed(&self) -> &Packed;
+
+    /// Lengths of the i16 segments of a panel, tap after tap; each tap's add up to the depth. Empty where there are none.
+    fn segments(&self, panel: usize) -> &[u8];
+}
+
+impl Panels for Packed {
+    fn packed(&self) -> &Packed {
+        self
+    }
+
+    fn segments(&self, _panel: usize) -> &[u8] {
+        &[]
+    }
 }
 
 /// Consecutive vectors of output channels that one tile computes.
@@ -32,21 +50,28 @@ pub(crate) struct Packed {
 pub(crate) struct Block {
     /// First vector.
     pub first: usize,
-    /// Vectors: 1..=MAX_NV.
+    /// Vectors: 1 to MAX_NV.
     pub count: usize,
 }
 
-/// Numbers a panel is made of.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Grain {
+/// How a kernel wants its panels cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Blocking {
+    /// Output channels in a vector.
     pub lanes: usize,
+    /// Most vectors in a block, 1 to [`MAX_BLOCK`].
     pub max_nv: usize,
+    /// Numbers in a 32-bit group of input channels.
     pub pack: usize,
 }
 
-impl Grain {
+/// Most vectors in a block: kernels are compiled for 1, 2 and 3.
+pub(crate) const MAX_BLOCK: usize = 3;
+
+impl Blocking {
     /// What `D` reads.
-    pub fn of<D: Dot>() -> Self {
+    pub const fn of<D: Dot>() -> Self {
+        const { assert!(D::MAX_NV >= 1 && D::MAX_NV <= MAX_BLOCK) };
         Self {
             lanes: D::S::LANES,
             max_nv: D::MAX_NV,
@@ -62,37 +87,37 @@ impl Packed {
     /// `weight(oc, ic, tap)` gives a number's little-endian bytes, 4 / PACK of them; `ic` counts within the group.
     pub fn new<const BYTES: usize>(
         shape: &ConvShape,
-        grain: Grain,
+        blocking: Blocking,
         weight: impl Fn(usize, usize, &Tap) -> [u8; BYTES],
     ) -> Option<Self> {
-        assert_eq!(BYTES * grain.pack, 4, "a group is 32 bits");
-        let channels = shape.in_channels / shape.groups;
+        assert_eq!(BYTES * blocking.pack, 4, "a group is 32 bits");
+        let channels = shape.group_in();
         let phases = Phase::of(shape);
-        if !channels.is_multiple_of(grain.pack)
+        if !channels.is_multiple_of(blocking.pack)
             || phases.iter().any(|phase| phase.taps.len() > MAX_TAPS)
         {
             return None;
         }
-        let outs = shape.out_channels / shape.groups;
-        let depth = channels / grain.pack;
-        let blocks = blocks(outs.div_ceil(grain.lanes), grain.max_nv);
+        let outs = shape.group_out();
+        let depth = channels / blocking.pack;
+        let blocks = blocks(outs.div_ceil(blocking.lanes), blocking.max_nv);
         let taps: usize = phases.iter().map(|phase| phase.taps.len()).sum();
         let vectors: usize = blocks.iter().map(|block| block.count).sum();
-        let mut data = Scratch::new(shape.groups * vectors * taps * depth * grain.lanes * 4);
+        let mut data = Scratch::new(shape.groups() * vectors * taps * depth * blocking.lanes * 4);
         let bytes = data.as_mut_bytes();
         let mut panels = Vec::new();
         let mut at = 0;
-        for group in 0..shape.groups {
+        for group in 0..shape.groups() {
             for block in &blocks {
                 for phase in &phases {
                     panels.push(at);
                     for tap in &phase.taps {
                         for group_of_ic in 0..depth {
-                            for lane in 0..block.count * grain.lanes {
-                                let out = block.first * grain.lanes + lane;
-                                for i in 0..grain.pack {
+                            for lane in 0..block.count * blocking.lanes {
+                                let out = block.first * blocking.lanes + lane;
+                                for i in 0..blocking.pack {
                                     if out < outs {
-                                        let ic = group_of_ic * grain.pack + i;
+                                        let ic = group_of_ic * blocking.pack + i;
                                         bytes[at..at + BYTES].copy_from_slice(&weight(
                                             group * outs + out,
                                             ic,
@@ -109,19 +134,54 @@ impl Packed {
         }
         Some(Self {
             phases,
-            groups: shape.groups,
+            groups: shape.groups(),
             outs,
             depth,
-            lanes: grain.lanes,
+            blocking,
             blocks,
             panels,
             data,
         })
     }
 
+    /// Phases of the convolution, each a dimension of the panels.
+    pub fn phases(&self) -> &[Phase] {
+        &self.phases
+    }
+
+    /// Groups of the convolution.
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// Output channels per group.
+    pub fn outs(&self) -> usize {
+        self.outs
+    }
+
+    /// 32-bit groups of input channels per tap.
+    pub fn depth(&self) -> usize {
+        self.depth
+    }
+
+    /// How the panels are cut.
+    pub fn blocking(&self) -> Blocking {
+        self.blocking
+    }
+
+    /// Output channels in a vector.
+    pub fn lanes(&self) -> usize {
+        self.blocking.lanes
+    }
+
+    /// Blocks of vectors that cover the outputs of a group.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
     /// Vectors of output channels per group.
     pub fn vectors(&self) -> usize {
-        self.outs.div_ceil(self.lanes)
+        self.outs.div_ceil(self.lanes())
     }
 
     /// Number of the panel of (group, block, phase).
@@ -138,7 +198,7 @@ impl Packed {
 
     /// One value per output channel, in the order of lanes, padded with zeros to whole vectors.
     pub fn per_channel<T: Copy + Default>(&self, values: &[T]) -> Vec<T> {
-        let padded = self.vectors() * self.lanes;
+        let padded = self.vectors() * self.lanes();
         let mut all = vec![T::default(); self.groups * padded];
         for group in 0..self.groups {
             all[group * padded..][..self.outs]
@@ -165,24 +225,23 @@ fn blocks(vectors: usize, max: usize) -> Vec<Block> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ConvDims;
 
     #[test]
     fn panels_hold_every_weight_once_in_reading_order() {
-        let shape = ConvShape {
+        let shape = ConvShape::new(ConvDims {
             in_channels: 8,
             out_channels: 10,
             groups: 2,
-            kernel: 1,
-            stride: 1,
-            padding: 0,
-            transposed: false,
-        };
-        let grain = Grain {
+            ..ConvDims::default()
+        })
+        .unwrap();
+        let blocking = Blocking {
             lanes: 4,
             max_nv: 3,
             pack: 4,
         };
-        let packed = Packed::new(&shape, grain, |oc, ic, _| [(oc * 4 + ic) as u8]).unwrap();
+        let packed = Packed::new(&shape, blocking, |oc, ic, _| [(oc * 4 + ic) as u8]).unwrap();
         // 5 outputs are 2 vectors; the second has one lane in use.
         let panel = packed.weights(packed.panel(1, 0, 0));
         let expected: Vec<u8> = (20..40).chain([0; 12]).collect();

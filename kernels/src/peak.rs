@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use crate::kernel::{PeakChain, Ready, Tier};
 #[cfg(target_arch = "x86_64")]
 use crate::simd::SegmentedDot;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
@@ -23,54 +25,34 @@ impl Peak {
     /// # Errors
     /// When the CPU lacks `isa`.
     pub fn measure(isa: Isa, duration: Duration) -> Result<Peak, KernelError> {
-        if !isa.is_available() {
-            return Err(KernelError::Unsupported(isa));
-        }
         let half = duration / 2;
-        let (int8, f32) = match isa {
-            Isa::Scalar => (best(half, scalar_int8), best(half, scalar_f32)),
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => unsafe {
-                (
-                    best(half, |n| x86::maddubs256(n)),
-                    best(half, |n| x86::fma256(n)),
-                )
-            },
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "x86_64")]
-            Isa::AvxVnni => unsafe {
-                (
-                    best(half, |n| x86::vnni256(n)),
-                    best(half, |n| x86::fma256(n)),
-                )
-            },
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => unsafe {
-                (
-                    best(half, |n| x86::maddubs512(n)),
-                    best(half, |n| x86::fma512(n)),
-                )
-            },
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512Vnni => unsafe {
-                (
-                    best(half, |n| x86::vnni512(n)),
-                    best(half, |n| x86::fma512(n)),
-                )
-            },
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "aarch64")]
-            Isa::Neon => unsafe { (best(half, |n| arm::widen(n)), best(half, |n| arm::fma(n))) },
-            // SAFETY: the CPU has the tier, checked above.
-            #[cfg(target_arch = "aarch64")]
-            Isa::NeonDot => unsafe { (best(half, |n| arm::sdot(n)), best(half, |n| arm::fma(n))) },
-            _ => return Err(KernelError::Unsupported(isa)),
-        };
+        if isa == Isa::Scalar {
+            return Ok(Peak {
+                int8: best(half, scalar_int8),
+                f32: best(half, scalar_f32),
+            });
+        }
+        let (int8, f32) = chains(isa, half).ok_or(KernelError::Unsupported(isa))?;
         Ok(Peak { int8, f32 })
     }
+}
+
+/// What the chains of a vector tier reach, or `None` where this CPU lacks it.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+fn chains(isa: Isa, duration: Duration) -> Option<(f64, f64)> {
+    let tier = Tier::of(isa)?;
+    let measure = |chain: &'static PeakChain| {
+        let chain = Ready::new(chain)?;
+        // SAFETY: `Ready` proves that the CPU has the chain's features.
+        Some(best(duration, |steps| unsafe { (chain.run)(steps) }))
+    };
+    Some((measure(tier.peak_int8)?, measure(tier.peak_f32)?))
+}
+
+/// This architecture has the scalar tier only.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn chains(_isa: Isa, _duration: Duration) -> Option<(f64, f64)> {
+    None
 }
 
 /// Steps per timed run.
@@ -129,7 +111,7 @@ const CHAINS: usize = 10;
 /// The features of `D` are on.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 #[inline(always)]
-unsafe fn dots<D: Dot>(steps: u64) -> u64 {
+pub(crate) unsafe fn dots<D: Dot>(steps: u64) -> u64 {
     let numbers = std::hint::black_box([1u8; 64 * CHAINS]);
     // SAFETY: 64 bytes are at least one vector; the features are on.
     unsafe {
@@ -157,7 +139,7 @@ const SUMS: usize = 6;
 /// The features of `D` are on.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
+pub(crate) unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
     let mut numbers = std::hint::black_box([1u8; 64 * SUMS]);
     let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
     // SAFETY: 64 bytes are at least one vector; the features are on.
@@ -178,55 +160,4 @@ unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
         std::hint::black_box(acc);
     }
     steps * (SUMS * D::S::LANES * D::PACK) as u64
-}
-
-#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-macro_rules! chain {
-    ($name:ident, $features:literal, $core:ident, $dot:ty) => {
-        /// # Safety
-        /// The CPU has the features.
-        #[target_feature(enable = $features)]
-        pub(super) unsafe fn $name(steps: u64) -> u64 {
-            // SAFETY: the caller's contract.
-            unsafe { $core::<$dot>(steps) }
-        }
-    };
-}
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{dots, sums};
-    use crate::simd::{avx2, avx512};
-
-    chain!(
-        vnni512,
-        "avx512f,avx512bw,avx512vl,avx512vnni,avx2,fma",
-        dots,
-        avx512::U8Vnni
-    );
-    chain!(
-        maddubs512,
-        "avx512f,avx512bw,avx512vl,avx2,fma",
-        sums,
-        avx512::U8Segmented
-    );
-    chain!(
-        fma512,
-        "avx512f,avx512bw,avx512vl,avx2,fma",
-        dots,
-        avx512::F32
-    );
-    chain!(vnni256, "avx2,fma,avxvnni", dots, avx2::U8Vnni);
-    chain!(maddubs256, "avx2,fma", sums, avx2::U8Segmented);
-    chain!(fma256, "avx2,fma", dots, avx2::F32);
-}
-
-#[cfg(target_arch = "aarch64")]
-mod arm {
-    use super::dots;
-    use crate::simd::neon;
-
-    chain!(sdot, "neon,dotprod", dots, neon::U7Dot);
-    chain!(widen, "neon", dots, neon::U7);
-    chain!(fma, "neon", dots, neon::F32);
 }

@@ -27,8 +27,8 @@ pub(crate) struct Tap {
 impl Phase {
     /// The phases of `shape`, row-major.
     pub fn of(shape: &ConvShape) -> Vec<Phase> {
-        let (kernel, stride, padding) = (shape.kernel, shape.stride, shape.padding);
-        if !shape.transposed {
+        let (kernel, stride, padding) = (shape.kernel(), shape.stride(), shape.padding());
+        if !shape.transposed() {
             let taps = (0..kernel * kernel)
                 .map(|i| Tap {
                     ky: i / kernel,
@@ -76,18 +76,18 @@ impl Phase {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ConvDims;
 
     #[test]
     fn transposed_4x4_has_four_phases_of_four_taps() {
-        let shape = ConvShape {
-            in_channels: 1,
-            out_channels: 1,
-            groups: 1,
+        let shape = ConvShape::new(ConvDims {
             kernel: 4,
             stride: 2,
             padding: 1,
             transposed: true,
-        };
+            ..ConvDims::default()
+        })
+        .unwrap();
         let phases = Phase::of(&shape);
         assert_eq!(phases.len(), 4);
         assert!(phases.iter().all(|phase| phase.taps.len() == 4));

@@ -1,57 +1,99 @@
 //! Max-pool, u8 or f32, over a tensor whose halo holds the padding value.
 
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use crate::kernel::{Pool, Ready, Tier};
 use crate::tensor::{Element, Expected};
-use crate::{Isa, KernelError, Layout, Part, Tensor, TensorMut};
+use crate::{Isa, KernelError, Layout, Part, PoolShape, Tensor, TensorMut};
 
 /// A max-pool with a square window. Padding takes part with the halo's value: after ReLU that is 0, which never wins wrongly.
+///
+/// ```
+/// use edgecap_kernels::{Isa, Layout, MaxPool, PoolShape, Tensor, TensorMut};
+///
+/// let pool = MaxPool::new(Isa::detect()?, PoolShape::new(2, 2, 0)?)?;
+/// let (from, to) = (Layout::dense(2, 4, 1, 0)?, Layout::dense(1, 2, 1, 0)?);
+/// let mut output = [0u8; 2];
+/// pool.run(Tensor::new(&[1, 2, 3, 4, 8, 7, 6, 5], from), TensorMut::new(&mut output, to))?;
+/// assert_eq!(output, [8, 6]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct MaxPool {
     isa: Isa,
-    kernel: usize,
-    stride: usize,
-    padding: usize,
+    /// The tier's own; plain loops without one.
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+    tier: Option<Ready<Pool>>,
+    shape: PoolShape,
 }
 
 /// Element type that can be pooled.
-pub trait PoolElement: Element + PartialOrd {}
+pub trait PoolElement: Element + PartialOrd + sealed::Leaf {}
 impl PoolElement for u8 {}
 impl PoolElement for f32 {}
 
+mod sealed {
+    use super::Job;
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+    use super::Pool;
+
+    /// Which of a tier's functions pools this type.
+    pub trait Leaf: Sized {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        #[allow(private_interfaces)]
+        fn of(pool: &Pool) -> unsafe fn(&Job<'_, Self>);
+    }
+
+    impl Leaf for u8 {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        #[allow(private_interfaces)]
+        fn of(pool: &Pool) -> unsafe fn(&Job<'_, Self>) {
+            pool.u8
+        }
+    }
+
+    impl Leaf for f32 {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        #[allow(private_interfaces)]
+        fn of(pool: &Pool) -> unsafe fn(&Job<'_, Self>) {
+            pool.f32
+        }
+    }
+}
+
 impl MaxPool {
-    /// A pool of `kernel` × `kernel` with this stride and padding.
+    /// A pool of this shape.
     ///
     /// # Errors
-    /// When the CPU lacks `isa`, or the numbers do not fit together.
-    pub fn new(
-        isa: Isa,
-        kernel: usize,
-        stride: usize,
-        padding: usize,
-    ) -> Result<Self, KernelError> {
+    /// When the CPU lacks `isa`.
+    pub fn new(isa: Isa, shape: PoolShape) -> Result<Self, KernelError> {
         if !isa.is_available() {
             return Err(KernelError::Unsupported(isa));
         }
-        if kernel == 0 || stride == 0 || padding >= kernel {
-            return Err(KernelError::Shape(format!(
-                "expected pool window > padding and stride > 0, found window {kernel}, padding {padding}, stride {stride}; correct the channel table"
-            )));
-        }
         Ok(Self {
             isa,
-            kernel,
-            stride,
-            padding,
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+            tier: Tier::of(isa).and_then(|tier| Ready::new(tier.pool)),
+            shape,
         })
+    }
+
+    /// Its window.
+    pub fn shape(&self) -> PoolShape {
+        self.shape
+    }
+
+    /// The kernel's name, for logs and benches.
+    pub fn name(&self) -> &'static str {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        if let Some(tier) = &self.tier {
+            return tier.name;
+        }
+        "maxpool__scalar"
     }
 
     /// The tier it was built for.
     pub fn isa(&self) -> Isa {
         self.isa
-    }
-
-    /// Output rows or columns for `n` input rows or columns.
-    pub fn output_len(&self, n: usize) -> usize {
-        (n + 2 * self.padding - self.kernel) / self.stride + 1
     }
 
     /// Share `index` of `count` of the work.
@@ -71,16 +113,12 @@ impl MaxPool {
         input: (&Layout, usize),
         output: (&Layout, usize),
     ) -> Result<(), KernelError> {
-        let Layout {
-            height,
-            width,
-            channels,
-            ..
-        } = *input.0;
-        if height.min(width) + 2 * self.padding < self.kernel {
+        let (height, width) = (input.0.height(), input.0.width());
+        let channels = input.0.channels();
+        if self.shape.output_len(height.min(width)) == 0 {
             return Err(KernelError::Tensor(format!(
                 "input: expected at least {} rows and columns with padding, found {height}x{width}; use a larger picture",
-                self.kernel
+                self.shape.kernel()
             )));
         }
         Expected {
@@ -88,13 +126,13 @@ impl MaxPool {
             height,
             width,
             channels,
-            halo: self.padding,
+            halo: self.shape.padding(),
         }
         .check(input.0, input.1)?;
         Expected {
             role: "output",
-            height: self.output_len(height),
-            width: self.output_len(width),
+            height: self.shape.output_len(height),
+            width: self.shape.output_len(width),
             channels,
             halo: 0,
         }
@@ -114,7 +152,7 @@ impl MaxPool {
             (&input.layout, input.data.len()),
             (&output.layout, output.data.len()),
         )?;
-        let part = Part::whole(output.layout.height, 1);
+        let part = Part::whole(output.layout.height(), 1);
         // SAFETY: both layouts lie within their slices (checked above), which the borrows keep separate.
         unsafe {
             self.run_part(
@@ -141,30 +179,28 @@ impl MaxPool {
         part: &Part,
     ) {
         let job = Job {
-            kernel: self.kernel,
-            stride: self.stride,
-            padding: self.padding,
+            kernel: self.shape.kernel(),
+            stride: self.shape.stride(),
+            padding: self.shape.padding(),
             input,
             in_layout,
             output,
             out_layout,
             part,
         };
-        // SAFETY: the caller's contract; `new` checked that the CPU has the tier.
+        // SAFETY: the caller's contract; `Ready` proves that the CPU has the leaf's features.
         unsafe {
-            match self.isa {
-                #[cfg(target_arch = "x86_64")]
-                Isa::Avx2 | Isa::AvxVnni => pool_avx2(&job),
-                #[cfg(target_arch = "x86_64")]
-                Isa::Avx512 | Isa::Avx512Vnni => pool_avx512(&job),
-                _ => pool(&job),
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+            if let Some(tier) = &self.tier {
+                return T::of(tier)(&job);
             }
+            pool(&job);
         }
     }
 }
 
 /// Tensors of one run.
-struct Job<'a, T> {
+pub(crate) struct Job<'a, T> {
     kernel: usize,
     stride: usize,
     padding: usize,
@@ -178,33 +214,15 @@ struct Job<'a, T> {
 /// Channels taken together: one vector of u8.
 const LANES: usize = 64;
 
-/// # Safety
-/// As [`MaxPool::run_part`]; AVX2 is there.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-unsafe fn pool_avx2<T: PoolElement>(job: &Job<T>) {
-    // SAFETY: the caller's contract.
-    unsafe { pool(job) }
-}
-
-/// # Safety
-/// As [`MaxPool::run_part`]; AVX-512 F, BW and VL are there.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-unsafe fn pool_avx512<T: PoolElement>(job: &Job<T>) {
-    // SAFETY: the caller's contract.
-    unsafe { pool(job) }
-}
-
 /// The pool in plain loops, which the compiler turns into vectors of the tier.
 ///
 /// # Safety
 /// As [`MaxPool::run_part`].
 #[inline(always)]
-unsafe fn pool<T: PoolElement>(job: &Job<T>) {
-    let channels = job.out_layout.channels;
+pub(crate) unsafe fn pool<T: PoolElement>(job: &Job<T>) {
+    let channels = job.out_layout.channels();
     for oy in job.part.rows.clone() {
-        for ox in 0..job.out_layout.width {
+        for ox in 0..job.out_layout.width() {
             let to = job.out_layout.index(oy as isize, ox as isize);
             let y = (oy * job.stride) as isize - job.padding as isize;
             let x = (ox * job.stride) as isize - job.padding as isize;
@@ -214,8 +232,9 @@ unsafe fn pool<T: PoolElement>(job: &Job<T>) {
             };
             let taps = job.kernel * job.kernel;
             let mut first = 0;
-            // SAFETY: taps lie within `padding` pixels of the input, which `check` proved readable, and (oy, ox) within the
-            // output; first + n <= channels of both.
+            // SAFETY: row y + ky <= (out_height - 1) · stride + kernel - 1 - padding <= height - 1 + padding, columns likewise, and
+            // both are >= -padding: `check` proved padding <= halo and the halo readable. (oy, ox) lies in the output (the part
+            // lies within its rows, caller). first + LANES <= channels of both, and channel < channels.
             unsafe {
                 while first + LANES <= channels {
                     let mut best = [T::default(); LANES];

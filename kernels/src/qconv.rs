@@ -61,7 +61,7 @@ impl QConv {
             algorithm,
         } = params;
         check_params(isa, shape, weights.len(), bias.len())?;
-        epilogue.check(shape.out_channels)?;
+        epilogue.check(shape.out_channels())?;
         check_range(shape, weights, bias, *input_max)?;
         let (kernel, epilogue) = Kernel::new(isa, params)?;
         Ok(Self {
@@ -94,8 +94,8 @@ impl QConv {
         self.kernel.name()
     }
 
-    /// Bytes of [`Scratch`] that a run over an input of this layout needs, per thread.
-    pub fn scratch_bytes(&self, _input: &Layout) -> usize {
+    /// Bytes of [`Scratch`] that a run needs, per thread.
+    pub fn scratch_bytes(&self) -> usize {
         self.kernel.scratch_bytes()
     }
 
@@ -108,7 +108,7 @@ impl QConv {
             Algorithm::Direct => 1,
             Algorithm::Winograd => winograd::OUT,
         };
-        Part::share(out_height, self.shape.groups, row_block, index, count)
+        Part::share(out_height, self.shape.groups(), row_block, index, count)
     }
 
     /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
@@ -142,8 +142,8 @@ impl QConv {
             (&output.layout, output.data.len()),
         )?;
         self.epilogue.check_element::<O>()?;
-        check_scratch(self.scratch_bytes(&input.layout), scratch)?;
-        let part = Part::whole(output.layout.height, self.shape.groups);
+        check_scratch(self.scratch_bytes(), scratch)?;
+        let part = Part::whole(output.layout.height(), self.shape.groups());
         // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
         // the borrows keep the buffers separate; the element type and the scratch are checked above.
         unsafe {
@@ -163,7 +163,7 @@ impl QConv {
     /// Runs one share over buffers that may be the same one. Allocates nothing.
     ///
     /// # Panics
-    /// When `O` is not the epilogue's element type, the scratch is too small, or a residual is missing.
+    /// When `O` is not the epilogue's element type, the scratch is too small, or a residual is missing or too many.
     ///
     /// # Safety
     /// - [`check`](Self::check) has accepted these layouts for the buffers that the pointers are the start of.
@@ -182,8 +182,10 @@ impl QConv {
         part: &Part,
         scratch: &mut Scratch,
     ) {
-        assert!(scratch.len() >= self.scratch_bytes(in_layout), "scratch");
+        assert!(scratch.len() >= self.scratch_bytes(), "scratch");
         assert!(self.epilogue.check_element::<O>().is_ok(), "element type");
+        let given = residual.is_some();
+        assert!(self.epilogue.check_residual(given).is_ok(), "residual");
         let run = Run {
             input,
             in_layout,
@@ -204,7 +206,7 @@ fn check_range(
     bias: &[i32],
     input_max: u8,
 ) -> Result<(), KernelError> {
-    let per_output = shape.weight_len() / shape.out_channels.max(1);
+    let per_output = shape.weight_len() / shape.out_channels().max(1);
     for (oc, &bias) in bias.iter().enumerate() {
         let weights = &weights[oc * per_output..(oc + 1) * per_output];
         if weights.contains(&i8::MIN) {

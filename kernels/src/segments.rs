@@ -1,32 +1,36 @@
 //! How many products may be summed in i16: the proof, made from the actual weights when they are packed.
 
-use crate::packed::Packed;
+use crate::packed::{Packed, Panels};
 
-/// Lengths of i16 segments: for every panel and tap, how the `depth` groups of the tap are cut.
+/// Packed weights with the lengths of their i16 segments: for every panel and tap, how its `depth` groups are cut.
 ///
 /// `vpmaddubsw` sums two products in i16 with saturation, further groups are added in i16. With activations in
 /// 0..=`input_max`, a lane's sum lies between `input_max · Σ min(w, 0)` and `input_max · Σ max(w, 0)` over the segment's
 /// weights. A segment ends before either bound leaves i16, so that neither saturation nor wrap-around can happen.
+///
+/// Weights and lengths are made together and never change: every tap's lengths are at least 1 and add up to the depth.
 #[derive(Debug, Clone)]
-pub(crate) struct Segments {
+pub(crate) struct SegmentedPacked {
+    packed: Packed,
     lengths: Vec<u8>,
     /// First length of every panel.
     panels: Vec<usize>,
 }
 
-impl Segments {
+impl SegmentedPacked {
     /// Cuts every panel, or `None` when a single group could leave i16.
-    pub fn new(packed: &Packed, input_max: u8) -> Option<Self> {
+    pub fn new(packed: Packed, input_max: u8) -> Option<Self> {
         let (mut lengths, mut panels) = (Vec::new(), Vec::new());
-        for group in 0..packed.groups {
-            for (b, block) in packed.blocks.iter().enumerate() {
-                for (p, phase) in packed.phases.iter().enumerate() {
+        for group in 0..packed.groups() {
+            for (b, block) in packed.blocks().iter().enumerate() {
+                for (p, phase) in packed.phases().iter().enumerate() {
                     let panel = packed.panel(group, b, p);
+                    debug_assert_eq!(panel, panels.len());
                     panels.push(lengths.len());
                     let weights = packed.weights(panel);
-                    let step = block.count * packed.lanes * 4;
+                    let step = block.count * packed.lanes() * 4;
                     for tap in 0..phase.taps.len() {
-                        let tap_bytes = packed.depth * step;
+                        let tap_bytes = packed.depth() * step;
                         cut(
                             &weights[tap * tap_bytes..][..tap_bytes],
                             step,
@@ -37,11 +41,20 @@ impl Segments {
                 }
             }
         }
-        Some(Self { lengths, panels })
+        Some(Self {
+            packed,
+            lengths,
+            panels,
+        })
+    }
+}
+
+impl Panels for SegmentedPacked {
+    fn packed(&self) -> &Packed {
+        &self.packed
     }
 
-    /// The lengths of a panel; every tap's add up to the depth.
-    pub fn of(&self, panel: usize) -> &[u8] {
+    fn segments(&self, panel: usize) -> &[u8] {
         &self.lengths[self.panels[panel]..]
     }
 }

@@ -2,14 +2,6 @@
 //!
 //! The generic cores (`direct`, `winograd`) are inlined into thin functions that switch a tier's features on.
 
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod avx2;
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod avx512;
-
-#[cfg(target_arch = "aarch64")]
-pub(crate) mod neon;
-
 /// One CPU's vectors: `LANES` f32 or i32 lanes, and twice as many i16 lanes.
 ///
 /// # Safety

@@ -70,7 +70,7 @@ impl Expected {
     /// Checks `layout` against this expectation and against a buffer of `len` elements.
     pub fn check(&self, layout: &Layout, len: usize) -> Result<(), KernelError> {
         let Self { role, .. } = self;
-        if (layout.height, layout.width, layout.channels)
+        if (layout.height(), layout.width(), layout.channels())
             != (self.height, self.width, self.channels)
         {
             return Err(KernelError::Tensor(format!(
@@ -78,20 +78,16 @@ impl Expected {
                 self.height,
                 self.width,
                 self.channels,
-                layout.height,
-                layout.width,
-                layout.channels
+                layout.height(),
+                layout.width(),
+                layout.channels()
             )));
         }
-        if layout.halo < self.halo {
+        if layout.halo() < self.halo {
             return Err(KernelError::Tensor(format!(
                 "{role}: expected a halo of at least {} pixels, found {}; place the tensor with a wider halo",
-                self.halo, layout.halo
-            )));
-        }
-        if !layout.is_consistent() {
-            return Err(KernelError::Tensor(format!(
-                "{role}: rows, pixels or halo overlap or begin before the buffer in {layout:?}; use Layout::dense and channel_slice"
+                self.halo,
+                layout.halo()
             )));
         }
         if layout.buffer_len() > len {

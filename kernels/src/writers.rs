@@ -28,7 +28,7 @@ impl Place {
     #[inline(always)]
     fn index(&self, layout: &Layout) -> (usize, usize) {
         let at = layout.index(self.y as isize, self.x as isize) + self.channel;
-        (at, layout.pixel_stride * self.step)
+        (at, layout.pixel_stride() * self.step)
     }
 }
 

@@ -111,14 +111,22 @@ fn build() -> Finding {
 }
 
 fn processor() -> Finding {
-    const WHAT: &str = "processor";
-    let isa = match Isa::detect() {
-        Ok(isa) => isa,
-        Err(e) => return Finding::new(WHAT, State::Broken(exit::USAGE), e.to_string()),
-    };
+    match Isa::detect() {
+        Ok(isa) => processor_with(isa),
+        Err(e) => Finding::new(PROCESSOR, State::Broken(exit::USAGE), e.to_string()),
+    }
+}
+
+const PROCESSOR: &str = "processor";
+
+fn processor_with(isa: Isa) -> Finding {
     let machine = Machine::here(isa);
     let mut text = format!("{}, {} cores, {}", machine.cpu, machine.cores, machine.isa);
     let mut state = State::Fine;
+    if isa == Isa::Scalar {
+        text += &format!("; {}", super::pipeline::SCALAR_ONLY);
+        state = State::Note;
+    }
     if machine.governor.as_deref() == Some("powersave") {
         text += "; governor 'powersave' may slow it down: 'performance' is steadier";
         state = State::Note;
@@ -127,7 +135,7 @@ fn processor() -> Finding {
         text += &format!("; {load:.1} other processes run, which takes speed");
         state = State::Note;
     }
-    Finding::new(WHAT, state, text)
+    Finding::new(PROCESSOR, state, text)
 }
 
 /// The bundled clip through every stage of `infer`.
@@ -286,5 +294,20 @@ fn running() -> Finding {
             Finding::new(WHAT, State::Note, text)
         }
         Err(e) => Finding::failed(WHAT, e),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_processor_with_scalar_kernels_only_is_told() {
+        let scalar = processor_with(Isa::Scalar);
+        assert!(scalar.text.contains("only scalar kernels are left"));
+        assert!(!matches!(scalar.state, State::Fine));
+        for isa in Isa::available().filter(|isa| *isa != Isa::Scalar) {
+            assert!(!processor_with(isa).text.contains("scalar kernels"));
+        }
     }
 }

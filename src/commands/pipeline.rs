@@ -12,6 +12,9 @@ use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
 
+/// What to say where no vector kernels run.
+pub(super) const SCALAR_ONLY: &str = "only scalar kernels are left, a picture takes seconds: expected a CPU with SSE4.1 or newer (or ARM), or EDGECAP_ISA unset";
+
 /// What to run, and how.
 #[derive(Debug, Clone)]
 pub struct PipelineOptions<'a> {
@@ -73,6 +76,9 @@ impl Pipeline {
             },
         )?;
         let isa = engine.isa();
+        if isa == Isa::Scalar {
+            tracing::warn!("{SCALAR_ONLY}");
+        }
         tracing::info!(
             isa = isa.name(),
             ?precision,
@@ -89,6 +95,22 @@ impl Pipeline {
             resizer,
             engine,
             flip_test: options.flip_test.then(FlipTest::default),
+        })
+    }
+
+    /// The stages for another network input, which share packed weights and threads with these.
+    ///
+    /// # Errors
+    /// If the network does not take this size.
+    pub fn resized(&self, width: usize, height: usize) -> anyhow::Result<Self> {
+        let resizer = Resizer::new(width as u32, height as u32);
+        Ok(Self {
+            engine: self.engine.resized(width, height)?,
+            flip_test: self.flip_test.as_ref().map(|_| FlipTest::default()),
+            associator: self.associator.clone(),
+            lifter: self.lifter.clone(),
+            input: vec![0; resizer.output_bytes()],
+            resizer,
         })
     }
 

@@ -1,5 +1,7 @@
 //! A batch of input rows goes in, a batch of output rows comes out.
 
+use std::sync::Arc;
+
 use edgecap_kernels::{Isa, Linear};
 
 use super::{INPUTS, LiftError, LinearLayer, Stage2Weights};
@@ -12,7 +14,8 @@ use super::{INPUTS, LiftError, LinearLayer, Stage2Weights};
 pub(crate) struct Mlp {
     /// The inputs that the first layer gives weight.
     weighted: Vec<usize>,
-    layers: Vec<Linear>,
+    /// Packed once; clones share them.
+    layers: Arc<[Linear]>,
     from: Vec<f32>,
     to: Vec<f32>,
 }
@@ -40,7 +43,7 @@ impl Mlp {
         for row in input.chunks_exact(INPUTS) {
             self.from.extend(self.weighted.iter().map(|&k| row[k]));
         }
-        for layer in &self.layers {
+        for layer in self.layers.iter() {
             self.to.resize(batch * layer.outputs(), 0.0);
             layer.run(batch, &self.from, &mut self.to)?;
             std::mem::swap(&mut self.from, &mut self.to);

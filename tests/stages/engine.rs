@@ -13,7 +13,6 @@ fn engine(model: &Model, precision: Precision, threads: usize, isa: Option<Isa>)
         threads,
         isa,
         precision,
-        pin: false,
     };
     Engine::new(model, options).unwrap()
 }
@@ -95,6 +94,44 @@ fn dequantised_weights_are_near_the_trained_ones() {
     let run = |model| engine(model, Precision::F32, 1, None).run(&picture).clone();
     let e = error(&run(&model), &run(&quantised(&model)));
     assert!(e > 0.0 && e < 0.03, "{e}");
+}
+
+#[test]
+fn engines_of_other_sizes_share_weights_and_threads_and_compute_the_same() {
+    let model = quantised(&Model::random(tiny(), 5));
+    let sizes = [SIZE, (32, 48), (64, 32)];
+    let mut first = engine(&model, Precision::Int8, 3, None);
+    let mut others: Vec<Engine> = sizes[1..]
+        .iter()
+        .map(|&(w, h)| first.resized(w, h).unwrap())
+        .collect();
+    for seed in 0..6 {
+        for (i, &size) in sizes.iter().enumerate() {
+            let rgb = picture(size, seed);
+            let options = EngineOptions {
+                width: size.0,
+                height: size.1,
+                threads: 1,
+                ..EngineOptions::default()
+            };
+            let mut alone = Engine::new(&model, options).unwrap();
+            let shared = if i == 0 {
+                &mut first
+            } else {
+                &mut others[i - 1]
+            };
+            assert!(
+                shared.run(&rgb) == alone.run(&rgb),
+                "{size:?}, picture {seed}"
+            );
+        }
+    }
+    // The one that was built first need not live longest.
+    drop(first);
+    let rgb = picture(sizes[2], 9);
+    let maps = others[1].run(&rgb).clone();
+    assert!(maps == *others[1].run(&rgb));
+    assert!(others[0].resized(50, 32).is_err());
 }
 
 #[test]

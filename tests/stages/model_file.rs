@@ -246,3 +246,109 @@ fn shipped_weights_are_whole() {
     assert_eq!(model.network().name(), "selecsls");
     assert!(model.is_quantised() && model.stage2().is_some());
 }
+
+/// A model file with a pool, `from` in the text of its network replaced by `to`, and the digest that belongs to it: what nobody
+/// but an attacker would make.
+fn forged(from: &str, to: &str) -> Vec<u8> {
+    let up = r#"{ kind = "deconv", name = "up""#;
+    let pool = r#"{ kind = "maxpool", name = "pool", kernel = 3, stride = 2 },"#;
+    let network = Network::parse(&TINY.replace(up, &format!("{pool}\n{up}"))).unwrap();
+    let float = Model::from_safetensors(&safetensors(&blobs(), Some(&contract())), network);
+    let bytes = float.unwrap().quantise(None).unwrap().to_bytes().unwrap();
+    let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let header = std::str::from_utf8(header).unwrap();
+    assert_eq!(header.matches(from).count(), 1, "{header}");
+    let mut header = header.replace(from, to).into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header);
+    bytes.extend(data);
+    let key = br#"blake3\":\""#;
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len();
+    bytes[at..at + 64].fill(b'0');
+    let digest = blake3::hash(&bytes).to_hex();
+    bytes[at..at + 64].copy_from_slice(digest.as_bytes());
+    bytes
+}
+
+const POOL: &str = "kernel = 3, stride = 2 },\\n{ kind";
+
+#[test]
+fn a_forged_file_that_changes_nothing_is_read() {
+    let model = Model::from_bytes(&forged("small", "smart")).unwrap();
+    assert_eq!(model.network().about(), "smart");
+}
+
+#[test]
+fn sizes_that_wrap_are_refused_although_the_digest_is_right() {
+    for (from, to, said) in [
+        // 4611686018427387905² is 1 modulo 2⁶⁴.
+        (
+            POOL,
+            "kernel = 4611686018427387905, stride = 2 },\\n{ kind",
+            "pooling `pool`",
+        ),
+        (
+            POOL,
+            "kernel = 3, stride = 9223372036854775807 },\\n{ kind",
+            "pooling `pool`",
+        ),
+        (
+            "out = 4, kernel = 3, stride = 2",
+            "out = 4, kernel = 4294967297, stride = 2",
+            "layer `stem`",
+        ),
+        (
+            "out = 4, kernel = 3, stride = 2",
+            "out = 9223372036854775807, kernel = 3, stride = 2",
+            "layer `stem`",
+        ),
+        (
+            "out = 4, kernel = 4, stride = 2",
+            "out = 4, kernel = 4, stride = 4611686018427387904",
+            "layer `up`",
+        ),
+        ("channels = 3", "channels = 9223372036854775807", "input"),
+        ("multiple = 16", "multiple = 0", "input"),
+    ] {
+        let e = Model::from_bytes(&forged(from, to)).unwrap_err();
+        let e = e.to_string();
+        assert!(e.contains(said) && !e.contains('\n'), "{to}: {e}");
+    }
+}
+
+#[test]
+fn the_program_refuses_a_forged_file_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("forged.ecm");
+    let wild = "kernel = 4611686018427387905, stride = 2 },\\n{ kind";
+    std::fs::write(&path, forged(POOL, wild)).unwrap();
+    let path = path.to_str().unwrap();
+    let jsonl = folder.path().join("out.jsonl");
+    let jsonl = jsonl.to_str().unwrap();
+    for args in [
+        &["model", "verify", path][..],
+        &["model", "info", path],
+        &[
+            "infer", "--model", path, "--input", "demo", "--jsonl", jsonl,
+        ],
+    ] {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_edgecap"))
+            .args(args)
+            .stdin(std::process::Stdio::null())
+            .output()
+            .unwrap();
+        let err = String::from_utf8_lossy(&out.stderr);
+        let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("edgecap: ")).collect();
+        // A signal has no code.
+        assert!(
+            out.status.code().is_some_and(|c| c != 0 && c != 101),
+            "{args:?}: {err}"
+        );
+        assert!(
+            lines.len() == 1 && lines[0].contains("pooling `pool`"),
+            "{args:?}: {err}"
+        );
+    }
+}

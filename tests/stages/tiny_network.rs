@@ -83,35 +83,32 @@ pub fn naive(
         let (h, w) = input.size();
         let size = (node.output_len(h), node.output_len(w));
         let out = match &node.op {
-            Op::MaxPool {
-                kernel,
-                stride,
-                padding,
-            } => planes(input.0.len(), size, |c, y, x| {
+            Op::MaxPool { shape } => planes(input.0.len(), size, |c, y, x| {
+                let (kernel, stride) = (shape.kernel(), shape.stride());
                 let window = (0..kernel * kernel).map(|t| {
-                    let y = (y * stride + t / kernel) as isize - *padding as isize;
-                    let x = (x * stride + t % kernel) as isize - *padding as isize;
+                    let y = (y * stride + t / kernel) as isize - shape.padding() as isize;
+                    let x = (x * stride + t % kernel) as isize - shape.padding() as isize;
                     input.at(c, y, x)
                 });
                 window.fold(0.0, f32::max)
             }),
             Op::Conv { shape: s, relu, .. } => {
                 let conv = conv.as_ref().unwrap();
-                let (gi, go) = (s.in_channels / s.groups, s.out_channels / s.groups);
+                let (gi, go) = (s.in_channels() / s.groups(), s.out_channels() / s.groups());
                 let weight = |o: usize, i: usize, ky: usize, kx: usize| {
-                    conv.weight[((o * gi + i) * s.kernel + ky) * s.kernel + kx]
+                    conv.weight[((o * gi + i) * s.kernel() + ky) * s.kernel() + kx]
                 };
-                planes(s.out_channels, size, |o, y, x| {
+                planes(s.out_channels(), size, |o, y, x| {
                     let mut sum = conv.bias[o];
                     for i in 0..gi {
-                        for ky in 0..s.kernel {
-                            for kx in 0..s.kernel {
+                        for ky in 0..s.kernel() {
+                            for kx in 0..s.kernel() {
                                 let value = |y, x| input.at(o / go * gi + i, y, x);
-                                let (p, st) = (s.padding as isize, s.stride as isize);
+                                let (p, st) = (s.padding() as isize, s.stride() as isize);
                                 let (ay, ax) = (y as isize, x as isize);
                                 let (ky_, kx_) = (ky as isize, kx as isize);
                                 sum += weight(o, i, ky, kx)
-                                    * if s.transposed {
+                                    * if s.transposed() {
                                         // Output y gets input iy through ky where y = iy * stride - padding + ky.
                                         let (ny, nx) = (ay + p - ky_, ax + p - kx_);
                                         if ny % st == 0 && nx % st == 0 {

@@ -2,9 +2,15 @@
 //!
 //! Nothing unwinds into the caller: a panic becomes an error like any other.
 
+#![deny(unsafe_code)]
+
+#[allow(unsafe_code, reason = "pointers from C")]
 mod bodies;
+#[allow(unsafe_code, reason = "exported by name")]
 mod error;
+#[allow(unsafe_code, reason = "exported by name")]
 mod names;
+#[allow(unsafe_code, reason = "pointers from C")]
 mod world;
 
 pub use bodies::{

@@ -1,10 +1,11 @@
 //! The layers of SelecSLS at 512×320, and weights like a trained network's.
 
-use edgecap_kernels::ConvShape;
+use edgecap_kernels::{ConvDims, ConvShape};
 
 /// Input height and width, times in the network, shape.
 pub fn table() -> Vec<(usize, usize, usize, ConvShape)> {
-    let conv = |i, o, groups, kernel, stride| ConvShape {
+    let shape = |dims| ConvShape::new(dims).expect("the layer's numbers fit together");
+    let dims = |i, o, groups, kernel, stride| ConvDims {
         in_channels: i,
         out_channels: o,
         groups,
@@ -13,6 +14,7 @@ pub fn table() -> Vec<(usize, usize, usize, ConvShape)> {
         padding: (kernel - 1) / 2,
         transposed: false,
     };
+    let conv = |i, o, groups, kernel, stride| shape(dims(i, o, groups, kernel, stride));
     let mut all = vec![(320, 512, 1, conv(4, 32, 1, 3, 2))];
     let (h, w) = (80, 128);
     all.push((160, 256, 1, conv(32, 64, 1, 3, 2)));
@@ -45,11 +47,11 @@ pub fn table() -> Vec<(usize, usize, usize, ConvShape)> {
         h,
         w,
         2,
-        ConvShape {
+        shape(ConvDims {
             padding: 1,
             transposed: true,
-            ..conv(256, 192, 4, 4, 2)
-        },
+            ..dims(256, 192, 4, 4, 2)
+        }),
     ));
     let (h, w) = (40, 64);
     all.push((h, w, 1, conv(192, 128, 1, 3, 1)));
@@ -71,9 +73,9 @@ pub fn weights(shape: &ConvShape) -> Vec<i8> {
         state ^= state << 17;
         (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
     };
-    let per_output = shape.weight_len() / shape.out_channels;
+    let per_output = shape.weight_len() / shape.out_channels();
     let mut all = Vec::with_capacity(shape.weight_len());
-    for _ in 0..shape.out_channels {
+    for _ in 0..shape.out_channels() {
         let bell: Vec<f32> = (0..per_output)
             .map(|_| (0..6).map(|_| uniform()).sum())
             .collect();

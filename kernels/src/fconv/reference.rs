@@ -13,7 +13,7 @@ impl FConv {
             phases: &self.phases,
             part: run.part,
             in_layout: run.in_layout,
-            out_width: run.out_layout.width,
+            out_width: run.out_layout.width(),
         };
         let add = |sum, value: f32, weight: f32| sum + value * weight;
         let finish = |oy, ox, oc, mut sum: f32| {

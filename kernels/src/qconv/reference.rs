@@ -16,7 +16,7 @@ impl QConv {
             phases: &self.phases,
             part: run.part,
             in_layout: run.in_layout,
-            out_width: run.out_layout.width,
+            out_width: run.out_layout.width(),
         };
         let add = |sum, value: u8, weight: i8| sum + i32::from(value) * i32::from(weight);
         // SAFETY: (oy, ox, oc) lies in the output.
@@ -28,15 +28,15 @@ impl QConv {
     /// # Safety
     /// As [`QConv::run_part`].
     pub(super) unsafe fn run_winograd_reference(&self, weights: &TransformedWeights, run: &Run) {
-        let Layout { height, width, .. } = *run.in_layout;
-        let depth = self.shape.in_channels / self.shape.groups;
-        let out_per_group = self.shape.out_channels / self.shape.groups;
-        let padding = self.shape.padding as isize;
+        let (height, width) = (run.in_layout.height(), run.in_layout.width());
+        let depth = self.shape.group_in();
+        let out_per_group = self.shape.group_out();
+        let padding = self.shape.padding() as isize;
         let mut v = vec![[0; POINTS]; depth];
         let tile_rows = run.part.rows.start / OUT..run.part.rows.end.div_ceil(OUT);
         for group in run.part.groups.clone() {
             for ty in tile_rows.clone() {
-                for tx in 0..run.out_layout.width.div_ceil(OUT) {
+                for tx in 0..run.out_layout.width().div_ceil(OUT) {
                     for (ic, points) in v.iter_mut().enumerate() {
                         *points = reference::input(&std::array::from_fn(|i| {
                             let y = (ty * OUT + i / IN) as isize - padding;
@@ -57,7 +57,7 @@ impl QConv {
                         let values = reference::tile(weights, oc, &v);
                         for (i, &value) in values.iter().enumerate() {
                             let (oy, ox) = (ty * OUT + i / OUT, tx * OUT + i % OUT);
-                            if run.part.rows.contains(&oy) && ox < run.out_layout.width {
+                            if run.part.rows.contains(&oy) && ox < run.out_layout.width() {
                                 // SAFETY: (oy, ox, oc) lies in the output.
                                 unsafe { self.finish(run, oy, ox, oc, value) };
                             }

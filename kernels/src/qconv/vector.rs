@@ -3,74 +3,84 @@
 use super::epilogue::Output;
 use super::kernel::Run;
 use super::{Epilogue, QConvParams};
-use crate::arch::{self, Sum};
-use crate::direct;
-use crate::packed::Packed;
-use crate::segments::Segments;
+use crate::direct::Job;
+use crate::kernel::{Direct, DotProduct, Ready, Tier, Winograd};
+use crate::packed::{Blocking, Packed, Panels};
+use crate::segments::SegmentedPacked;
 use crate::winograd::generic::{self as winograd, Plan};
-use crate::winograd::{POINTS, TransformedWeights};
+use crate::winograd::{IN, POINTS, TransformedWeights};
 use crate::writers::{Residual, ToF32, ToU8};
-use crate::{ConvShape, Isa, Scratch};
+use crate::{ConvDims, ConvShape, Isa, Scratch};
 
 /// Weights and per-channel constants in a kernel's order.
 #[derive(Debug, Clone)]
 pub(super) struct Vector {
-    isa: Isa,
-    packed: Packed,
     bias: Vec<i32>,
     scale: Vec<f32>,
     narrow: bool,
     method: Method,
 }
 
+/// A kernel with the weights in the form that it reads.
 #[derive(Debug, Clone)]
 enum Method {
-    /// The definition; segments where the tier sums in i16.
-    Direct(Sum, Option<Segments>),
+    /// The definition.
+    Plain(Ready<Direct<Packed>>, Packed),
+    /// The definition, summed in i16 segments.
+    Segmented(Ready<Direct<SegmentedPacked>>, SegmentedPacked),
     /// F(4×4, 3×3) in i16.
-    Winograd(Winograd),
+    Winograd(Ready<Winograd>, Packed, WinogradConstants),
 }
 
 #[derive(Debug, Clone)]
-struct Winograd {
+struct WinogradConstants {
     plan: Plan,
     zeros: Vec<u8>,
     padding: usize,
     shift: [u32; POINTS],
 }
 
+impl Method {
+    fn packed(&self) -> &Packed {
+        match self {
+            Method::Plain(_, packed) | Method::Winograd(_, packed, _) => packed,
+            Method::Segmented(_, segmented) => segmented.packed(),
+        }
+    }
+}
+
 impl Vector {
     /// Packs a direct convolution for `isa`, or `None` where only the reference can run the shape.
     pub fn direct(isa: Isa, params: &QConvParams) -> Option<Self> {
-        if isa == Isa::Scalar {
-            return None;
-        }
-        let pack = |sum: Sum| {
+        let tier = Tier::of(isa)?;
+        let pack = |blocking: Blocking| {
             let shape = &params.shape;
-            let depth = shape.in_channels / shape.groups;
-            Packed::new(shape, arch::int8_grain(isa, sum), |oc, ic, tap| {
-                let at = ((oc * depth + ic) * shape.kernel + tap.ky) * shape.kernel + tap.kx;
+            let (depth, kernel) = (shape.group_in(), shape.kernel());
+            Packed::new(shape, blocking, |oc, ic, tap| {
+                let at = ((oc * depth + ic) * kernel + tap.ky) * kernel + tap.kx;
                 [params.weights[at] as u8]
             })
         };
-        let mut sum = arch::int8_sum(isa, params.input_max);
-        let mut packed = pack(sum)?;
-        let mut segments = None;
-        if sum == Sum::Short && arch::is_segmented(isa) {
-            segments = Segments::new(&packed, params.input_max);
-            if segments.is_none() {
-                sum = Sum::Wide;
-                packed = pack(sum)?;
+        let fast = match tier.dot {
+            DotProduct::Plain { kernel, input_max } if params.input_max <= input_max => {
+                let kernel = Ready::new(kernel)?;
+                Some(Method::Plain(kernel, pack(kernel.blocking)?))
             }
-        }
-        Some(Self {
-            isa,
-            bias: packed.per_channel(params.bias),
-            scale: packed.per_channel(params.epilogue.scale()),
-            packed,
-            narrow: params.epilogue.is_narrow(),
-            method: Method::Direct(sum, segments),
-        })
+            DotProduct::Plain { .. } => None,
+            DotProduct::Segmented(kernel) => {
+                let kernel = Ready::new(kernel)?;
+                SegmentedPacked::new(pack(kernel.blocking)?, params.input_max)
+                    .map(|segmented| Method::Segmented(kernel, segmented))
+            }
+        };
+        let method = match fast {
+            Some(method) => method,
+            None => {
+                let kernel = Ready::new(tier.widening)?;
+                Method::Plain(kernel, pack(kernel.blocking)?)
+            }
+        };
+        Some(Self::new(method, params.bias, &params.epilogue))
     }
 
     /// Packs transformed weights for `isa`, or `None` where only the reference can run the shape. `epilogue` is for Y.
@@ -80,129 +90,149 @@ impl Vector {
         weights: &TransformedWeights,
         epilogue: &Epilogue,
     ) -> Option<Self> {
-        if isa == Isa::Scalar {
-            return None;
-        }
-        let depth = shape.in_channels / shape.groups;
+        let kernel = Ready::new(Tier::of(isa)?.winograd)?;
+        let depth = shape.group_in();
         // The 36 points take the place of kernel elements.
-        let points = ConvShape {
-            kernel: 6,
-            ..*shape
-        };
-        let packed = Packed::new(&points, arch::winograd_grain(isa), |oc, ic, tap| {
-            let at = (oc * depth + ic) * POINTS + tap.ky * points.kernel + tap.kx;
+        let points = ConvShape::new(ConvDims {
+            kernel: IN,
+            ..shape.dims()
+        })
+        .ok()?;
+        let packed = Packed::new(&points, kernel.blocking, |oc, ic, tap| {
+            let at = (oc * depth + ic) * POINTS + tap.ky * IN + tap.kx;
             weights.weights[at].to_le_bytes()
         })?;
-        let winograd = Winograd {
-            plan: arch::winograd_plan(isa, depth),
+        let constants = WinogradConstants {
+            plan: (kernel.plan)(depth),
             zeros: vec![0; depth],
-            padding: shape.padding,
+            padding: shape.padding(),
             shift: weights.shift,
         };
-        Some(Self {
-            isa,
-            bias: packed.per_channel(&weights.bias),
-            scale: packed.per_channel(epilogue.scale()),
-            packed,
+        let method = Method::Winograd(kernel, packed, constants);
+        Some(Self::new(method, &weights.bias, epilogue))
+    }
+
+    fn new(method: Method, bias: &[i32], epilogue: &Epilogue) -> Self {
+        Self {
+            bias: method.packed().per_channel(bias),
+            scale: method.packed().per_channel(epilogue.scale()),
             narrow: epilogue.is_narrow(),
-            method: Method::Winograd(winograd),
-        })
+            method,
+        }
     }
 
     pub fn name(&self) -> &'static str {
         match &self.method {
-            Method::Direct(sum, _) => arch::int8_name(self.isa, *sum),
-            Method::Winograd(_) => arch::winograd_name(self.isa),
+            Method::Plain(kernel, _) => kernel.name,
+            Method::Segmented(kernel, _) => kernel.name,
+            Method::Winograd(kernel, ..) => kernel.name,
         }
     }
 
     pub fn scratch_bytes(&self) -> usize {
         match &self.method {
-            Method::Winograd(winograd) => winograd.plan.bytes(),
-            Method::Direct(..) => 0,
-        }
-    }
-
-    /// # Safety
-    /// As `QConv::run_part`; `writer` writes the run's output.
-    unsafe fn run_with<W: arch::IntWriter>(&self, run: &Run, scratch: &mut Scratch, writer: &W) {
-        // SAFETY: `QConv::new` checked that the CPU has the tier, `QConv::check` that the tensors fit, `QConv::run_part` that
-        // the scratch does.
-        unsafe {
-            match &self.method {
-                Method::Direct(sum, segments) => {
-                    let job = direct::Job::new(
-                        &self.packed,
-                        segments.as_ref(),
-                        &self.bias,
-                        run.input,
-                        run.in_layout,
-                        run.out_layout,
-                        run.part,
-                    );
-                    arch::int8(self.isa, *sum, &job, writer);
-                }
-                Method::Winograd(winograd) => {
-                    let job = winograd::Job {
-                        packed: &self.packed,
-                        bias: self.bias.as_ptr(),
-                        shift: &winograd.shift,
-                        channels: winograd.zeros.len(),
-                        input: run.input,
-                        in_layout: run.in_layout,
-                        padding: winograd.padding,
-                        zeros: winograd.zeros.as_ptr(),
-                        out_layout: run.out_layout,
-                        part: run.part,
-                        plan: winograd.plan,
-                        scratch: scratch.as_mut_bytes().as_mut_ptr(),
-                    };
-                    arch::winograd(self.isa, &job, writer);
-                }
-            }
+            Method::Winograd(_, _, constants) => constants.plan.bytes(),
+            Method::Plain(..) | Method::Segmented(..) => 0,
         }
     }
 
     /// # Safety
     /// As `QConv::run_part`.
-    pub unsafe fn run(&self, epilogue: &Epilogue, run: &Run, scratch: &mut Scratch) {
-        let (scale, layout) = (self.scale.as_ptr(), run.out_layout);
-        // SAFETY: the caller's contract.
+    unsafe fn job<'a, P: Panels>(&'a self, panels: &'a P, run: &'a Run) -> Job<'a, P> {
+        // SAFETY: `input` is the start of the buffer that `in_layout` was checked for (caller).
         unsafe {
-            match (epilogue, run.output) {
-                (
-                    &Epilogue::U8 {
-                        max,
-                        residual_scale,
-                        ..
-                    },
-                    Output::U8(output),
-                ) => {
-                    let residual = run.residual.zip(residual_scale);
-                    let writer = ToU8 {
-                        scale,
-                        max: f32::from(max),
-                        narrow: self.narrow,
-                        residual: residual.map(|((data, layout), scale)| Residual {
-                            data,
-                            layout,
-                            scale,
-                        }),
-                        output,
-                        layout,
-                    };
-                    self.run_with(run, scratch, &writer);
+            Job::new(
+                panels,
+                &self.bias,
+                run.input,
+                run.in_layout,
+                run.out_layout,
+                run.part,
+            )
+        }
+    }
+
+    /// # Safety
+    /// As `QConv::run_part`: among others `scratch.len() >= self.scratch_bytes()`, so that the plan's regions lie within.
+    pub unsafe fn run(&self, epilogue: &Epilogue, run: &Run, scratch: &mut Scratch) {
+        let writer = self.writer(epilogue, run);
+        // SAFETY: `Ready` proves that the CPU has the kernel's features; tensors, part and scratch are as the caller promises.
+        unsafe {
+            match (&self.method, &writer) {
+                (Method::Plain(kernel, panels), Writer::U8(writer)) => {
+                    (kernel.to_u8)(&self.job(panels, run), writer);
                 }
-                (Epilogue::F32 { .. }, Output::F32(output)) => {
-                    let writer = ToF32 {
-                        scale,
-                        output,
-                        layout,
-                    };
-                    self.run_with(run, scratch, &writer);
+                (Method::Plain(kernel, panels), Writer::F32(writer)) => {
+                    (kernel.to_f32)(&self.job(panels, run), writer);
                 }
-                _ => unreachable!("the element type was checked"),
+                (Method::Segmented(kernel, panels), Writer::U8(writer)) => {
+                    (kernel.to_u8)(&self.job(panels, run), writer);
+                }
+                (Method::Segmented(kernel, panels), Writer::F32(writer)) => {
+                    (kernel.to_f32)(&self.job(panels, run), writer);
+                }
+                (Method::Winograd(kernel, packed, constants), writer) => {
+                    let job = winograd::Job {
+                        packed,
+                        bias: self.bias.as_ptr(),
+                        shift: &constants.shift,
+                        channels: constants.zeros.len(),
+                        input: run.input,
+                        in_layout: run.in_layout,
+                        padding: constants.padding,
+                        zeros: constants.zeros.as_ptr(),
+                        out_layout: run.out_layout,
+                        part: run.part,
+                        plan: constants.plan,
+                        scratch: scratch.as_mut_bytes().as_mut_ptr(),
+                    };
+                    match writer {
+                        Writer::U8(writer) => (kernel.to_u8)(&job, writer),
+                        Writer::F32(writer) => (kernel.to_f32)(&job, writer),
+                    }
+                }
             }
         }
     }
+
+    /// What becomes of this run's accumulators.
+    fn writer<'a>(&self, epilogue: &Epilogue, run: &Run<'a>) -> Writer<'a> {
+        let (scale, layout) = (self.scale.as_ptr(), run.out_layout);
+        match (epilogue, run.output) {
+            (
+                &Epilogue::U8 {
+                    max,
+                    residual_scale,
+                    ..
+                },
+                Output::U8(output),
+            ) => Writer::U8(ToU8 {
+                scale,
+                max: f32::from(max),
+                narrow: self.narrow,
+                residual: run
+                    .residual
+                    .zip(residual_scale)
+                    .map(|((data, layout), scale)| Residual {
+                        data,
+                        layout,
+                        scale,
+                    }),
+                output,
+                layout,
+            }),
+            (Epilogue::F32 { .. }, Output::F32(output)) => Writer::F32(ToF32 {
+                scale,
+                output,
+                layout,
+            }),
+            _ => unreachable!("the element type was checked"),
+        }
+    }
+}
+
+/// A writer for the run's element type.
+enum Writer<'a> {
+    U8(ToU8<'a>),
+    F32(ToF32<'a>),
 }

@@ -92,7 +92,7 @@ where
     if rows.is_empty() {
         return;
     }
-    let across = job.out_layout.width.div_ceil(OUT);
+    let across = job.out_layout.width().div_ceil(OUT);
     let first = rows.start / OUT * across;
     let last = rows.end.div_ceil(OUT) * across;
     for group in job.part.groups.clone() {
@@ -105,7 +105,7 @@ where
                     let (ty, tx) = ((start + i) / across, (start + i) % across);
                     transform_input::<D::S>(job, group, i, ty, tx);
                 }
-                for b in 0..job.packed.blocks.len() {
+                for b in 0..job.packed.blocks().len() {
                     let chunk = Chunk {
                         job,
                         writer,
@@ -115,11 +115,11 @@ where
                         count,
                         across,
                     };
-                    match job.packed.blocks[b].count {
+                    match job.packed.blocks()[b].count {
                         1 => chunk.run::<D, 1>(),
-                        2 => chunk.run::<D, 2>(),
-                        3 => chunk.run::<D, 3>(),
-                        _ => unreachable!("blocks have at most 3 vectors"),
+                        2 if D::MAX_NV >= 2 => chunk.run::<D, 2>(),
+                        3 if D::MAX_NV >= 3 => chunk.run::<D, 3>(),
+                        count => unreachable!("a block of {count} vectors"),
                     }
                 }
             }
@@ -183,15 +183,16 @@ unsafe fn transform_input<S: Simd>(job: &Job, group: usize, tile: usize, ty: usi
     let first = group * job.channels;
     // SAFETY: pixels at most `padding` outside the input are checked to be readable; `zeros` holds a group's channels.
     unsafe {
-        if y + IN <= layout.height + 2 * job.padding && x + IN <= layout.width + 2 * job.padding {
+        if y + IN <= layout.height() + 2 * job.padding && x + IN <= layout.width() + 2 * job.padding
+        {
             let corner = layout.index(y as isize - padding, x as isize - padding) + first;
             let corner = job.input.add(corner);
-            let (row, pixel) = (layout.row_stride, layout.pixel_stride);
+            let (row, pixel) = (layout.row_stride(), layout.pixel_stride());
             transform_pixels::<S>(job, tile, |y, x| corner.add(y * row + x * pixel));
         } else {
             transform_pixels::<S>(job, tile, |i, j| {
                 let (y, x) = ((y + i) as isize - padding, (x + j) as isize - padding);
-                if y < layout.height as isize + padding && x < layout.width as isize + padding {
+                if y < layout.height() as isize + padding && x < layout.width() as isize + padding {
                     job.input.add(layout.index(y, x) + first)
                 } else {
                     job.zeros
@@ -313,8 +314,8 @@ impl<W> Chunk<'_, '_, W> {
         let job = self.job;
         let (lanes, packed) = (D::S::LANES, job.packed);
         let panel = packed.weights(packed.panel(self.group, self.block, 0));
-        let point_bytes = packed.depth * NV * lanes * 4;
-        let lane = (self.group * packed.vectors() + packed.blocks[self.block].first) * lanes;
+        let point_bytes = packed.depth() * NV * lanes * 4;
+        let lane = (self.group * packed.vectors() + packed.blocks()[self.block].first) * lanes;
         for point in 0..POINTS {
             let shift = job.shift[point];
             let start = [(1i32 << shift) >> 1; 16];
@@ -338,7 +339,7 @@ impl<W> Chunk<'_, '_, W> {
                             x: job.v(point, first).cast(),
                             x_step: job.plan.row * 2,
                             taps: &[0],
-                            depth: packed.depth,
+                            depth: packed.depth(),
                             weights: weights.as_ptr(),
                             segments: &[],
                         },
@@ -371,8 +372,8 @@ impl<W> Chunk<'_, '_, W> {
     {
         let job = self.job;
         let (lanes, packed, mr) = (D::S::LANES, job.packed, D::MAX_MR);
-        let vector = packed.blocks[self.block].first + n;
-        let outs = (packed.outs - vector * lanes).min(lanes);
+        let vector = packed.blocks()[self.block].first + n;
+        let outs = (packed.outs() - vector * lanes).min(lanes);
         let (ty, tx) = (
             (self.start + i) / self.across,
             (self.start + i) % self.across,
@@ -403,13 +404,13 @@ impl<W> Chunk<'_, '_, W> {
                 let row = a_transform::<D::S>(half[y]);
                 let place = Place {
                     lane: (self.group * packed.vectors() + vector) * lanes,
-                    channel: self.group * packed.outs + vector * lanes,
+                    channel: self.group * packed.outs() + vector * lanes,
                     n: outs,
                     y: oy,
                     x: tx * OUT,
                     step: 1,
                 };
-                let columns = job.out_layout.width - tx * OUT;
+                let columns = job.out_layout.width() - tx * OUT;
                 if columns >= OUT {
                     self.writer.write(row, place);
                 } else {

@@ -72,7 +72,7 @@ pub(crate) fn tile(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ConvShape;
+    use crate::{ConvDims, ConvShape};
 
     /// The worst that rounding of weights can do to a sum of a few channels, in units of the definition's accumulator.
     #[test]
@@ -81,15 +81,13 @@ mod tests {
         let kernels: Vec<i8> = (0..depth * 9)
             .map(|i| ((i * i * 37 + i * 11) % 255 - 127) as i8)
             .collect();
-        let shape = ConvShape {
+        let shape = ConvShape::new(ConvDims {
             in_channels: depth as usize,
-            out_channels: 1,
-            groups: 1,
             kernel: 3,
-            stride: 1,
             padding: 1,
-            transposed: false,
-        };
+            ..ConvDims::default()
+        })
+        .unwrap();
         let weights = TransformedWeights::new(&shape, &kernels, &[7], 127);
         assert!(weights.shift.iter().any(|&shift| shift > 0));
         let d: Vec<[i32; POINTS]> = (0..depth as usize)

@@ -39,10 +39,10 @@ pub(crate) struct TransformedWeights {
 impl TransformedWeights {
     /// Transforms `[out_channels, depth, 3, 3]`. The sums of the definition fit i32 (checked by the caller).
     pub fn new(shape: &ConvShape, weights: &[i8], bias: &[i32], input_max: u8) -> Self {
-        let depth = shape.in_channels / shape.groups;
+        let depth = shape.group_in();
         let exact: Vec<[i32; POINTS]> = weights.chunks_exact(9).map(transform).collect();
         let largest = largest_inputs(input_max);
-        let mut factor = Vec::with_capacity(shape.out_channels);
+        let mut factor = Vec::with_capacity(shape.out_channels());
         let mut shift = [MAX_SHIFT; POINTS];
         for (oc, &bias) in bias.iter().enumerate() {
             let points = &exact[oc * depth..(oc + 1) * depth];
@@ -83,7 +83,7 @@ impl TransformedWeights {
         }
         let mut result = Self {
             weights: Vec::with_capacity(exact.len() * POINTS),
-            bias: Vec::with_capacity(shape.out_channels),
+            bias: Vec::with_capacity(shape.out_channels()),
             factor,
             shift,
         };

@@ -7,12 +7,12 @@ use super::zoom::{INPUTS, Zoom, stature};
 use crate::capture::Frame;
 use crate::commands::pipeline::{Pipeline, Seen};
 
-/// The stages, built when the first picture that needs them comes: people in an upright picture would be small in a network input
-/// that lies.
+/// The stages for every input that pictures may ask for, made before the first of them: people in an upright picture would be
+/// small in a network input that lies. All share one set of packed weights and one team of threads.
 pub struct Pipelines<'a> {
     engine: &'a EngineArgs,
-    /// By orientation (upright second) and, where the input follows the people in view, its size.
-    built: [[Option<Pipeline>; INPUTS.len()]; 2],
+    /// By orientation (upright second; alone where the size is fixed) and, where the input follows the people in view, its size.
+    built: Vec<Vec<Pipeline>>,
     following: Option<Following>,
 }
 
@@ -26,28 +26,38 @@ struct Following {
 }
 
 impl<'a> Pipelines<'a> {
-    /// Builds the one for lying pictures, so that a wrong model is told before the first frame. The input of a `film` follows
-    /// the people in view unless it is fixed.
+    /// Builds them all. The input of a `film` follows the people in view unless it is fixed.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn new(engine: &'a EngineArgs, film: bool) -> anyhow::Result<Self> {
-        let mut built: [[Option<Pipeline>; INPUTS.len()]; 2] = Default::default();
-        ready(&mut built[0][0], engine, engine.size_of(false, 0))?;
+        let follows = film && !engine.is_fixed();
+        let levels = if follows { INPUTS.len() } else { 1 };
+        let orientations = if engine.is_fixed() { 1 } else { 2 };
+        let mut built: Vec<Vec<Pipeline>> = vec![vec![engine.build(engine.size_of(false, 0))?]];
+        for orientation in 0..orientations {
+            if orientation > 0 {
+                built.push(Vec::new());
+            }
+            for level in built[orientation].len()..levels {
+                let (width, height) = engine.size_of(orientation > 0, level);
+                let other = built[0][0].resized(width, height)?;
+                built[orientation].push(other);
+            }
+        }
         Ok(Self {
             engine,
             built,
-            following: (film && !engine.is_fixed()).then(Following::default),
+            following: follows.then(Following::default),
         })
     }
 
     /// Everyone in the frame.
     ///
     /// # Errors
-    /// As [`Pipeline::new`] and [`Pipeline::process`].
+    /// As [`Pipeline::process`].
     pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
         let upright = frame.height > frame.width && !self.engine.is_fixed();
-        let engine = self.engine;
         let built = &mut self.built[usize::from(upright)];
         let Some(Following {
             zoom,
@@ -55,8 +65,7 @@ impl<'a> Pipelines<'a> {
             elsewhere,
         }) = &mut self.following
         else {
-            return ready(&mut built[0], engine, engine.size_of(upright, 0))?
-                .process(frame, intrinsics);
+            return built[0].process(frame, intrinsics);
         };
         let (w, h) = turned(INPUTS[0], upright);
         let scale = (w as f32 / frame.width as f32).min(h as f32 / frame.height as f32);
@@ -66,12 +75,10 @@ impl<'a> Pipelines<'a> {
         };
         let other = zoom.look_elsewhere(frame.time_ns);
         if let Some(level) = other {
-            let pipeline = ready(&mut built[level], engine, engine.size_of(upright, level))?;
-            heights(pipeline.process(frame, intrinsics)?.people, elsewhere);
+            heights(built[level].process(frame, intrinsics)?.people, elsewhere);
         }
         let level = zoom.level();
-        let pipeline = ready(&mut built[level], engine, engine.size_of(upright, level))?;
-        let seen = pipeline.process(frame, intrinsics)?;
+        let seen = built[level].process(frame, intrinsics)?;
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
@@ -79,16 +86,4 @@ impl<'a> Pipelines<'a> {
         }
         Ok(seen)
     }
-}
-
-/// The stages in this place, built if there are none yet.
-fn ready<'p>(
-    place: &'p mut Option<Pipeline>,
-    engine: &EngineArgs,
-    size: (usize, usize),
-) -> anyhow::Result<&'p mut Pipeline> {
-    Ok(match place {
-        Some(pipeline) => pipeline,
-        None => place.insert(engine.build(size)?),
-    })
 }

@@ -77,11 +77,16 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         let (Op::Conv { shape: s, .. }, Some(q)) = (&node.op, conv) else {
             continue;
         };
-        let shape = vec![s.out_channels, s.in_channels / s.groups, s.kernel, s.kernel];
+        let shape = vec![
+            s.out_channels(),
+            s.in_channels() / s.groups(),
+            s.kernel(),
+            s.kernel(),
+        ];
         let weight = q.weight.iter().map(|&w| w as u8).collect();
         let n = &node.name;
         blobs.insert(format!("{n}.weight"), (Dtype::I8, shape, weight));
-        let out = vec![s.out_channels];
+        let out = vec![s.out_channels()];
         blobs.insert(
             format!("{n}.scale"),
             (Dtype::F32, out.clone(), floats(&q.scale)),
@@ -171,8 +176,13 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
             continue;
         };
         let n = &node.name;
-        let out = [s.out_channels];
-        let shape = [s.out_channels, s.in_channels / s.groups, s.kernel, s.kernel];
+        let out = [s.out_channels()];
+        let shape = [
+            s.out_channels(),
+            s.in_channels() / s.groups(),
+            s.kernel(),
+            s.kernel(),
+        ];
         let q = QuantConv {
             weight: t.bytes(&format!("{n}.weight"), &shape)?,
             scale: t.floats(&format!("{n}.scale"), &out)?,

@@ -42,12 +42,12 @@ fn conv(
     names: &ParamNames,
     eps: f32,
 ) -> Result<FloatConv, ModelError> {
-    let (k, out) = (s.kernel, s.out_channels);
-    let mut weight = if s.transposed {
-        let stored = [s.in_channels, out / s.groups, k, k];
+    let (k, out) = (s.kernel(), s.out_channels());
+    let mut weight = if s.transposed() {
+        let stored = [s.in_channels(), out / s.groups(), k, k];
         out_major(&tensors.floats(&names.weight, &stored)?, s)
     } else {
-        tensors.floats(&names.weight, &[out, s.in_channels / s.groups, k, k])?
+        tensors.floats(&names.weight, &[out, s.in_channels() / s.groups(), k, k])?
     };
     let mut bias = match &names.bias {
         Some(name) => tensors.floats(name, &[out])?,
@@ -76,12 +76,12 @@ fn conv(
 /// PyTorch stores transposed convolutions `[in, out / groups, k, k]`; ours are `[out, in / groups, k, k]`.
 fn out_major(w: &[f32], s: &ConvShape) -> Vec<f32> {
     let (gi, go, taps) = (
-        s.in_channels / s.groups,
-        s.out_channels / s.groups,
-        s.kernel * s.kernel,
+        s.in_channels() / s.groups(),
+        s.out_channels() / s.groups(),
+        s.kernel() * s.kernel(),
     );
     let mut to = Vec::with_capacity(w.len());
-    for o in 0..s.out_channels {
+    for o in 0..s.out_channels() {
         let group = o / go;
         for i in 0..gi {
             let at = ((group * gi + i) * go + o % go) * taps;

@@ -179,7 +179,7 @@ impl Model {
                             };
                             c.observed[node.output].channel_ranges(c.choice, levels, own)
                         }
-                        None => vec![self.contract_range(&node.name)?; shape.out_channels],
+                        None => vec![self.contract_range(&node.name)?; shape.out_channels()],
                     };
                     Some(if *relu {
                         Scale::unsigned(&ranges)

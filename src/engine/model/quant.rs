@@ -91,13 +91,13 @@ pub(crate) fn quantise(
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
     let (gi, go) = (
-        shape.in_channels / shape.groups,
-        shape.out_channels / shape.groups,
+        shape.in_channels() / shape.groups(),
+        shape.out_channels() / shape.groups(),
     );
-    let taps = shape.kernel * shape.kernel;
+    let taps = shape.kernel() * shape.kernel();
     let mut q = QuantConv {
         weight: Vec::with_capacity(conv.weight.len()),
-        scale: Vec::with_capacity(shape.out_channels),
+        scale: Vec::with_capacity(shape.out_channels()),
         bias: conv.bias.clone(),
     };
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
@@ -130,10 +130,10 @@ pub(crate) fn dequantise(node: &Node, q: &QuantConv, scales: &[Option<Scale>]) -
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
     let (gi, go) = (
-        shape.in_channels / shape.groups,
-        shape.out_channels / shape.groups,
+        shape.in_channels() / shape.groups(),
+        shape.out_channels() / shape.groups(),
     );
-    let taps = shape.kernel * shape.kernel;
+    let taps = shape.kernel() * shape.kernel();
     let mut weight = Vec::with_capacity(q.weight.len());
     for (o, row) in q.weight.chunks_exact(gi * taps).enumerate() {
         let first = o / go * gi;

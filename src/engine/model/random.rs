@@ -13,13 +13,17 @@ impl Model {
         let convs = network.graph().nodes.iter().map(|n| match &n.op {
             Op::MaxPool { .. } => None,
             Op::Conv { shape: s, .. } => {
-                let upsampling = if s.transposed { s.stride * s.stride } else { 1 };
-                let fan_in = s.weight_len() / s.out_channels / upsampling;
+                let upsampling = if s.transposed() {
+                    s.stride() * s.stride()
+                } else {
+                    1
+                };
+                let fan_in = s.weight_len() / s.out_channels() / upsampling;
                 // Uniform in ±a has variance a²/3; He asks for 2 / fan in.
                 let a = (6.0 / fan_in as f32).sqrt();
                 Some(FloatConv {
                     weight: (0..s.weight_len()).map(|_| uniform(a)).collect(),
-                    bias: (0..s.out_channels).map(|_| uniform(0.1)).collect(),
+                    bias: (0..s.out_channels()).map(|_| uniform(0.1)).collect(),
                 })
             }
         });

@@ -2,15 +2,31 @@
 
 use std::collections::HashMap;
 
-use edgecap_kernels::ConvShape;
+use edgecap_kernels::{ConvDims, ConvShape, PoolShape};
 
 use super::NetworkError;
 use super::graph::{Graph, Node, Op, ParamNames, Value, ValueId};
 use super::spec::{ConvSpec, LayerSpec, NetworkSpec};
 
-/// Expands every layer; checks that names exist once, that channels fit and that groups divide.
+/// Most operations of a network; the largest shipped one has some 70.
+const MAX_NODES: usize = 10_000;
+/// Most channels of the input, and most pixels that its sides are multiples of.
+const MAX_INPUT: usize = 8192;
+
+/// Expands every layer; checks that names exist once, that channels fit and that groups divide, and that all numbers are of a
+/// size that the kernels take.
 pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     let mut b = Builder::new(spec);
+    let sizes = 1..=MAX_INPUT;
+    if !sizes.contains(&spec.input.channels) || !sizes.contains(&spec.input.multiple) {
+        return Err(b.error(
+            format!(
+                "an input of {} channels in multiples of {} pixels",
+                spec.input.channels, spec.input.multiple
+            ),
+            "give both as 1 to 8192",
+        ));
+    }
     for layer in &spec.layers {
         b.layer(layer)?;
     }
@@ -137,8 +153,14 @@ impl<'a> Builder<'a> {
         inputs: Vec<ValueId>,
         residual: Option<ValueId>,
         channels: usize,
-    ) -> ValueId {
+    ) -> Result<ValueId, NetworkError> {
         let output = self.values.len();
+        if output > MAX_NODES {
+            return Err(self.error(
+                format!("more than {MAX_NODES} operations"),
+                "correct the number of blocks",
+            ));
+        }
         self.values.push(Value {
             name: name.clone(),
             channels,
@@ -150,7 +172,7 @@ impl<'a> Builder<'a> {
             residual,
             output,
         });
-        output
+        Ok(output)
     }
 
     fn conv(
@@ -160,42 +182,39 @@ impl<'a> Builder<'a> {
         residual: Option<ValueId>,
     ) -> Result<ValueId, NetworkError> {
         let in_channels: usize = inputs.iter().map(|&v| self.values[v].channels).sum();
-        let fits = conv.out > 0
-            && conv.stride > 0
-            && conv.groups > 0
-            && in_channels.is_multiple_of(conv.groups)
-            && conv.out.is_multiple_of(conv.groups)
-            && conv.kernel >= 1
-            && (!conv.transposed
-                || (conv.kernel >= conv.stride && (conv.kernel - conv.stride).is_multiple_of(2)));
-        if !fits {
+        let padding = if conv.transposed {
+            let beyond = conv.kernel.checked_sub(conv.stride);
+            beyond.filter(|n| n.is_multiple_of(2)).map(|n| n / 2)
+        } else {
+            Some(conv.kernel / 2)
+        };
+        let shape = padding.and_then(|padding| {
+            ConvShape::new(ConvDims {
+                in_channels,
+                out_channels: conv.out,
+                groups: conv.groups,
+                kernel: conv.kernel,
+                stride: conv.stride,
+                padding,
+                transposed: conv.transposed,
+            })
+            .ok()
+        });
+        let Some(shape) = shape else {
             return Err(self.error(
                 format!(
                     "layer `{}`: {in_channels} → {} channels, kernel {}, stride {}, {} groups",
                     conv.name, conv.out, conv.kernel, conv.stride, conv.groups
                 ),
-                "groups must divide both channel counts; kernel - stride must be even and ≥ 0 when transposed",
+                "channels are 1 to 2²⁰ and divided by the groups, kernel and stride 1 to 64; when transposed, kernel - stride must be even and ≥ 0",
             ));
-        }
-        let shape = ConvShape {
-            in_channels,
-            out_channels: conv.out,
-            groups: conv.groups,
-            kernel: conv.kernel,
-            stride: conv.stride,
-            padding: if conv.transposed {
-                (conv.kernel - conv.stride) / 2
-            } else {
-                conv.kernel / 2
-            },
-            transposed: conv.transposed,
         };
         let op = Op::Conv {
             shape,
             relu: conv.relu,
             params: conv.params,
         };
-        Ok(self.push(conv.name, op, inputs, residual, conv.out))
+        self.push(conv.name, op, inputs, residual, conv.out)
     }
 
     fn single(&mut self, c: &ConvSpec, transposed: bool) -> Result<(), NetworkError> {
@@ -243,19 +262,18 @@ impl<'a> Builder<'a> {
                 stride,
             } => {
                 let inputs = self.sources(from)?;
-                if inputs.len() != 1 || *kernel == 0 || *stride == 0 {
+                let shape = PoolShape::new(*kernel, *stride, kernel / 2);
+                let (&[input], Ok(shape)) = (&inputs[..], shape) else {
                     return Err(self.error(
-                        format!("pooling `{name}` with {} inputs", inputs.len()),
-                        "give it one input and a window",
+                        format!(
+                            "pooling `{name}`: {} inputs, kernel {kernel}, stride {stride}",
+                            inputs.len()
+                        ),
+                        "give it one input, kernel and stride of 1 to 64",
                     ));
-                }
-                let op = Op::MaxPool {
-                    kernel: *kernel,
-                    stride: *stride,
-                    padding: kernel / 2,
                 };
-                let channels = self.values[inputs[0]].channels;
-                self.last = self.push(name.clone(), op, inputs, None, channels);
+                let (op, channels) = (Op::MaxPool { shape }, self.values[input].channels);
+                self.last = self.push(name.clone(), op, inputs, None, channels)?;
                 self.name(name, self.last)
             }
             LayerSpec::Selecsls {

@@ -1,6 +1,6 @@
 //! A network expanded to single operations on named values.
 
-use edgecap_kernels::ConvShape;
+use edgecap_kernels::{ConvShape, PoolShape};
 
 /// Index of a [`Value`] in [`Graph::values`].
 pub type ValueId = usize;
@@ -39,12 +39,8 @@ pub enum Op {
     },
     /// Maximum over a window; what lies outside the picture does not count.
     MaxPool {
-        /// Window side.
-        kernel: usize,
-        /// Stride.
-        stride: usize,
-        /// Padding on every side.
-        padding: usize,
+        /// Geometry.
+        shape: PoolShape,
     },
 }
 
@@ -64,15 +60,11 @@ pub struct Node {
 }
 
 impl Node {
-    /// Rows or columns that come out for `n` that go in.
+    /// Rows or columns that come out for `n` that go in; 0 where that is too few.
     pub fn output_len(&self, n: usize) -> usize {
         match &self.op {
             Op::Conv { shape, .. } => shape.output_len(n),
-            Op::MaxPool {
-                kernel,
-                stride,
-                padding,
-            } => (n + 2 * padding - kernel) / stride + 1,
+            Op::MaxPool { shape } => shape.output_len(n),
         }
     }
 
@@ -118,12 +110,12 @@ impl Graph {
             let (h, w) = sizes[n.inputs[0]];
             n.conv().map_or(0, |s| s.macs(h, w))
         };
-        self.nodes.iter().map(of).sum()
+        self.nodes.iter().map(of).fold(0, u64::saturating_add)
     }
 
     /// Weights and biases after batch norm is folded.
     pub fn parameters(&self) -> usize {
-        let of = |n: &Node| n.conv().map_or(0, |s| s.weight_len() + s.out_channels);
+        let of = |n: &Node| n.conv().map_or(0, |s| s.weight_len() + s.out_channels());
         self.nodes.iter().map(of).sum()
     }
 }

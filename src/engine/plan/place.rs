@@ -7,27 +7,41 @@ use crate::engine::network::{Graph, Node, Op, ValueId};
 
 /// A network whose values cannot be placed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}; change the order or the concatenations in the network file")]
+#[error("{0}")]
 pub struct PlanError(String);
+
+impl PlanError {
+    fn order(found: impl std::fmt::Display) -> Self {
+        Self(format!(
+            "{found}; change the order or the concatenations in the network file"
+        ))
+    }
+
+    fn size(value: &str, found: impl std::fmt::Display) -> Self {
+        Self(format!(
+            "value `{value}`: {found}; choose another input size or correct the network file"
+        ))
+    }
+}
 
 /// A buffer of the engine's arena.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Slot {
-    pub height: usize,
-    pub width: usize,
-    pub channels: usize,
-    pub halo: usize,
+    /// The whole buffer as a tensor, indices relative to `base`.
+    pub layout: Layout,
     /// Its first element in the arena.
     pub base: usize,
     /// Values that live in it and their first channel.
     pub tenants: Vec<(ValueId, usize)>,
 }
 
-impl Slot {
-    /// The whole buffer as a tensor, indices relative to `base`.
-    pub fn layout(&self) -> Layout {
-        Layout::dense(self.height, self.width, self.channels, self.halo)
-    }
+/// A buffer whose channels and halo still grow.
+struct Draft {
+    height: usize,
+    width: usize,
+    channels: usize,
+    halo: usize,
+    tenants: Vec<(ValueId, usize)>,
 }
 
 /// Where a tensor lies.
@@ -62,6 +76,8 @@ struct Needs {
 impl Plan {
     /// Slots begin at multiples of this many elements (a cache line of bytes).
     pub const ALIGN: usize = 64;
+    /// Most elements of the arena: what is larger is a mistake in a network file, not a network for a CPU.
+    const MAX_LEN: usize = 1 << 30;
 
     /// Places every value of `graph` for an input of `height` × `width`. `padding` is the stored number of real 0 of a value.
     pub fn new(
@@ -94,28 +110,46 @@ impl Plan {
                 b.single(v);
             }
         }
-        let Builder { mut slots, at, .. } = b;
+        let Builder {
+            slots: drafts, at, ..
+        } = b;
         let mut len = 0;
-        for slot in &mut slots {
-            slot.base = len;
-            len += slot.layout().buffer_len().next_multiple_of(Self::ALIGN);
+        let mut slots = Vec::with_capacity(drafts.len());
+        for d in drafts {
+            let name = &graph.values[d.tenants[0].0].name;
+            let layout = Layout::dense(d.height, d.width, d.channels, d.halo)
+                .map_err(|e| PlanError::size(name, e))?;
+            slots.push(Slot {
+                layout,
+                base: len,
+                tenants: d.tenants,
+            });
+            len += layout.buffer_len().next_multiple_of(Self::ALIGN);
+            if len > Self::MAX_LEN {
+                let found = format!("buffers of more than {} elements", Self::MAX_LEN);
+                return Err(PlanError::size(name, found));
+            }
         }
         let place = |v: ValueId| match at[v] {
-            Some((slot, first)) => Place::Slot {
+            Some((slot, first)) => Ok(Place::Slot {
                 slot,
                 layout: slots[slot]
-                    .layout()
+                    .layout
                     .channel_slice(first, graph.values[v].channels),
-            },
+            }),
             None => {
                 let index = graph.outputs.iter().position(|(_, o)| *o == v);
-                Place::Output {
+                let value = &graph.values[v];
+                Ok(Place::Output {
                     index: index.unwrap_or_else(|| unreachable!("value {v} was not placed")),
-                    layout: Layout::dense(sizes[v].0, sizes[v].1, graph.values[v].channels, 0),
-                }
+                    layout: Layout::dense(sizes[v].0, sizes[v].1, value.channels, 0)
+                        .map_err(|e| PlanError::size(&value.name, e))?,
+                })
             }
         };
-        let values = (0..graph.values.len()).map(place).collect();
+        let values = (0..graph.values.len())
+            .map(place)
+            .collect::<Result<_, PlanError>>()?;
         let plan = Self {
             values,
             slots,
@@ -137,7 +171,7 @@ impl Plan {
                 };
                 let apart = x.0 != y.0 || x.2 <= y.1 || y.2 <= x.1;
                 if !apart && lives[a].overlaps(lives[b]) {
-                    return Err(PlanError(format!(
+                    return Err(PlanError::order(format!(
                         "values `{}` and `{}` would overwrite each other",
                         graph.values[a].name, graph.values[b].name
                     )));
@@ -148,7 +182,7 @@ impl Plan {
             for pair in node.inputs.windows(2) {
                 let (x, y) = (self.occupied(pair[0]), self.occupied(pair[1]));
                 if x.is_none() || x.map(|x| (x.0, x.2)) != y.map(|y| (y.0, y.1)) {
-                    return Err(PlanError(format!(
+                    return Err(PlanError::order(format!(
                         "the inputs of `{}` are not neighbours",
                         node.name
                     )));
@@ -162,8 +196,8 @@ impl Plan {
     fn occupied(&self, v: ValueId) -> Option<(usize, usize, usize)> {
         match self.values[v] {
             Place::Slot { slot, layout } => {
-                let first = layout.origin - self.slots[slot].layout().origin;
-                Some((slot, first, first + layout.channels))
+                let first = layout.origin() - self.slots[slot].layout.origin();
+                Some((slot, first, first + layout.channels()))
             }
             Place::Output { .. } => None,
         }
@@ -173,13 +207,14 @@ impl Plan {
     pub fn input(&self, graph: &Graph, node: &Node) -> Place {
         let first = self.values[node.inputs[0]];
         match first {
-            Place::Slot { slot, layout } => Place::Slot {
-                slot,
-                layout: Layout {
-                    channels: node.inputs.iter().map(|&v| graph.values[v].channels).sum(),
-                    ..layout
-                },
-            },
+            Place::Slot { slot, layout } => {
+                let whole = self.slots[slot].layout;
+                let channels = node.inputs.iter().map(|&v| graph.values[v].channels).sum();
+                Place::Slot {
+                    slot,
+                    layout: whole.channel_slice(layout.origin() - whole.origin(), channels),
+                }
+            }
             Place::Output { .. } => first,
         }
     }
@@ -191,7 +226,7 @@ fn halos(graph: &Graph) -> Vec<usize> {
     for node in &graph.nodes {
         let halo = match &node.op {
             Op::Conv { shape, .. } => shape.input_halo(),
-            Op::MaxPool { padding, .. } => *padding,
+            Op::MaxPool { shape } => shape.padding(),
         };
         for &v in &node.inputs {
             halos[v] = halos[v].max(halo);
@@ -205,7 +240,7 @@ struct Builder<'a> {
     lives: Vec<Lifetime>,
     halos: Vec<usize>,
     needs: Vec<Needs>,
-    slots: Vec<Slot>,
+    slots: Vec<Draft>,
     /// Slot and first channel.
     at: Vec<Option<(usize, usize)>>,
 }
@@ -246,12 +281,11 @@ impl Builder<'_> {
 
     fn new_slot(&mut self, v: ValueId) -> usize {
         let (height, width) = self.needs[v].size;
-        self.slots.push(Slot {
+        self.slots.push(Draft {
             height,
             width,
             channels: 0,
             halo: 0,
-            base: 0,
             tenants: Vec::new(),
         });
         self.slots.len() - 1
@@ -277,7 +311,7 @@ impl Builder<'_> {
         let slot = slot.unwrap_or_else(|| self.new_slot(node.inputs[0]));
         for (v, first) in wanted {
             if self.at[v].is_some_and(|at| at != (slot, first)) {
-                return Err(PlanError(format!(
+                return Err(PlanError::order(format!(
                     "`{}` is part of two concatenations that cannot share a buffer",
                     self.graph.values[v].name
                 )));
@@ -288,7 +322,7 @@ impl Builder<'_> {
     }
 
     fn single(&mut self, v: ValueId) {
-        let same = |s: &Slot| {
+        let same = |s: &Draft| {
             (s.height, s.width) == self.needs[v].size
                 && s.channels == self.channels(v)
                 && s.halo == self.halos[v]

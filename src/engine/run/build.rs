@@ -1,7 +1,10 @@
-//! Model + plan → steps: kernels are chosen, weights packed, every access checked once.
+//! Model → kernels: chosen, their weights packed. Kernels + plan → steps: every access checked once.
+
+use std::sync::Arc;
 
 use edgecap_kernels::{
-    Algorithm, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv, QConvParams,
+    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv,
+    QConvParams,
 };
 
 use rayon::prelude::*;
@@ -67,42 +70,97 @@ pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
 
 /// Whether a node's weights can be given a fourth channel.
 fn takes_picture(node: &Node) -> bool {
-    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups == 1)
+    node.inputs == [Graph::INPUT] && node.conv().is_some_and(|s| s.groups() == 1)
 }
 
-/// Builds every step; `shares` says into how many parts the rows of a step may be cut.
+fn refused(node: &Node) -> impl Fn(KernelError) -> EngineError {
+    |source| EngineError::Kernel {
+        layer: node.name.clone(),
+        source,
+    }
+}
+
+fn missing(node: &Node) -> EngineError {
+    EngineError::Layer(node.name.clone())
+}
+
+/// Packs every node's weights.
+pub(super) fn kernels(
+    graph: &Graph,
+    source: &Source<'_>,
+    isa: Isa,
+) -> Result<Arc<[Kernel]>, EngineError> {
+    let kernel = |i: usize| kernel(graph, source, isa, i);
+    // Packing is most of the start-up: every layer is packed on its own.
+    (0..graph.nodes.len()).into_par_iter().map(kernel).collect()
+}
+
+fn kernel(
+    graph: &Graph,
+    source: &Source<'_>,
+    isa: Isa,
+    index: usize,
+) -> Result<Kernel, EngineError> {
+    let node = &graph.nodes[index];
+    Ok(match (&node.op, source) {
+        (Op::MaxPool { shape }, _) => {
+            Kernel::Pool(MaxPool::new(isa, *shape).map_err(refused(node))?)
+        }
+        (Op::Conv { shape, relu, .. }, Source::Float(convs)) => {
+            let conv = convs[index].as_ref().ok_or_else(|| missing(node))?;
+            let params = FConvParams {
+                shape: *shape,
+                weights: &conv.weight,
+                bias: &conv.bias,
+                relu: *relu,
+                residual: node.residual.is_some(),
+            };
+            Kernel::Float(FConv::new(isa, &params).map_err(refused(node))?)
+        }
+        (Op::Conv { relu, .. }, Source::Int8(convs, scales)) => {
+            let conv = convs[index].as_ref().ok_or_else(|| missing(node))?;
+            let is_map = graph.outputs.iter().any(|(_, v)| *v == node.output);
+            if is_map && (*relu || node.residual.is_some()) {
+                return Err(missing(node));
+            }
+            check_sum(graph, node, scales)?;
+            let channels = node.inputs.iter().map(|&v| graph.values[v].channels).sum();
+            let conv = int8(node, channels, conv, scales, isa).map_err(refused(node))?;
+            if is_map {
+                Kernel::Int8ToMap(conv)
+            } else {
+                Kernel::Int8(conv)
+            }
+        }
+    })
+}
+
+/// Binds every kernel to its buffers; `shares` says into how many parts the rows of a step may be cut.
 pub(super) fn steps(
     graph: &Graph,
     plan: &Plan,
-    source: &Source<'_>,
-    isa: Isa,
+    kernels: &[Kernel],
     shares: usize,
 ) -> Result<Vec<Step>, EngineError> {
-    let step = |i: usize| step(graph, plan, source, isa, shares, i);
-    // Packing is most of the start-up: every layer is packed on its own.
-    (0..graph.nodes.len()).into_par_iter().map(step).collect()
+    let nodes = graph.nodes.iter().zip(kernels);
+    nodes
+        .map(|(node, kernel)| step(graph, plan, node, kernel, shares))
+        .collect()
 }
 
 fn step(
     graph: &Graph,
     plan: &Plan,
-    source: &Source<'_>,
-    isa: Isa,
+    node: &Node,
+    kernel: &Kernel,
     shares: usize,
-    index: usize,
 ) -> Result<Step, EngineError> {
-    let node = &graph.nodes[index];
-    let refused = |source: KernelError| EngineError::Kernel {
-        layer: node.name.clone(),
-        source,
-    };
-    let missing = || EngineError::Layer(node.name.clone());
     let tensor = |place: Place| match place {
         Place::Slot { slot, layout } => Ok(Tensor {
             base: plan.slots[slot].base,
             layout,
         }),
-        Place::Output { .. } => Err(missing()),
+        Place::Output { .. } => Err(missing(node)),
     };
     let input = tensor(plan.input(graph, node))?;
     let residual = match node.residual {
@@ -113,41 +171,6 @@ fn step(
         Place::Output { index, layout } => Target::Map { index, layout },
         place => Target::Arena(tensor(place)?),
     };
-    let is_map = matches!(target, Target::Map { .. });
-    let kernel = match (&node.op, source) {
-        (
-            Op::MaxPool {
-                kernel,
-                stride,
-                padding,
-            },
-            _,
-        ) => Kernel::Pool(MaxPool::new(isa, *kernel, *stride, *padding).map_err(refused)?),
-        (Op::Conv { shape, relu, .. }, Source::Float(convs)) => {
-            let conv = convs[index].as_ref().ok_or_else(missing)?;
-            let params = FConvParams {
-                shape: *shape,
-                weights: &conv.weight,
-                bias: &conv.bias,
-                relu: *relu,
-                residual: node.residual.is_some(),
-            };
-            Kernel::Float(FConv::new(isa, &params).map_err(refused)?)
-        }
-        (Op::Conv { relu, .. }, Source::Int8(convs, scales)) => {
-            let conv = convs[index].as_ref().ok_or_else(missing)?;
-            if is_map && (*relu || node.residual.is_some()) {
-                return Err(missing());
-            }
-            check_sum(graph, node, scales)?;
-            let conv = int8(node, input.layout.channels, conv, scales, isa).map_err(refused)?;
-            if is_map {
-                Kernel::Int8ToMap(conv)
-            } else {
-                Kernel::Int8(conv)
-            }
-        }
-    };
 
     // Lengths count from the tensor's own buffer to the end of the arena (or of the map), which is what its pointer may reach.
     let reach = |t: &Tensor| plan.len - t.base;
@@ -157,16 +180,16 @@ fn step(
     };
     let from = (&input.layout, reach(&input));
     let also = residual.as_ref().map(|r| (&r.layout, reach(r)));
-    match &kernel {
+    match kernel {
         Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.check(from, also, out),
         Kernel::Float(c) => c.check(from, also, out),
         Kernel::Pool(p) => p.check(from, out),
     }
-    .map_err(refused)?;
+    .map_err(refused(node))?;
 
-    let height = out.0.height;
+    let height = out.0.height();
     let count = shares.min(height).max(1);
-    let part = |i: usize| match &kernel {
+    let part = |i: usize| match kernel {
         Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.part(height, i, count),
         Kernel::Float(c) => c.part(height, i, count),
         Kernel::Pool(p) => p.part(height, i, count),
@@ -175,14 +198,11 @@ fn step(
     let parts = (0..count).map(part).filter(busy).collect();
     let (h, w) = plan.sizes[node.inputs[0]];
     Ok(Step {
-        name: node.name.clone(),
         input,
         residual,
         target,
-        output: node.output,
         parts,
         macs: node.conv().map_or(0, |s| s.macs(h, w)),
-        kernel,
     })
 }
 
@@ -216,11 +236,11 @@ fn int8(
     let residual = node.residual.and_then(|v| scales[v].as_ref());
     let output = scales[node.output].as_ref();
     let (gi, go) = (
-        shape.in_channels / shape.groups,
-        shape.out_channels / shape.groups,
+        shape.in_channels() / shape.groups(),
+        shape.out_channels() / shape.groups(),
     );
-    let taps = shape.kernel * shape.kernel;
-    let mut bias = Vec::with_capacity(shape.out_channels);
+    let taps = shape.kernel() * shape.kernel();
+    let mut bias = Vec::with_capacity(shape.out_channels());
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
         let first = o / go * gi;
         let of = |(i, &w): (usize, &i8)| f64::from(w) * f64::from(zeros[first + i / taps]);
@@ -249,19 +269,20 @@ fn int8(
         },
     };
     let picture = node.inputs.contains(&Graph::INPUT);
-    let mut shape = *shape;
+    let mut dims = shape.dims();
     let mut weights = std::borrow::Cow::from(&conv.weight);
-    if channels > shape.in_channels {
+    if channels > shape.in_channels() {
         weights = conv
             .weight
-            .chunks_exact(shape.in_channels * taps)
+            .chunks_exact(shape.in_channels() * taps)
             .flat_map(|row| {
-                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels) * taps);
+                let zeros = std::iter::repeat_n(0, (channels - shape.in_channels()) * taps);
                 row.iter().copied().chain(zeros)
             })
             .collect();
-        shape.in_channels = channels;
+        dims.in_channels = channels;
     }
+    let shape = ConvShape::new(dims)?;
     let pack = |algorithm| {
         let params = QConvParams {
             shape,

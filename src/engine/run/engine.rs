@@ -1,6 +1,7 @@
 //! The engine: a model, an input size and a number of threads go in; pictures become [`Maps`].
 
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use edgecap_kernels::{ConvShape, Isa};
 
@@ -8,8 +9,8 @@ use super::arena::Arena;
 use super::build::{self, Source};
 use super::error::EngineError;
 use super::picture;
-use super::step::{Memory, Target, Tensor};
-use super::team::Team;
+use super::step::{Kernel, Memory, Program, Target, Tensor};
+use super::team::{Team, Track};
 use crate::engine::maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 use crate::engine::model::{Model, Observed};
 use crate::engine::network::Graph;
@@ -38,8 +39,6 @@ pub struct EngineOptions {
     pub isa: Option<Isa>,
     /// Arithmetic.
     pub precision: Precision,
-    /// Bind helper threads to cores.
-    pub pin: bool,
 }
 
 impl Default for EngineOptions {
@@ -52,7 +51,6 @@ impl Default for EngineOptions {
             threads: cores.min(4),
             isa: None,
             precision: Precision::Int8,
-            pin: false,
         }
     }
 }
@@ -74,15 +72,29 @@ pub struct LayerProfile {
     pub ns: u64,
 }
 
+/// What all input sizes of a model have in common: nothing of it depends on the size.
+struct Packed {
+    /// As the network file says.
+    graph: Graph,
+    /// With the channels that values have in memory.
+    stored: Graph,
+    kernels: Arc<[Kernel]>,
+    /// Stored number of real 0 of every value.
+    padding: Vec<u8>,
+    /// What input sides are multiples of.
+    multiple: usize,
+    isa: Isa,
+}
+
 /// A network ready to run: everything is placed, packed and allocated.
 pub struct Engine {
-    team: Team,
+    packed: Arc<Packed>,
+    team: Arc<Mutex<Team>>,
+    track: Arc<Track<Program>>,
     maps: Maps,
     /// Which of (head2d, head3d) each of the network's outputs is.
     order: [usize; 2],
     input: Tensor,
-    graph: Graph,
-    isa: Isa,
     options: EngineOptions,
 }
 
@@ -94,15 +106,10 @@ impl Engine {
     pub fn new(model: &Model, options: EngineOptions) -> Result<Self, EngineError> {
         let network = model.network();
         let graph = network.graph().clone();
-        let EngineOptions { width, height, .. } = options;
         let multiple = network.input().multiple.max(1);
-        let fits = |n: usize| n > 0 && n <= 8192 && n.is_multiple_of(multiple);
-        if !fits(width) || !fits(height) || network.input().channels != 3 {
-            return Err(EngineError::Size {
-                multiple,
-                width,
-                height,
-            });
+        check_size(multiple, &options)?;
+        if network.input().channels != 3 {
+            return Err(EngineError::Channels(network.input().channels));
         }
         let isa = match options.isa {
             Some(isa) => isa,
@@ -113,13 +120,49 @@ impl Engine {
             Precision::F32 => Source::float(&graph, model.weights()),
         };
         let stored = build::stored(&graph, &source);
-        let plan = Plan::new(&stored, height, width, |v| source.padding(v))?;
+        let kernels = build::kernels(&stored, &source, isa)?;
+        let scratch = kernels.iter().map(Kernel::scratch_bytes).max();
+        let packed = Packed {
+            padding: (0..graph.values.len()).map(|v| source.padding(v)).collect(),
+            graph,
+            stored,
+            kernels,
+            multiple,
+            isa,
+        };
+        let team = Team::new(scratch.unwrap_or(0), options.threads.max(1))
+            .map_err(|e| EngineError::Threads(options.threads, e))?;
+        Self::build(Arc::new(packed), Arc::new(Mutex::new(team)), options)
+    }
+
+    /// An engine for another input size that shares this one's packed weights and threads: it costs a plan and its buffers.
+    /// Engines that share threads run one frame at a time.
+    ///
+    /// # Errors
+    /// When the size does not fit the network.
+    pub fn resized(&self, width: usize, height: usize) -> Result<Self, EngineError> {
+        let options = EngineOptions {
+            width,
+            height,
+            ..self.options
+        };
+        check_size(self.packed.multiple, &options)?;
+        Self::build(self.packed.clone(), self.team.clone(), options)
+    }
+
+    fn build(
+        packed: Arc<Packed>,
+        team: Arc<Mutex<Team>>,
+        options: EngineOptions,
+    ) -> Result<Self, EngineError> {
+        let EngineOptions { width, height, .. } = options;
+        let plan = Plan::new(&packed.stored, height, width, |v| packed.padding[v])?;
         let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
-        let order = outputs(&graph, &plan, &maps)?;
+        let order = outputs(&packed.graph, &plan, &maps)?;
         // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a busy one
         // they gained nothing.
         let shares = options.threads.max(1);
-        let steps = build::steps(&stored, &plan, &source, isa, shares)?;
+        let steps = build::steps(&packed.stored, &plan, &packed.kernels, shares)?;
         let Place::Slot { slot, layout } = plan.values[Graph::INPUT] else {
             return Err(EngineError::Outputs("the input itself".into()));
         };
@@ -130,23 +173,32 @@ impl Engine {
         let memory = match options.precision {
             Precision::Int8 => {
                 let mut arena = Arena::new(plan.len);
-                fill_halos(&stored, &plan, &source, arena.as_mut_slice());
+                fill_halos(&packed, &plan, arena.as_mut_slice());
                 Memory::Int8(arena)
             }
             // Zeroed memory is the halo of real 0.
             Precision::F32 => Memory::Float(Arena::new(plan.len)),
         };
-        let team = Team::new(steps, memory, options.threads.max(1), options.pin)
-            .map_err(|e| EngineError::Threads(options.threads, e))?;
+        let program = Program {
+            kernels: packed.kernels.clone(),
+            steps,
+            memory,
+            maps: Default::default(),
+        };
         Ok(Self {
+            packed,
             team,
+            track: Arc::new(Track::new(program)),
             maps,
             order,
             input,
-            graph,
-            isa,
             options,
         })
+    }
+
+    fn team(&self) -> MutexGuard<'_, Team> {
+        // A team that was left in a frame says so itself.
+        self.team.lock().unwrap_or_else(|e| e.into_inner())
     }
 
     /// Runs the network over one picture: `rgb` is row-major `[height, width, 3]`. Allocates nothing.
@@ -155,7 +207,8 @@ impl Engine {
     /// When `rgb` is not of the engine's size.
     pub fn run(&mut self, rgb: &[u8]) -> &Maps {
         self.begin(rgb);
-        self.team.run();
+        // SAFETY: arena and maps are this engine's own, which `&mut self` keeps from everybody else.
+        unsafe { self.team().run(&self.track) };
         &self.maps
     }
 
@@ -165,37 +218,45 @@ impl Engine {
     /// # Panics
     /// When `rgb` is not of the engine's size, or `observed` not of the graph's.
     pub fn observe(&mut self, rgb: &[u8], observed: &mut [Observed]) -> &Maps {
-        assert_eq!(observed.len(), self.graph.values.len(), "one per value");
+        let graph = &self.packed.graph;
+        assert_eq!(observed.len(), graph.values.len(), "one per value");
         self.begin(rgb);
-        if let Memory::Float(arena) = &self.team.shared.memory {
+        let program = &self.track.work;
+        if let Memory::Float(arena) = &program.memory {
             // SAFETY: no frame is running, and the input was placed within the arena by the plan.
             unsafe { add(&self.input, arena.as_ptr(), &mut observed[Graph::INPUT]) };
         }
-        self.team.run_alone(|step, memory| {
-            if let (Memory::Float(arena), Target::Arena(tensor)) = (memory, &step.target) {
+        let seen = |step: usize| {
+            if let (Memory::Float(arena), Target::Arena(tensor)) =
+                (&program.memory, &program.steps[step].target)
+            {
+                let value = self.packed.graph.nodes[step].output;
                 // SAFETY: `run_alone` has no other thread at work, and the kernel's check put the tensor within the arena.
-                unsafe { add(tensor, arena.as_ptr(), &mut observed[step.output]) };
+                unsafe { add(tensor, arena.as_ptr(), &mut observed[value]) };
             }
-        });
+        };
+        // SAFETY: arena and maps are this engine's own, which `&mut self` keeps from everybody else; `seen` is called between steps.
+        unsafe { self.team().run_alone(&self.track, seen) };
         &self.maps
     }
 
     /// Times of the last run's layers, in order.
     pub fn profile(&self) -> Vec<LayerProfile> {
-        let nodes = self.graph.nodes.iter().zip(&self.team.shared.steps);
-        let layer =
-            |(i, (node, step)): (usize, (&crate::engine::network::Node, &super::step::Step))| {
+        let nodes = self.packed.graph.nodes.iter();
+        let steps = nodes.zip(&self.track.work.steps).enumerate();
+        steps
+            .map(|(i, (node, step))| {
                 let out = step.output_layout();
                 LayerProfile {
-                    name: step.name.clone(),
-                    kernel: step.kernel_name(),
+                    name: node.name.clone(),
+                    kernel: self.packed.kernels[i].name(),
                     shape: node.conv().copied(),
-                    output: (out.height, out.width),
+                    output: (out.height(), out.width()),
                     macs: step.macs,
-                    ns: self.team.nanoseconds(i),
+                    ns: self.track.nanoseconds(i),
                 }
-            };
-        nodes.enumerate().map(layer).collect()
+            })
+            .collect()
     }
 
     /// The result of the last run.
@@ -205,12 +266,12 @@ impl Engine {
 
     /// The instruction set in use.
     pub fn isa(&self) -> Isa {
-        self.isa
+        self.packed.isa
     }
 
     /// Threads in use, the caller's included.
     pub fn threads(&self) -> usize {
-        self.team.threads()
+        self.team().threads()
     }
 
     /// What it was built with.
@@ -220,12 +281,12 @@ impl Engine {
 
     /// Multiply-accumulates of one run.
     pub fn macs(&self) -> u64 {
-        self.team.shared.steps.iter().map(|s| s.macs).sum()
+        self.track.work.steps.iter().map(|s| s.macs).sum()
     }
 
     /// Bytes of activations, all buffers together.
     pub fn activation_bytes(&self) -> usize {
-        match &self.team.shared.memory {
+        match &self.track.work.memory {
             Memory::Int8(a) => a.len(),
             Memory::Float(a) => 4 * a.len(),
         }
@@ -240,15 +301,29 @@ impl Engine {
             "expected an RGB picture of {width}x{height}, found {} bytes; letterbox it to the engine's input",
             rgb.len()
         );
-        // SAFETY: no frame is running (`&mut self`, and `run` returns when all parts are done), so nobody else touches the
-        // arena; the first step's check put the input's layout within it.
-        unsafe { picture::store(rgb, &self.input, &self.team.shared.memory) };
+        // SAFETY: no frame of this engine is running (`&mut self`, and however `Team::run` is left, no thread is at work on the
+        // frame any more), so nobody else touches the arena; the first step's check put the input's layout within it.
+        unsafe { picture::store(rgb, &self.input, &self.track.work.memory) };
         let pointers = [self.maps.head2d.as_mut_ptr(), self.maps.head3d.as_mut_ptr()];
-        for (slot, head) in self.team.shared.maps.iter().zip(self.order) {
+        for (slot, head) in self.track.work.maps.iter().zip(self.order) {
             // Helpers see it through the lock that begins a frame.
             slot.store(pointers[head], Ordering::Relaxed);
         }
     }
+}
+
+/// Refuses an input size that the network does not take.
+fn check_size(multiple: usize, options: &EngineOptions) -> Result<(), EngineError> {
+    let EngineOptions { width, height, .. } = *options;
+    let fits = |n: usize| n > 0 && n <= 8192 && n.is_multiple_of(multiple);
+    if fits(width) && fits(height) {
+        return Ok(());
+    }
+    Err(EngineError::Size {
+        multiple,
+        width,
+        height,
+    })
 }
 
 /// Adds every pixel of a tensor of the arena that begins at `arena`.
@@ -257,11 +332,11 @@ impl Engine {
 /// The tensor lies within the arena, and nobody writes it meanwhile.
 unsafe fn add(tensor: &Tensor, arena: *const f32, observed: &mut Observed) {
     let l = &tensor.layout;
-    for y in 0..l.height {
-        for x in 0..l.width {
-            let at = tensor.base + l.origin + y * l.row_stride + x * l.pixel_stride;
+    for y in 0..l.height() {
+        for x in 0..l.width() {
+            let at = tensor.base + l.origin() + y * l.row_stride() + x * l.pixel_stride();
             // SAFETY: (y, x) and `channels` elements from it lie within the layout, hence within the arena (caller).
-            observed.add(unsafe { std::slice::from_raw_parts(arena.add(at), l.channels) });
+            observed.add(unsafe { std::slice::from_raw_parts(arena.add(at), l.channels()) });
         }
     }
 }
@@ -295,19 +370,19 @@ fn outputs(graph: &Graph, plan: &Plan, maps: &Maps) -> Result<[usize; 2], Engine
 }
 
 /// Writes what padding reads, once: nobody writes halos later.
-fn fill_halos(graph: &Graph, plan: &Plan, source: &Source<'_>, arena: &mut [u8]) {
+fn fill_halos(packed: &Packed, plan: &Plan, arena: &mut [u8]) {
     for slot in &plan.slots {
-        let l = slot.layout();
-        let halo = l.halo as isize;
+        let l = slot.layout;
+        let halo = l.halo() as isize;
         for &(v, first) in &slot.tenants {
-            let padding = source.padding(v);
+            let padding = packed.padding[v];
             if padding == 0 {
                 continue;
             }
-            for y in -halo..l.height as isize + halo {
-                for x in -halo..l.width as isize + halo {
+            for y in -halo..l.height() as isize + halo {
+                for x in -halo..l.width() as isize + halo {
                     let at = slot.base + l.index(y, x) + first;
-                    arena[at..at + graph.values[v].channels].fill(padding);
+                    arena[at..at + packed.stored.values[v].channels].fill(padding);
                 }
             }
         }

@@ -21,6 +21,9 @@ pub enum EngineError {
         /// Asked for.
         height: usize,
     },
+    /// The network does not read RGB pictures.
+    #[error("expected a network whose input has 3 channels, found {0}; choose another network")]
+    Channels(usize),
     /// int8 was asked of float weights.
     #[error(
         "int8 was asked for, but the weights are floats: quantise them with `edgecap model import`, or ask for f32"

@@ -22,19 +22,19 @@ fn store_fours(row: &[u8], to: &mut [u8]) {
 /// meanwhile.
 pub(super) unsafe fn store(rgb: &[u8], to: &Tensor, memory: &Memory) {
     let l = &to.layout;
-    for (y, row) in rgb.chunks_exact(3 * l.width).take(l.height).enumerate() {
-        let first = to.base + l.origin + y * l.row_stride;
-        let len = (l.width - 1) * l.pixel_stride + l.channels;
+    for (y, row) in rgb.chunks_exact(3 * l.width()).take(l.height()).enumerate() {
+        let first = to.base + l.origin() + y * l.row_stride();
+        let len = (l.width() - 1) * l.pixel_stride() + l.channels();
         match memory {
             Memory::Int8(arena) => {
                 // SAFETY: row y < height of the tensor: its pixels' elements lie within the arena (caller).
                 let to = unsafe { std::slice::from_raw_parts_mut(arena.as_ptr().add(first), len) };
-                if l.pixel_stride == 3 {
+                if l.pixel_stride() == 3 {
                     to.copy_from_slice(row);
-                } else if l.pixel_stride == 4 {
+                } else if l.pixel_stride() == 4 {
                     store_fours(row, to);
                 } else {
-                    for (to, from) in to.chunks_mut(l.pixel_stride).zip(row.as_chunks::<3>().0) {
+                    for (to, from) in to.chunks_mut(l.pixel_stride()).zip(row.as_chunks::<3>().0) {
                         to[..3].copy_from_slice(from);
                     }
                 }
@@ -42,7 +42,7 @@ pub(super) unsafe fn store(rgb: &[u8], to: &Tensor, memory: &Memory) {
             Memory::Float(arena) => {
                 // SAFETY: as above.
                 let to = unsafe { std::slice::from_raw_parts_mut(arena.as_ptr().add(first), len) };
-                for (to, from) in to.chunks_mut(l.pixel_stride).zip(row.as_chunks::<3>().0) {
+                for (to, from) in to.chunks_mut(l.pixel_stride()).zip(row.as_chunks::<3>().0) {
                     for (to, &x) in to.iter_mut().zip(from) {
                         *to = f32::from(x) / 255.0 - 0.5;
                     }

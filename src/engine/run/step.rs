@@ -1,11 +1,12 @@
 //! One operation of a planned network, bound to its buffers.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use edgecap_kernels::{FConv, Layout, MaxPool, Part, QConv, Scratch};
 
 use super::arena::Arena;
-use crate::engine::network::ValueId;
+use super::team::Work;
 
 /// A packed kernel.
 pub(super) enum Kernel {
@@ -17,6 +18,26 @@ pub(super) enum Kernel {
     Float(FConv),
     /// Max pooling of either type.
     Pool(MaxPool),
+}
+
+impl Kernel {
+    /// Bytes of scratch that a share needs.
+    pub fn scratch_bytes(&self) -> usize {
+        match self {
+            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.scratch_bytes(),
+            Kernel::Float(c) => c.scratch_bytes(),
+            Kernel::Pool(_) => 0,
+        }
+    }
+
+    /// The kernel's name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.name(),
+            Kernel::Float(c) => c.name(),
+            Kernel::Pool(p) => p.name(),
+        }
+    }
 }
 
 /// A tensor of the arena: its buffer's first element, and its layout from there.
@@ -46,46 +67,58 @@ pub(super) enum Memory {
 /// The output maps' first elements: set before every frame by the engine that owns them.
 pub(super) type MapPointers = [AtomicPtr<f32>; 2];
 
-/// One operation.
+/// One operation, bound to its buffers.
 pub(super) struct Step {
-    pub name: String,
-    pub kernel: Kernel,
     pub input: Tensor,
     pub residual: Option<Tensor>,
     pub target: Target,
-    /// The value it writes.
-    pub output: ValueId,
     /// Shares of the work that may run at the same time.
     pub parts: Vec<Part>,
     pub macs: u64,
+}
+
+/// A frame of one input size: every step with its kernel, and their memory.
+pub(super) struct Program {
+    pub kernels: Arc<[Kernel]>,
+    /// As many as kernels.
+    pub steps: Vec<Step>,
+    pub memory: Memory,
+    pub maps: MapPointers,
+}
+
+impl Work for Program {
+    fn steps(&self) -> usize {
+        self.steps.len()
+    }
+
+    fn parts(&self, step: usize) -> usize {
+        self.steps[step].parts.len()
+    }
+
+    unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch) {
+        let (kernel, step) = (&self.kernels[step], &self.steps[step]);
+        let part = &step.parts[part];
+        // SAFETY: the steps were planned for this memory (`Engine::build`), and the engine points `maps` at its own maps, which
+        // have the outputs' sizes, before every frame; the rest are the caller's promises.
+        unsafe {
+            match &self.memory {
+                Memory::Int8(arena) => step.run_int8(kernel, part, arena, &self.maps, scratch),
+                Memory::Float(arena) => step.run_float(kernel, part, arena, &self.maps, scratch),
+            }
+        }
+    }
 }
 
 impl Step {
     /// Runs one share.
     ///
     /// # Safety
-    /// - `memory` is the arena the step was planned for, and `maps` point at maps of its outputs' sizes.
+    /// - `arena` is the one that the step was planned for, and `maps` point at maps of its outputs' sizes.
     /// - All shares of earlier steps are done and seen by this thread; nobody runs this share, or a share of another step,
     ///   or touches the maps, at the same time.
-    pub unsafe fn run(
-        &self,
-        part: &Part,
-        memory: &Memory,
-        maps: &MapPointers,
-        scratch: &mut Scratch,
-    ) {
-        match memory {
-            // SAFETY: the caller's promises.
-            Memory::Int8(arena) => unsafe { self.run_int8(part, arena, maps, scratch) },
-            // SAFETY: the caller's promises.
-            Memory::Float(arena) => unsafe { self.run_float(part, arena, maps, scratch) },
-        }
-    }
-
-    /// # Safety
-    /// As [`run`](Self::run).
     unsafe fn run_int8(
         &self,
+        kernel: &Kernel,
         part: &Part,
         arena: &Arena<u8>,
         maps: &MapPointers,
@@ -99,7 +132,7 @@ impl Step {
             let input = at(&self.input).cast_const();
             let residual = self.residual.as_ref();
             let residual = residual.map(|r| (at(r).cast_const(), &r.layout));
-            match (&self.kernel, &self.target) {
+            match (kernel, &self.target) {
                 (Kernel::Int8(conv), Target::Arena(to)) => conv.run_part(
                     input,
                     &self.input.layout,
@@ -121,15 +154,18 @@ impl Step {
                 (Kernel::Pool(pool), Target::Arena(to)) => {
                     pool.run_part(input, &self.input.layout, at(to), &to.layout, part);
                 }
-                _ => unreachable!("step `{}` is not an int8 one", self.name),
+                _ => unreachable!("an f32 kernel in an int8 network"),
             }
         }
     }
 
+    /// Runs one share.
+    ///
     /// # Safety
-    /// As [`run`](Self::run).
+    /// As [`run_int8`](Self::run_int8).
     unsafe fn run_float(
         &self,
+        kernel: &Kernel,
         part: &Part,
         arena: &Arena<f32>,
         maps: &MapPointers,
@@ -146,31 +182,13 @@ impl Step {
                 Target::Map { index, layout } => (maps[*index].load(Ordering::Relaxed), layout),
             };
             let from = &self.input.layout;
-            match &self.kernel {
+            match kernel {
                 Kernel::Float(conv) => {
                     conv.run_part(input, from, residual, output, layout, part, scratch);
                 }
                 Kernel::Pool(pool) => pool.run_part(input, from, output, layout, part),
-                _ => unreachable!("step `{}` is not an f32 one", self.name),
+                _ => unreachable!("an int8 kernel in an f32 network"),
             }
-        }
-    }
-
-    /// Bytes of scratch that a share needs.
-    pub fn scratch_bytes(&self) -> usize {
-        match &self.kernel {
-            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.scratch_bytes(&self.input.layout),
-            Kernel::Float(c) => c.scratch_bytes(&self.input.layout),
-            Kernel::Pool(_) => 0,
-        }
-    }
-
-    /// The kernel's name.
-    pub fn kernel_name(&self) -> &'static str {
-        match &self.kernel {
-            Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.name(),
-            Kernel::Float(c) => c.name(),
-            Kernel::Pool(_) => "maxpool",
         }
     }
 

@@ -2,19 +2,33 @@
 //!
 //! Every step is cut into parts; threads take the next part not taken, and start the next step when all parts are done. A
 //! thread that the system suspends holds up only its own part. Between frames everyone sleeps; within a frame waiting is
-//! a short spin, then yielding.
+//! a short spin, then yielding. One team serves any number of tracks, one frame at a time.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
 use edgecap_kernels::Scratch;
 
-use super::step::{MapPointers, Memory, Step};
-
 /// Spins before a waiting thread yields: some microseconds, longer than the usual difference between two parts' ends.
 const SPINS: u32 = 2000;
+
+/// What a frame is made of: steps in order, each of parts that may run at the same time.
+pub(super) trait Work: Send + Sync {
+    /// Steps of a frame.
+    fn steps(&self) -> usize;
+
+    /// Parts of a step.
+    fn parts(&self, step: usize) -> usize;
+
+    /// Runs one part.
+    ///
+    /// # Safety
+    /// All parts of earlier steps are done and seen by this thread; nobody runs this part, or a part of another step, or uses
+    /// what the work reads and writes, at the same time.
+    unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch);
+}
 
 /// Counters of one step, alone in their cache lines. They count over all frames, so nothing needs resetting and a thread
 /// that wakes late finds that its frame is over.
@@ -23,125 +37,171 @@ const SPINS: u32 = 2000;
 struct Progress {
     taken: AtomicUsize,
     done: AtomicUsize,
-    /// When the last part was done in the last frame, nanoseconds since the engine began.
+    /// When the last part was done in the last frame, nanoseconds since the track was made.
     ended: AtomicU64,
+}
+
+/// Work that comes again with every frame, and how far it is.
+pub(super) struct Track<W: ?Sized> {
+    progress: Box<[Progress]>,
+    frames: AtomicUsize,
+    epoch: Instant,
+    /// When the last frame began, nanoseconds since `epoch`.
+    begun: AtomicU64,
+    pub work: W,
+}
+
+impl<W: Work> Track<W> {
+    /// Nothing of `work` is done yet.
+    pub fn new(work: W) -> Self {
+        Self {
+            progress: (0..work.steps()).map(|_| Progress::default()).collect(),
+            frames: AtomicUsize::new(0),
+            epoch: Instant::now(),
+            begun: AtomicU64::new(0),
+            work,
+        }
+    }
+}
+
+impl<W: Work + ?Sized> Track<W> {
+    fn now(&self) -> u64 {
+        self.epoch.elapsed().as_nanos() as u64
+    }
+
+    /// Begins a frame: its number.
+    fn begin(&self) -> usize {
+        self.begun.store(self.now(), Ordering::Relaxed);
+        self.frames.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Nanoseconds of a step in the last frame: from the end of the step before it to its own.
+    pub fn nanoseconds(&self, step: usize) -> u64 {
+        let ended = |i: usize| self.progress[i].ended.load(Ordering::Relaxed);
+        let begun = match step {
+            0 => self.begun.load(Ordering::Relaxed),
+            _ => ended(step - 1),
+        };
+        ended(step).saturating_sub(begun)
+    }
+}
+
+/// A frame of a track.
+#[derive(Clone)]
+struct Frame {
+    track: Arc<Track<dyn Work>>,
+    number: usize,
 }
 
 #[derive(Default)]
 struct Call {
     /// Helpers that have started.
     ready: usize,
-    /// Frames begun.
-    frame: usize,
+    /// Frames begun by this team.
+    begun: usize,
+    /// The frame that is being worked on.
+    frame: Option<Frame>,
+    /// Helpers that are at work on a frame, this one or one before.
+    working: usize,
     stop: bool,
 }
 
-/// What all threads of an engine see.
-pub(super) struct Shared {
-    pub steps: Vec<Step>,
-    pub memory: Memory,
-    pub maps: MapPointers,
-    progress: Vec<Progress>,
+/// What all threads of a team see.
+#[derive(Default)]
+struct Shared {
     call: Mutex<Call>,
+    /// A frame begins, or the end of all.
     called: Condvar,
-    readied: Condvar,
+    /// A helper is ready, or has left a frame.
+    settled: Condvar,
+    /// A frame was left unfinished; none begins any more.
     failed: AtomicBool,
-    epoch: Instant,
-    /// When the last frame began, nanoseconds since `epoch`.
-    begun: AtomicU64,
 }
 
 /// The calling thread and its helpers.
 pub(super) struct Team {
-    pub shared: Arc<Shared>,
+    shared: Arc<Shared>,
     helpers: Vec<JoinHandle<()>>,
     scratch: Scratch,
-    frame: usize,
 }
 
 impl Team {
-    /// Starts `threads - 1` helpers and waits until each runs, since a thread allocates when it starts; with `pin`, each on its own core of those the process may use.
-    pub fn new(
-        steps: Vec<Step>,
-        memory: Memory,
-        threads: usize,
-        pin: bool,
-    ) -> std::io::Result<Self> {
-        let bytes = steps.iter().map(Step::scratch_bytes).max().unwrap_or(0);
-        let shared = Arc::new(Shared {
-            progress: steps.iter().map(|_| Progress::default()).collect(),
-            steps,
-            memory,
-            maps: Default::default(),
-            call: Mutex::default(),
-            called: Condvar::new(),
-            readied: Condvar::new(),
-            failed: AtomicBool::new(false),
-            epoch: Instant::now(),
-            begun: AtomicU64::new(0),
-        });
+    /// Starts `threads - 1` helpers and waits until each runs, since a thread allocates when it starts. Every thread
+    /// has `scratch` bytes for the work's parts.
+    pub fn new(scratch: usize, threads: usize) -> std::io::Result<Self> {
         let mut team = Self {
-            shared: shared.clone(),
+            shared: Arc::default(),
             helpers: Vec::new(),
-            scratch: Scratch::new(bytes),
-            frame: 0,
+            scratch: Scratch::new(scratch),
         };
         for i in 1..threads {
-            let shared = shared.clone();
-            let mut scratch = Scratch::new(bytes);
+            let shared = team.shared.clone();
+            let mut scratch = Scratch::new(scratch);
             let helper = std::thread::Builder::new()
                 .name(format!("engine-{i}"))
-                .spawn(move || {
-                    if pin {
-                        super::pin::to_core(i);
-                    }
-                    shared.help(&mut scratch);
-                })?;
+                .spawn(move || shared.help(&mut scratch))?;
             team.helpers.push(helper);
         }
-        team.shared.wait_for(team.helpers.len());
+        let mut call = team.shared.lock();
+        while call.ready < team.helpers.len() {
+            call = team.shared.wait(&team.shared.settled, call);
+        }
+        drop(call);
         Ok(team)
     }
 
-    /// Runs all steps once, with everybody.
+    /// Runs all steps of `track` once, with everybody. Whichever way it ends, no thread is at work on the frame any more.
     ///
     /// # Panics
-    /// When a kernel panicked, on whichever thread.
-    pub fn run(&mut self) {
-        let frame = self.frame;
-        self.frame += 1;
+    /// When a part panicked, on whichever thread, in this frame or in one before.
+    ///
+    /// # Safety
+    /// Until this returns or unwinds nobody else uses what the work reads and writes.
+    pub unsafe fn run(&mut self, track: &Arc<Track<impl Work + 'static>>) {
+        self.check();
+        let track: Arc<Track<dyn Work>> = track.clone();
+        let number = track.begin();
         let shared = &self.shared;
-        shared.begun.store(shared.now(), Ordering::Relaxed);
+        let mut end = FrameEnd {
+            shared,
+            finished: false,
+        };
         if !self.helpers.is_empty() {
-            self.shared.lock().frame = self.frame;
-            self.shared.called.notify_all();
+            let mut call = shared.lock();
+            call.begun += 1;
+            call.frame = Some(Frame {
+                track: track.clone(),
+                number,
+            });
+            drop(call);
+            shared.called.notify_all();
         }
-        self.shared.work(frame, &mut self.scratch);
-        let failed = self.shared.failed.load(Ordering::Relaxed);
-        assert!(!failed, "a kernel failed; its own message is above");
+        shared.work(&track, number, &mut self.scratch);
+        end.finished = true;
+        drop(end);
+        self.check();
     }
 
-    /// Runs all steps once on this thread alone and calls `seen` after each.
-    pub fn run_alone(&mut self, mut seen: impl FnMut(&Step, &Memory)) {
-        for (step, progress) in self.shared.steps.iter().zip(&self.shared.progress) {
-            for part in &step.parts {
-                // SAFETY: helpers sleep, since no frame is begun for them, and `&mut self` keeps other callers out.
-                unsafe {
-                    step.run(
-                        part,
-                        &self.shared.memory,
-                        &self.shared.maps,
-                        &mut self.scratch,
-                    );
-                }
+    /// Runs all steps of `track` once on this thread alone and calls `seen` after each.
+    ///
+    /// # Safety
+    /// As [`run`](Self::run).
+    pub unsafe fn run_alone<W: Work>(&mut self, track: &Track<W>, mut seen: impl FnMut(usize)) {
+        self.check();
+        track.begin();
+        for (step, progress) in track.progress.iter().enumerate() {
+            let parts = track.work.parts(step);
+            for part in 0..parts {
+                // SAFETY: no helper is called, so that this thread runs every part, in order; nobody else uses the work's memory
+                // (caller).
+                unsafe { track.work.run(step, part, &mut self.scratch) };
             }
             // Keep the counters in step with the frames.
             for counter in [&progress.taken, &progress.done] {
-                counter.fetch_add(step.parts.len(), Ordering::Relaxed);
+                counter.fetch_add(parts, Ordering::Relaxed);
             }
-            seen(step, &self.shared.memory);
+            seen(step);
         }
-        self.frame += 1;
     }
 
     /// Threads, the caller's included.
@@ -149,14 +209,12 @@ impl Team {
         self.helpers.len() + 1
     }
 
-    /// Nanoseconds of a step in the last frame: from the end of the step before it to its own.
-    pub fn nanoseconds(&self, step: usize) -> u64 {
-        let ended = |i: usize| self.shared.progress[i].ended.load(Ordering::Relaxed);
-        let begun = match step {
-            0 => self.shared.begun.load(Ordering::Relaxed),
-            _ => ended(step - 1),
-        };
-        ended(step).saturating_sub(begun)
+    fn check(&self) {
+        let failed = self.shared.failed.load(Ordering::Relaxed);
+        assert!(
+            !failed,
+            "a frame was left unfinished because a kernel failed, whose own message is above; build the engine again"
+        );
     }
 }
 
@@ -171,88 +229,131 @@ impl Drop for Team {
     }
 }
 
-/// Counts a part as done even when its kernel panics, so that nobody waits for ever.
+/// The end of a frame, however the caller leaves it: when it unwinds, helpers stop at their next part and are waited for.
+struct FrameEnd<'a> {
+    shared: &'a Shared,
+    finished: bool,
+}
+
+impl Drop for FrameEnd<'_> {
+    fn drop(&mut self) {
+        if !self.finished {
+            self.shared.failed.store(true, Ordering::Relaxed);
+        }
+        let mut call = self.shared.lock();
+        // Who has not come yet need not.
+        call.frame = None;
+        // Without a failure all parts are done, and helpers touch nothing but counters.
+        while self.shared.failed.load(Ordering::Relaxed) && call.working > 0 {
+            call = self.shared.wait(&self.shared.settled, call);
+        }
+    }
+}
+
+/// Counts a part as done even when its kernel panics, and says so.
 struct Done<'a> {
     shared: &'a Shared,
-    progress: &'a Progress,
+    track: &'a Track<dyn Work>,
+    step: usize,
+    finished: bool,
 }
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
-        if std::thread::panicking() {
+        if !self.finished {
             self.shared.failed.store(true, Ordering::Relaxed);
         }
+        let progress = &self.track.progress[self.step];
         // Noted before the count, by everyone: the last to finish has the last word, or a word a few nanoseconds older.
-        let ended = &self.progress.ended;
-        ended.store(self.shared.now(), Ordering::Relaxed);
+        progress.ended.store(self.track.now(), Ordering::Relaxed);
         // SYNC POINT: pairs with the acquire in `work`: what the part wrote is visible to whoever sees the count.
-        self.progress.done.fetch_add(1, Ordering::Release);
+        progress.done.fetch_add(1, Ordering::Release);
+    }
+}
+
+/// A helper at work on a frame.
+struct AtWork<'a>(&'a Shared);
+
+impl Drop for AtWork<'_> {
+    fn drop(&mut self) {
+        self.0.lock().working -= 1;
+        self.0.settled.notify_all();
     }
 }
 
 impl Shared {
-    fn lock(&self) -> std::sync::MutexGuard<'_, Call> {
+    fn lock(&self) -> MutexGuard<'_, Call> {
         // Nobody panics while holding it; a poisoned lock still holds a valid call.
         self.call.lock().unwrap_or_else(|e| e.into_inner())
     }
 
-    /// Returns when this many helpers have started.
-    fn wait_for(&self, helpers: usize) {
-        let mut call = self.lock();
-        while call.ready < helpers {
-            call = self.readied.wait(call).unwrap_or_else(|e| e.into_inner());
-        }
+    fn wait<'a>(&self, until: &Condvar, call: MutexGuard<'a, Call>) -> MutexGuard<'a, Call> {
+        until.wait(call).unwrap_or_else(|e| e.into_inner())
     }
 
     /// A helper's life.
     fn help(&self, scratch: &mut Scratch) {
-        self.lock().ready += 1;
-        self.readied.notify_all();
+        let mut call = self.lock();
+        call.ready += 1;
+        self.settled.notify_all();
         let mut seen = 0;
         loop {
-            {
-                let mut call = self.lock();
-                while call.frame == seen && !call.stop {
-                    call = self.called.wait(call).unwrap_or_else(|e| e.into_inner());
-                }
-                if call.stop {
-                    return;
-                }
-                seen = call.frame;
+            while call.begun == seen && !call.stop {
+                call = self.wait(&self.called, call);
             }
-            self.work(seen - 1, scratch);
+            if call.stop {
+                return;
+            }
+            seen = call.begun;
+            let Some(frame) = call.frame.clone() else {
+                continue;
+            };
+            call.working += 1;
+            drop(call);
+            let at_work = AtWork(self);
+            self.work(&frame.track, frame.number, scratch);
+            drop(frame);
+            drop(at_work);
+            call = self.lock();
         }
     }
 
-    fn now(&self) -> u64 {
-        self.epoch.elapsed().as_nanos() as u64
-    }
-
-    /// Takes part in frame number `frame`; returns when all its steps are done.
-    fn work(&self, frame: usize, scratch: &mut Scratch) {
-        for (step, progress) in self.steps.iter().zip(&self.progress) {
-            let (first, end) = (frame * step.parts.len(), (frame + 1) * step.parts.len());
-            while let Some(i) = take(&progress.taken, end) {
-                let done = Done {
+    /// Takes part in a frame; returns when all its steps are done, or when a part failed.
+    fn work(&self, track: &Track<dyn Work>, frame: usize, scratch: &mut Scratch) {
+        let failed = || self.failed.load(Ordering::Relaxed);
+        for (step, progress) in track.progress.iter().enumerate() {
+            let parts = track.work.parts(step);
+            let (first, end) = (frame * parts, (frame + 1) * parts);
+            while !failed()
+                && let Some(i) = take(&progress.taken, end)
+            {
+                let mut done = Done {
                     shared: self,
-                    progress,
+                    track,
+                    step,
+                    finished: false,
                 };
                 // SAFETY: every part is taken once, by one thread; this step's parts are taken only after all earlier steps'
-                // parts were seen to be done (acquire below); the engine touches memory and maps only between frames.
-                unsafe {
-                    step.run(&step.parts[i - first], &self.memory, &self.maps, scratch);
-                }
-                drop(done);
+                // parts were seen to be done (acquire below, without a failure); nobody else uses the work's memory until the
+                // frame has ended (`Team::run`'s contract), and it ends only when no thread runs a part (`FrameEnd`).
+                unsafe { track.work.run(step, i - first, scratch) };
+                done.finished = true;
             }
             // SYNC POINT: pairs with the release in `Done`.
             let mut spins = 0;
             while progress.done.load(Ordering::Acquire) < end {
+                if failed() {
+                    return;
+                }
                 spins += 1;
                 if spins < SPINS {
                     std::hint::spin_loop();
                 } else {
                     std::thread::yield_now();
                 }
+            }
+            if failed() {
+                return;
             }
         }
     }
@@ -265,4 +366,112 @@ fn take(counter: &AtomicUsize, end: usize) -> Option<usize> {
     counter
         .fetch_update(Ordering::Relaxed, Ordering::Relaxed, next)
         .ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::thread::ThreadId;
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Two steps of two parts. In frame 1 the caller's part, or the helper's, panics while the other is at work.
+    struct Failing {
+        caller: ThreadId,
+        caller_fails: bool,
+        /// Threads that have begun a part of the first step.
+        met: AtomicUsize,
+        inside: AtomicUsize,
+        second_step: AtomicUsize,
+    }
+
+    impl Work for Failing {
+        fn steps(&self) -> usize {
+            2
+        }
+
+        fn parts(&self, _step: usize) -> usize {
+            2
+        }
+
+        unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
+            if step == 1 {
+                self.second_step.fetch_add(1, Ordering::SeqCst);
+                return;
+            }
+            self.inside.fetch_add(1, Ordering::SeqCst);
+            // Both threads are within a part from here on.
+            self.met.fetch_add(1, Ordering::SeqCst);
+            while self.met.load(Ordering::SeqCst) < 2 {
+                std::thread::yield_now();
+            }
+            let is_caller = std::thread::current().id() == self.caller;
+            if is_caller == self.caller_fails {
+                self.inside.fetch_sub(1, Ordering::SeqCst);
+                panic!("a kernel's own words");
+            }
+            std::thread::sleep(Duration::from_millis(100));
+            self.inside.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+
+    #[test]
+    fn nobody_is_at_work_when_a_failed_frame_has_been_left() {
+        for caller_fails in [true, false] {
+            let track = Arc::new(Track::new(Failing {
+                caller: std::thread::current().id(),
+                caller_fails,
+                met: AtomicUsize::new(0),
+                inside: AtomicUsize::new(0),
+                second_step: AtomicUsize::new(0),
+            }));
+            let mut team = Team::new(0, 2).unwrap();
+            // SAFETY: this work shares nothing but atomics.
+            let mut run = || catch_unwind(AssertUnwindSafe(|| unsafe { team.run(&track) }));
+            assert!(run().is_err());
+            assert_eq!(track.work.inside.load(Ordering::SeqCst), 0);
+            let again = run().unwrap_err();
+            let text = again.downcast_ref::<&str>().unwrap();
+            assert!(text.contains("build the engine again"), "{text}");
+            assert_eq!(track.work.second_step.load(Ordering::SeqCst), 0);
+            assert_eq!(track.work.met.load(Ordering::SeqCst), 2);
+        }
+    }
+
+    /// Counts every part.
+    struct Counting(Vec<AtomicUsize>);
+
+    impl Work for Counting {
+        fn steps(&self) -> usize {
+            self.0.len()
+        }
+
+        fn parts(&self, step: usize) -> usize {
+            step + 1
+        }
+
+        unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
+            self.0[step].fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn one_team_serves_tracks_in_turn() {
+        let new = |steps| {
+            let counters = (0..steps).map(|_| AtomicUsize::new(0)).collect();
+            Arc::new(Track::new(Counting(counters)))
+        };
+        let tracks = [new(3), new(5)];
+        let mut team = Team::new(0, 3).unwrap();
+        for i in 0..200 {
+            // SAFETY: this work shares nothing but atomics.
+            unsafe { team.run(&tracks[i % 3 % 2]) };
+        }
+        for (track, frames) in tracks.iter().zip([133, 67]) {
+            for (step, counter) in track.work.0.iter().enumerate() {
+                assert_eq!(counter.load(Ordering::Relaxed), frames * (step + 1));
+            }
+        }
+    }
 }

@@ -219,14 +219,19 @@ fn layers(engine: &mut Engine, picture: &[u8]) -> Vec<LayerTime> {
 
 /// A convolution in short.
 fn shape(s: &ConvShape) -> String {
-    let mut text = format!("{}→{} {k}x{k}", s.in_channels, s.out_channels, k = s.kernel);
-    if s.stride != 1 {
-        text += &format!(" s{}", s.stride);
+    let mut text = format!(
+        "{}→{} {k}x{k}",
+        s.in_channels(),
+        s.out_channels(),
+        k = s.kernel()
+    );
+    if s.stride() != 1 {
+        text += &format!(" s{}", s.stride());
     }
-    if s.groups != 1 {
-        text += &format!(" g{}", s.groups);
+    if s.groups() != 1 {
+        text += &format!(" g{}", s.groups());
     }
-    if s.transposed {
+    if s.transposed() {
         text += " transposed";
     }
     text

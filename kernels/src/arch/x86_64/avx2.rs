@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Dot, SegmentedDot, Simd, ops};
+use crate::simd::{Dot, SegmentedDot, Simd, ops};
 
 /// 256-bit vectors; needs AVX2 and FMA.
 #[derive(Clone, Copy)]
@@ -111,7 +111,8 @@ unsafe impl Dot for F32 {
     type S = Avx2;
     type Acc = __m256;
     type V = __m256;
-    const MAX_NV: usize = 3;
+    // With a third vector the compiler keeps an accumulator on the stack.
+    const MAX_NV: usize = 2;
     const MAX_MR: usize = 4;
     const PACK: usize = 1;
 
@@ -132,7 +133,8 @@ unsafe impl Dot for U8Vnni {
     type S = Avx2;
     type Acc = __m256i;
     type V = __m256i;
-    const MAX_NV: usize = 3;
+    // A third vector would need 12 accumulators, 3 weights, an input and its broadcast: one register too many.
+    const MAX_NV: usize = 2;
     const MAX_MR: usize = 4;
     const PACK: usize = 4;
 
@@ -153,7 +155,8 @@ unsafe impl Dot for I16Vnni {
     type S = Avx2;
     type Acc = __m256i;
     type V = __m256i;
-    const MAX_NV: usize = 3;
+    // A third vector would need 12 accumulators, 3 weights, an input and its broadcast: one register too many.
+    const MAX_NV: usize = 2;
     const MAX_MR: usize = 4;
     const PACK: usize = 2;
 

@@ -3,7 +3,7 @@
 use std::arch::asm;
 use std::arch::x86_64::*;
 
-use super::{Dot, SegmentedDot, Simd, ops};
+use crate::simd::{Dot, SegmentedDot, Simd, ops};
 
 /// 512-bit vectors; needs AVX-512 F, BW and VL.
 #[derive(Clone, Copy)]

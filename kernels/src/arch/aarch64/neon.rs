@@ -4,7 +4,7 @@
 use std::arch::aarch64::*;
 use std::arch::asm;
 
-use super::{Dot, Simd, ops};
+use crate::simd::{Dot, Simd, ops};
 
 /// 128-bit vectors.
 #[derive(Clone, Copy)]

@@ -1,0 +1,190 @@
+//! Safe functions given numbers that no honest caller would: refused with an error, in release builds, too.
+//!
+//! `cargo test` computes with overflow checks, under which a wrapped size would panic before it does harm; so these also run
+//! as `cargo test --release -p edgecap-kernels`.
+
+use edgecap_kernels::{
+    Algorithm, ConvDims, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, Linear, MaxPool,
+    PoolShape, QConv, QConvParams, Scratch, Tensor, TensorMut,
+};
+
+/// Numbers whose products and sums wrap.
+const WILD: [usize; 9] = [
+    0,
+    1 << 31,
+    1 << 32,
+    1 << 62,
+    (1 << 62) + 1,
+    1 << 63,
+    (1 << 63) + 1,
+    usize::MAX - 1,
+    usize::MAX,
+];
+
+#[test]
+fn a_batch_that_wraps_is_refused() {
+    // 2⁶³ · 2 is 0 modulo 2⁶⁴: an empty slice would seem to fit.
+    for isa in Isa::available() {
+        for outputs in [1, 2, 4, 8] {
+            let weights = vec![1.0; 2 * outputs];
+            let bias = vec![0.0; outputs];
+            let layer = Linear::new(isa, 2, outputs, &weights, &bias, false).unwrap();
+            assert_eq!(layer.run(0, &[], &mut []), Ok(()));
+            for batch in &WILD[1..] {
+                assert!(layer.run(*batch, &[], &mut []).is_err(), "{isa} {batch}");
+            }
+        }
+        for wild in WILD {
+            assert!(Linear::new(isa, wild, 2, &[], &[0.0; 2], false).is_err());
+            assert!(Linear::new(isa, 2, wild, &[], &[], false).is_err());
+        }
+    }
+}
+
+#[test]
+fn windows_that_wrap_are_refused() {
+    for wild in WILD {
+        assert!(PoolShape::new(wild, 1, 0).is_err());
+        assert!(PoolShape::new(3, wild, 0).is_err());
+        assert!(wild == 0 || PoolShape::new(3, 1, wild).is_err());
+    }
+    assert!(PoolShape::new(4611686018427387905, 2, 2305843009213693952).is_err());
+}
+
+#[test]
+fn shapes_that_wrap_are_refused() {
+    let good = ConvDims {
+        in_channels: 8,
+        out_channels: 8,
+        kernel: 3,
+        padding: 1,
+        ..ConvDims::default()
+    };
+    let mut refused = 0;
+    for transposed in [false, true] {
+        for wild in WILD {
+            for bad in [
+                ConvDims {
+                    in_channels: wild,
+                    ..good
+                },
+                ConvDims {
+                    out_channels: wild,
+                    ..good
+                },
+                ConvDims {
+                    groups: wild,
+                    ..good
+                },
+                ConvDims {
+                    kernel: wild,
+                    ..good
+                },
+                ConvDims {
+                    stride: wild,
+                    ..good
+                },
+                ConvDims {
+                    padding: wild.max(3),
+                    ..good
+                },
+                ConvDims {
+                    kernel: wild,
+                    stride: wild,
+                    padding: wild,
+                    ..good
+                },
+            ] {
+                let dims = ConvDims { transposed, ..bad };
+                refused += u32::from(ConvShape::new(dims).is_err());
+            }
+        }
+    }
+    assert_eq!(refused, 2 * 9 * 7);
+}
+
+#[test]
+fn layouts_that_wrap_are_refused() {
+    for wild in WILD {
+        assert!(Layout::dense(wild, 1 << 32, 1 << 31, 0).is_err());
+        assert!(Layout::dense(1 << 32, wild, 1 << 31, 0).is_err());
+        assert!(Layout::dense(1 << 32, 1 << 31, wild, 0).is_err());
+        assert!(wild == 0 || Layout::dense(1 << 31, 1, 1, wild).is_err());
+    }
+}
+
+/// Every combination of buffers one element too short, and layouts of another size: no kernel may touch anything.
+#[test]
+fn buffers_that_do_not_hold_their_tensor_are_refused() {
+    let shape = ConvShape::new(ConvDims {
+        in_channels: 8,
+        out_channels: 8,
+        kernel: 3,
+        padding: 1,
+        ..ConvDims::default()
+    })
+    .unwrap();
+    let input = Layout::dense(4, 5, 8, 1).unwrap();
+    let output = Layout::dense(4, 5, 8, 0).unwrap();
+    let taller = Layout::dense(1 << 30, 5, 8, 1).unwrap();
+    let huge = Layout::dense(1 << 30, 1 << 20, 8, 0).unwrap();
+    let bytes = vec![1u8; input.buffer_len()];
+    let floats = vec![1.0f32; input.buffer_len()];
+    for isa in Isa::available() {
+        let int8 = QConv::new(
+            isa,
+            &QConvParams {
+                shape,
+                weights: &vec![1; shape.weight_len()],
+                bias: &[0; 8],
+                input_max: 127,
+                epilogue: Epilogue::U8 {
+                    scale: vec![0.01; 8],
+                    max: 127,
+                    residual_scale: None,
+                },
+                algorithm: Algorithm::Direct,
+            },
+        )
+        .unwrap();
+        let float = FConv::new(
+            isa,
+            &FConvParams {
+                shape,
+                weights: &vec![1.0; shape.weight_len()],
+                bias: &[0.0; 8],
+                relu: false,
+                residual: false,
+            },
+        )
+        .unwrap();
+        let pool = MaxPool::new(isa, PoolShape::new(3, 1, 1).unwrap()).unwrap();
+        let (mut q, mut f) = ([0u8; 160], [0.0f32; 160]);
+        let mut scratch = Scratch::new(int8.scratch_bytes());
+        for (from, to, short) in [
+            (input, output, 1),
+            (taller, output, 0),
+            (input, huge, 0),
+            (taller, taller, 0),
+        ] {
+            let len = bytes.len() - short;
+            let (x, y) = (
+                Tensor::new(&bytes[..len], from),
+                Tensor::new(&floats[..len], from),
+            );
+            let result = int8.run(x, None, TensorMut::new(&mut q, to), &mut scratch);
+            assert!(result.is_err(), "{isa}");
+            let result = float.run(y, None, TensorMut::new(&mut f, to), &mut scratch);
+            assert!(result.is_err(), "{isa}");
+            assert!(pool.run(x, TensorMut::new(&mut q, to)).is_err(), "{isa}");
+        }
+        let (x, y) = (Tensor::new(&bytes, input), Tensor::new(&floats, input));
+        let short = TensorMut::new(&mut q[..159], output);
+        assert!(int8.run(x, None, short, &mut scratch).is_err());
+        let short = TensorMut::new(&mut f[..159], output);
+        assert!(float.run(y, None, short, &mut scratch).is_err());
+        let short = TensorMut::new(&mut q[..159], output);
+        assert!(pool.run(x, short).is_err());
+        assert!(q.iter().all(|&v| v == 0) && f.iter().all(|&v| v == 0.0));
+    }
+}
