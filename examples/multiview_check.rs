@@ -22,10 +22,10 @@ use clap::Parser;
 use edgecap::camera::View;
 use edgecap::camera::calibration::read_qtm;
 use edgecap::capture::{self, InputSpec, OpenOptions};
-use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::lab::eval::multiview::MultiviewCheck;
 use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap::record::{CameraSource, ObservationReader};
 
 #[derive(Debug, Parser)]
 struct Args {

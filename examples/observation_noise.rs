@@ -16,11 +16,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Parser;
-use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::lab::eval::{Noise, NoiseMeter};
 use edgecap::lab::synth::Truth;
 use edgecap::lab::synth::truth::TruthFrame;
 use edgecap::message::ObservationFrame;
+use edgecap::record::{CameraSource, ObservationReader};
 
 #[derive(Debug, Parser)]
 struct Args {

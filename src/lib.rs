@@ -19,7 +19,10 @@ pub mod machine;
 pub mod npz;
 pub mod output;
 pub mod overlay;
+pub mod record;
+pub mod sink;
 pub mod solve;
+pub mod supervise;
 
 pub use edgecap_client::{joints, message};
 

@@ -1,8 +1,10 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such as `/dev/stdout`,
 //! `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
+use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::os::fd::AsFd;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,6 +16,10 @@ use tempfile::{NamedTempFile, TempDir};
 /// Start of the names of what is not finished.
 const PREFIX: &str = ".edgecap-";
 const SUFFIX: &str = ".part";
+/// The name of standard output.
+pub const STDOUT: &str = "-";
+/// More records than a buffer holds need not be known: they are on the disk.
+const RECORDS_KEPT: usize = 1024;
 /// How long the reader of a pipe may take to open it.
 const READER_PATIENCE: Duration = Duration::from_secs(2);
 
@@ -69,23 +75,28 @@ pub struct AtomicFile {
     path: PathBuf,
     /// A folder made for this file alone.
     made: Option<PathBuf>,
+    /// Bytes taken so far.
+    taken: u64,
+    /// Where the newest records end that may not be on the disk yet.
+    whole: VecDeque<u64>,
 }
 
 impl AtomicFile {
-    /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the bytes at once.
+    /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the bytes at
+    /// once, as does standard output, whose name is `-`.
     ///
     /// # Errors
     /// If the folder cannot be made or written, or if nobody reads from the pipe.
     pub fn create(path: &Path) -> io::Result<Self> {
+        if path.as_os_str() == STDOUT {
+            let stdout = io::stdout().as_fd().try_clone_to_owned()?;
+            return Ok(Self::new(Place::Device(stdout.into()), path, None));
+        }
         // Through links, so that none is replaced by a file.
         let found = path.canonicalize();
         let path = found.as_deref().unwrap_or(path);
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            return Ok(Self {
-                writer: Some(BufWriter::new(Place::Device(open_device(path)?))),
-                path: path.to_owned(),
-                made: None,
-            });
+            return Ok(Self::new(Place::Device(open_device(path)?), path, None));
         }
         let folder = parent(path);
         let made = (!folder.exists()).then(|| folder.to_owned());
@@ -102,11 +113,31 @@ impl AtomicFile {
             .suffix(SUFFIX)
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
-        Ok(Self {
-            writer: Some(BufWriter::new(Place::Beside(file))),
+        Ok(Self::new(Place::Beside(file), path, made))
+    }
+
+    fn new(place: Place, path: &Path, made: Option<PathBuf>) -> Self {
+        Self {
+            writer: Some(BufWriter::new(place)),
             path: path.to_owned(),
             made,
-        })
+            taken: 0,
+            whole: VecDeque::new(),
+        }
+    }
+
+    /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe has them now.
+    pub fn mark_whole(&mut self) {
+        if self.whole.len() == RECORDS_KEPT {
+            self.whole.pop_front();
+        }
+        self.whole.push_back(self.taken);
+        if let Some(writer) = &mut self.writer
+            && matches!(writer.get_ref(), Place::Device(_))
+        {
+            // A failure shows at the next write, or at the end.
+            let _ = writer.flush();
+        }
     }
 
     /// Brings everything written so far onto the disk, so that not even a power cut leaves half a file under the name.
@@ -122,21 +153,31 @@ impl AtomicFile {
         }
     }
 
-    /// Gives the file its name, replacing an older one.
+    /// Gives the file its name, replacing an older one. Where [`mark_whole`](Self::mark_whole) was called, the file of a full
+    /// disk has its name, too, and holds the whole records that found room.
     ///
     /// # Errors
     /// If the disk is full or the rename fails.
     pub fn finish(mut self) -> io::Result<()> {
-        if let Some(writer) = self.writer.take() {
-            let place = writer
-                .into_inner()
-                .map_err(io::IntoInnerError::into_error)?;
-            if let Place::Beside(file) = place {
-                file.persist(&self.path).map_err(|e| e.error)?;
-            }
-            self.made = None;
+        let Some(mut writer) = self.writer.take() else {
+            return Ok(());
+        };
+        let flushed = writer.flush();
+        // The parts, so that nothing is written behind our back.
+        let (place, _) = writer.into_parts();
+        let Place::Beside(mut file) = place else {
+            return flushed;
+        };
+        if flushed.is_err() {
+            let end = file.stream_position()?;
+            let Some(whole) = self.whole.iter().rev().find(|w| **w <= end && **w > 0) else {
+                return flushed;
+            };
+            file.as_file().set_len(*whole)?;
         }
-        Ok(())
+        file.persist(&self.path).map_err(|e| e.error)?;
+        self.made = None;
+        flushed
     }
 
     fn inner(&mut self) -> io::Result<&mut BufWriter<Place>> {
@@ -148,7 +189,9 @@ impl AtomicFile {
 
 impl Write for AtomicFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        self.inner()?.write(buf)
+        let n = self.inner()?.write(buf)?;
+        self.taken += n as u64;
+        Ok(n)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -164,7 +207,9 @@ impl Seek for AtomicFile {
 
 impl Drop for AtomicFile {
     fn drop(&mut self) {
-        self.writer = None;
+        if let Some(writer) = self.writer.take() {
+            let _ = writer.into_parts();
+        }
         if let Some(folder) = &self.made {
             // Fails when somebody else put something there meanwhile; then it stays.
             let _ = fs::remove_dir(folder);

@@ -15,7 +15,9 @@ mod limits;
 #[cfg(feature = "mp4")]
 mod mp4;
 mod natural;
+mod paced;
 mod photo;
+mod pipe;
 mod resize;
 mod source;
 mod spec;
@@ -34,6 +36,7 @@ pub use limits::{MAX_PIXELS, MAX_SIDE};
 #[cfg(feature = "mp4")]
 pub use mp4::Mp4Source;
 pub use natural::natural_order;
+pub use paced::PacedSource;
 pub use photo::{PhotoDecoder, PhotoSource};
 pub use resize::{PADDING, Resizer};
 pub use source::Source;

@@ -36,12 +36,13 @@ pub struct PhotoSource {
 
 impl PhotoSource {
     /// One photo.
-    pub fn file(path: &Path) -> Self {
-        Self::new(path, vec![path.to_owned()], None)
+    pub fn file(path: &Path, fps: Option<f64>) -> Self {
+        Self::new(path, vec![path.to_owned()], fps)
     }
 
-    /// Every JPEG and PNG file of a folder, by name, numbers in names by value (`2.jpg` before `10.jpg`). Hidden files and
-    /// folders inside are left out. `fps`: the rate at which the photos were taken, for time stamps; 30 without.
+    /// Every JPEG and PNG file of a folder, in order of their names, numbers in names by value (`2.jpg` before `10.jpg`). Its
+    /// first bytes make a file a photo; one that is named so and is none counts as a damaged photo. Hidden files and folders
+    /// inside are left out. `fps`: the rate at which the photos were taken, for time stamps; 30 without.
     ///
     /// # Errors
     /// [`CaptureError::NoInput`] when the folder is missing or holds no photo; [`CaptureError::Permission`],
@@ -51,7 +52,7 @@ impl PhotoSource {
         let mut files = Vec::new();
         for entry in std::fs::read_dir(path).map_err(io)? {
             let file = entry.map_err(io)?.path();
-            if is_photo_name(&file) && file.is_file() {
+            if is_photo(&file) {
                 files.push(file);
             }
         }
@@ -112,6 +113,10 @@ impl Source for PhotoSource {
         self.fps
     }
 
+    fn is_stills(&self) -> bool {
+        self.fps.is_none()
+    }
+
     fn name(&self) -> &str {
         &self.name
     }
@@ -122,17 +127,25 @@ impl Source for PhotoSource {
     }
 }
 
-/// Whether a file's name says that it is a photo.
-fn is_photo_name(path: &Path) -> bool {
+/// Whether a file is a photo by its first bytes, or ought to be one by its name.
+fn is_photo(path: &Path) -> bool {
     let hidden = path
         .file_name()
         .is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
-    let known = path.extension().is_some_and(|e| {
+    if hidden || !path.is_file() {
+        return false;
+    }
+    let named = path.extension().is_some_and(|e| {
         ["jpg", "jpeg", "png"]
             .iter()
             .any(|k| e.eq_ignore_ascii_case(k))
     });
-    known && !hidden
+    let begins = || {
+        let mut head = [0; 8];
+        let read = File::open(path).and_then(|mut f| f.read_exact(&mut head));
+        read.is_ok() && (is_jpeg(&head) || is_png(&head))
+    };
+    named || begins()
 }
 
 /// Reads a whole file of a sane size.

@@ -36,6 +36,11 @@ pub trait Source: Send {
         false
     }
 
+    /// Whether the pictures have nothing to do with each other in time: a photo, or photos without a rate.
+    fn is_stills(&self) -> bool {
+        false
+    }
+
     /// What the user pointed at.
     fn name(&self) -> &str;
 

@@ -13,11 +13,14 @@ use super::camera::{CameraSource, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
+use super::pipe::PipeSource;
 use super::source::Source;
 use super::y4m::{self, Y4mReader};
 
 /// Bytes read at once from files and pipes.
 const BUFFER_BYTES: usize = 1 << 18;
+/// What standard input is called.
+const STDIN: &str = "standard input";
 /// Major number of V4L2 device files on Linux.
 const VIDEO_MAJOR: u32 = 81;
 
@@ -76,8 +79,11 @@ pub struct OpenOptions {
 pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     match spec {
         InputSpec::Stdin => {
-            let stdin = BufReader::with_capacity(BUFFER_BYTES, std::io::stdin());
-            Ok(Box::new(Y4mReader::new(stdin, "standard input", None)?))
+            let open = || {
+                let stdin = BufReader::with_capacity(BUFFER_BYTES, std::io::stdin());
+                Ok(Box::new(Y4mReader::new(stdin, STDIN, None)?) as Box<dyn Source>)
+            };
+            Ok(Box::new(PipeSource::start(STDIN.to_owned(), open)))
         }
         InputSpec::Demo => Err(CaptureError::Config {
             setting: "demo".into(),
@@ -122,10 +128,17 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         return open_camera(Some(path), options);
     }
     if is_pipe(kind) {
-        let pipe = BufReader::with_capacity(BUFFER_BYTES, File::open(path).map_err(io)?);
-        return Ok(Box::new(Y4mReader::new(pipe, name_of(path), None)?));
+        let name = name_of(path);
+        let path = path.to_owned();
+        let open = move || {
+            // Opening waits for the pipe's writer.
+            let pipe = File::open(&path).map_err(|e| CaptureError::from_io(&path, e))?;
+            let pipe = BufReader::with_capacity(BUFFER_BYTES, pipe);
+            Ok(Box::new(Y4mReader::new(pipe, name_of(&path), None)?) as Box<dyn Source>)
+        };
+        return Ok(Box::new(PipeSource::start(name, open)));
     }
-    open_file(path)
+    open_file(path, options)
 }
 
 /// A device file that is not there, with those that are.
@@ -151,7 +164,7 @@ fn is_pipe(kind: FileType) -> bool {
     kind.is_fifo() || kind.is_socket()
 }
 
-fn open_file(path: &Path) -> Result<Box<dyn Source>, CaptureError> {
+fn open_file(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
     let mut file = File::open(path).map_err(io)?;
     let length = file.metadata().map_err(io)?.len();
@@ -165,7 +178,7 @@ fn open_file(path: &Path) -> Result<Box<dyn Source>, CaptureError> {
         ));
     }
     if is_jpeg(&head) || is_png(&head) {
-        return Ok(Box::new(PhotoSource::file(path)));
+        return Ok(Box::new(PhotoSource::file(path, options.fps)));
     }
     let reader = BufReader::with_capacity(BUFFER_BYTES, file);
     if head.starts_with(y4m::MAGIC) {

@@ -6,11 +6,13 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::BodyFrame;
+use edgecap_client::place::{self, Cleared};
 use edgecap_client::{LinkError, Publisher, Subscriber};
 
 use super::exit::{self, Failure};
 use super::input::DEFAULT_NAME;
 use super::pipeline::{Pipeline, PipelineOptions};
+use super::say;
 use crate::capture::demo;
 use crate::capture::{self, CameraInfo, CaptureError, Frame, InputSpec, OpenOptions, list_cameras};
 use crate::engine::Isa;
@@ -29,6 +31,9 @@ pub struct DoctorArgs {
     /// Threads for the network; all cores when not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
+    /// Clear what earlier runs left in shared memory, if nobody alive uses it
+    #[arg(long)]
+    repair: bool,
 }
 
 /// How one thing is doing.
@@ -79,6 +84,9 @@ impl fmt::Display for Finding {
 /// # Errors
 /// The exit code of the first thing that is broken.
 pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
+    if args.repair {
+        return repair();
+    }
     let threads = args.threads.map_or_else(
         || std::thread::available_parallelism().map_or(1, usize::from),
         usize::from,
@@ -103,6 +111,22 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     match broken {
         Some(code) => Err(Failure::silent(code).into()),
         None => Ok(()),
+    }
+}
+
+/// Clears this user's shared memory.
+fn repair() -> anyhow::Result<()> {
+    let folder = place::runtime_dir();
+    match place::clear()? {
+        Cleared::All => {
+            say::out(&format!("{}: cleared; start again", folder.display()));
+            Ok(())
+        }
+        Cleared::InUse => Err(Failure::unavailable(format!(
+            "{}: processes of edgecap or its readers use it; stop all of them first",
+            folder.display()
+        ))
+        .into()),
     }
 }
 

@@ -5,7 +5,8 @@ use edgecap_client::LinkError;
 use crate::camera::CameraError;
 use crate::capture::CaptureError;
 use crate::engine::ModelError;
-use crate::fit::offline::OfflineError;
+use crate::record::RecordError;
+use crate::sink::SinkError;
 
 /// The command line was wrong.
 pub const USAGE: u8 = 64;
@@ -21,6 +22,8 @@ pub const SOFTWARE: u8 = 70;
 pub const CANNOT_CREATE: u8 = 73;
 /// Reading or writing failed on the way.
 pub const IO: u8 = 74;
+/// Taken at the moment.
+pub const TRY_LATER: u8 = 75;
 /// The system does not let this user do it.
 pub const NO_PERMISSION: u8 = 77;
 /// Ended by the user: 128 + SIGINT, as shells have it.
@@ -69,6 +72,14 @@ impl Failure {
         }
     }
 
+    /// What is needed is taken.
+    pub fn unavailable(message: impl Into<String>) -> Self {
+        Self {
+            code: UNAVAILABLE,
+            message: message.into(),
+        }
+    }
+
     /// An input file's content is wrong.
     pub fn data(message: impl Into<String>) -> Self {
         Self {
@@ -77,11 +88,15 @@ impl Failure {
         }
     }
 
-    /// The user stopped the work before its result was whole.
-    pub fn stopped() -> Self {
+    /// The user stopped the work when `frames` were done.
+    pub fn stopped(frames: u64) -> Self {
+        let message = match frames {
+            0 => "stopped before the first frame; nothing was written".to_owned(),
+            n => format!("stopped after {n} frames; these were written"),
+        };
         Self {
             code: INTERRUPTED,
-            message: "stopped before the end; nothing was written".to_owned(),
+            message,
         }
     }
 
@@ -89,14 +104,6 @@ impl Failure {
     pub fn config(message: impl Into<String>) -> Self {
         Self {
             code: CONFIG,
-            message: message.into(),
-        }
-    }
-
-    /// A child process failed.
-    pub fn child(code: u8, message: impl Into<String>) -> Self {
-        Self {
-            code,
             message: message.into(),
         }
     }
@@ -127,22 +134,27 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<ModelError>() {
                 return Some(model_code(e));
             }
-            if let Some(e) = cause.downcast_ref::<OfflineError>() {
+            if let Some(e) = cause.downcast_ref::<RecordError>() {
                 return Some(match e {
-                    OfflineError::Io { .. } => IO,
-                    OfflineError::Line { .. } => DATA,
+                    RecordError::Io { .. } => IO,
+                    RecordError::Line { .. } => DATA,
                 });
             }
-            match cause.downcast_ref::<LinkError>()? {
-                LinkError::Name(_) => Some(USAGE),
-                LinkError::Busy { .. }
-                | LinkError::Incompatible { .. }
-                | LinkError::Readers { .. } => Some(UNAVAILABLE),
-                LinkError::Place { .. } | LinkError::Permission { .. } => Some(NO_PERMISSION),
-                LinkError::Full { .. }
-                | LinkError::Damaged { .. }
-                | LinkError::SharedMemory { .. } => Some(IO),
+            if let Some(e) = cause.downcast_ref::<SinkError>() {
+                return Some(match e {
+                    SinkError::Create { .. } => CANNOT_CREATE,
+                    SinkError::Write { .. } => IO,
+                    SinkError::Picture(e) => e.exit_code(),
+                    SinkError::Link(e) => link_code(e),
+                });
             }
+            if let Some(e) = cause.downcast_ref::<std::io::Error>() {
+                return Some(match e.kind() {
+                    std::io::ErrorKind::PermissionDenied => NO_PERMISSION,
+                    _ => IO,
+                });
+            }
+            cause.downcast_ref::<LinkError>().map(link_code)
         })
         .unwrap_or(SOFTWARE)
 }
@@ -152,6 +164,17 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
     error
         .downcast_ref::<Failure>()
         .is_some_and(|f| f.message.is_empty())
+}
+
+fn link_code(error: &LinkError) -> u8 {
+    match error {
+        LinkError::Name(_) => USAGE,
+        LinkError::Busy { .. } | LinkError::Incompatible { .. } | LinkError::Readers { .. } => {
+            UNAVAILABLE
+        }
+        LinkError::Place { .. } | LinkError::Permission { .. } => NO_PERMISSION,
+        LinkError::Full { .. } | LinkError::Damaged { .. } | LinkError::SharedMemory { .. } => IO,
+    }
 }
 
 fn model_code(error: &ModelError) -> u8 {

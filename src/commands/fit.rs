@@ -1,72 +1,104 @@
 //! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, or from a recorded file.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
-use edgecap_client::{Publisher, Subscriber};
+use edgecap_client::{Priority, Subscriber};
+use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
-use super::stop::{self, Stop};
+use super::job::{self, Supervised};
+use super::outputs::{RecordArgs, finish};
+use super::stop::Stop;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
-use crate::fit::bodies_line::write_bodies;
-use crate::fit::offline::{CameraSource, ObservationReader};
 use crate::fit::{FitConfig, Fitter};
-use crate::output::AtomicFile;
+use crate::record::{BodiesRow, CameraSource, ObservationReader};
+use crate::sink::{Packet, SharedMemorySink, Sinks};
+use crate::supervise::Heartbeat;
 
-const READER_PATIENCE: Duration = Duration::from_millis(1500);
+/// Longest wait for an observation: signals and the supervisor want to be heard.
+const STEP: Duration = Duration::from_millis(200);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `edgecap fit`.
 #[derive(Debug, clap::Args)]
 pub struct FitArgs {
-    /// Fit a recorded observation file (the format of `infer --jsonl`) instead of live observations
-    #[arg(long, value_name = "FILE", requires = "jsonl")]
+    /// Fit recorded observations (of `infer --jsonl` or `infer --record`) instead of live ones; '-' for standard input
+    #[arg(long, value_name = "FILE")]
     input: Option<PathBuf>,
-    /// Where the bodies of --input go, one line per frame
-    #[arg(long, value_name = "FILE", requires = "input")]
-    jsonl: Option<PathBuf>,
+    #[command(flatten)]
+    record: RecordArgs,
     /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy, width, height
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    #[command(flatten)]
+    task: FitTask,
+    /// What a supervisor wants done, in place of all other options
+    #[arg(long, hide = true, value_parser = job::parse::<FitTask>)]
+    job: Option<job::Parsed<FitTask>>,
+}
+
+/// Whose observations are fitted, and how.
+#[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
+pub struct FitTask {
     /// Name under which observations are read and bodies published
     #[arg(long, default_value = DEFAULT_NAME)]
-    name: String,
+    pub name: String,
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    pub config: Option<PathBuf>,
     /// Every frame is a picture of its own: no motion between frames
     #[arg(long)]
-    stills: bool,
+    pub stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
-    rate: Option<u16>,
-    /// End with this process
-    #[arg(long, hide = true, value_name = "PID")]
-    supervisor: Option<i32>,
+    pub rate: Option<u16>,
 }
 
 /// Runs Stage III.
 ///
 /// # Errors
-/// Configuration, input, output and shared-memory errors, each with its exit code.
+/// Configuration, input, output and shared-memory errors, each with its exit code; what was fitted before is complete.
 pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    if let Some(pid) = args.supervisor {
-        stop::with_supervisor(pid)?;
+    let Supervised { task, heart } = job::supervised(args.job, args.task)?;
+    let mut fitter = fitter(task.config.as_deref(), task.stills)?;
+    let mut sinks = Sinks::default();
+    let Some(input) = &args.input else {
+        args.record.add_to::<BodiesRow>(&mut sinks)?;
+        sinks.push(SharedMemorySink::<BodyFrame>::open(&task.name)?);
+        return live(&mut fitter, &task, sinks, &stop, &heart);
+    };
+    if args.record.is_empty() {
+        return Err(Failure::usage(
+            "fit --input: expected a place for the bodies: give --jsonl FILE or --record FILE",
+        )
+        .into());
     }
-    let mut config = read_config(args.config.as_deref())?;
-    config.stills |= args.stills;
-    let mut fitter = Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?;
-    match (&args.input, &args.jsonl) {
-        (Some(input), Some(output)) => {
-            recorded(&mut fitter, input, output, args.camera.as_deref(), &stop)
-        }
-        _ => live(&mut fitter, &args.name, args.rate, &stop),
-    }
+    let lines = open(input)?;
+    args.record.add_to::<BodiesRow>(&mut sinks)?;
+    recorded(
+        &mut fitter,
+        lines,
+        input,
+        args.camera.as_deref(),
+        sinks,
+        &stop,
+    )
+}
+
+/// A fitter with the settings of a file.
+///
+/// # Errors
+/// If the file is wrong.
+pub fn fitter(config: Option<&Path>, stills: bool) -> anyhow::Result<Fitter> {
+    let mut config = read_config(config)?;
+    config.stills |= stills;
+    Ok(Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?)
 }
 
 fn read_config(path: Option<&Path>) -> anyhow::Result<FitConfig> {
@@ -80,76 +112,90 @@ fn read_config(path: Option<&Path>) -> anyhow::Result<FitConfig> {
     })?)
 }
 
-fn live(fitter: &mut Fitter, name: &str, rate: Option<u16>, stop: &Stop) -> anyhow::Result<()> {
-    let bodies = Publisher::<BodyFrame>::open(name)?;
-    let observations = Subscriber::<ObservationFrame>::open(name)?;
-    let period = rate.map(|hz| Duration::from_secs(1) / u32::from(hz));
+fn live(
+    fitter: &mut Fitter,
+    task: &FitTask,
+    mut sinks: Sinks<BodyFrame>,
+    stop: &Stop,
+    heart: &Heartbeat,
+) -> anyhow::Result<()> {
+    let observations = Subscriber::<ObservationFrame>::open_with(&task.name, Priority::Reserved)?;
+    let period = task.rate.map(|hz| Duration::from_secs(1) / u32::from(hz));
     let mut out = Box::new(BodyFrame::default());
     let mut cleaned = Instant::now();
     let mut next_tick = Instant::now();
     let mut fit_us = 0;
-    while !stop.requested() {
-        let patience = match period {
-            Some(_) => next_tick.saturating_duration_since(Instant::now()),
-            None => Duration::from_millis(200),
+    let mut frames = 0;
+    let mut fit = || -> anyhow::Result<()> {
+        let mut take = |out: &mut BodyFrame| {
+            frames += 1;
+            out.publish_ns = monotonic_ns();
+            sinks.take(&Packet {
+                message: out,
+                source: "",
+                picture: None,
+            })
         };
-        let mut ended = false;
-        if let Some(frame) = observations.next(patience)? {
-            ended = frame.flags & FLAG_END_OF_STREAM != 0;
-            let start = Instant::now();
-            if !ended {
+        while !stop.requested() {
+            heart.beat();
+            let patience = match period {
+                Some(_) => next_tick
+                    .saturating_duration_since(Instant::now())
+                    .min(STEP),
+                None => STEP,
+            };
+            if let Some(frame) = observations.next(patience)? {
+                if frame.flags & FLAG_END_OF_STREAM != 0 {
+                    // The sinks say so to whoever reads; nothing may follow.
+                    break;
+                }
+                let start = Instant::now();
                 fitter.update(&frame, &mut out);
-            }
-            out.flags = frame.flags;
-            fit_us = start.elapsed().as_micros() as u32;
-            out.fit_us = fit_us;
-            // A file's clock is not ours to extrapolate on.
-            if period.is_none() || ended || frame.flags & FLAG_FILE_TIME != 0 {
-                publish(&bodies, &mut out)?;
-            }
-        }
-        if let Some(period) = period
-            && Instant::now() >= next_tick
-        {
-            if out.width > 0 && out.flags & FLAG_FILE_TIME == 0 {
-                fitter.predict(monotonic_ns(), &mut out);
+                fit_us = start.elapsed().as_micros() as u32;
                 out.fit_us = fit_us;
-                publish(&bodies, &mut out)?;
+                // A file's clock is not ours to extrapolate on.
+                if period.is_none() || frame.flags & FLAG_FILE_TIME != 0 {
+                    take(&mut out)?;
+                }
             }
-            next_tick = (next_tick + period).max(Instant::now());
-        }
-        if ended {
-            let start = Instant::now();
-            while bodies.subscriber_count() > 0
-                && start.elapsed() < READER_PATIENCE
-                && !stop.requested()
+            if let Some(period) = period
+                && Instant::now() >= next_tick
             {
-                std::thread::sleep(Duration::from_millis(5));
+                if out.width > 0 && out.flags & FLAG_FILE_TIME == 0 {
+                    fitter.predict(monotonic_ns(), &mut out);
+                    out.fit_us = fit_us;
+                    take(&mut out)?;
+                }
+                next_tick = (next_tick + period).max(Instant::now());
             }
-            break;
+            if cleaned.elapsed() > CLEAN_UP_EVERY {
+                observations.clean_up();
+                cleaned = Instant::now();
+            }
         }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            observations.clean_up();
-            cleaned = Instant::now();
-        }
-    }
-    Ok(())
+        Ok(())
+    };
+    let outcome = fit();
+    finish(sinks, frames, outcome).map(drop)
 }
 
-fn publish(bodies: &Publisher<BodyFrame>, out: &mut BodyFrame) -> anyhow::Result<()> {
-    out.publish_ns = monotonic_ns();
-    Ok(bodies.publish(out)?)
+/// Opens recorded observations.
+fn open(input: &Path) -> anyhow::Result<Box<dyn BufRead>> {
+    if input.as_os_str() == "-" {
+        return Ok(Box::new(std::io::stdin().lock()));
+    }
+    let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
+    Ok(Box::new(BufReader::new(file)))
 }
 
 fn recorded(
     fitter: &mut Fitter,
+    lines: Box<dyn BufRead>,
     input: &Path,
-    output: &Path,
     camera: Option<&Path>,
+    mut sinks: Sinks<BodyFrame>,
     stop: &Stop,
 ) -> anyhow::Result<()> {
-    let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
-    let mut lines = AtomicFile::create(output).map_err(|e| Failure::output(output, &e))?;
     let given = camera.map(CameraFile::read).transpose()?;
     let for_frame = |width, height| given.unwrap_or_default().for_frame(width, height);
     let camera = match &given {
@@ -158,17 +204,34 @@ fn recorded(
             fov_degrees: DEFAULT_FOV,
         },
     };
-    let mut reader =
-        ObservationReader::new(BufReader::new(file), input.display().to_string(), camera);
+    let mut reader = ObservationReader::new(lines, input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
     let mut out = Box::new(BodyFrame::default());
-    while reader.read(&mut frame)? {
-        if stop.requested() {
-            return Err(Failure::stopped().into());
+    let mut frames = 0;
+    let mut fit = || -> anyhow::Result<()> {
+        while reader.read(&mut frame)? {
+            if stop.requested() {
+                return Err(Failure::stopped(frames).into());
+            }
+            let start = Instant::now();
+            fitter.update(&frame, &mut out);
+            out.fit_us = start.elapsed().as_micros() as u32;
+            frames += 1;
+            sinks.take(&Packet {
+                message: &*out,
+                source: reader.source(),
+                picture: None,
+            })?;
         }
-        fitter.update(&frame, &mut out);
-        write_bodies(&mut lines, &out).map_err(|e| Failure::output(output, &e))?;
-    }
-    lines.finish().map_err(|e| Failure::output(output, &e))?;
-    Ok(())
+        if reader.was_cut() {
+            tracing::warn!(
+                "{}: cut off inside frame {}; the frames before it were fitted",
+                input.display(),
+                reader.line() + 1
+            );
+        }
+        Ok(())
+    };
+    let outcome = fit();
+    finish(sinks, frames, outcome).map(drop)
 }

@@ -1,19 +1,21 @@
 //! Which input a verb reads: what the user named, else the first camera, else the bundled clip.
 
 use std::convert::Infallible;
-use std::ffi::OsString;
 use std::os::unix::fs::FileTypeExt;
 use std::path::PathBuf;
 
-use crate::camera::CameraFile;
+use serde::{Deserialize, Serialize};
+
+use super::exit::Failure;
+use crate::camera::{CameraFile, SystemClock};
 use crate::capture::demo;
-use crate::capture::{self, CaptureError, InputSpec, OpenOptions, Source};
+use crate::capture::{self, CaptureError, InputSpec, OpenOptions, PacedSource, Source};
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
 
 /// Options that choose the input.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
 pub struct InputArgs {
     /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
     /// [default: the first camera, else the bundled demo clip]
@@ -31,6 +33,9 @@ pub struct InputArgs {
     /// Frame rate to ask a camera for, or at which a folder's photos were taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
+    /// Play a film as a camera would show it, over and over: at its own rate, frames dropped when they come too late
+    #[arg(long)]
+    pub live: bool,
 }
 
 fn parse_fps(text: &str) -> Result<f64, String> {
@@ -59,47 +64,24 @@ pub struct Chosen {
     /// Stream name.
     pub name: String,
     is_camera: bool,
+    plays_live: bool,
 }
 
 impl InputArgs {
-    /// The arguments again, for a child process that reads `chosen`.
-    pub fn to_args(&self, chosen: &Chosen) -> Vec<OsString> {
-        let mut args: Vec<OsString> = vec!["--input".into(), chosen.spec.to_string().into()];
-        args.extend(["--name".into(), chosen.name.clone().into()]);
-        if let Some((w, h)) = self.capture_size {
-            args.extend(["--capture-size".into(), format!("{w}x{h}").into()]);
+    /// The arguments that name `chosen`, whatever the machine has when they are read.
+    pub fn resolved(&self, chosen: &Chosen) -> Self {
+        Self {
+            input: Some(chosen.spec.to_string()),
+            name: Some(chosen.name.clone()),
+            ..self.clone()
         }
-        if let Some(fps) = self.fps {
-            args.extend(["--fps".into(), fps.to_string().into()]);
-        }
-        if let Some(camera) = &self.camera {
-            args.extend(["--camera".into(), camera.into()]);
-        }
-        args
     }
 }
 
 impl Chosen {
-    /// Whether the input has an end and its own clock.
-    pub fn is_file(&self) -> bool {
-        !self.is_camera
-    }
-
-    /// Whether it is a photo or a folder of photos.
-    pub fn is_stills(&self) -> bool {
-        const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
-        let InputSpec::Path(path) = &self.spec else {
-            return false;
-        };
-        let extension = path
-            .extension()
-            .map(|e| e.to_string_lossy().to_ascii_lowercase());
-        path.is_dir() || extension.is_some_and(|e| PHOTOS.contains(&e.as_str()))
-    }
-
-    /// Whether it can be read a second time.
-    pub fn can_reopen(&self) -> bool {
-        !self.is_camera && self.spec != InputSpec::Stdin
+    /// Whether pictures are lost when nobody asks for them: a camera, or a film played like one.
+    pub fn is_live(&self) -> bool {
+        self.is_camera || self.plays_live
     }
 
     /// Opens it.
@@ -107,21 +89,27 @@ impl Chosen {
     /// # Errors
     /// As [`capture::open`].
     pub fn open(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
-        Ok(match &self.spec {
-            InputSpec::Demo => capture::open_bytes("demo", demo::CLIP)?,
-            spec => {
-                let options = OpenOptions {
-                    size: args.capture_size,
-                    fps: args.fps,
-                };
-                capture::open(spec, &options)?
-            }
-        })
+        let options = OpenOptions {
+            size: args.capture_size,
+            fps: args.fps,
+        };
+        let spec = self.spec.clone();
+        let open = move || match &spec {
+            InputSpec::Demo => capture::open_bytes("demo", demo::CLIP),
+            spec => capture::open(spec, &options),
+        };
+        if !self.plays_live {
+            return Ok(open()?);
+        }
+        Ok(Box::new(PacedSource::new(open, SystemClock)?))
     }
 }
 
 /// Decides which input the arguments mean.
-pub fn choose(args: &InputArgs) -> Chosen {
+///
+/// # Errors
+/// If a pipe is to be played like a camera: it has a pace of its own.
+pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
     let spec = match &args.input {
         Some(text) => text
             .parse()
@@ -140,6 +128,12 @@ pub fn choose(args: &InputArgs) -> Chosen {
         ),
         InputSpec::Demo | InputSpec::Stdin => false,
     };
+    if args.live && spec == InputSpec::Stdin {
+        return Err(Failure::usage(
+            "--live plays a film from its start: expected a file, found standard input",
+        )
+        .into());
+    }
     let name = args.name.clone().unwrap_or_else(|| match &spec {
         InputSpec::Demo => "demo".to_owned(),
         InputSpec::Path(path) => path.file_stem().map_or_else(
@@ -148,11 +142,12 @@ pub fn choose(args: &InputArgs) -> Chosen {
         ),
         InputSpec::Stdin | InputSpec::FirstCamera => DEFAULT_NAME.to_owned(),
     });
-    Chosen {
+    Ok(Chosen {
         spec,
         name,
         is_camera,
-    }
+        plays_live: args.live && !is_camera,
+    })
 }
 
 /// The camera that the arguments name.

@@ -1,5 +1,11 @@
 //! One file per verb of the command line; the only place that joins stages, threads and processes.
 
+#![deny(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "these panic where nobody listens: say::out and say::err do not"
+)]
+
 mod bench;
 mod doctor;
 mod eval;
@@ -7,10 +13,13 @@ mod exit;
 mod fit;
 mod infer;
 mod input;
+mod job;
 mod model;
+mod outputs;
 mod picture;
 mod pipeline;
 mod run;
+mod say;
 mod stop;
 pub mod synth;
 mod table;
@@ -75,6 +84,8 @@ pub fn main() -> u8 {
         // Colours are noise in a journal.
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
+        // Where stderr cannot be written, saying so there would end the program.
+        .log_internal_errors(false)
         .init();
     // What shared memory has to say comes back as errors.
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
@@ -94,7 +105,7 @@ pub fn main() -> u8 {
         Ok(()) => 0,
         Err(e) => {
             if !exit::is_silent(&e) {
-                eprintln!("edgecap: {e:#}");
+                say::err(&format!("edgecap: {e:#}"));
             }
             exit::code(&e)
         }

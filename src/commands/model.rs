@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::picture;
+use super::{picture, say};
 use crate::capture::Frame;
 use crate::engine::model::{Calibration, RangeChoice, Weights};
 use crate::engine::{
@@ -182,8 +182,15 @@ fn import(a: &Import) -> Result<()> {
         }
     };
     model.save(&a.output)?;
-    println!("{} written: {}", a.output.display(), model.calibration());
-    println!("blake3 of the file {}", blake3::hash(&model.to_bytes()?));
+    say::out(&format!(
+        "{} written: {}",
+        a.output.display(),
+        model.calibration()
+    ));
+    say::out(&format!(
+        "blake3 of the file {}",
+        blake3::hash(&model.to_bytes()?)
+    ));
     Ok(())
 }
 
@@ -207,13 +214,13 @@ fn select(
         .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
     let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
     let trials = calibration.select(model, &inputs, size)?;
-    println!("error    range               own  bias corrected");
+    say::out(&format!("error    range               own  bias corrected"));
     for t in trials {
         let choice = t.choice.to_string();
-        println!(
+        say::out(&format!(
             "{:.4}   {choice:18}  {:.2}  {}",
             t.error, t.own_ranges, t.correct_bias
-        );
+        ));
     }
     Ok(())
 }
@@ -312,7 +319,7 @@ fn verify(model: &Model) -> Result<()> {
     {
         bail!("the network gives numbers that are not finite: import the weights again");
     }
-    println!("ok {}", model.digest().unwrap_or("(no digest)"));
+    say::out(&format!("ok {}", model.digest().unwrap_or("(no digest)")));
     Ok(())
 }
 
@@ -324,10 +331,10 @@ fn run(a: &RunOne) -> Result<()> {
         PrecisionArg::F32 => Precision::F32,
     };
     if matches!(precision, Precision::F32) && model.is_quantised() {
-        eprintln!(
+        say::err(&format!(
             "note: {} holds int8 weights; f32 runs what they stand for, not the trained floats",
             a.model.display()
-        );
+        ));
     }
     let model = match precision {
         // Safetensors with ranges in their contract can run in int8 at once.

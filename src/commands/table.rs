@@ -7,6 +7,7 @@ use console::Term;
 use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::say;
 use crate::overlay::{Glyphs, Screen, characters};
 
 const REDRAW: Duration = Duration::from_millis(50);
@@ -100,19 +101,19 @@ impl Table {
                 }
                 self.bar.set_message(format!("{message}\n{}", rows(frame)));
             }
-            None => eprintln!(
+            None => say::err(&format!(
                 "frame {}: {} people, {figures}",
                 frame.sequence, frame.count
-            ),
+            )),
         }
     }
 
     /// Prints a line above the table.
     pub fn say(&self, line: &str) {
         if self.terminal.is_some() {
-            self.bar.suspend(|| eprintln!("{line}"));
+            self.bar.suspend(|| say::err(line));
         } else {
-            eprintln!("{line}");
+            say::err(line);
         }
     }
 

@@ -6,6 +6,7 @@ use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Subscriber, service_name};
 
 use super::input::DEFAULT_NAME;
+use super::say;
 use super::stop::Stop;
 use super::table::{Table, TableArgs};
 use super::tally::Tally;
@@ -44,7 +45,7 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
         if let Some(frame) = bodies.next(LOOK_UP)? {
             if frame.flags & FLAG_END_OF_STREAM != 0 {
                 table.finish();
-                println!("the input has ended");
+                say::out("the input has ended");
                 return Ok(());
             }
             tally.count(&frame);

@@ -6,13 +6,11 @@
     reason = "a joint's index runs over several arrays at once"
 )]
 
-pub mod bodies_line;
 pub mod config;
 mod energy;
 mod evidence;
 mod fitter;
 mod identity;
-pub mod offline;
 mod publish;
 mod scene;
 mod track;

@@ -102,19 +102,28 @@ fn instruction_sets_that_this_machine_lacks_are_broken() {
 }
 
 #[test]
-fn a_run_is_seen() {
-    // The default name belongs to whoever runs on this machine.
-    let bodies =
-        edgecap_client::Subscriber::<edgecap::message::BodyFrame>::open("camera0").unwrap();
-    if bodies.publisher_count() > 0 {
-        eprintln!("skipped: somebody publishes camera0 here");
-        return;
-    }
-    let of_nobody = edgecap().arg("doctor").output().unwrap();
-    assert!(report(&of_nobody)[6].starts_with("note"));
-    let _fit = Running::start(&["fit", "--name", "camera0"]);
-    eventually("fit", || (bodies.publisher_count() > 0).then_some(()));
-    let of_fit = edgecap().arg("doctor").output().unwrap();
-    let seen = &report(&of_fit)[6];
-    assert!(seen.starts_with("ok "), "{seen}");
+fn a_run_is_seen_and_its_shared_memory_is_cleared_only_when_it_has_gone() {
+    // A place of its own: the default name belongs to whoever runs on this machine.
+    let place = tempfile::tempdir().unwrap();
+    let here = |args: &[&str]| {
+        let mut command = edgecap();
+        command
+            .args(args)
+            .env("EDGECAP_RUNTIME_DIR", place.path().join("edgecap"));
+        command
+    };
+    let doctor = || here(&["doctor"]).output().unwrap();
+    assert!(report(&doctor())[6].starts_with("note"));
+    let fit = here(&["fit", "--name", "camera0"]).spawn().unwrap();
+    let fit = Running(fit);
+    eventually("fit", || {
+        report(&doctor())[6].starts_with("ok ").then_some(())
+    });
+    let repair = || here(&["doctor", "--repair"]).output().unwrap();
+    let refused = repair();
+    assert_eq!(refused.status.code(), Some(69));
+    assert!(crate::program::stderr(&refused).contains("stop all of them"));
+    drop(fit);
+    assert_eq!(repair().status.code(), Some(0));
+    assert!(report(&doctor())[6].starts_with("note"));
 }

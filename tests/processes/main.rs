@@ -7,5 +7,7 @@ mod bad_input;
 mod doctor;
 mod flip_test;
 mod follow_people;
+mod outcome;
+mod record;
 mod supervisor;
 mod watch;

@@ -1,34 +1,36 @@
-//! The two processes and their supervisor on the bundled clip: the way through, crashes, and what is left behind.
+//! The processes on the bundled clip: the way through, crashes, and what is left behind.
 
 use std::path::PathBuf;
 use std::process::Output;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use crate::program::{Running, eventually, signal, stream};
+use crate::program::{self, Running, eventually, signal, stream};
 use edgecap::joints::{NECK, PELVIS};
 use edgecap::lab::synth::Truth;
 use edgecap::lab::synth::truth::VISIBLE;
-use edgecap::message::{BodyFrame, ObservationFrame};
-use edgecap_client::{Message, Subscriber};
+use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
+use edgecap_client::{Message, Publisher, Subscriber};
 
 const WHOLE_CLIP: Duration = Duration::from_secs(240);
 
-/// `edgecap run` on the bundled clip, with its bodies in a file of a folder of its own.
-struct Demo {
+/// `edgecap run` on the bundled clip played like a camera, with its bodies in a file of a folder of its own.
+struct Camera {
     run: Running,
     name: String,
     folder: tempfile::TempDir,
 }
 
-impl Demo {
-    fn start(test: &str) -> Self {
+impl Camera {
+    fn start(test: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let name = stream(test);
         let result = folder.path().join("bodies.jsonl");
+        let args = [
+            "run", "--live", "--input", "demo", "--size", "256x160", "--name", &name,
+        ];
         let bodies = ["--jsonl", result.to_str().unwrap()];
-        let args = [&["run", "--input", "demo", "--name", &name], &bodies[..]].concat();
         Self {
-            run: Running::start(&args),
+            run: Running::start(&[&args, &bodies, more].concat()),
             name,
             folder,
         }
@@ -42,9 +44,10 @@ impl Demo {
         Subscriber::open(&self.name).unwrap()
     }
 
-    /// Waits for its end; the folder stays until the second is dropped.
-    fn wait(self, patience: Duration) -> (Output, tempfile::TempDir) {
-        (self.run.wait(patience), self.folder)
+    /// Ends it; the folder stays until the second is dropped.
+    fn stop(self) -> (Output, tempfile::TempDir) {
+        signal(self.run.pid(), "TERM");
+        (self.run.wait(Duration::from_secs(20)), self.folder)
     }
 
     /// Both processes below the supervisor, once they run.
@@ -53,6 +56,22 @@ impl Demo {
             Some([self.run.child("infer")?, self.run.child("fit")?])
         })
     }
+
+    /// Another process of the verb than this one.
+    fn replaced(&self, verb: &str, old: u32) -> u32 {
+        eventually("a new process", || {
+            self.run.child(verb).filter(|&p| p != old)
+        })
+    }
+}
+
+fn some_body(bodies: &Subscriber<BodyFrame>) -> u64 {
+    eventually("bodies", || {
+        bodies
+            .next(Duration::from_millis(100))
+            .unwrap()
+            .map(|b| b.publish_ns)
+    })
 }
 
 fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
@@ -91,12 +110,27 @@ fn necks_found(frames: &[serde_json::Value], truth: &Truth) -> (usize, usize) {
 }
 
 #[test]
-fn the_demo_travels_through_both_processes() {
-    let demo = Demo::start("demo");
-    let result = demo.result();
-    let [infer, fit] = demo.children();
-    assert_ne!(infer, fit);
-    let (out, _folder) = demo.wait(WHOLE_CLIP);
+fn a_file_travels_through_one_process_and_none_of_it_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let result = folder.path().join("bodies.jsonl");
+    let args = [
+        "run",
+        "--input",
+        "demo",
+        "--name",
+        &stream("demo"),
+        "--jsonl",
+    ];
+    let run = Running::start(&[&args[..], &[result.to_str().unwrap()]].concat());
+    let mut helpers = 0;
+    let out = loop {
+        helpers += usize::from(run.child("infer").or(run.child("fit")).is_some());
+        if run.has_ended() {
+            break run.wait(WHOLE_CLIP);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert_eq!(helpers, 0);
     assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
@@ -146,58 +180,132 @@ fn without_arguments_and_camera_the_bundled_clip_plays() {
 
 #[test]
 fn killing_fit_does_not_stop_infer() {
-    let demo = Demo::start("kill-fit");
-    let observations = demo.listen::<ObservationFrame>();
-    let bodies = demo.listen::<BodyFrame>();
-    let wait = Duration::from_millis(100);
-    let before = eventually("bodies", || bodies.next(wait).unwrap().map(|b| b.sequence));
-    let [infer, fit] = demo.children();
+    let camera = Camera::start("kill-fit", &[]);
+    let observations = camera.listen::<ObservationFrame>();
+    let bodies = camera.listen::<BodyFrame>();
+    some_body(&bodies);
+    let [infer, fit] = camera.children();
     signal(fit, "KILL");
-    let again = eventually("a new fit", || {
-        demo.run.child("fit").filter(|&pid| pid != fit)
+    camera.replaced("fit", fit);
+    while bodies.next(Duration::ZERO).unwrap().is_some() {}
+    some_body(&bodies);
+    assert_eq!(camera.run.child("infer"), Some(infer), "infer goes on");
+    let wait = Duration::from_millis(500);
+    eventually("observations", || {
+        observations.next(wait).unwrap().map(|_| ())
     });
-    assert_ne!(again, fit);
-    assert_eq!(demo.run.child("infer"), Some(infer), "infer goes on");
-    let after = eventually("bodies of the new fit", || {
-        bodies
-            .next(wait)
-            .unwrap()
-            .map(|b| b.sequence)
-            .filter(|&s| s > before + 3)
-    });
-    assert!(after > before);
-    assert!(
-        eventually("observations", || observations
-            .newest(wait)
-            .unwrap()
-            .map(|o| o.sequence))
-            >= after
-    );
     drop((observations, bodies));
-    let result = demo.result();
-    let (out, _folder) = demo.wait(WHOLE_CLIP);
-    assert!(out.status.success(), "{}", crate::program::stderr(&out));
-    assert!(lines(&result).len() > 10);
+    let (out, folder) = camera.stop();
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(lines(&folder.path().join("bodies.jsonl")).len() > 2);
+}
+
+/// With a rate, bodies keep coming however infer does.
+#[test]
+fn a_dead_infer_is_replaced_while_bodies_keep_coming() {
+    let camera = Camera::start("kill-infer", &["--rate", "240"]);
+    let bodies = camera.listen::<BodyFrame>();
+    some_body(&bodies);
+    let [infer, fit] = camera.children();
+    signal(infer, "KILL");
+    camera.replaced("infer", infer);
+    assert_eq!(camera.run.child("fit"), Some(fit));
+    assert!(camera.stop().0.status.success());
+}
+
+#[test]
+fn a_child_that_hangs_is_replaced() {
+    let camera = Camera::start("hang", &[]);
+    let bodies = camera.listen::<BodyFrame>();
+    for verb in ["infer", "fit"] {
+        some_body(&bodies);
+        let old = eventually(verb, || camera.run.child(verb));
+        signal(old, "STOP");
+        camera.replaced(verb, old);
+        while bodies.next(Duration::ZERO).unwrap().is_some() {}
+    }
+    some_body(&bodies);
+    let (out, _folder) = camera.stop();
+    assert!(
+        program::stderr(&out).contains("infer hangs"),
+        "{}",
+        program::stderr(&out)
+    );
+}
+
+#[test]
+fn a_reader_notices_within_a_second_that_the_publisher_has_gone_and_is_back() {
+    let camera = Camera::start("presence", &[]);
+    let bodies = camera.listen::<BodyFrame>();
+    some_body(&bodies);
+    assert_eq!(bodies.publisher_count(), 1);
+    let fit = camera.children()[1];
+    // Stopped, the supervisor does not start another one.
+    signal(camera.run.pid(), "STOP");
+    signal(fit, "KILL");
+    let killed = Instant::now();
+    eventually("its absence", || {
+        (bodies.publisher_count() == 0).then_some(())
+    });
+    assert!(
+        killed.elapsed() < Duration::from_secs(1),
+        "{:?}",
+        killed.elapsed()
+    );
+    signal(camera.run.pid(), "CONT");
+    eventually("its return", || {
+        (bodies.publisher_count() == 1).then_some(())
+    });
+    drop(bodies);
+    camera.stop();
+}
+
+#[test]
+fn nothing_follows_the_end_of_the_stream() {
+    let name = stream("end");
+    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let fit = Running::start(&["fit", "--name", &name, "--rate", "100"]);
+    eventually("fit", || {
+        (observations.subscriber_count() > 0).then_some(())
+    });
+    let mut frame = ObservationFrame {
+        width: 640,
+        height: 480,
+        capture_ns: edgecap::camera::monotonic_ns(),
+        ..ObservationFrame::default()
+    };
+    observations.publish(&frame).unwrap();
+    some_body(&bodies);
+    // Stopped, it wakes with the end of the stream before it and a tick behind it.
+    signal(fit.pid(), "STOP");
+    frame.flags |= FLAG_END_OF_STREAM;
+    observations.publish(&frame).unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    signal(fit.pid(), "CONT");
+    let mut last = 0;
+    eventually("the end", || {
+        while let Some(frame) = bodies.next(Duration::ZERO).unwrap() {
+            last = frame.flags;
+        }
+        fit.has_ended().then_some(())
+    });
+    while let Some(frame) = bodies.next(Duration::ZERO).unwrap() {
+        last = frame.flags;
+    }
+    assert_ne!(last & FLAG_END_OF_STREAM, 0, "the end comes last");
 }
 
 #[test]
 fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
-    let demo = Demo::start("stop");
-    let bodies = demo.listen::<BodyFrame>();
-    eventually("bodies", || {
-        bodies.next(Duration::from_millis(100)).unwrap().map(|_| ())
-    });
-    let children = demo.children();
+    let camera = Camera::start("stop", &[]);
+    let bodies = camera.listen::<BodyFrame>();
+    some_body(&bodies);
+    let children = camera.children();
     drop(bodies);
-    let result = demo.result();
-    signal(demo.run.pid(), "TERM");
-    let (out, folder) = demo.wait(Duration::from_secs(20));
-    assert_eq!(
-        out.status.code(),
-        Some(0),
-        "{}",
-        crate::program::stderr(&out)
-    );
+    let result = camera.result();
+    let (out, folder) = camera.stop();
+    assert_eq!(out.status.code(), Some(0), "{}", program::stderr(&out));
     for pid in children {
         assert!(
             !std::path::Path::new(&format!("/proc/{pid}")).exists(),
@@ -218,9 +326,9 @@ fn a_stopped_run_leaves_no_process_and_no_half_written_file() {
 
 #[test]
 fn children_end_when_their_supervisor_is_killed() {
-    let demo = Demo::start("orphans");
-    let children = demo.children();
-    signal(demo.run.pid(), "KILL");
+    let camera = Camera::start("orphans", &[]);
+    let children = camera.children();
+    signal(camera.run.pid(), "KILL");
     for pid in children {
         let gone = || (!std::path::Path::new(&format!("/proc/{pid}/exe")).exists()).then_some(());
         eventually("the child's end", gone);

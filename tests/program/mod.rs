@@ -71,6 +71,17 @@ impl Running {
         self.0.id()
     }
 
+    /// Whether it has ended.
+    pub fn has_ended(&self) -> bool {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.pid()));
+        // A zombie, until it is waited for.
+        stat.is_ok_and(|s| {
+            s.rsplit(')')
+                .next()
+                .is_some_and(|s| s.trim_start().starts_with('Z'))
+        })
+    }
+
     /// Waits for its end.
     pub fn wait(mut self, patience: Duration) -> Output {
         let start = Instant::now();

@@ -1,13 +1,14 @@
 //! Which network at which size, as the user says it.
 
-use std::ffi::OsString;
 use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
 
 use super::zoom::INPUTS;
 use crate::commands::pipeline::{Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
 pub struct EngineArgs {
     /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
     #[arg(long, value_name = "FILE")]
@@ -28,7 +29,7 @@ pub struct EngineArgs {
 }
 
 /// The network's input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum InputSize {
     /// Pixels across and down.
     Fixed(usize, usize),
@@ -64,31 +65,6 @@ pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl EngineArgs {
-    /// The arguments again, for a child process.
-    pub fn to_args(&self) -> Vec<OsString> {
-        let mut args: Vec<OsString> = Vec::new();
-        match self.size {
-            Some(InputSize::Fixed(w, h)) => {
-                args.extend(["--size".into(), format!("{w}x{h}").into()])
-            }
-            Some(InputSize::Auto) => args.extend(["--size".into(), "auto".into()]),
-            None => {}
-        }
-        if let Some(model) = &self.model {
-            args.extend(["--model".into(), model.into()]);
-        }
-        if let Some(path) = &self.stage2 {
-            args.extend(["--stage2".into(), path.into()]);
-        }
-        if let Some(threads) = self.threads {
-            args.extend(["--threads".into(), threads.to_string().into()]);
-        }
-        if self.flip_test {
-            args.push("--flip-test".into());
-        }
-        args
-    }
-
     /// Whether every picture gets the same input.
     pub fn is_fixed(&self) -> bool {
         matches!(self.size, Some(InputSize::Fixed(..)))

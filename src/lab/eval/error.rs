@@ -47,11 +47,4 @@ impl EvalError {
             found: found.into(),
         }
     }
-
-    pub(crate) fn read(path: &std::path::Path) -> Result<String, Self> {
-        std::fs::read_to_string(path).map_err(|source| Self::Read {
-            path: path.into(),
-            source,
-        })
-    }
 }

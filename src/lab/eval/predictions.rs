@@ -1,4 +1,4 @@
-//! A JSON-lines file of `infer` or `run` goes in, people per frame come out.
+//! A record of `infer` or `run`, or JSON lines of another program in their terms, go in; people per frame come out.
 
 use std::path::Path;
 
@@ -74,9 +74,19 @@ struct LinePerson {
 }
 
 impl Predictions {
-    /// Reads a file written by `infer --jsonl` or `run --jsonl`.
+    /// Reads a record that `infer`, `fit` or `run` wrote.
     pub fn read(path: &Path) -> Result<Self, EvalError> {
-        Self::parse(&EvalError::read(path)?, &path.display().to_string())
+        let name = path.display().to_string();
+        let bytes = std::fs::read(path).map_err(|source| EvalError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        let expected = "one frame a line, as `infer --jsonl` or `run --jsonl` writes it";
+        let lines = crate::record::lines(&bytes, &name);
+        let lines = lines.map_err(|e| EvalError::format(name.clone(), expected, e.to_string()))?;
+        let text = String::from_utf8(lines)
+            .map_err(|e| EvalError::format(name.clone(), expected, e.to_string()))?;
+        Self::parse(&text, &name)
     }
 
     /// Adds the frames of another file.

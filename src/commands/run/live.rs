@@ -1,0 +1,140 @@
+//! A camera: `infer` and `fit` under supervision, and what they publish.
+
+use std::process::ExitStatus;
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::{Priority, Subscriber, service_name};
+
+use super::RunArgs;
+use crate::commands::exit::{self, Failure};
+use crate::commands::fit::FitTask;
+use crate::commands::input::Chosen;
+use crate::commands::outputs::finish;
+use crate::commands::stop::Stop;
+use crate::commands::table::Table;
+use crate::commands::tally::Tally;
+use crate::record::BodiesRow;
+use crate::sink::{Packet, Sinks};
+use crate::supervise::{Child, describe, stop_all};
+
+/// How long the last bodies may take after `infer` has ended.
+const LAST_BODIES: Duration = Duration::from_secs(3);
+/// How often the children are looked at, whatever comes from them.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
+
+/// Runs the whole system on a camera.
+///
+/// # Errors
+/// As [`run`](super::run).
+pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
+    let mut sinks = Sinks::default();
+    args.record.add_to::<BodiesRow>(&mut sinks)?;
+    let bodies = Subscriber::<BodyFrame>::open_with(&chosen.name, Priority::Reserved)?;
+    let mut table = Table::new(args.table);
+    let stream = service_name::<BodyFrame>(&chosen.name);
+    table.say(&format!(
+        "{} → shared memory {stream} (Ctrl-C stops)",
+        chosen.spec
+    ));
+
+    let mut fit = Child::new(
+        "fit",
+        FitTask {
+            name: chosen.name.clone(),
+            config: args.fit_config.clone(),
+            stills: false,
+            rate: args.rate,
+        },
+    )?;
+    let mut infer = Child::new("infer", args.infer_task(chosen))?;
+    let mut tally = Tally::default();
+    let source = chosen.spec.to_string();
+    let outcome = watch(&bodies, stop, &mut infer, &mut fit, &mut |frame| {
+        tally.count(frame);
+        table.update(frame, tally.lost);
+        Ok(sinks.take(&Packet {
+            message: frame,
+            source: &source,
+            picture: None,
+        })?)
+    });
+    // Publishers wait a little for those who still read.
+    drop(bodies);
+    stop_all(&mut [&mut infer, &mut fit]);
+    table.finish();
+    let words = finish(sinks, tally.frames, outcome)?;
+    args.conclude(&tally, &words);
+    Ok(())
+}
+
+/// Hands every message to `take` until the input ends, the user stops, or a process fails for good.
+fn watch(
+    bodies: &Subscriber<BodyFrame>,
+    stop: &Stop,
+    infer: &mut Child,
+    fit: &mut Child,
+    take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut infer_done: Option<Instant> = None;
+    let mut end_seen = false;
+    let mut cleaned = Instant::now();
+    while !stop.requested() {
+        let looked = Instant::now();
+        while let Some(frame) = bodies.next(LOOK_EVERY.saturating_sub(looked.elapsed()))? {
+            // A fit that somebody ended says so, too, and is started again.
+            end_seen = frame.flags & FLAG_END_OF_STREAM != 0;
+            if !end_seen {
+                take(&frame)?;
+            }
+            if looked.elapsed() >= LOOK_EVERY {
+                break;
+            }
+        }
+        look_after(infer, &mut infer_done)?;
+        match infer_done {
+            Some(since) if end_seen || since.elapsed() > LAST_BODIES => return Ok(()),
+            Some(_) => {}
+            None => look_after(fit, &mut None)?,
+        }
+        if cleaned.elapsed() > CLEAN_UP_EVERY {
+            bodies.clean_up();
+            cleaned = Instant::now();
+        }
+    }
+    Ok(())
+}
+
+/// Looks after a child. A crash is mended, a failure that would come again is the run's; `infer` may be `done`.
+fn look_after(child: &mut Child, done: &mut Option<Instant>) -> anyhow::Result<()> {
+    let Some(status) = child.tend()? else {
+        return Ok(());
+    };
+    if status.success() && child.verb() == "infer" {
+        child.leave();
+        *done = Some(Instant::now());
+        return Ok(());
+    }
+    if let Some(code) = permanent(status, child.has_lived()) {
+        return Err(Failure::silent(code).into());
+    }
+    tracing::warn!(
+        "{} ended with {}; starting it again",
+        child.verb(),
+        describe(status)
+    );
+    child.restart();
+    Ok(())
+}
+
+/// The exit code of a failure that would come again. A camera or stream that worked before may come back.
+fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
+    let code = status.code()? as u8;
+    let passes = match code {
+        0 | exit::SOFTWARE | exit::IO => true,
+        exit::UNAVAILABLE | exit::TRY_LATER | exit::NO_INPUT => has_lived,
+        _ => false,
+    };
+    (!passes).then_some(code)
+}

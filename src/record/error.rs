@@ -1,0 +1,32 @@
+//! What can be wrong with a recorded file.
+
+/// Why a record cannot be read. Frames and lines count from 1.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The file itself failed.
+    #[error(
+        "{name}, line {line}: cannot read: {source}; check that the file is complete and readable"
+    )]
+    Io {
+        /// The file.
+        name: String,
+        /// The line or frame that could not be read.
+        line: u64,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// A line is no frame as this program writes it.
+    #[error(
+        "{name}, line {line}: expected one frame as written by {by}, found: {found}; repair or remove the line"
+    )]
+    Line {
+        /// The file.
+        name: String,
+        /// The offending line or frame.
+        line: u64,
+        /// What writes such files.
+        by: &'static str,
+        /// What is wrong with it.
+        found: String,
+    },
+}

@@ -1,0 +1,54 @@
+//! Why a result did not get where it should.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use edgecap_client::LinkError;
+
+use crate::overlay::OverlayError;
+
+/// Why a sink failed.
+#[derive(Debug, thiserror::Error)]
+pub enum SinkError {
+    /// A file or folder cannot be made.
+    #[error("cannot write {}: {source}; choose a writable place", path.display())]
+    Create {
+        /// What was to be made.
+        path: PathBuf,
+        /// The system's words.
+        source: io::Error,
+    },
+    /// Writing failed on the way.
+    #[error(
+        "{}: writing stopped ({}); what was written before is kept",
+        name(path),
+        reason(source)
+    )]
+    Write {
+        /// What was being written.
+        path: PathBuf,
+        /// The system's words.
+        source: io::Error,
+    },
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Picture(#[from] OverlayError),
+    /// Shared memory failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+}
+
+fn name(path: &Path) -> String {
+    if path.as_os_str() == crate::output::STDOUT {
+        return "standard output".to_owned();
+    }
+    path.display().to_string()
+}
+
+fn reason(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe => "nobody reads it any more".to_owned(),
+        io::ErrorKind::StorageFull => "the disk is full: make room".to_owned(),
+        _ => error.to_string(),
+    }
+}

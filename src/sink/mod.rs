@@ -1,0 +1,88 @@
+//! Where results go. A message goes to every sink of a list: shared memory, records, pictures with skeletons.
+
+mod error;
+mod overlay;
+mod record;
+mod shared_memory;
+
+pub use error::SinkError;
+pub use overlay::OverlaySink;
+pub use record::RecordSink;
+pub use shared_memory::SharedMemorySink;
+
+use crate::capture::Frame;
+
+/// A frame's result and what it came of.
+#[derive(Debug, Clone, Copy)]
+pub struct Packet<'a, M> {
+    /// The result.
+    pub message: &'a M,
+    /// The picture's file, or the film.
+    pub source: &'a str,
+    /// The picture, where the stage still has it.
+    pub picture: Option<&'a Frame>,
+}
+
+/// One place where results go.
+pub trait Sink<M> {
+    /// Takes a frame's result.
+    ///
+    /// # Errors
+    /// What the place failed of; what it took before is kept.
+    fn take(&mut self, packet: &Packet<'_, M>) -> Result<(), SinkError>;
+
+    /// Makes what was taken complete, and says in a few words what there is, if that is worth saying.
+    ///
+    /// # Errors
+    /// What the place failed of.
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError>;
+}
+
+/// The sinks of a stage.
+pub struct Sinks<M>(Vec<Box<dyn Sink<M>>>);
+
+impl<M> Default for Sinks<M> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<M> Sinks<M> {
+    /// Adds one.
+    pub fn push(&mut self, sink: impl Sink<M> + 'static) {
+        self.0.push(Box::new(sink));
+    }
+
+    /// Whether results go nowhere.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Gives a result to every sink, whether or not another one failed.
+    ///
+    /// # Errors
+    /// The first failure.
+    pub fn take(&mut self, packet: &Packet<'_, M>) -> Result<(), SinkError> {
+        let mut first = Ok(());
+        for sink in &mut self.0 {
+            let taken = sink.take(packet);
+            first = first.and(taken);
+        }
+        first
+    }
+
+    /// Makes all of them complete and returns what they have to say.
+    ///
+    /// # Errors
+    /// The first failure; the others are complete all the same.
+    pub fn finish(self) -> (Vec<String>, Result<(), SinkError>) {
+        let (mut words, mut first) = (Vec::new(), Ok(()));
+        for sink in self.0 {
+            match sink.finish() {
+                Ok(said) => words.extend(said),
+                Err(e) => first = first.and(Err(e)),
+            }
+        }
+        (words, first)
+    }
+}

@@ -1,0 +1,269 @@
+//! Whatever was computed is written and complete; then the exit code says what was wrong.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use crate::program::{Running, assert_fails, edgecap, signal, stderr, stream};
+use edgecap::capture::demo;
+
+const SMALL: [&str; 4] = ["--size", "256x160", "--threads", "1"];
+
+fn count(path: &Path) -> usize {
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.ends_with('\n'));
+    let whole = |l: &str| serde_json::from_str::<serde_json::Value>(l).is_ok();
+    assert!(text.lines().all(whole), "every line is whole");
+    text.lines().count()
+}
+
+/// The bundled clip, cut off in the middle.
+fn cut_film(folder: &Path) -> PathBuf {
+    let path = folder.join("cut.avi");
+    std::fs::write(&path, &demo::CLIP[..demo::CLIP.len() / 10]).unwrap();
+    path
+}
+
+/// A picture of people, as JPEG: the clip's first frame.
+fn photo() -> Vec<u8> {
+    let at = |needle: &[u8], from: usize| {
+        from + demo::CLIP[from..]
+            .windows(needle.len())
+            .position(|w| w == needle)
+            .unwrap()
+    };
+    let start = at(&[0xFF, 0xD8, 0xFF], 0);
+    let end = at(&[0xFF, 0xD9], start) + 2;
+    demo::CLIP[start..end].to_vec()
+}
+
+#[test]
+fn a_cut_film_gives_what_it_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = cut_film(folder.path());
+    for verb in ["infer", "run"] {
+        let out = folder.path().join(format!("{verb}.jsonl"));
+        let name = stream("cut");
+        let mut args = vec![verb, "--input", film.to_str().unwrap()];
+        args.extend(["--jsonl", out.to_str().unwrap()]);
+        args.extend(SMALL);
+        if verb == "run" {
+            args.extend(["--name", &name]);
+        }
+        assert_fails(&args, 65, &["cut.avi"]);
+        assert!(count(&out) >= 2, "{verb}");
+    }
+}
+
+#[test]
+fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("photos");
+    std::fs::create_dir(&photos).unwrap();
+    for name in ["1.jpg", "3.jpg"] {
+        std::fs::write(photos.join(name), photo()).unwrap();
+    }
+    std::fs::write(photos.join("2.jpg"), b"\xff\xd8\xff damaged").unwrap();
+    let (drawn, lines) = (folder.path().join("drawn"), folder.path().join("b.jsonl"));
+    let out = edgecap()
+        .args(["run", "--name", &stream("bad")])
+        .args(SMALL)
+        .arg("--input")
+        .arg(&photos)
+        .arg("--overlay")
+        .arg(&drawn)
+        .arg("--jsonl")
+        .arg(&lines)
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(stderr(&out).contains("2.jpg"), "{}", stderr(&out));
+    assert_eq!(count(&lines), 2);
+    let mut names: Vec<_> = std::fs::read_dir(drawn)
+        .unwrap()
+        .map(|e| e.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["000000.png", "000002.png"]);
+}
+
+#[test]
+fn a_picture_is_a_still_by_its_bytes_whatever_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let results: Vec<Vec<u8>> = ["a.jpg", "b.jfif", "c"]
+        .into_iter()
+        .map(|name| {
+            let (path, out) = (folder.path().join(name), folder.path().join("out.jsonl"));
+            std::fs::write(&path, photo()).unwrap();
+            let done = edgecap()
+                .args(["run", "--name", &stream("still")])
+                .arg("--input")
+                .arg(&path)
+                .arg("--jsonl")
+                .arg(&out)
+                .output()
+                .unwrap();
+            assert!(done.status.success(), "{}", stderr(&done));
+            let line: serde_json::Value =
+                serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
+            serde_json::to_vec(&line["people"]).unwrap()
+        })
+        .collect();
+    assert!(results[0].len() > 100, "somebody is in the picture");
+    assert!(results[0] == results[1] && results[1] == results[2]);
+}
+
+#[test]
+fn nobody_who_listens_is_no_reason_to_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = cut_film(folder.path());
+    let lines = folder.path().join("b.jsonl");
+    let full = std::fs::File::options()
+        .write(true)
+        .open("/dev/full")
+        .unwrap();
+    let status = edgecap()
+        .args(["run", "--name", &stream("full")])
+        .args(SMALL)
+        .arg("--input")
+        .arg(&film)
+        .arg("--jsonl")
+        .arg(&lines)
+        .env("EDGECAP_LOG", "debug")
+        .stdout(full.try_clone().unwrap())
+        .stderr(full)
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(65), "the film is cut, that is all");
+    assert!(count(&lines) >= 2);
+}
+
+#[test]
+fn lines_go_to_standard_output_and_a_reader_that_leaves_is_named() {
+    let head = ["infer", "--input", "demo", "--jsonl", "-"];
+    let mut child = edgecap()
+        .args(head)
+        .args(SMALL)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = String::new();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    stdout.read_line(&mut first).unwrap();
+    assert!(serde_json::from_str::<serde_json::Value>(&first).is_ok());
+    drop(stdout);
+    let out = child.wait_with_output().unwrap();
+    assert_eq!(out.status.code(), Some(74));
+    let said = stderr(&out);
+    assert!(
+        said.contains("standard output") && said.lines().count() == 1,
+        "{said}"
+    );
+}
+
+#[test]
+fn a_full_disk_keeps_what_found_room() {
+    let folder = tempfile::tempdir().unwrap();
+    let result = folder.path().join("b.jsonl");
+    // The limit of a file's size stands in for a full disk.
+    let out = std::process::Command::new("bash")
+        .args(["-c", "trap '' XFSZ; ulimit -f 64; exec \"$0\" \"$@\""])
+        .arg(env!("CARGO_BIN_EXE_edgecap"))
+        .args(["infer", "--input", "demo", "--jsonl"])
+        .arg(&result)
+        .args(SMALL)
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(74), "{}", stderr(&out));
+    assert!(stderr(&out).contains("b.jsonl"), "{}", stderr(&out));
+    assert!(count(&result) >= 2);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    let readonly = ["infer", "--input", "demo", "--jsonl", "/proc/b.jsonl"];
+    assert_fails(&readonly, 73, &["/proc/b.jsonl"]);
+}
+
+#[test]
+fn an_endless_line_is_refused_before_it_fills_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("b.jsonl");
+    assert_fails(
+        &[
+            "fit",
+            "--input",
+            "/dev/zero",
+            "--jsonl",
+            out.to_str().unwrap(),
+        ],
+        65,
+        &["/dev/zero", "a line of more than"],
+    );
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_silent_pipe_can_be_left() {
+    for verb in ["infer", "run"] {
+        let name = stream("silent");
+        let mut child = edgecap()
+            .args([verb, "--input", "-", "--name", &name])
+            .args(SMALL)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut pipe = child.stdin.take().unwrap();
+        pipe.write_all(b"YUV4MPEG2 W640 H480 F30:1\nFRAME\n")
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(700));
+        let asked = Instant::now();
+        signal(child.id(), "TERM");
+        let run = Running(child);
+        let out = run.wait(Duration::from_secs(10));
+        assert!(asked.elapsed() < Duration::from_secs(8), "{verb}");
+        assert_eq!(out.status.code(), Some(0), "{verb}: {}", stderr(&out));
+        drop(pipe);
+    }
+}
+
+#[test]
+fn recorded_observations_come_in_both_formats_and_from_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = cut_film(folder.path());
+    let path = |name: &str| folder.path().join(name);
+    let seen = edgecap()
+        .args(["infer", "--input"])
+        .arg(&film)
+        .args(SMALL)
+        .arg("--jsonl")
+        .arg(path("o.jsonl"))
+        .arg("--record")
+        .arg(path("o.ecr"))
+        .output()
+        .unwrap();
+    assert_eq!(seen.status.code(), Some(65), "{}", stderr(&seen));
+    let mut people = Vec::new();
+    for input in ["o.jsonl", "o.ecr"] {
+        let mut fit = edgecap()
+            .args(["fit", "--input", "-", "--jsonl", "-"])
+            .stdin(std::fs::File::open(path(input)).unwrap())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut text = String::new();
+        fit.stdout
+            .take()
+            .unwrap()
+            .read_to_string(&mut text)
+            .unwrap();
+        assert!(fit.wait().unwrap().success());
+        let rows = text.lines().map(|l| {
+            let row: serde_json::Value = serde_json::from_str(l).unwrap();
+            row["people"].to_string()
+        });
+        people.push(rows.collect::<Vec<_>>());
+    }
+    assert!(people[0].len() >= 2 && people[0] == people[1]);
+}
