@@ -119,7 +119,7 @@ impl Eyes {
     /// Writes the lines of one picture.
     fn look(&mut self, set: &Path, picture: &Path, truth: &TruthFrame) -> anyhow::Result<()> {
         let mut frame = Frame::default();
-        PhotoSource::file(picture).next_into(&mut frame)?;
+        PhotoSource::file(picture, None).next_into(&mut frame)?;
         let letterbox = self.resizer.run(&frame, &mut self.input);
         let maps = self.engine.run(&self.input);
         for associator in &mut self.associators {
