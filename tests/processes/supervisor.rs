@@ -30,7 +30,7 @@ impl Camera {
         ];
         let bodies = ["--jsonl", result.to_str().unwrap()];
         Self {
-            run: Running::start(&[&args[..], &bodies[..], more].concat()),
+            run: Running::start(&[&args[..], &bodies, more].concat()),
             name,
             folder,
         }
