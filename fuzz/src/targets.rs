@@ -7,11 +7,10 @@ use std::io::Cursor;
 use edgecap::camera::CameraFile;
 use edgecap::capture::{AviReader, Frame, PhotoDecoder, Source, Y4mReader};
 use edgecap::engine::{Engine, EngineOptions, Model, Network, Precision};
-use edgecap::fit::bodies_line::BodiesLine;
-use edgecap::fit::offline::{CameraSource, ObservationReader};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::message::{Body, BodyFrame, ObservationFrame};
 use edgecap::overlay::{Glyphs, Person, Screen, characters, draw};
+use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row};
 
 use crate::seeds;
 
@@ -103,7 +102,6 @@ fn run(model: &Model, precision: Precision) {
         threads: 1,
         isa: None,
         precision,
-        pin: false,
     };
     if let Ok(mut engine) = Engine::new(model, options) {
         let picture: Vec<u8> = (0..3 * side * side).map(|i| (i * 37) as u8).collect();
@@ -266,7 +264,7 @@ fn assert_bodies(frame: &BodyFrame) {
 }
 
 fn write(frame: &BodyFrame) {
-    serde_json::to_string(&BodiesLine::from(frame)).expect("a line can be written");
+    serde_json::to_string(&BodiesRow::new(frame, "fuzz")).expect("a row can be written");
 }
 
 fn show<P: Person>(people: &[P]) {
