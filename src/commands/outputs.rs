@@ -11,7 +11,7 @@ pub struct RecordArgs {
     /// Write one line of JSON per frame to this file; '-' for standard output
     #[arg(long, value_name = "FILE")]
     pub jsonl: Option<PathBuf>,
-    /// Write the same in binary, a tenth of the size; 'fit --input' and 'eval --predictions' read both
+    /// Write the same in binary, a third of the size; 'fit --input' and 'eval --predictions' read both
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 }

@@ -11,24 +11,24 @@ use crate::overlay::OverlayError;
 #[derive(Debug, thiserror::Error)]
 pub enum SinkError {
     /// A file or folder cannot be made.
-    #[error("cannot write {}: {source}; choose a writable place", path.display())]
+    #[error("cannot write {}: {cause}; choose a writable place", path.display())]
     Create {
         /// What was to be made.
         path: PathBuf,
         /// The system's words.
-        source: io::Error,
+        cause: io::Error,
     },
     /// Writing failed on the way.
     #[error(
         "{}: writing stopped ({}); what was written before is kept",
         name(path),
-        reason(source)
+        reason(cause)
     )]
     Write {
         /// What was being written.
         path: PathBuf,
         /// The system's words.
-        source: io::Error,
+        cause: io::Error,
     },
     /// A picture cannot be written.
     #[error(transparent)]

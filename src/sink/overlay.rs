@@ -21,9 +21,9 @@ impl OverlaySink {
     /// # Errors
     /// [`SinkError::Create`].
     pub fn create(folder: &Path) -> Result<Self, SinkError> {
-        std::fs::create_dir_all(folder).map_err(|source| SinkError::Create {
+        std::fs::create_dir_all(folder).map_err(|cause| SinkError::Create {
             path: folder.to_owned(),
-            source,
+            cause,
         })?;
         Ok(Self {
             folder: folder.to_owned(),

@@ -17,9 +17,9 @@ impl<T: Row> RecordSink<T> {
     pub fn create(path: &Path, format: Format) -> Result<Self, SinkError> {
         RecordWriter::create(path, format)
             .map(Self)
-            .map_err(|source| SinkError::Create {
+            .map_err(|cause| SinkError::Create {
                 path: path.to_owned(),
-                source,
+                cause,
             })
     }
 }
@@ -39,6 +39,6 @@ impl<T: Row> Sink<T::Message> for RecordSink<T> {
     }
 }
 
-fn failed(path: PathBuf, source: std::io::Error) -> SinkError {
-    SinkError::Write { path, source }
+fn failed(path: PathBuf, cause: std::io::Error) -> SinkError {
+    SinkError::Write { path, cause }
 }
