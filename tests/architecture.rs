@@ -26,7 +26,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     // After shared memory: these never do.
     ("fit", &["assignment", "body", "camera", "solve"]),
     ("record", &["output"]),
-    ("sink", &["capture", "output", "overlay", "record"]),
+    (
+        "sink",
+        &["camera", "capture", "output", "overlay", "record"],
+    ),
     ("supervise", &["output"]),
 ];
 /// Rooms that may name all others, the laboratory included for its own verbs.
