@@ -118,11 +118,9 @@ fn exact_views_agree() {
     let r = check(Truth::OtherViews, 0.0, 0.0);
     print!("{r}");
     assert_eq!((r.judged, r.triangulated, r.found[0]), (360, 360, 360));
-    let unnamed = (FitConfig::default().identity.birth_time * 30.0).ceil() as usize;
     assert_eq!(
-        r.found[1],
-        360 - 4 * unnamed,
-        "every view's fit names the person as soon as it waited long enough, and loses them never"
+        r.found[1], 360,
+        "every view's fit names a clearly seen person at once, and loses them never"
     );
     assert!(r.all_pixels[0].unwrap() < 0.01);
     assert!(r.mpjpe[0].unwrap() < 1e-3 && r.pa_mpjpe[0].unwrap() < 1e-3);
