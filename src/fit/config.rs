@@ -63,12 +63,8 @@ pub struct TermsConfig {
     pub position: f64,
     /// E2D: reprojection against the evidence joints.
     pub reprojection: f64,
-    /// Elim: anatomical limits.
-    pub limits: f64,
     /// Etemp: change of velocity.
     pub temporal: f64,
-    /// Edepth: change of the root's distance beyond what Etemp allows.
-    pub depth: f64,
     /// Standing feet stay where they stand.
     pub contact: f64,
     /// Expected error of Stage II's joints, metres at canonical stature.
@@ -104,8 +100,8 @@ pub struct IdentityConfig {
     pub reidentify_appearance: f64,
     /// Time between refreshes of the remembered appearance.
     pub refresh: f64,
-    /// Least score (0–1) of an observation that may start a person.
-    pub birth_score: f64,
+    /// Score (0–1) of a first observation from which somebody is published at once, where nobody known is away.
+    pub sure_score: f64,
 }
 
 /// Bounds of extrapolation. Times in seconds.
@@ -154,12 +150,10 @@ impl Default for TermsConfig {
         Self {
             position: 1.0,
             reprojection: 1.0,
-            limits: 1.0,
             temporal: 1.0,
-            depth: 1.0,
             contact: 1.0,
             sigma3d: 0.06,
-            sigma2d: 0.05,
+            sigma2d: 0.042,
         }
     }
 }
@@ -172,14 +166,14 @@ impl Default for IdentityConfig {
             // Not 0.2: where frames come 30 a second, rounding would decide between six of them and seven.
             birth_time: 0.19,
             tentative_grace: 0.2,
-            grace: 0.8,
+            grace: 0.1,
             hold: 2.5,
             memory: 60.0,
-            threshold: 1.2,
+            threshold: 1.4,
             appearance_weight: 1.8,
             reidentify_appearance: 0.3,
             refresh: 30.0,
-            birth_score: 0.15,
+            sure_score: 0.6,
         }
     }
 }
@@ -265,6 +259,13 @@ impl FitConfig {
             )?;
         }
         within(
+            "identity.sure_score",
+            self.identity.sure_score,
+            0.0,
+            1.0,
+            "from 0 to 1",
+        )?;
+        within(
             "min_joint_confidence",
             self.min_joint_confidence,
             0.0,
@@ -286,9 +287,7 @@ impl FitConfig {
         for (field, value) in [
             ("terms.position", t.position),
             ("terms.reprojection", t.reprojection),
-            ("terms.limits", t.limits),
             ("terms.temporal", t.temporal),
-            ("terms.depth", t.depth),
             ("terms.contact", t.contact),
         ] {
             within(field, value, 0.0, 1e3, FACTOR)?;
@@ -330,7 +329,6 @@ impl FitConfig {
             ("identity.threshold", i.threshold),
             ("identity.appearance_weight", i.appearance_weight),
             ("identity.reidentify_appearance", i.reidentify_appearance),
-            ("identity.birth_score", i.birth_score),
         ] {
             within(field, value, 0.0, 1e3, FACTOR)?;
         }

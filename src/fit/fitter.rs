@@ -27,22 +27,12 @@ const RESTART_NS: u64 = 500_000_000;
 const STEP: [f64; 2] = [1e-3, 1.0];
 /// Most people remembered after they left.
 const MAX_REMEMBERED: usize = 64;
-/// A newcomer nearer than this to somebody already seen (metres, mean over joints) is a double.
-const DOUBLE: f64 = 0.22;
-/// An observation up to this many thresholds away from somebody …
-const DOUBTFUL: f64 = 1.5;
-/// … who was seen this recently (seconds) starts nobody new.
-const DOUBTFUL_TIME: f64 = 0.3;
 /// Share of the threshold for people without identity: chance must not confirm anybody.
-const NEWCOMER: f64 = 0.6;
+const NEWCOMER: f64 = 0.5;
 /// Seconds that a newcomer without looks waits for them, while there is somebody to recognise.
 const WAIT_FOR_LOOKS: f64 = 2.0;
-/// Seconds without being seen after which somebody may turn up under another name.
-const ABSENT_AFTER: f64 = 0.15;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
-/// Fewest joints from which a person may be started.
-const BIRTH_JOINTS: usize = 6;
 
 /// Counters of a fitter's life, for status displays.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -61,15 +51,6 @@ pub struct FitCounters {
 
 /// One person of a frame: geometry and looks.
 type Seen = (Evidence, Option<Appearance>);
-
-/// To whom an observation belongs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Match {
-    Nobody,
-    Track(usize),
-    /// Perhaps a bad observation of somebody known.
-    Doubtful,
-}
 
 #[derive(Debug, Clone)]
 struct Gone {
@@ -292,9 +273,9 @@ impl Fitter {
         }
     }
 
-    /// The track of every person seen, and who may not start a new one. Those with an identity choose first: a newcomer
-    /// must not take an observation from somebody known because it fits a little better.
-    fn match_people(&mut self, seen: &[Seen], dt: f64) -> Vec<Match> {
+    /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation from
+    /// somebody known because it fits a little better.
+    fn match_people(&mut self, seen: &[Seen], dt: f64) -> Vec<Option<usize>> {
         let cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -302,15 +283,13 @@ impl Fitter {
             solver: &mut self.solver,
         };
         let config = &self.config.identity;
-        let mut matches = vec![Match::Nobody; seen.len()];
+        let mut matches = vec![None; seen.len()];
         let mut expected = Posed::default();
         for known in [true, false] {
             let tracks: Vec<usize> = (0..self.present.len())
                 .filter(|&t| (self.present[t].id != 0) == known)
                 .collect();
-            let free: Vec<usize> = (0..seen.len())
-                .filter(|&i| !matches!(matches[i], Match::Track(_)))
-                .collect();
+            let free: Vec<usize> = (0..seen.len()).filter(|&i| matches[i].is_none()).collect();
             let mut costs = Vec::with_capacity(free.len() * tracks.len());
             for &t in &tracks {
                 let track = &self.present[t];
@@ -331,22 +310,7 @@ impl Fitter {
             let pairs = assign(&costs, tracks.len(), free.len(), limit);
             for (row, pair) in pairs.iter().enumerate() {
                 if let Some(column) = pair {
-                    matches[free[*column]] = Match::Track(tracks[row]);
-                }
-            }
-            if known {
-                // Nearly somebody who was here a moment ago: rather a bad observation than a new person.
-                for (row, _) in pairs.iter().enumerate().filter(|(_, p)| p.is_none()) {
-                    if self.present[tracks[row]].unseen < DOUBTFUL_TIME {
-                        for (column, &i) in free.iter().enumerate() {
-                            let cost = costs[row * free.len() + column];
-                            if cost < DOUBTFUL * config.threshold
-                                && matches!(matches[i], Match::Nobody)
-                            {
-                                matches[i] = Match::Doubtful;
-                            }
-                        }
-                    }
+                    matches[free[*column]] = Some(tracks[row]);
                 }
             }
         }
@@ -354,7 +318,7 @@ impl Fitter {
     }
 
     /// Fits everyone who was seen, lets the others coast.
-    fn advance(&mut self, seen: &[Seen], matches: &[Match], dt: f64) {
+    fn advance(&mut self, seen: &[Seen], matches: &[Option<usize>], dt: f64) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -362,7 +326,7 @@ impl Fitter {
             solver: &mut self.solver,
         };
         for (t, track) in self.present.iter_mut().enumerate() {
-            match matches.iter().position(|m| *m == Match::Track(t)) {
+            match matches.iter().position(|m| *m == Some(t)) {
                 Some(person) => {
                     let (evidence, looks) = &seen[person];
                     let alone = !seen
@@ -377,38 +341,21 @@ impl Fitter {
         }
     }
 
-    /// Starts a track for everyone whom nobody owns and who is no double of somebody else.
-    fn start_people(&mut self, seen: &[Seen], matches: &[Match]) {
+    /// Starts a track for everyone whom nobody owns.
+    fn start_people(&mut self, seen: &[Seen], matches: &[Option<usize>]) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
             model: &self.model,
             solver: &mut self.solver,
         };
-        let mut accepted: Vec<usize> = (0..seen.len())
-            .filter(|&i| matches[i] != Match::Nobody)
-            .collect();
-        for (person, (evidence, looks)) in seen.iter().enumerate() {
-            if matches[person] != Match::Nobody
-                || evidence.score < self.config.identity.birth_score
-                || evidence.joints_seen() < BIRTH_JOINTS
-                || self.present.len() >= 2 * MAX_PEOPLE
-            {
-                continue;
-            }
-            let Some(root) = evidence.root else { continue };
-            let double = accepted.iter().any(|&other| {
-                evidence
-                    .distance_to(&seen[other].0, root.z)
-                    .is_some_and(|d| d < DOUBLE)
-            });
-            if double {
+        for ((evidence, looks), owner) in seen.iter().zip(matches) {
+            if owner.is_some() || self.present.len() >= 2 * MAX_PEOPLE {
                 continue;
             }
             if let Some(mut track) = Track::start(evidence, &mut cx) {
                 track.appearance = *looks;
                 self.present.push(track);
-                accepted.push(person);
             }
         }
     }
@@ -416,8 +363,12 @@ impl Fitter {
     /// Gives identities to those seen often enough: their old one if they are recognised.
     fn confirm(&mut self, now_ns: u64) {
         let config = &self.config.identity;
+        // Waiting only tells newcomers from those who come back: with nobody away there is nothing to wait for.
+        let nobody_away =
+            self.gone.is_empty() && !self.present.iter().any(|t| t.id != 0 && t.unseen > 0.0);
         let often_enough = |track: &Track| {
             self.config.stills
+                || nobody_away && track.first_score >= config.sure_score
                 || track.hits >= config.confirm_hits
                 || track.hits >= 2 && track.steady && track.age >= config.confirm_time
         };
@@ -429,7 +380,7 @@ impl Fitter {
                 let wait = looks_may_tell
                     && (self.gone.iter().any(|g| known(&g.track))
                         || self.present.iter().any(known));
-                track.id == 0 && often_enough(track) && track.unseen == 0.0 && !wait
+                track.id == 0 && track.unseen == 0.0 && often_enough(track) && !wait
             })
             .collect();
         if ready.is_empty() {
@@ -437,7 +388,7 @@ impl Fitter {
         }
         // Those missed for a moment may be standing here under another name as well as those who left.
         let absent: Vec<Absent> = (0..self.present.len())
-            .filter(|&t| self.present[t].id != 0 && self.present[t].unseen > ABSENT_AFTER)
+            .filter(|&t| self.present[t].id != 0 && self.present[t].unseen > 0.0)
             .map(Absent::Present)
             .chain((0..self.gone.len()).map(Absent::Gone))
             .collect();
@@ -460,9 +411,10 @@ impl Fitter {
         for (&t, pair) in ready.iter().zip(pairs) {
             let Some(who) = pair else {
                 let track = &self.present[t];
+                let at_once = nobody_away && track.first_score >= config.sure_score;
                 let apart = track.age / f64::from(track.hits.saturating_sub(1).max(1));
                 let telling = track.steady && apart >= config.confirm_time;
-                if track.age < config.birth_time && !telling && !self.config.stills {
+                if track.age < config.birth_time && !telling && !at_once && !self.config.stills {
                     continue;
                 }
                 self.present[t].id = self.next_id;

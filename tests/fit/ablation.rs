@@ -61,9 +61,7 @@ const VARIANTS: &[Variant] = &[
     }),
     ("without E3D", |c| c.terms.position = 0.0),
     ("without E2D", |c| c.terms.reprojection = 0.0),
-    ("without Elim", |c| c.terms.limits = 0.0),
     ("without Etemp", |c| c.terms.temporal = 0.0),
-    ("without Edepth", |c| c.terms.depth = 0.0),
     ("without contact", |c| c.terms.contact = 0.0),
 ];
 

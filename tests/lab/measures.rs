@@ -181,7 +181,7 @@ fn pose_errors_are_root_aligned() {
     let errors = PoseErrors::new(&truth.map(Some), &predicted).unwrap();
     let squares = |e: &[f64]| e.iter().map(|e| e * e).sum::<f64>();
     assert!(squares(&errors.procrustes) < squares(&errors.aligned));
-    let pooled = Pose3d::pool(&[errors], 2, &[0.5]).unwrap();
+    let pooled = Pose3d::pool(&[errors.clone()], &[errors], 2, &[0.5]).unwrap();
     near(pooled.mpjpe_mm, 302.0 / 21.0);
     near(pooled.pck150, 20.0 / 21.0);
     // 19 joints are right from 5 mm on (30 of 31 thresholds), one from 105 mm on (10), one never.
@@ -193,7 +193,9 @@ fn pose_errors_are_root_aligned() {
     // Without those two and a third too large: only N-MPJPE and PA-MPJPE do not mind.
     let larger = truth.map(|p| p.map(|x| 4.0 / 3.0 * x));
     let grown = PoseErrors::new(&truth.map(Some), &larger).unwrap();
-    let grown = Pose3d::pool(&[grown], 1, &[]).unwrap();
+    let own_size = PoseErrors::new(&truth.map(Some), &truth).unwrap();
+    let grown = Pose3d::pool(&[grown], &[own_size], 1, &[]).unwrap();
+    assert!(grown.canonical_mpjpe_mm < 1e-6);
     assert!(
         grown.mpjpe_mm > 50.0 && grown.n_mpjpe_mm < 1e-6,
         "{grown:?}"

@@ -69,6 +69,7 @@ fn observed(solid: Pose, pose: &Pose) -> Person {
             let [u, v] = seen(pose[j]);
             [u as f32, v as f32, 1.0]
         }),
+        height: None,
         joints3d: solid,
     }
 }

@@ -228,10 +228,10 @@ impl Skeleton {
         height(0) - 0.5 * (height(19) + height(20)) + SOLE_AND_SCALP
     }
 
-    /// Brings angles back to their limits, with `slack` radians to spare.
-    pub fn clamp(&self, angles: &mut [f64; ANGLES], slack: f64) {
+    /// Brings angles back to their limits.
+    pub fn clamp(&self, angles: &mut [f64; ANGLES]) {
         for (angle, dof) in angles.iter_mut().zip(&self.angles) {
-            *angle = angle.clamp(dof.limits[0] - slack, dof.limits[1] + slack);
+            *angle = angle.clamp(dof.limits[0], dof.limits[1]);
         }
     }
 

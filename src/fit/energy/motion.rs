@@ -73,7 +73,6 @@ pub struct MotionModel {
     density: [f64; DOF],
     fade: [f64; DOF],
     temporal: f64,
-    depth: f64,
 }
 
 impl MotionModel {
@@ -89,7 +88,6 @@ impl MotionModel {
                 }
             }),
             temporal: terms.temporal,
-            depth: terms.depth,
         }
     }
 }
@@ -130,14 +128,8 @@ impl Motion {
 
     /// Inverse variance of the prediction by degree of freedom: weights of the temporal term.
     pub fn weights(&self, model: &MotionModel) -> [f64; DOF] {
-        std::array::from_fn(|d| {
-            let factor = if d == 2 {
-                model.temporal + model.depth - 1.0
-            } else {
-                model.temporal
-            };
-            CALM * factor.max(0.0) / (CORRELATED * self.covariance[d].place)
-        })
+        let factor = CALM * model.temporal / CORRELATED;
+        std::array::from_fn(|d| factor / self.covariance[d].place)
     }
 
     /// Takes in a fitted pose: `innovation` is its step from the prediction, `information` the diagonal of the matrix it

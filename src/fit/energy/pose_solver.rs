@@ -15,8 +15,6 @@ pub struct Problem<'a> {
     pub lengths: &'a BoneLengths,
     /// What was seen and predicted.
     pub targets: &'a Targets,
-    /// Farthest an angle may end beyond its limits, radians.
-    pub slack: f64,
 }
 
 /// A pose with its forward kinematics.
@@ -34,7 +32,7 @@ impl LeastSquares for Problem<'_> {
     }
 
     fn cost(&self, at: &Posture) -> f64 {
-        self.targets.cost(self.skeleton, &at.pose, &at.posed)
+        self.targets.cost(&at.pose, &at.posed)
     }
 
     fn linearise(&self, at: &Posture, out: &mut NormalEquations) {
@@ -46,7 +44,7 @@ impl LeastSquares for Problem<'_> {
         let rows = self.skeleton.elimination().rows();
         let step = std::array::from_fn(|d| -descent[rows[d]]);
         to.pose = from.pose.moved(&step);
-        self.skeleton.clamp(&mut to.pose.angles, self.slack);
+        self.skeleton.clamp(&mut to.pose.angles);
         self.skeleton.pose(&to.pose, self.lengths, &mut to.posed);
     }
 }
@@ -95,7 +93,7 @@ impl PoseSolver {
     ) -> Solution {
         let skeleton = problem.skeleton;
         self.state.pose = *start;
-        skeleton.clamp(&mut self.state.pose.angles, problem.slack);
+        skeleton.clamp(&mut self.state.pose.angles);
         skeleton.pose(&self.state.pose, problem.lengths, &mut self.state.posed);
         let outcome = self
             .solver
@@ -122,13 +120,12 @@ mod tests {
         tolerance: 1e-12,
     };
 
-    fn problem(targets: &Targets, slack: f64) -> Problem<'_> {
+    fn problem(targets: &Targets) -> Problem<'_> {
         let skeleton = Skeleton::builtin();
         Problem {
             skeleton,
             lengths: skeleton.lengths(),
             targets,
-            slack,
         }
     }
 
@@ -175,7 +172,7 @@ mod tests {
             *angle += 0.2 * ((k % 3) as f64 - 1.0);
         }
         let mut posed = Posed::default();
-        PoseSolver::default().solve(&problem(&targets, 0.05), &start, EFFORT, &mut posed);
+        PoseSolver::default().solve(&problem(&targets), &start, EFFORT, &mut posed);
         let mut wanted = Posed::default();
         s.pose(&truth, s.lengths(), &mut wanted);
         for j in 0..BODY_JOINTS {
@@ -185,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_stay_near_their_limits() {
+    fn angles_stay_within_their_limits() {
         let s = Skeleton::builtin();
         let mut truth = Pose::facing_camera(3.0);
         let elbow = s
@@ -194,17 +191,12 @@ mod tests {
             .position(|a| a.name == "l_elbow_flexion")
             .unwrap();
         truth.angles[elbow] = -0.8;
-        let mut targets = exact_targets(s, &truth, s.lengths());
-        targets.weight_limit = 0.0;
+        let targets = exact_targets(s, &truth, s.lengths());
         let mut posed = Posed::default();
         let start = Pose::facing_camera(3.0);
-        let slack = 3f64.to_radians();
-        let found =
-            PoseSolver::default().solve(&problem(&targets, slack), &start, EFFORT, &mut posed);
+        let found = PoseSolver::default().solve(&problem(&targets), &start, EFFORT, &mut posed);
         for (angle, dof) in found.pose.angles.iter().zip(s.angles()) {
-            assert!(
-                *angle >= dof.limits[0] - slack - 1e-12 && *angle <= dof.limits[1] + slack + 1e-12
-            );
+            assert!(*angle >= dof.limits[0] && *angle <= dof.limits[1]);
         }
     }
 
@@ -213,8 +205,7 @@ mod tests {
         let start = bent_pose();
         let targets = no_targets(start);
         let mut posed = Posed::default();
-        let found =
-            PoseSolver::default().solve(&problem(&targets, 0.0), &start, EFFORT, &mut posed);
+        let found = PoseSolver::default().solve(&problem(&targets), &start, EFFORT, &mut posed);
         assert!(found.pose.is_finite());
         assert!((found.pose.position - start.position).length() < 1e-9);
     }

@@ -4,14 +4,14 @@
 //! Everything is in the space of a person of canonical stature. Each term is a sum of squared residuals divided by the
 //! variance its residual is expected to have, so that energies of different units add up and weights are plain factors:
 //! E3D in metres relative to the pelvis; E2D in metres at the person's distance (pixel error · depth / focal length);
-//! Elim in radians beyond a limit; Etemp and Edepth in metres and radians away from the predicted motion; the contact term
+//! Etemp in metres and radians away from the predicted motion; the contact term
 //! in metres between an ankle and the place where it stands.
 
 use glam::{DVec2, DVec3};
 
 use super::quadratic::Quadratic;
 use crate::body::BodyModel;
-use crate::body::skeleton::{ANGLES, Pose, Posed, Skeleton};
+use crate::body::skeleton::{Pose, Posed, Skeleton};
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::solve::NormalEquations;
 
@@ -50,8 +50,6 @@ pub struct Targets {
     pub weights_motion: [f64; DOF],
     /// Inverse variance of an angle's distance from rest, 1/rad²: holds what nothing else determines.
     pub weight_rest: f64,
-    /// Inverse variance of an angle beyond its limit, 1/rad².
-    pub weight_limit: f64,
     /// Standing feet.
     pub contacts: [Option<Contact>; 2],
 }
@@ -97,14 +95,8 @@ impl Targets {
         cost
     }
 
-    /// Energy of one angle's limits and rest.
-    pub fn angle_cost(&self, skeleton: &Skeleton, k: usize, angle: f64) -> f64 {
-        let beyond = skeleton.angles()[k].beyond(angle);
-        self.weight_limit * beyond * beyond + self.weight_rest * angle * angle
-    }
-
     /// Energy of a pose; `posed` is its forward kinematics.
-    pub fn cost(&self, skeleton: &Skeleton, pose: &Pose, posed: &Posed) -> f64 {
+    pub fn cost(&self, pose: &Pose, posed: &Posed) -> f64 {
         let mut cost = 0.0;
         for joint in 0..BODY_JOINTS {
             cost += self.joint_cost(posed, joint);
@@ -113,8 +105,8 @@ impl Targets {
             let r = posed.joints[contact.joint] - contact.place;
             cost += robust_cost(contact.weight * r.length_squared());
         }
-        for k in 0..ANGLES {
-            cost += self.angle_cost(skeleton, k, pose.angles[k]);
+        for angle in pose.angles {
+            cost += self.weight_rest * angle * angle;
         }
         let step = pose.step_from(&self.predicted);
         for (w, d) in self.weights_motion.iter().zip(step) {
@@ -139,13 +131,8 @@ impl Targets {
         for d in 0..DOF {
             let (mut weight, mut pull) = (self.weights_motion[d], self.weights_motion[d] * step[d]);
             if d >= 6 {
-                let angle = pose.angles[d - 6];
-                let beyond = skeleton.angles()[d - 6].beyond(angle);
                 weight += self.weight_rest;
-                pull += self.weight_rest * angle + self.weight_limit * beyond;
-                if beyond != 0.0 {
-                    weight += self.weight_limit;
-                }
+                pull += self.weight_rest * pose.angles[d - 6];
             }
             out.add(rows[d], rows[d], weight);
             out.pull(rows[d], pull);
@@ -233,7 +220,6 @@ pub fn no_targets(predicted: Pose) -> Targets {
         predicted,
         weights_motion: [0.0; DOF],
         weight_rest: 0.0,
-        weight_limit: 0.0,
         contacts: [None; 2],
     }
 }
@@ -256,7 +242,6 @@ pub fn exact_targets(
         targets.points2d[j] = posed.joints[j].truncate() / posed.joints[j].z;
         targets.weights2d[j] = 400.0;
     }
-    targets.weight_limit = 1000.0;
     targets
 }
 
@@ -294,7 +279,7 @@ mod tests {
                 let pose = pose.moved(&step);
                 let mut posed = Posed::default();
                 s.pose(&pose, s.lengths(), &mut posed);
-                targets.cost(s, &pose, &posed)
+                targets.cost(&pose, &posed)
             };
             let numeric = (at(h) - at(-h)) / (2.0 * h) / 2.0;
             let analytic = l.gradient()[s.elimination().rows()[d]];

@@ -48,7 +48,7 @@ impl Evidence {
             known3d: true,
             root: None,
             score: if seen.score.is_finite() {
-                seen.score.clamp(0.0, 1.0) as f64
+                f64::from(seen.score.clamp(0.0, 1.0))
             } else {
                 0.0
             },
@@ -111,34 +111,6 @@ impl Evidence {
         (weight > 0.0).then(|| sum.min(exchanged) / weight)
     }
 
-    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most `cap`;
-    /// left and right may be exchanged as a whole.
-    pub fn distance3d(&self, posed: &Posed, cap: f64) -> Option<f64> {
-        self.known3d.then(|| {
-            let root = posed.joints[PELVIS];
-            let far = |k: usize, j: usize| {
-                (posed.joints[k] - root - self.points3d[j])
-                    .length()
-                    .min(cap)
-            };
-            let sum: f64 = (0..BODY_JOINTS).map(|j| far(j, j)).sum();
-            let exchanged: f64 = (0..BODY_JOINTS).map(|j| far(MIRROR_BODY[j], j)).sum();
-            sum.min(exchanged) / BODY_JOINTS as f64
-        })
-    }
-
-    /// Mean distance to another person in the picture over the joints seen of both, metres at `depth`.
-    pub fn distance_to(&self, other: &Self, depth: f64) -> Option<f64> {
-        let (mut sum, mut n) = (0.0, 0);
-        for j in 0..EVIDENCE_JOINTS {
-            if self.confidence[j] > 0.0 && other.confidence[j] > 0.0 {
-                sum += (self.plane[j] - other.plane[j]).length() * depth;
-                n += 1;
-            }
-        }
-        (n >= 3).then(|| sum / n as f64)
-    }
-
     /// Box round the joints seen: least and greatest corner on the plane z = 1.
     pub fn bounds(&self) -> (DVec2, DVec2) {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
@@ -183,7 +155,6 @@ mod tests {
             let evidence = Evidence::new(&seen, &camera, 0.05).unwrap();
             assert!((evidence.root.unwrap() - position).length() < 1e-3);
             assert!(evidence.distance2d(&posed, 1.0).unwrap() < 1e-4);
-            assert!(evidence.distance3d(&posed, 1.0).unwrap() < 1e-4);
             // One joint far off hardly matters.
             seen.joints2d[10][0] += 300.0;
             let evidence = Evidence::new(&seen, &camera, 0.05).unwrap();

@@ -8,7 +8,7 @@ use crate::body::skeleton::bone_rotations;
 use crate::body::skeleton::{Pose, Skeleton, rotation_vector};
 use crate::fit::config::FitConfig;
 use crate::fit::energy::MotionModel;
-use crate::fit::track::{LIMIT_SLACK, Track};
+use crate::fit::track::Track;
 use crate::joints::{BODY_JOINTS, DOF, PELVIS};
 use crate::message::{Body, BodyState, Intrinsics, JointState};
 
@@ -25,7 +25,7 @@ pub fn write_body(
     let (mut pose, mut posed) = (track.pose, track.posed);
     if ahead > 0.0 {
         pose = track.motion.ahead(&track.pose, ahead, model);
-        skeleton.clamp(&mut pose.angles, LIMIT_SLACK);
+        skeleton.clamp(&mut pose.angles);
         skeleton.pose(&pose, track.bones.lengths(), &mut posed);
     }
     let scale = track.stature.scale(config);

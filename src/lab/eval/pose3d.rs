@@ -114,6 +114,9 @@ pub struct Pose3d {
     pub truth: usize,
     /// Mean root-aligned joint error, millimetres.
     pub mpjpe_mm: f64,
+    /// The same with prediction and truth each brought to 1.70 m by its own stature: observations and bodies are then asked
+    /// the same, how well the pose is known; what a body's stature is wrong by does not count.
+    pub canonical_mpjpe_mm: f64,
     /// The same with the prediction scaled to the truth's size (N-MPJPE).
     pub n_mpjpe_mm: f64,
     /// The same after similarity Procrustes.
@@ -128,15 +131,22 @@ pub struct Pose3d {
 }
 
 impl Pose3d {
-    /// Pools the errors of `people` out of `truth` people; `roots` are pelvis errors in metres. `None` when nobody was found.
-    pub fn pool(people: &[PoseErrors], truth: usize, roots: &[f64]) -> Option<Self> {
+    /// Pools the errors of `people` out of `truth` people, in the predictions' size and at `canonical` stature; `roots` are pelvis errors in metres. `None` when nobody was found.
+    pub fn pool(
+        people: &[PoseErrors],
+        canonical: &[PoseErrors],
+        truth: usize,
+        roots: &[f64],
+    ) -> Option<Self> {
         let aligned: Vec<f64> = people.iter().flat_map(|e| e.aligned.clone()).collect();
+        let same_size: Vec<f64> = canonical.iter().flat_map(|e| e.aligned.clone()).collect();
         let scaled: Vec<f64> = people.iter().flat_map(|e| e.scaled.clone()).collect();
         let turned: Vec<f64> = people.iter().flat_map(|e| e.procrustes.clone()).collect();
         (!aligned.is_empty()).then(|| Self {
             people: people.len(),
             truth,
             mpjpe_mm: 1e3 * mean(&aligned),
+            canonical_mpjpe_mm: 1e3 * mean(&same_size),
             n_mpjpe_mm: 1e3 * mean(&scaled),
             pa_mpjpe_mm: 1e3 * mean(&turned),
             pck150: correct(&aligned),

@@ -20,6 +20,8 @@ pub struct Person {
     pub score: f64,
     /// Evidence joints, pixels of the original picture; confidence 0 where not seen, which may have a place all the same.
     pub joints2d: Joints2d,
+    /// Stature that a body is taken for, metres; `None` for observations, which are of canonical stature.
+    pub height: Option<f64>,
     /// Body joints, metres, camera axes: relative to the pelvis for observations, in camera space for bodies.
     pub joints3d: [[f64; 3]; BODY_JOINTS],
 }
@@ -68,6 +70,7 @@ struct LinePerson {
     id: Option<u64>,
     score: Option<f64>,
     position: Option<[f64; 3]>,
+    height: Option<f64>,
     joints2d: Vec<Vec<f32>>,
     joints3d: Vec<[f64; 3]>,
     confidence: Option<serde_json::Value>,
@@ -158,6 +161,7 @@ impl LinePerson {
             id: self.id,
             score: self.score.unwrap_or(mean),
             joints2d,
+            height: self.height.filter(|h| *h > 0.0),
             joints3d,
         })
     }

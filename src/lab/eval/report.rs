@@ -236,7 +236,8 @@ fn points(scenes: &[Scene], report: &mut Report) {
 }
 
 fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
-    let (mut errors, mut roots, mut people) = (Vec::new(), Vec::new(), 0);
+    let (mut errors, mut canonical) = (Vec::new(), Vec::new());
+    let (mut roots, mut people) = (Vec::new(), 0);
     for s in scenes {
         for (t, person) in s.truth.people.iter().enumerate() {
             let Some(joints) = person.joints3d.filter(|_| !s.evidence.ignored[t]) else {
@@ -251,12 +252,19 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
             };
             let scaled = joints.map(|j| j.map(|j| j.map(|x| x * scale)));
             errors.extend(PoseErrors::new(&scaled, &p.joints3d));
+            let of =
+                |stature: Option<f64>| stature.map_or(1.0, |s| f64::from(CANONICAL_STATURE) / s);
+            let (truly, seen) = (of(person.stature), of(p.height));
+            canonical.extend(PoseErrors::new(
+                &joints.map(|j| j.map(|j| j.map(|x| x * truly))),
+                &p.joints3d.map(|j| j.map(|x| x * seen)),
+            ));
             if let Some(root) = joints[PELVIS].filter(|_| bodies) {
                 roots.push(norm(minus(p.joints3d[PELVIS], root)));
             }
         }
     }
-    Pose3d::pool(&errors, people, &roots)
+    Pose3d::pool(&errors, &canonical, people, &roots)
 }
 
 fn mupots(scenes: &[Scene]) -> Vec<MupotsScore> {

@@ -99,6 +99,11 @@ impl Report {
         if let Some(p) = &self.pose3d {
             row(f, "3D people found", format!("{} of {}", p.people, p.truth))?;
             row(f, "  MPJPE", format!("{:.1} mm", p.mpjpe_mm))?;
+            row(
+                f,
+                "  MPJPE at 1.70 m",
+                format!("{:.1} mm", p.canonical_mpjpe_mm),
+            )?;
             row(f, "  N-MPJPE", format!("{:.1} mm", p.n_mpjpe_mm))?;
             row(f, "  PA-MPJPE", format!("{:.1} mm", p.pa_mpjpe_mm))?;
             row(f, "  3DPCK@150", percent(p.pck150))?;
