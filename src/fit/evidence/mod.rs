@@ -111,6 +111,22 @@ impl Evidence {
         (weight > 0.0).then(|| sum.min(exchanged) / weight)
     }
 
+    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most `cap`;
+    /// left and right may be exchanged as a whole.
+    pub fn distance3d(&self, posed: &Posed, cap: f64) -> Option<f64> {
+        self.known3d.then(|| {
+            let root = posed.joints[PELVIS];
+            let far = |k: usize, j: usize| {
+                (posed.joints[k] - root - self.points3d[j])
+                    .length()
+                    .min(cap)
+            };
+            let sum: f64 = (0..BODY_JOINTS).map(|j| far(j, j)).sum();
+            let exchanged: f64 = (0..BODY_JOINTS).map(|j| far(MIRROR_BODY[j], j)).sum();
+            sum.min(exchanged) / BODY_JOINTS as f64
+        })
+    }
+
     /// Box round the joints seen: least and greatest corner on the plane z = 1.
     pub fn bounds(&self) -> (DVec2, DVec2) {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

@@ -5,6 +5,7 @@ use crate::body::skeleton::Posed;
 use crate::fit::config::IdentityConfig;
 use crate::fit::evidence::Evidence;
 use crate::fit::track::Track;
+use crate::joints::PELVIS;
 
 /// Distance in the picture, metres at the person's distance, that counts as 1 at once …
 const NEAR: f64 = 0.35;
@@ -15,6 +16,11 @@ const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
 const BLIND_TRUST: f64 = 0.25;
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
+/// Newcomers: weight of the mean 3D joint distance, per metre, …
+const SHAPE: f64 = 0.6;
+/// … and of the difference of depth, per e-fold, and its most.
+const DEPTH: f64 = 0.6;
+const MOST_DEPTH: f64 = 0.25;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
@@ -46,7 +52,15 @@ pub fn dissimilarity(
     } else {
         NEAR + SPREAD * alone.min(1.0)
     };
-    let cost = apart / near;
+    let mut cost = apart / near;
+    if track.id == 0 {
+        // Somebody seen by chance must not be confirmed by somebody else seen by chance: pose and distance count, too.
+        cost += SHAPE * seen.distance3d(expected, 0.5).unwrap_or(0.0);
+        if let Some(root) = seen.root {
+            let depth = expected.joints[PELVIS].z.max(0.1);
+            cost += (DEPTH * (root.z / depth).ln().abs()).min(MOST_DEPTH);
+        }
+    }
     cost + match (&track.appearance, appearance) {
         (Some(a), Some(b)) => {
             let unlike = a.distance(b);
