@@ -124,14 +124,16 @@ fn watch_stops_when_asked_and_the_run_goes_on() {
     let name = stream("leave");
     let folder = tempfile::tempdir().unwrap();
     let result = folder.path().join("bodies.jsonl");
-    let args = ["run", "--input", "demo", "--name", &name, "--jsonl"];
+    let args = ["run", "--live", "--input", "demo", "--name", &name, "--jsonl"];
     let run = Running::start(&[&args[..], &[result.to_str().unwrap()]].concat());
     eventually("infer", || run.child("infer"));
     let mut watch = Running::start(&["watch", "--name", &name]);
     read_until(watch.0.stderr.as_mut().unwrap(), "watching");
     signal(watch.pid(), "INT");
     assert_eq!(watch.wait(Duration::from_secs(10)).status.code(), Some(0));
-    let out = run.wait(Duration::from_secs(240));
+    assert!(run.child("infer").is_some() && run.child("fit").is_some());
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", crate::program::stderr(&out));
 }
 
