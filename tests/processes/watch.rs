@@ -124,7 +124,9 @@ fn watch_stops_when_asked_and_the_run_goes_on() {
     let name = stream("leave");
     let folder = tempfile::tempdir().unwrap();
     let result = folder.path().join("bodies.jsonl");
-    let args = ["run", "--live", "--input", "demo", "--name", &name, "--jsonl"];
+    let args = [
+        "run", "--live", "--input", "demo", "--name", &name, "--jsonl",
+    ];
     let run = Running::start(&[&args[..], &[result.to_str().unwrap()]].concat());
     eventually("infer", || run.child("infer"));
     let mut watch = Running::start(&["watch", "--name", &name]);

@@ -272,7 +272,7 @@ fn forged(from: &str, to: &str) -> Vec<u8> {
     bytes
 }
 
-const POOL: &str = "kernel = 3, stride = 2 },\\n{ kind";
+const POOL: &str = "kernel = 3, stride = 2 },\\\\n{ kind";
 
 #[test]
 fn a_forged_file_that_changes_nothing_is_read() {
@@ -286,12 +286,12 @@ fn sizes_that_wrap_are_refused_although_the_digest_is_right() {
         // 4611686018427387905² is 1 modulo 2⁶⁴.
         (
             POOL,
-            "kernel = 4611686018427387905, stride = 2 },\\n{ kind",
+            "kernel = 4611686018427387905, stride = 2 },\\\\n{ kind",
             "pooling `pool`",
         ),
         (
             POOL,
-            "kernel = 3, stride = 9223372036854775807 },\\n{ kind",
+            "kernel = 3, stride = 9223372036854775807 },\\\\n{ kind",
             "pooling `pool`",
         ),
         (
@@ -322,7 +322,7 @@ fn sizes_that_wrap_are_refused_although_the_digest_is_right() {
 fn the_program_refuses_a_forged_file_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("forged.ecm");
-    let wild = "kernel = 4611686018427387905, stride = 2 },\\n{ kind";
+    let wild = "kernel = 4611686018427387905, stride = 2 },\\\\n{ kind";
     std::fs::write(&path, forged(POOL, wild)).unwrap();
     let path = path.to_str().unwrap();
     let jsonl = folder.path().join("out.jsonl");
