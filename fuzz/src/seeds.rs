@@ -142,7 +142,7 @@ fn file(tensors: &[(String, Vec<usize>)], contract: &str) -> Vec<u8> {
         header.insert(name.clone(), entry);
     }
     let mut header = Value::Object(header).to_string();
-    while header.len() % 8 != 0 {
+    while !header.len().is_multiple_of(8) {
         header.push(' ');
     }
     let length = (header.len() as u64).to_le_bytes();

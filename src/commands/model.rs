@@ -214,7 +214,7 @@ fn select(
         .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
     let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
     let trials = calibration.select(model, &inputs, size)?;
-    say::out(&format!("error    range               own  bias corrected"));
+    say::out("error    range               own  bias corrected");
     for t in trials {
         let choice = t.choice.to_string();
         say::out(&format!(

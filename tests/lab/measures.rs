@@ -181,7 +181,13 @@ fn pose_errors_are_root_aligned() {
     let errors = PoseErrors::new(&truth.map(Some), &predicted).unwrap();
     let squares = |e: &[f64]| e.iter().map(|e| e * e).sum::<f64>();
     assert!(squares(&errors.procrustes) < squares(&errors.aligned));
-    let pooled = Pose3d::pool(&[errors.clone()], &[errors], 2, &[0.5]).unwrap();
+    let pooled = Pose3d::pool(
+        std::slice::from_ref(&errors),
+        std::slice::from_ref(&errors),
+        2,
+        &[0.5],
+    )
+    .unwrap();
     near(pooled.mpjpe_mm, 302.0 / 21.0);
     near(pooled.pck150, 20.0 / 21.0);
     // 19 joints are right from 5 mm on (30 of 31 thresholds), one from 105 mm on (10), one never.

@@ -245,8 +245,7 @@ impl BodyModel for MeshBody {
     fn kinematics(&self, pose: &MeshPose, person: &Person, out: &mut PosedTree) {
         out.turn[0] = DMat3::from_quat(pose.rotations[0]);
         out.place[0] = pose.pelvis;
-        for joint in 1..JOINTS {
-            let parent = PARENTS[joint];
+        for (joint, &parent) in PARENTS.iter().enumerate().skip(1) {
             out.turn[joint] = out.turn[parent] * DMat3::from_quat(pose.rotations[joint]);
             out.place[joint] = out.place[parent]
                 + out.turn[parent] * (person.joints[joint] - person.joints[parent]);

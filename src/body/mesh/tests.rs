@@ -71,12 +71,10 @@ fn jacobians_agree_with_finite_differences() {
     let tree = posed(body, &pose, &person);
     let h = 1e-5;
     let mut analytic = vec![[DVec3::ZERO; JOINTS + REPORTED]; FREEDOM];
-    for j in 0..JOINTS {
-        body.jacobian(&tree, j, |d, v| analytic[d][j] = v);
-    }
-    for j in 0..REPORTED {
+    (0..JOINTS).for_each(|j| body.jacobian(&tree, j, |d, v| analytic[d][j] = v));
+    (0..REPORTED).for_each(|j| {
         body.reported_jacobian(&tree, j, |d, v| analytic[d][JOINTS + j] = v);
-    }
+    });
     for (d, columns) in analytic.iter().enumerate() {
         let at = |by: f64| {
             let mut step = [0.0; FREEDOM];

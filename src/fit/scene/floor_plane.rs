@@ -41,7 +41,7 @@ impl FloorPlane {
     }
 
     /// A camera-space point in the floor-aligned world.
-    pub fn to_world(&self, point: DVec3) -> DVec3 {
+    pub fn to_world(self, point: DVec3) -> DVec3 {
         let (rotation, translation) = self.world_from_camera();
         rotation * point + translation
     }
