@@ -57,10 +57,14 @@ fn somebody_who_comes_close_is_looked_at_with_a_smaller_input() {
     let input = ["--input", film.to_str().unwrap(), "--fps", "4"];
     let auto = people(&input, &[]);
     let large = people(&input, &["--size", "512x320"]);
-    let small = people(&input, &["--size", "256x160"]);
+    // Which of the smaller ones it is depends on how tall the weights take this person to be.
+    let smaller = ["384x240", "256x160"].map(|size| people(&input, &["--size", size]));
     assert_eq!(auto[..8], large[..8]);
     // a second, and half a second of patience
-    assert_eq!(auto[14..16], small[14..16]);
+    assert!(
+        smaller.iter().any(|s| auto[14..16] == s[14..16]),
+        "expected an input of 384x240 or 256x160 for who is close"
+    );
     assert_ne!(auto[14..16], large[14..16]);
     assert_eq!(auto[22..], large[22..]);
 }
