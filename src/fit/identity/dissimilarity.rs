@@ -16,15 +16,18 @@ const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
 const BLIND_TRUST: f64 = 0.25;
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
-/// Newcomers: weight of the mean 3D joint distance, per metre, …
+/// Weight of the mean 3D joint distance, per metre.
 const SHAPE: f64 = 0.6;
-/// … and of the difference of depth, per e-fold, and its most.
+/// Weight of the difference of depth, per e-fold, and its most.
 const DEPTH: f64 = 0.6;
 const MOST_DEPTH: f64 = 0.25;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
 const VETO: f64 = 1.35;
+/// Handicap per second without being seen, up to one second.
+const ABSENT: f64 = 0.25;
+
 /// Dissimilarity of a track, expected at `expected`, and a person seen; infinite where they cannot be the same.
 pub fn dissimilarity(
     track: &Track,
@@ -53,15 +56,16 @@ pub fn dissimilarity(
         NEAR + SPREAD * alone.min(1.0)
     };
     let mut cost = apart / near;
-    if track.id == 0 {
-        // Somebody seen by chance must not be confirmed by somebody else seen by chance: pose and distance count, too.
-        cost += SHAPE * seen.distance3d(expected, 0.5).unwrap_or(0.0);
-        if let Some(root) = seen.root {
-            let depth = expected.joints[PELVIS].z.max(0.1);
-            cost += (DEPTH * (root.z / depth).ln().abs()).min(MOST_DEPTH);
-        }
+    if let Some(shape) = seen.distance3d(expected, 0.5) {
+        cost += SHAPE * shape;
     }
-    cost + match (&track.appearance, appearance) {
+    if let Some(root) = seen.root {
+        let depth = expected.joints[PELVIS].z.max(0.1);
+        cost += (DEPTH * (root.z / depth).ln().abs()).min(MOST_DEPTH);
+    }
+    let absent = track.unseen.min(1.0);
+    cost += ABSENT * absent;
+    cost += match (&track.appearance, appearance) {
         (Some(a), Some(b)) => {
             let unlike = a.distance(b);
             // Whoever was out of sight and comes back in other clothes is somebody else.
@@ -71,7 +75,8 @@ pub fn dissimilarity(
             config.appearance_weight * (unlike - LOOKS_NOISE).max(0.0)
         }
         _ => 0.0,
-    }
+    };
+    cost
 }
 
 /// How unlike a newcomer and somebody who left `gone` seconds ago are; up to 1 they may be the same person.
@@ -80,13 +85,16 @@ pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &Iden
     let apart = (newcomer.pose.position - left.pose.position)
         .truncate()
         .length();
-    match (&newcomer.appearance, &left.appearance) {
-        (Some(a), Some(b)) => {
-            let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
-            a.distance(b) / config.reidentify_appearance.max(1e-6) + 0.5 * farther
-        }
+    let looks = match (&newcomer.appearance, &left.appearance) {
+        (Some(a), Some(b)) => a.distance(b) / config.reidentify_appearance.max(1e-6),
         // Nothing tells people apart: only somebody who vanished just now and just here.
         _ if gone < 3.0 => apart / (0.5 + gone),
-        _ => f64::INFINITY,
-    }
+        _ => return f64::INFINITY,
+    };
+    let proportions = newcomer
+        .bones
+        .difference(&left.bones)
+        .map_or(0.0, |d| (d / 0.15).min(1.0));
+    let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
+    looks + 0.3 * proportions + 0.5 * farther + 0.001 * gone
 }

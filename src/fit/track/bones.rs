@@ -96,6 +96,18 @@ impl Bones {
         }
         self.lengths = lengths;
     }
+
+    /// Mean difference to another person's proportions, as a share of the length; `None` while either is unknown.
+    pub fn difference(&self, other: &Self) -> Option<f64> {
+        if self.seen < FIRST || other.seen < FIRST {
+            return None;
+        }
+        let sum: f64 = PAIRS[..6]
+            .iter()
+            .map(|&(r, _)| (self.lengths[r] / other.lengths[r]).ln().abs())
+            .sum();
+        Some(sum / 6.0)
+    }
 }
 
 #[cfg(test)]
