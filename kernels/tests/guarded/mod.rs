@@ -6,9 +6,12 @@ use std::ops::{Deref, DerefMut};
 ///
 /// Under Miri, which watches every access itself, and on other systems than Linux a plain vector.
 pub struct Guarded<T: Copy + 'static> {
+    #[cfg(all(target_os = "linux", not(miri)))]
     data: &'static mut [T],
     #[cfg(all(target_os = "linux", not(miri)))]
     mapping: (*mut libc::c_void, usize),
+    #[cfg(not(all(target_os = "linux", not(miri))))]
+    data: Vec<T>,
 }
 
 #[cfg(all(target_os = "linux", not(miri)))]
@@ -55,7 +58,7 @@ impl<T: Copy> Drop for Guarded<T> {
 impl<T: Copy> Guarded<T> {
     pub fn new(values: &[T]) -> Self {
         Self {
-            data: Vec::leak(values.to_vec()),
+            data: values.to_vec(),
         }
     }
 }
@@ -64,13 +67,13 @@ impl<T: Copy> Deref for Guarded<T> {
     type Target = [T];
 
     fn deref(&self) -> &[T] {
-        self.data
+        &self.data[..]
     }
 }
 
 impl<T: Copy> DerefMut for Guarded<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        self.data
+        &mut self.data[..]
     }
 }
 
