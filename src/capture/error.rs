@@ -100,6 +100,11 @@ impl CaptureError {
         matches!(self, Self::Picture { .. } | Self::NoPictureYet { .. })
     }
 
+    /// Whether opening again later may work: what is missing or in use now.
+    pub fn may_pass(&self) -> bool {
+        matches!(self, Self::Unavailable { .. } | Self::Busy { .. })
+    }
+
     /// A damaged input.
     pub(crate) fn data(input: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Data {

@@ -3,6 +3,7 @@
 //! [`open`] turns an [`InputSpec`] into a [`Source`]; [`Resizer`] turns its frames into the network's input.
 
 mod avi;
+mod awaited;
 pub mod camera;
 pub mod demo;
 mod error;
@@ -21,10 +22,12 @@ mod pipe;
 mod resize;
 mod source;
 mod spec;
+mod stand_in;
 mod y4m;
 mod yuv;
 
 pub use avi::{AviReader, AviWriter};
+pub use awaited::AwaitedSource;
 pub use camera::{CameraInfo, CameraSource, list_cameras};
 pub use error::CaptureError;
 pub use exif::Orientation;
@@ -41,5 +44,6 @@ pub use photo::{PhotoDecoder, PhotoSource};
 pub use resize::{PADDING, Resizer};
 pub use source::Source;
 pub use spec::{InputSpec, OpenOptions, open, open_bytes};
+pub use stand_in::StandIn;
 pub use y4m::Y4mReader;
 pub use yuv::{Matrix, Range, YuvToRgb};

@@ -15,12 +15,16 @@ use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
 use super::pipe::PipeSource;
 use super::source::Source;
+use super::stand_in::StandIn;
 use super::y4m::{self, Y4mReader};
+use crate::camera::SystemClock;
 
 /// Bytes read at once from files and pipes.
 const BUFFER_BYTES: usize = 1 << 18;
 /// What standard input is called.
 const STDIN: &str = "standard input";
+/// How the name of a camera's stand-in begins.
+const STAND_IN: &str = "stand-in:";
 /// Major number of V4L2 device files on Linux.
 const VIDEO_MAJOR: u32 = 81;
 
@@ -33,6 +37,8 @@ pub enum InputSpec {
     Stdin,
     /// `demo`: the bundled clip.
     Demo,
+    /// `stand-in:FILE`: a camera for tests, which the file stands for.
+    StandIn(PathBuf),
     /// Anything else: a photo, a folder of photos, a film or a camera's device file.
     Path(PathBuf),
 }
@@ -45,7 +51,10 @@ impl FromStr for InputSpec {
             "camera" => Self::FirstCamera,
             "-" => Self::Stdin,
             "demo" => Self::Demo,
-            path => Self::Path(path.into()),
+            other => match other.strip_prefix(STAND_IN) {
+                Some(file) => Self::StandIn(file.into()),
+                None => Self::Path(other.into()),
+            },
         })
     }
 }
@@ -56,6 +65,7 @@ impl fmt::Display for InputSpec {
             Self::FirstCamera => f.write_str("camera"),
             Self::Stdin => f.write_str("-"),
             Self::Demo => f.write_str("demo"),
+            Self::StandIn(path) => write!(f, "{STAND_IN}{}", path.display()),
             Self::Path(path) => path.display().fmt(f),
         }
     }
@@ -90,6 +100,7 @@ pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, 
             reason: "the bundled clip is opened from memory, by open_bytes".into(),
         }),
         InputSpec::FirstCamera => open_camera(None, options),
+        InputSpec::StandIn(path) => Ok(Box::new(StandIn::open(path, SystemClock)?)),
         InputSpec::Path(path) => open_path(path, options),
     }
 }

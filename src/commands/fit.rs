@@ -17,12 +17,14 @@ use super::stop::Stop;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::{FitConfig, Fitter};
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
-use crate::sink::{Packet, SharedMemorySink, Sinks};
-use crate::supervise::Heartbeat;
+use crate::sink::{Packet, SharedMemorySink, SinkError, Sinks};
+use crate::supervise::{Beat, Heartbeat};
 
 /// Longest wait for an observation: signals and the supervisor want to be heard.
 const STEP: Duration = Duration::from_millis(200);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+/// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated further.
+const STALE: Duration = Duration::from_secs(1);
 
 /// Options of `edgecap fit`.
 #[derive(Debug, clap::Args)]
@@ -126,6 +128,8 @@ fn live(
     let mut next_tick = Instant::now();
     let mut fit_us = 0;
     let mut frames = 0;
+    let mut seen: Option<Instant> = None;
+    let mut stale = 0_u64;
     let mut fit = || -> anyhow::Result<()> {
         let mut take = |out: &mut BodyFrame| {
             frames += 1;
@@ -134,10 +138,12 @@ fn live(
                 message: out,
                 source: "",
                 picture: None,
-            })
+            })?;
+            heart.beat(Beat::Step);
+            Ok::<_, SinkError>(())
         };
+        heart.beat(Beat::Idle);
         while !stop.requested() {
-            heart.beat();
             let patience = match period {
                 Some(_) => next_tick
                     .saturating_duration_since(Instant::now())
@@ -149,19 +155,31 @@ fn live(
                     // The sinks say so to whoever reads; nothing may follow.
                     break;
                 }
+                if is_stale(&frame) {
+                    stale += 1;
+                    continue;
+                }
+                if stale > 0 {
+                    tracing::warn!("{stale} observations of more than {STALE:?} ago left out");
+                    stale = 0;
+                }
                 let start = Instant::now();
                 fitter.update(&frame, &mut out);
                 fit_us = start.elapsed().as_micros() as u32;
                 out.fit_us = fit_us;
+                seen = Some(start);
                 // A file's clock is not ours to extrapolate on.
                 if period.is_none() || frame.flags & FLAG_FILE_TIME != 0 {
                     take(&mut out)?;
                 }
+            } else {
+                heart.beat(Beat::Idle);
             }
             if let Some(period) = period
                 && Instant::now() >= next_tick
             {
-                if out.width > 0 && out.flags & FLAG_FILE_TIME == 0 {
+                let is_known = seen.is_some_and(|t| t.elapsed() < STALE);
+                if is_known && out.flags & FLAG_FILE_TIME == 0 {
                     fitter.predict(monotonic_ns(), &mut out);
                     out.fit_us = fit_us;
                     take(&mut out)?;
@@ -177,6 +195,13 @@ fn live(
     };
     let outcome = fit();
     finish(sinks, frames, outcome).map(drop)
+}
+
+/// Whether an observation waited somewhere until it was no news any more. One of a file has a time of its own.
+fn is_stale(frame: &ObservationFrame) -> bool {
+    let newest = frame.publish_ns.max(frame.capture_ns);
+    let age = Duration::from_nanos(monotonic_ns().saturating_sub(newest));
+    frame.flags & FLAG_FILE_TIME == 0 && age > STALE
 }
 
 /// Opens recorded observations.

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::exit::Failure;
 use crate::camera::{CameraFile, SystemClock};
 use crate::capture::demo;
-use crate::capture::{self, CaptureError, InputSpec, OpenOptions, PacedSource, Source};
+use crate::capture::{
+    self, AwaitedSource, CaptureError, InputSpec, OpenOptions, PacedSource, Source,
+};
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
@@ -68,6 +70,13 @@ pub struct Chosen {
 }
 
 impl InputArgs {
+    fn wishes(&self) -> OpenOptions {
+        OpenOptions {
+            size: self.capture_size,
+            fps: self.fps,
+        }
+    }
+
     /// The arguments that name `chosen`, whatever the machine has when they are read.
     pub fn resolved(&self, chosen: &Chosen) -> Self {
         Self {
@@ -84,15 +93,26 @@ impl Chosen {
         self.is_camera || self.plays_live
     }
 
+    /// Opens it, a camera as soon as it is there.
+    ///
+    /// # Errors
+    /// As [`capture::open`], except that a camera may be missing or in use.
+    pub fn open_when_there(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
+        if !self.is_camera {
+            return self.open(args);
+        }
+        let (spec, options) = (self.spec.clone(), args.wishes());
+        let open = move || capture::open(&spec, &options);
+        let source = AwaitedSource::new(self.spec.to_string(), open, SystemClock);
+        Ok(Box::new(source))
+    }
+
     /// Opens it.
     ///
     /// # Errors
     /// As [`capture::open`].
     pub fn open(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
-        let options = OpenOptions {
-            size: args.capture_size,
-            fps: args.fps,
-        };
+        let options = args.wishes();
         let spec = self.spec.clone();
         let open = move || match &spec {
             InputSpec::Demo => capture::open_bytes("demo", demo::CLIP),
@@ -121,7 +141,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
         },
     };
     let is_camera = match &spec {
-        InputSpec::FirstCamera => true,
+        InputSpec::FirstCamera | InputSpec::StandIn(_) => true,
         InputSpec::Path(path) => std::fs::metadata(path).map_or_else(
             |_| path.starts_with("/dev"),
             |m| m.file_type().is_char_device(),
@@ -140,7 +160,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
             || DEFAULT_NAME.to_owned(),
             |s| service_name(&s.to_string_lossy()),
         ),
-        InputSpec::Stdin | InputSpec::FirstCamera => DEFAULT_NAME.to_owned(),
+        InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => DEFAULT_NAME.to_owned(),
     });
     Ok(Chosen {
         spec,

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 
-use super::stop;
-use crate::supervise::{Heartbeat, Job};
+use crate::supervise::{self, Heartbeat, Job};
 
 /// A job as the command line holds it.
 pub type Parsed<T> = Arc<Job<T>>;
@@ -31,7 +30,7 @@ pub struct Supervised<T> {
 /// The job's task, if there is one: then this process ends with its supervisor. Else what the user typed.
 ///
 /// # Errors
-/// If the supervisor has gone.
+/// If the supervisor is another process than this one's parent.
 pub fn supervised<T: Clone>(job: Option<Parsed<T>>, typed: T) -> anyhow::Result<Supervised<T>> {
     let Some(job) = job else {
         return Ok(Supervised {
@@ -39,7 +38,12 @@ pub fn supervised<T: Clone>(job: Option<Parsed<T>>, typed: T) -> anyhow::Result<
             heart: Heartbeat::default(),
         });
     };
-    stop::with_supervisor(job.supervisor)?;
+    anyhow::ensure!(
+        supervise::is_parent(job.supervisor),
+        "the supervising process has gone"
+    );
+    // It was started as /proc/self/exe, which says nothing in a list of processes.
+    rustix::thread::set_name(c"edgecap")?;
     Ok(Supervised {
         task: job.options.clone(),
         heart: Heartbeat::to_supervisor()?,

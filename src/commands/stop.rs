@@ -1,9 +1,7 @@
-//! Stopping on SIGINT and SIGTERM, and with the supervisor.
+//! Stopping on SIGINT and SIGTERM.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 
 /// Set by SIGINT or SIGTERM; a second SIGINT ends the process at once.
 #[derive(Debug, Clone)]
@@ -23,21 +21,18 @@ impl Stop {
         Ok(Self(flag))
     }
 
+    /// Lets the end of a child wake this process from its waits.
+    ///
+    /// # Errors
+    /// If the operating system refuses the handler.
+    pub fn wake_when_children_end() -> anyhow::Result<()> {
+        // Nobody reads the flag: that a handler runs ends the wait.
+        signal_hook::flag::register(signal_hook::consts::SIGCHLD, Arc::default())?;
+        Ok(())
+    }
+
     /// Whether it is time to stop.
     pub fn requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
-}
-
-/// Makes the kernel send SIGTERM to this process when process `supervisor` dies, however it dies.
-///
-/// # Errors
-/// If the kernel refuses, or the supervisor is gone already.
-pub fn with_supervisor(supervisor: i32) -> anyhow::Result<()> {
-    set_parent_process_death_signal(Some(Signal::TERM))?;
-    anyhow::ensure!(
-        getppid().map(Pid::as_raw_pid) == Some(supervisor),
-        "the supervising process has gone"
-    );
-    Ok(())
 }

@@ -1,7 +1,7 @@
 //! One verb of this program as a process of its own.
 
 use std::io::{self, Read};
-use std::os::unix::process::ExitStatusExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{self, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -9,8 +9,13 @@ use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
-use super::policy::{Policy, Verdict};
+use super::heartbeat::Beat;
+use super::policy::{Activity, Policy, Verdict};
+use super::systemd;
+use super::tie::tie;
 
+/// The program that runs, even after an update has replaced its file.
+const PROGRAM: &str = "/proc/self/exe";
 /// Time to end after SIGTERM.
 const GRACE: Duration = Duration::from_secs(3);
 
@@ -31,6 +36,8 @@ pub struct Child {
     policy: Policy,
     process: Option<process::Child>,
     beats: Option<ChildStdout>,
+    /// The newest kind of sign of life that came since the look before the last.
+    heard: Option<Beat>,
     has_lived: bool,
 }
 
@@ -50,6 +57,7 @@ impl Child {
             policy: Policy::new(Instant::now()),
             process: None,
             beats: None,
+            heard: None,
             has_lived: false,
         })
     }
@@ -64,6 +72,11 @@ impl Child {
         self.has_lived
     }
 
+    /// The newest sign of life, if one came between the last two calls of [`tend`](Self::tend).
+    pub fn heard(&self) -> Option<Beat> {
+        self.heard
+    }
+
     /// Starts it when it is time, ends it when it hangs, and returns how it ended if it has since the last call: then
     /// [`restart`](Self::restart) it or leave it.
     ///
@@ -71,34 +84,43 @@ impl Child {
     /// If the process cannot be started or asked.
     pub fn tend(&mut self) -> io::Result<Option<ExitStatus>> {
         let now = Instant::now();
-        if self.has_beaten() {
-            self.policy.beat(now);
+        self.heard = None;
+        if let Some(beat) = self.newest_beat() {
+            self.policy.beat(now, beat);
+            self.heard = Some(beat);
             self.has_lived = true;
         }
-        match self.policy.look(now) {
+        if let Some(process) = &mut self.process
+            && let Some(ended) = process.try_wait()?
+        {
+            self.process = None;
+            return Ok(Some(ended));
+        }
+        let pid = self.process.as_ref().map(process::Child::id);
+        let activity = || pid.map_or(Activity::Busy, activity);
+        match self.policy.look(now, activity) {
             Verdict::Wait => {}
             Verdict::Start => {
                 self.start()?;
                 self.policy.started(now);
             }
-            Verdict::Kill => {
-                tracing::warn!("{} hangs; it is ended and started again", self.verb);
-                if let Some(process) = &mut self.process {
-                    process.kill()?;
-                    process.wait()?;
-                }
-                self.process = None;
-                self.policy.restart(now);
-            }
+            Verdict::Kill => self.replace("hangs")?,
         }
-        let Some(process) = &mut self.process else {
-            return Ok(None);
-        };
-        let ended = process.try_wait()?;
-        if ended.is_some() {
-            self.process = None;
+        Ok(None)
+    }
+
+    /// Ends it by force, to start again, for a reason: what it does, as in "hangs".
+    ///
+    /// # Errors
+    /// If it cannot be ended.
+    pub fn replace(&mut self, why: &str) -> io::Result<()> {
+        if let Some(mut process) = self.process.take() {
+            tracing::warn!("{} {why}; it is ended and started again", self.verb);
+            process.kill()?;
+            process.wait()?;
+            self.policy.restart(Instant::now());
         }
-        Ok(ended)
+        Ok(())
     }
 
     /// Lets it start again after a pause.
@@ -112,11 +134,17 @@ impl Child {
     }
 
     fn start(&mut self) -> io::Result<()> {
-        let mut process = Command::new(std::env::current_exe()?)
+        let mut command = Command::new(PROGRAM);
+        command
+            .arg0(std::env::args_os().next().unwrap_or_default())
             .args([self.verb, "--job", &self.job])
             .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .spawn()?;
+            .stdout(Stdio::piped());
+        for variable in systemd::VARIABLES {
+            command.env_remove(variable);
+        }
+        tie(&mut command);
+        let mut process = command.spawn()?;
         self.beats = process.stdout.take();
         self.process = Some(process);
         if let Some(beats) = &self.beats {
@@ -125,11 +153,13 @@ impl Child {
         Ok(())
     }
 
-    /// Whether signs of life came since the last call.
-    fn has_beaten(&mut self) -> bool {
+    /// The newest sign of life since the last call.
+    fn newest_beat(&mut self) -> Option<Beat> {
         let mut some = [0; 4096];
-        let read = self.beats.as_mut().map(|b| b.read(&mut some));
-        matches!(read, Some(Ok(1..)))
+        match self.beats.as_mut().map(|b| b.read(&mut some)) {
+            Some(Ok(n)) => some[..n].last().copied().and_then(Beat::of),
+            _ => None,
+        }
     }
 
     fn terminate(&self) {
@@ -163,6 +193,30 @@ pub fn stop_all(children: &mut [&mut Child]) {
     for child in children.iter_mut() {
         child.reap(until);
     }
+}
+
+/// What the threads of a process do at this moment.
+fn activity(pid: u32) -> Activity {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task"));
+    let states: Vec<u8> = threads
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|thread| state(&std::fs::read(thread.path().join("stat")).ok()?))
+        .collect();
+    match &states[..] {
+        // Nothing can be learnt of it.
+        [] => Activity::Busy,
+        all if all.iter().all(|s| *s == b'T') => Activity::Stopped,
+        all if all.iter().all(|s| *s == b'S') => Activity::Still,
+        _ => Activity::Busy,
+    }
+}
+
+/// The letter behind the name, which may hold any character, in a line of `/proc/<pid>/stat`.
+fn state(stat: &[u8]) -> Option<u8> {
+    let name_ends = stat.iter().rposition(|&b| b == b')')?;
+    stat.get(name_ends + 2).copied()
 }
 
 /// How a process ended, in words.

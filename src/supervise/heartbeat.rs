@@ -6,14 +6,42 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 
-/// More signs of life than these tell nothing.
+/// More signs of life of one kind than these tell nothing.
 const EVERY: Duration = Duration::from_millis(100);
+
+/// A sign of life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Beat {
+    /// A result was published.
+    Step,
+    /// There was nothing to do.
+    Idle,
+    /// The input is away, or silent; it is looked for, which may take a while.
+    Waiting,
+}
+
+impl Beat {
+    const fn byte(self) -> u8 {
+        match self {
+            Self::Step => b'.',
+            Self::Idle => b'-',
+            Self::Waiting => b'?',
+        }
+    }
+
+    /// What a byte on the pipe says.
+    pub(super) fn of(byte: u8) -> Option<Self> {
+        [Self::Step, Self::Idle, Self::Waiting]
+            .into_iter()
+            .find(|b| b.byte() == byte)
+    }
+}
 
 /// Writes signs of life to standard output, if there is a supervisor.
 #[derive(Debug, Default)]
 pub struct Heartbeat {
     supervised: bool,
-    last: Cell<Option<Instant>>,
+    last: Cell<Option<(Instant, Beat)>>,
 }
 
 impl Heartbeat {
@@ -32,12 +60,13 @@ impl Heartbeat {
     }
 
     /// This process has made a step.
-    pub fn beat(&self) {
+    pub fn beat(&self, kind: Beat) {
         let now = Instant::now();
-        if self.supervised && self.last.get().is_none_or(|t| now - t >= EVERY) {
-            self.last.set(Some(now));
+        let is_news = |(t, last): (Instant, Beat)| last != kind || now - t >= EVERY;
+        if self.supervised && self.last.get().is_none_or(is_news) {
+            self.last.set(Some((now, kind)));
             // A full pipe is full of signs of life; a broken one ends this process by signal.
-            let _ = rustix::io::write(io::stdout(), b".");
+            let _ = rustix::io::write(io::stdout(), &[kind.byte()]);
         }
     }
 }

@@ -1,19 +1,38 @@
 //! When a child is taken for hung, and when it is started again. Instants go in, verdicts come out.
+//!
+//! | a child that | is ended after |
+//! |---|---|
+//! | is stopped (SIGSTOP) | 1 s |
+//! | works and neither computes nor shows a step (a deadlock) | 1 s |
+//! | works, computes and shows no step | 5 s, or 8 times its longest step so far |
+//! | opens its input, or starts, and computes nothing | 10 s |
+//! | opens its input, or starts, and computes | 30 s |
 
 use std::time::{Duration, Instant};
 
-const FIRST_PAUSE: Duration = Duration::from_millis(100);
-const LONGEST_PAUSE: Duration = Duration::from_secs(10);
-/// A process that ran this long has recovered: its next crash is a first one again.
-const STABLE: Duration = Duration::from_secs(30);
-/// How long a child may take from its start to its first beat: it loads its model meanwhile.
-const START: Duration = Duration::from_secs(10);
-/// How long a child may be silent after that, unless it has been slower before.
-const SILENCE: Duration = Duration::from_secs(2);
-/// So many times its longest pause between beats.
+use super::heartbeat::Beat;
+
+/// Silence below this is not looked into.
+const QUIET: Duration = Duration::from_millis(300);
+/// So long, silence included, may a child be stopped or, where it has an input, still.
+const STILL: Duration = Duration::from_secs(1);
+/// So long may a child compute without a step, unless it has been slower before.
+const BUSY: Duration = Duration::from_secs(5);
+/// So many times its longest step.
 const SLOWNESS: u32 = 8;
+/// So long may opening an input take: cameras wait for their bus.
+const OPENING: Duration = Duration::from_secs(10);
+/// So long may a start take that computes: it packs a model's weights, perhaps on a machine that does much else.
+const STARTING: Duration = Duration::from_secs(30);
 /// Longer than this between two looks: the supervisor itself was stopped, and its children perhaps with it.
 const OWN_STOP: Duration = Duration::from_millis(500);
+
+/// One death is forgotten for so long a life.
+const FORGOTTEN_AFTER: Duration = Duration::from_millis(500);
+/// So many deaths at once are no reason to wait.
+const FREE_DEATHS: f64 = 2.0;
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
+const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
 /// What to do now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,10 +45,22 @@ pub enum Verdict {
     Kill,
 }
 
+/// What a silent child does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activity {
+    /// It computes, wants to, or waits for a disk.
+    Busy,
+    /// It waits for something.
+    Still,
+    /// Somebody stopped it.
+    Stopped,
+}
+
 /// The state of one child.
 #[derive(Debug)]
 pub struct Policy {
-    pause: Duration,
+    /// Deaths that are not forgotten.
+    deaths: f64,
     state: State,
     looked: Instant,
 }
@@ -38,9 +69,13 @@ pub struct Policy {
 enum State {
     Running {
         since: Instant,
-        /// Of the last beat, if there was one.
-        beat: Option<Instant>,
+        /// Of the last beat, or of the start.
+        beat: Instant,
+        /// It has no input yet, or none at the moment: the next step may open one.
+        opening: bool,
         longest: Duration,
+        /// What it does instead of beating, and since when.
+        silence: Option<(Activity, Instant)>,
     },
     Waiting {
         until: Instant,
@@ -52,7 +87,7 @@ impl Policy {
     /// Of a child that is to be started.
     pub fn new(now: Instant) -> Self {
         Self {
-            pause: FIRST_PAUSE,
+            deaths: 0.0,
             state: State::Waiting { until: now },
             looked: now,
         }
@@ -62,32 +97,48 @@ impl Policy {
     pub fn started(&mut self, now: Instant) {
         self.state = State::Running {
             since: now,
-            beat: None,
+            beat: now,
+            opening: true,
             longest: Duration::ZERO,
+            silence: None,
         };
     }
 
     /// It has shown that it lives.
-    pub fn beat(&mut self, now: Instant) {
-        if let State::Running { beat, longest, .. } = &mut self.state {
-            if let Some(last) = *beat {
-                *longest = (*longest).max(now - last);
+    pub fn beat(&mut self, now: Instant, kind: Beat) {
+        if let State::Running {
+            beat,
+            opening,
+            longest,
+            silence,
+            ..
+        } = &mut self.state
+        {
+            if !*opening {
+                *longest = (*longest).max(now - *beat);
             }
-            *beat = Some(now);
+            *beat = now;
+            *opening = kind == Beat::Waiting;
+            *silence = None;
         }
     }
 
-    /// It has ended, and is to be started again after a pause that doubles from crash to crash.
+    /// It has ended, and is to be started again: at once where it lived, after a pause that doubles where it dies again and
+    /// again within half a second.
     pub fn restart(&mut self, now: Instant) {
-        if let State::Running { since, .. } = self.state
-            && now - since > STABLE
-        {
-            self.pause = FIRST_PAUSE;
+        if let State::Running { since, .. } = self.state {
+            let lived = (now - since).div_duration_f64(FORGOTTEN_AFTER);
+            self.deaths = (self.deaths - lived).max(0.0) + 1.0;
         }
-        self.state = State::Waiting {
-            until: now + self.pause,
+        let beyond = self.deaths - FREE_DEATHS;
+        let pause = if beyond <= 0.0 {
+            Duration::ZERO
+        } else {
+            FIRST_PAUSE
+                .mul_f64(2f64.powf((beyond.ceil() - 1.0).min(16.0)))
+                .min(LONGEST_PAUSE)
         };
-        self.pause = (self.pause * 2).min(LONGEST_PAUSE);
+        self.state = State::Waiting { until: now + pause };
     }
 
     /// It has ended for good.
@@ -95,26 +146,41 @@ impl Policy {
         self.state = State::Ended;
     }
 
-    /// What to do now; ask several times a second.
-    pub fn look(&mut self, now: Instant) -> Verdict {
-        let stopped = now - self.looked > OWN_STOP;
+    /// What to do now; ask several times a second. `activity` is asked for where the child has been silent for long.
+    pub fn look(&mut self, now: Instant, activity: impl FnOnce() -> Activity) -> Verdict {
+        let was_stopped = now - self.looked > OWN_STOP;
         self.looked = now;
         match &mut self.state {
-            State::Running { since, beat, .. } if stopped => {
-                *since = now;
-                *beat = beat.map(|_| now);
+            State::Running { beat, silence, .. } if was_stopped => {
+                *beat = now;
+                *silence = None;
                 Verdict::Wait
             }
             State::Running {
-                since,
                 beat,
+                opening,
                 longest,
+                silence,
+                ..
             } => {
-                let silent = match beat {
-                    Some(beat) => now - *beat > SILENCE.max(*longest * SLOWNESS),
-                    None => now - *since > START,
+                let silent = now - *beat;
+                if silent <= QUIET {
+                    return Verdict::Wait;
+                }
+                let doing = activity();
+                let since = match *silence {
+                    Some((before, since)) if before == doing => since,
+                    _ => now,
                 };
-                if silent { Verdict::Kill } else { Verdict::Wait }
+                *silence = Some((doing, since));
+                let still = QUIET + (now - since) >= STILL;
+                let hangs = match (doing, *opening) {
+                    (Activity::Stopped, _) | (Activity::Still, false) => still,
+                    (Activity::Still, true) => silent > OPENING,
+                    (Activity::Busy, false) => silent > BUSY.max(*longest * SLOWNESS),
+                    (Activity::Busy, true) => silent > STARTING,
+                };
+                if hangs { Verdict::Kill } else { Verdict::Wait }
             }
             State::Waiting { until } if now >= *until => Verdict::Start,
             State::Waiting { .. } | State::Ended => Verdict::Wait,
@@ -135,14 +201,15 @@ mod tests {
         policy: &mut Policy,
         from: Instant,
         time: u64,
-        beat: Option<u64>,
+        beat: Option<(u64, Beat)>,
+        activity: Activity,
     ) -> Option<(Verdict, u64)> {
         for t in (0..=time).step_by(100) {
             let now = from + ms(t);
-            if beat.is_some_and(|b| t % b == 0) {
-                policy.beat(now);
+            if let Some((_, kind)) = beat.filter(|(every, _)| t % every == 0) {
+                policy.beat(now, kind);
             }
-            match policy.look(now) {
+            match policy.look(now, || activity) {
                 Verdict::Wait => {}
                 verdict => return Some((verdict, t)),
             }
@@ -150,73 +217,147 @@ mod tests {
         None
     }
 
-    #[test]
-    fn who_beats_lives_and_who_falls_silent_is_killed() {
+    fn running() -> (Policy, Instant) {
         let now = Instant::now();
         let mut policy = Policy::new(now);
-        assert_eq!(policy.look(now), Verdict::Start);
+        assert_eq!(policy.look(now, || Activity::Busy), Verdict::Start);
         policy.started(now);
-        assert_eq!(watch(&mut policy, now, 60_000, Some(100)), None);
-        let silent = watch(&mut policy, now + ms(60_000), 60_000, None);
-        assert_eq!(silent, Some((Verdict::Kill, 2100)));
+        (policy, now)
+    }
+
+    /// A child that has worked for a second, and then.
+    fn silent(last: Beat, activity: Activity) -> Option<(Verdict, u64)> {
+        let (mut policy, now) = running();
+        let worked = watch(&mut policy, now, 1_000, Some((100, last)), Activity::Busy);
+        assert_eq!(worked, None);
+        watch(&mut policy, now + ms(1_000), 120_000, None, activity)
+    }
+
+    fn killed(range: std::ops::RangeInclusive<u64>, verdict: Option<(Verdict, u64)>) {
+        assert!(
+            matches!(verdict, Some((Verdict::Kill, t)) if range.contains(&t)),
+            "{verdict:?}"
+        );
+    }
+
+    #[test]
+    fn a_stopped_or_deadlocked_child_is_ended_within_a_second() {
+        killed(900..=1_200, silent(Beat::Step, Activity::Stopped));
+        killed(900..=1_200, silent(Beat::Step, Activity::Still));
+        killed(900..=1_200, silent(Beat::Idle, Activity::Still));
+    }
+
+    #[test]
+    fn one_that_is_stopped_in_its_start_is_too() {
+        let (mut policy, now) = running();
+        killed(
+            900..=1_200,
+            watch(&mut policy, now, 5_000, None, Activity::Stopped),
+        );
+    }
+
+    #[test]
+    fn one_that_computes_is_given_time() {
+        killed(5_000..=5_300, silent(Beat::Step, Activity::Busy));
+    }
+
+    #[test]
+    fn one_that_opens_a_camera_is_given_time() {
+        killed(10_000..=10_300, silent(Beat::Waiting, Activity::Still));
+        killed(900..=1_200, silent(Beat::Waiting, Activity::Stopped));
+        let (mut policy, now) = running();
+        killed(
+            10_000..=10_300,
+            watch(&mut policy, now, 60_000, None, Activity::Still),
+        );
+    }
+
+    #[test]
+    fn who_beats_lives() {
+        let (mut policy, now) = running();
+        for kind in [Beat::Step, Beat::Idle, Beat::Waiting] {
+            let beats = Some((100, kind));
+            assert_eq!(
+                watch(&mut policy, now, 60_000, beats, Activity::Still),
+                None
+            );
+        }
     }
 
     #[test]
     fn a_slow_start_and_slow_steps_are_no_hang() {
-        let now = Instant::now();
-        let mut policy = Policy::new(now);
-        policy.started(now);
-        assert_eq!(watch(&mut policy, now, 9_900, None), None);
-        assert_eq!(
-            watch(&mut policy, now + ms(10_000), 60_000, Some(900)),
-            None
+        let (mut policy, now) = running();
+        let started = watch(&mut policy, now, 29_900, None, Activity::Busy);
+        assert_eq!(started, None);
+        let slow = Some((4_000, Beat::Step));
+        let from = now + ms(29_900);
+        assert_eq!(watch(&mut policy, from, 60_000, slow, Activity::Busy), None);
+        let silent = watch(
+            &mut policy,
+            from + ms(60_000),
+            60_000,
+            None,
+            Activity::Busy,
         );
-        let silent = watch(&mut policy, now + ms(70_100), 60_000, None);
-        assert!(
-            matches!(silent, Some((Verdict::Kill, 6_000..9_000))),
-            "{silent:?}"
-        );
+        killed(30_000..=33_000, silent);
     }
 
     #[test]
-    fn pauses_double_until_it_has_recovered() {
+    fn a_child_that_is_still_for_a_moment_now_and_then_computes() {
+        let (mut policy, now) = running();
+        policy.beat(now, Beat::Step);
+        for t in 0..49 {
+            let doing = [Activity::Still, Activity::Busy][usize::from(t % 3 == 0)];
+            assert_eq!(policy.look(now + ms(t * 100), || doing), Verdict::Wait);
+        }
+    }
+
+    #[test]
+    fn pauses_double_for_one_that_dies_at_once_and_there_is_none_for_one_that_has_lived() {
         let mut now = Instant::now();
         let mut policy = Policy::new(now);
         let mut pauses = Vec::new();
-        for _ in 0..9 {
+        for _ in 0..11 {
             policy.started(now);
             policy.restart(now);
-            let (verdict, pause) = watch(&mut policy, now, 20_000, None).unwrap();
+            let (verdict, pause) =
+                watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
             assert_eq!(verdict, Verdict::Start);
             pauses.push(pause);
             now += ms(pause);
         }
         assert_eq!(
             pauses,
-            [100, 200, 400, 800, 1600, 3200, 6400, 10_000, 10_000]
+            [0, 0, 100, 200, 400, 800, 1600, 3200, 6400, 10_000, 10_000]
         );
-        policy.started(now);
-        policy.restart(now + ms(31_000));
-        let again = watch(&mut policy, now + ms(31_000), 20_000, None);
-        assert_eq!(again, Some((Verdict::Start, 100)));
+        for lived in [10_000, 500, 500, 500, 500, 500] {
+            policy.started(now);
+            now += ms(lived);
+            policy.restart(now);
+            let again = watch(&mut policy, now, 20_000, None, Activity::Busy);
+            assert_eq!(again, Some((Verdict::Start, 0)));
+        }
     }
 
     #[test]
     fn after_a_stop_of_its_own_the_supervisor_waits_anew() {
-        let now = Instant::now();
-        let mut policy = Policy::new(now);
-        policy.started(now);
-        policy.beat(now);
-        assert_eq!(policy.look(now + ms(60_000)), Verdict::Wait);
-        assert_eq!(watch(&mut policy, now + ms(60_000), 1_900, None), None);
+        let (mut policy, now) = running();
+        policy.beat(now, Beat::Step);
+        let woken = now + ms(60_000);
+        assert_eq!(policy.look(woken, || Activity::Stopped), Verdict::Wait);
+        assert_eq!(
+            watch(&mut policy, woken, 900, None, Activity::Stopped),
+            None
+        );
     }
 
     #[test]
     fn who_ended_for_good_stays_away() {
-        let now = Instant::now();
-        let mut policy = Policy::new(now);
-        policy.started(now);
+        let (mut policy, now) = running();
         policy.ended();
-        assert_eq!(watch(&mut policy, now, 20_000, None), None);
+        assert_eq!(
+            watch(&mut policy, now, 20_000, None, Activity::Stopped),
+            None
+        );
     }
 }

@@ -16,6 +16,7 @@ use super::outputs::{RecordArgs, finish};
 use super::stop::Stop;
 use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, SharedMemorySink, Sinks};
+use crate::supervise::Beat;
 pub(super) use engine_args::{EngineArgs, parse_size};
 pub(super) use observer::{Observer, Step};
 
@@ -44,6 +45,10 @@ pub struct InferTask {
     pub input: InputArgs,
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// Whether a camera may come later.
+    #[arg(skip)]
+    #[serde(default)]
+    pub waits: bool,
 }
 
 /// Runs Stage I, association and Stage II on every frame of the input.
@@ -54,7 +59,11 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
     let chosen = input::choose(&task.input)?;
-    let source = chosen.open(&task.input)?;
+    let source = if task.waits {
+        chosen.open_when_there(&task.input)?
+    } else {
+        chosen.open(&task.input)?
+    };
     let camera = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
     args.record.add_to::<ObservationsRow>(&mut sinks)?;
@@ -71,10 +80,11 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let mut observed = 0;
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
-            let step = observer.step(&mut message)?;
-            heart.beat();
-            match step {
-                Step::Nothing => continue,
+            match observer.step(&mut message)? {
+                Step::Nothing => {
+                    heart.beat(Beat::Waiting);
+                    continue;
+                }
                 Step::Ended => break,
                 Step::Observed => {}
             }
@@ -84,6 +94,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                 source: &observer.picture_name(),
                 picture: Some(observer.picture()),
             })?;
+            heart.beat(Beat::Step);
         }
         Ok(())
     };

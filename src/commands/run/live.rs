@@ -16,13 +16,17 @@ use crate::commands::table::Table;
 use crate::commands::tally::Tally;
 use crate::record::BodiesRow;
 use crate::sink::{Packet, Sinks};
-use crate::supervise::{Child, describe, stop_all};
+use crate::supervise::{Beat, Child, ServiceManager, describe, stop_all};
 
 /// How long the last bodies may take after `infer` has ended.
 const LAST_BODIES: Duration = Duration::from_secs(3);
 /// How often the children are looked at, whatever comes from them.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
+/// How long bodies may stay away while observations are published.
+const DRY: Duration = Duration::from_secs(5);
+/// So often both ends are started anew before this process gives up.
+const MOST_ATTEMPTS: u32 = 3;
 
 /// Runs the whole system on a camera.
 ///
@@ -39,6 +43,7 @@ pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
         chosen.spec
     ));
 
+    Stop::wake_when_children_end()?;
     let mut fit = Child::new(
         "fit",
         FitTask {
@@ -80,13 +85,17 @@ fn watch(
     let mut infer_done: Option<Instant> = None;
     let mut end_seen = false;
     let mut cleaned = Instant::now();
+    let mut manager = ServiceManager::from_env();
+    let mut flow = Flow::default();
     while !stop.requested() {
         let looked = Instant::now();
+        let mut received = false;
         while let Some(frame) = bodies.next(LOOK_EVERY.saturating_sub(looked.elapsed()))? {
             // A fit that somebody ended says so, too, and is started again.
             end_seen = frame.flags & FLAG_END_OF_STREAM != 0;
             if !end_seen {
                 take(&frame)?;
+                received = true;
             }
             if looked.elapsed() >= LOOK_EVERY {
                 break;
@@ -98,12 +107,60 @@ fn watch(
             Some(_) => {}
             None => look_after(fit, &mut None)?,
         }
+        if received {
+            manager.progress("bodies are published");
+        } else if infer.heard() == Some(Beat::Waiting) {
+            manager.progress("waiting for the camera");
+        }
+        flow.look(received, infer, fit)?;
         if cleaned.elapsed() > CLEAN_UP_EVERY {
             bodies.clean_up();
             cleaned = Instant::now();
         }
     }
+    manager.stopping();
     Ok(())
+}
+
+/// Whether bodies come of what is seen: processes may live and yet not reach each other.
+#[derive(Default)]
+struct Flow {
+    /// Since when `infer` publishes and nothing comes out at the other end.
+    dry: Option<Instant>,
+    /// What was done about it in vain.
+    attempts: u32,
+}
+
+impl Flow {
+    /// Replaces `fit` where nothing has come for [`DRY`], then both.
+    ///
+    /// # Errors
+    /// Where that did not help either: the service manager starts everything anew.
+    fn look(&mut self, received: bool, infer: &mut Child, fit: &mut Child) -> anyhow::Result<()> {
+        if received {
+            *self = Self::default();
+            return Ok(());
+        }
+        if infer.heard() != Some(Beat::Step) {
+            return Ok(());
+        }
+        if self.dry.get_or_insert_with(Instant::now).elapsed() < DRY {
+            return Ok(());
+        }
+        self.dry = None;
+        self.attempts += 1;
+        if self.attempts > MOST_ATTEMPTS {
+            return Err(Failure::unavailable(
+                "observations are published, but no bodies arrive through shared memory; 'edgecap doctor' looks why",
+            )
+            .into());
+        }
+        fit.replace("publishes nothing")?;
+        if self.attempts > 1 {
+            infer.replace("reaches nobody")?;
+        }
+        Ok(())
+    }
 }
 
 /// Looks after a child. A crash is mended, a failure that would come again is the run's; `infer` may be `done`.

@@ -30,6 +30,9 @@ pub struct RunArgs {
     /// Write pictures with the fitted skeletons drawn to this folder (files only)
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
+    /// End where the camera is missing or in use at the start, instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
     /// Publish a camera's bodies at this rate, extrapolating between its frames, Hz
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
     rate: Option<u16>,
@@ -68,6 +71,7 @@ impl RunArgs {
         InferTask {
             input: self.input.resolved(chosen),
             engine: self.engine.clone(),
+            waits: !self.no_wait,
         }
     }
 
