@@ -80,7 +80,10 @@ where
         }
         Err(CaptureError::NoPictureYet {
             device: self.name.clone(),
-            reason: self.said.clone().unwrap_or_else(|| "opened just now".into()),
+            reason: self
+                .said
+                .clone()
+                .unwrap_or_else(|| "opened just now".into()),
         })
     }
 

@@ -232,13 +232,20 @@ mod tests {
         let first = take(&mut camera, &mut frame);
         std::thread::sleep(Duration::from_millis(20));
         let second = take(&mut camera, &mut frame);
-        assert!(second.0 >= first.0 + 20, "pictures are lost while nobody takes them");
+        assert!(
+            second.0 >= first.0 + 20,
+            "pictures are lost while nobody takes them"
+        );
         assert!(second.1 > first.1 && second.1 <= monotonic_ns());
 
         fs::write(&path, "fps = 1000.0\nsilent = true").unwrap();
         assert!(camera.next_into(&mut frame).is_err());
         fs::remove_file(&path).unwrap();
-        assert!(camera.next_into(&mut frame).is_err_and(|e| e.is_skippable()));
+        assert!(
+            camera
+                .next_into(&mut frame)
+                .is_err_and(|e| e.is_skippable())
+        );
         fs::write(&path, "fps = 1000.0").unwrap();
         let back = take(&mut camera, &mut frame);
         assert!(back.0 > second.0 && back.1 > second.1);

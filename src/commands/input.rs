@@ -160,7 +160,9 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
             || DEFAULT_NAME.to_owned(),
             |s| service_name(&s.to_string_lossy()),
         ),
-        InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => DEFAULT_NAME.to_owned(),
+        InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => {
+            DEFAULT_NAME.to_owned()
+        }
     });
     Ok(Chosen {
         spec,

@@ -292,13 +292,7 @@ mod tests {
         let slow = Some((4_000, Beat::Step));
         let from = now + ms(29_900);
         assert_eq!(watch(&mut policy, from, 60_000, slow, Activity::Busy), None);
-        let silent = watch(
-            &mut policy,
-            from + ms(60_000),
-            60_000,
-            None,
-            Activity::Busy,
-        );
+        let silent = watch(&mut policy, from + ms(60_000), 60_000, None, Activity::Busy);
         killed(30_000..=33_000, silent);
     }
 
@@ -320,8 +314,7 @@ mod tests {
         for _ in 0..11 {
             policy.started(now);
             policy.restart(now);
-            let (verdict, pause) =
-                watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
+            let (verdict, pause) = watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
             assert_eq!(verdict, Verdict::Start);
             pauses.push(pause);
             now += ms(pause);

@@ -15,7 +15,9 @@ pub fn tie(command: &mut Command) {
         if getppid() == Some(supervisor) {
             Ok(())
         } else {
-            Err(io::Error::from_raw_os_error(rustix::io::Errno::SRCH.raw_os_error()))
+            Err(io::Error::from_raw_os_error(
+                rustix::io::Errno::SRCH.raw_os_error(),
+            ))
         }
     };
     // SAFETY: between fork and exec only calls that are safe in a signal handler may be made: these two are single system calls
