@@ -4,10 +4,14 @@
 mod program;
 
 mod bad_input;
+mod camera_away;
 mod doctor;
+mod faults;
 mod flip_test;
 mod follow_people;
+mod hangs;
 mod outcome;
 mod record;
+mod soak;
 mod supervisor;
 mod watch;

@@ -1,6 +1,9 @@
 //! Running the built program and looking at its processes.
 #![allow(dead_code, reason = "every test file uses its own part")]
 
+pub mod place;
+pub mod stand_in;
+
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};

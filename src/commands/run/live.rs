@@ -7,6 +7,7 @@ use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Priority, Subscriber, service_name};
 
 use super::RunArgs;
+use super::flow::{Flow, Remedy};
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
 use crate::commands::input::Chosen;
@@ -23,10 +24,6 @@ const LAST_BODIES: Duration = Duration::from_secs(3);
 /// How often the children are looked at, whatever comes from them.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
-/// How long bodies may stay away while observations are published.
-const DRY: Duration = Duration::from_secs(5);
-/// So often both ends are started anew before this process gives up.
-const MOST_ATTEMPTS: u32 = 3;
 
 /// Runs the whole system on a camera.
 ///
@@ -112,7 +109,21 @@ fn watch(
         } else if infer.heard() == Some(Beat::Waiting) {
             manager.progress("waiting for the camera");
         }
-        flow.look(received, infer, fit)?;
+        let published = infer.heard() == Some(Beat::Step);
+        match flow.look(Instant::now(), received, published) {
+            Remedy::Wait => {}
+            Remedy::Fit => fit.replace("publishes nothing")?,
+            Remedy::Both => {
+                fit.replace("publishes nothing")?;
+                infer.replace("reaches nobody")?;
+            }
+            Remedy::GiveUp => {
+                return Err(Failure::unavailable(
+                    "observations are published, but no bodies arrive through shared memory: 'edgecap doctor' looks why",
+                )
+                .into());
+            }
+        }
         if cleaned.elapsed() > CLEAN_UP_EVERY {
             bodies.clean_up();
             cleaned = Instant::now();
@@ -120,47 +131,6 @@ fn watch(
     }
     manager.stopping();
     Ok(())
-}
-
-/// Whether bodies come of what is seen: processes may live and yet not reach each other.
-#[derive(Default)]
-struct Flow {
-    /// Since when `infer` publishes and nothing comes out at the other end.
-    dry: Option<Instant>,
-    /// What was done about it in vain.
-    attempts: u32,
-}
-
-impl Flow {
-    /// Replaces `fit` where nothing has come for [`DRY`], then both.
-    ///
-    /// # Errors
-    /// Where that did not help either: the service manager starts everything anew.
-    fn look(&mut self, received: bool, infer: &mut Child, fit: &mut Child) -> anyhow::Result<()> {
-        if received {
-            *self = Self::default();
-            return Ok(());
-        }
-        if infer.heard() != Some(Beat::Step) {
-            return Ok(());
-        }
-        if self.dry.get_or_insert_with(Instant::now).elapsed() < DRY {
-            return Ok(());
-        }
-        self.dry = None;
-        self.attempts += 1;
-        if self.attempts > MOST_ATTEMPTS {
-            return Err(Failure::unavailable(
-                "observations are published, but no bodies arrive through shared memory; 'edgecap doctor' looks why",
-            )
-            .into());
-        }
-        fit.replace("publishes nothing")?;
-        if self.attempts > 1 {
-            infer.replace("reaches nobody")?;
-        }
-        Ok(())
-    }
 }
 
 /// Looks after a child. A crash is mended, a failure that would come again is the run's; `infer` may be `done`.

@@ -2,6 +2,7 @@
 //! camera has one process that sees pictures and one that fits, under supervision, and its newest frame wins.
 
 mod file;
+mod flow;
 mod live;
 
 use std::path::PathBuf;

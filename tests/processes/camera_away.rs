@@ -1,0 +1,90 @@
+//! A camera that is not there yet, goes away, falls silent, comes back.
+
+use std::time::{Duration, Instant};
+
+use crate::program::stand_in::{StandIn, Watched};
+use crate::program::{assert_fails, eventually, signal, stderr, stream};
+use edgecap::camera::monotonic_ns;
+use edgecap::message::BodyFrame;
+use edgecap_client::Subscriber;
+
+/// Waits for a body of a picture that is taken from now on.
+fn fresh_body(bodies: &Subscriber<BodyFrame>) -> u64 {
+    let from = monotonic_ns();
+    eventually("a body of a new picture", || {
+        let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+        (body.capture_ns >= from).then_some(body.sequence)
+    })
+}
+
+#[test]
+fn a_camera_that_is_absent_at_the_start_is_waited_for() {
+    let camera = StandIn::absent(30.0);
+    let watched = Watched::start("late", &camera, &[]);
+    let bodies = watched.listen::<BodyFrame>();
+    eventually("infer", || watched.run.child("infer"));
+    std::thread::sleep(Duration::from_millis(700));
+    assert!(!watched.run.has_ended());
+    camera.plug_in();
+    fresh_body(&bodies);
+    drop(bodies);
+    let out = watched.stop();
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    assert_eq!(said.matches("waiting for the camera").count(), 1, "{said}");
+}
+
+#[test]
+fn with_no_wait_an_absent_camera_ends_the_run() {
+    let camera = StandIn::absent(30.0);
+    let name = stream("no-wait");
+    let args = [
+        "run",
+        "--no-wait",
+        "--input",
+        &camera.input(),
+        "--name",
+        &name,
+    ];
+    assert_fails(&args, 69, &["no such file"]);
+}
+
+#[test]
+fn an_unplugged_camera_and_a_killed_infer_are_back_when_it_is_plugged_in() {
+    let camera = StandIn::new(30.0);
+    let watched = Watched::start("unplugged", &camera, &[]);
+    let bodies = watched.listen::<BodyFrame>();
+    fresh_body(&bodies);
+    camera.unplug();
+    let infer = eventually("infer", || watched.run.child("infer"));
+    signal(infer, "KILL");
+    eventually("another infer", || {
+        watched.run.child("infer").filter(|p| *p != infer)
+    });
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(!watched.run.has_ended(), "it waits");
+    camera.plug_in();
+    fresh_body(&bodies);
+    camera.fall_silent();
+    std::thread::sleep(Duration::from_millis(1500));
+    let infer = eventually("infer", || watched.run.child("infer"));
+    camera.plug_in();
+    fresh_body(&bodies);
+    assert_eq!(
+        watched.run.child("infer"),
+        Some(infer),
+        "a silent camera is no reason to replace infer"
+    );
+    drop(bodies);
+    assert!(watched.stop().status.success());
+}
+
+#[test]
+fn stopping_does_not_wait_for_the_camera() {
+    let camera = StandIn::absent(30.0);
+    let watched = Watched::start("stop-waiting", &camera, &[]);
+    eventually("infer", || watched.run.child("infer"));
+    let asked = Instant::now();
+    assert!(watched.stop().status.success());
+    assert!(asked.elapsed() < Duration::from_secs(20));
+}

@@ -1,0 +1,173 @@
+//! Processes that hang, and what of them is said to the service manager.
+
+use std::os::unix::net::UnixDatagram;
+use std::time::{Duration, Instant};
+
+use crate::program::stand_in::{StandIn, Watched, processes_of};
+use crate::program::{Running, eventually, signal, stream};
+use edgecap::camera::monotonic_ns;
+use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap_client::{Publisher, Subscriber};
+
+fn some_body(bodies: &Subscriber<BodyFrame>) {
+    eventually("bodies", || {
+        bodies.next(Duration::from_millis(100)).unwrap().map(|_| ())
+    });
+}
+
+#[test]
+fn one_that_is_stopped_in_its_start_is_replaced() {
+    let camera = StandIn::new(30.0);
+    let watched = Watched::start("stopped-early", &camera, &[]);
+    let infer = eventually("infer", || watched.run.child("infer"));
+    signal(infer, "STOP");
+    eventually("another infer", || {
+        watched.run.child("infer").filter(|p| *p != infer)
+    });
+    some_body(&watched.listen::<BodyFrame>());
+    assert!(watched.stop().status.success());
+}
+
+#[test]
+fn children_that_are_stopped_end_with_their_supervisor_too() {
+    let camera = StandIn::new(30.0);
+    let watched = Watched::start("stopped-orphans", &camera, &[]);
+    some_body(&watched.listen::<BodyFrame>());
+    let children = ["infer", "fit"].map(|v| eventually(v, || watched.run.child(v)));
+    // Stopped itself, the supervisor cannot replace them.
+    signal(watched.run.pid(), "STOP");
+    for child in children {
+        signal(child, "STOP");
+    }
+    signal(watched.run.pid(), "KILL");
+    eventually("the end of all", || {
+        processes_of(&watched.name, &[watched.run.pid()])
+            .is_empty()
+            .then_some(())
+    });
+}
+
+/// What the stand-in of the service manager hears until `done`.
+fn heard(manager: &UnixDatagram, mut done: impl FnMut(&str) -> bool) {
+    let start = Instant::now();
+    let mut buffer = [0; 4096];
+    loop {
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing came");
+        if let Ok(n) = manager.recv(&mut buffer)
+            && done(&String::from_utf8_lossy(&buffer[..n]))
+        {
+            return;
+        }
+    }
+}
+
+#[test]
+fn the_service_manager_hears_of_progress_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager
+        .set_read_timeout(Some(Duration::from_millis(100)))
+        .unwrap();
+    let camera = StandIn::new(30.0);
+    let variables = [
+        ("NOTIFY_SOCKET", path.to_str().unwrap()),
+        ("WATCHDOG_USEC", "400000"),
+    ];
+    let watched = Watched::start_with("notify", &camera, &[], &variables);
+    heard(&manager, |m| m.contains("READY=1"));
+    heard(&manager, |m| m.contains("WATCHDOG=1"));
+    let children = ["infer", "fit"].map(|v| eventually(v, || watched.run.child(v)));
+    for child in children {
+        let environment = std::fs::read(format!("/proc/{child}/environ")).unwrap();
+        assert!(
+            !String::from_utf8_lossy(&environment).contains("NOTIFY_SOCKET"),
+            "a child could speak for the service"
+        );
+    }
+    for child in children {
+        signal(child, "STOP");
+    }
+    // Until they are replaced nothing goes on, so nothing may be heard; then it is again.
+    let mut last = Instant::now();
+    let mut longest = Duration::ZERO;
+    heard(&manager, |m| {
+        if m.contains("WATCHDOG=1") {
+            longest = longest.max(last.elapsed());
+            last = Instant::now();
+        }
+        longest > Duration::from_millis(600)
+    });
+    camera.unplug();
+    heard(&manager, |m| m.contains("STATUS=waiting for the camera"));
+    for _ in 0..3 {
+        heard(&manager, |m| m.contains("WATCHDOG=1"));
+    }
+    signal(watched.run.pid(), "TERM");
+    heard(&manager, |m| m.contains("STOPPING=1"));
+    assert!(watched.run.wait(Duration::from_secs(30)).status.success());
+}
+
+fn observation(sequence: u64) -> ObservationFrame {
+    let now = monotonic_ns();
+    ObservationFrame {
+        sequence,
+        width: 640,
+        height: 480,
+        capture_ns: now,
+        publish_ns: now,
+        ..ObservationFrame::default()
+    }
+}
+
+#[test]
+fn what_waited_while_fit_stood_still_is_not_published_as_new() {
+    let name = stream("stale");
+    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let fit = Running::start(&["fit", "--name", &name]);
+    eventually("fit", || {
+        (observations.subscriber_count() > 0).then_some(())
+    });
+    observations.publish(&observation(0)).unwrap();
+    some_body(&bodies);
+    signal(fit.pid(), "STOP");
+    for sequence in 1..5 {
+        observations.publish(&observation(sequence)).unwrap();
+    }
+    std::thread::sleep(Duration::from_millis(1500));
+    // Fresh for as long as this test may take.
+    let mut fresh = observation(5);
+    fresh.publish_ns += 60_000_000_000;
+    observations.publish(&fresh).unwrap();
+    signal(fit.pid(), "CONT");
+    let next = eventually("a body", || {
+        let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+        Some(body.sequence)
+    });
+    assert_eq!(next, 5);
+}
+
+#[test]
+fn extrapolation_ends_when_nothing_was_seen_for_long() {
+    let name = stream("extrapolation");
+    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let fit = Running::start(&["fit", "--name", &name, "--rate", "50"]);
+    eventually("fit", || {
+        (observations.subscriber_count() > 0).then_some(())
+    });
+    observations.publish(&observation(0)).unwrap();
+    some_body(&bodies);
+    some_body(&bodies);
+    std::thread::sleep(Duration::from_millis(1500));
+    eventually("silence", || {
+        while bodies.next(Duration::ZERO).unwrap().is_some() {}
+        bodies
+            .next(Duration::from_millis(300))
+            .unwrap()
+            .is_none()
+            .then_some(())
+    });
+    drop(fit);
+}

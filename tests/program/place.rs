@@ -1,0 +1,71 @@
+//! A test with shared memory of its own, so that nothing of other tests is counted.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The variable that names the runtime folder.
+const VARIABLE: &str = "EDGECAP_RUNTIME_DIR";
+/// Set where a test runs in its own place already.
+const INSIDE: &str = "EDGECAP_TEST_PLACE";
+
+/// The runtime folder of this test, or `None` when the test was run again in a process of its own, with a folder of its own,
+/// and has passed there.
+pub fn own_place(test: &str) -> Option<PathBuf> {
+    if let Some(folder) = std::env::var_os(INSIDE) {
+        return Some(folder.into());
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let status = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--ignored", "--nocapture"])
+        .env(VARIABLE, folder.path())
+        .env(INSIDE, folder.path())
+        .status()
+        .unwrap();
+    assert!(status.success(), "{test} failed in its own place");
+    None
+}
+
+/// A number from the environment, else the default.
+pub fn number(variable: &str, default: u64) -> u64 {
+    std::env::var(variable).map_or(default, |text| {
+        text.parse()
+            .unwrap_or_else(|_| panic!("{variable}: expected a number, found '{text}'"))
+    })
+}
+
+/// Everything that the installation of this folder has: files of the folder, and objects in shared memory.
+pub fn objects(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    files(folder, &mut found);
+    let prefix = std::fs::read_to_string(folder.join("prefix")).unwrap_or_default();
+    let shared = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let names = shared.map(|e| e.file_name().to_string_lossy().into_owned());
+    found.extend(names.filter(|n| !prefix.is_empty() && n.starts_with(&prefix)));
+    found.sort();
+    found
+}
+
+fn files(folder: &Path, found: &mut Vec<String>) {
+    // What goes away meanwhile is not there.
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            files(&path, found);
+        } else {
+            found.push(path.display().to_string());
+        }
+    }
+}
+
+/// Open descriptors of a process.
+pub fn descriptors(pid: u32) -> usize {
+    std::fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count)
+}
+
+/// Memory that a process has of its own and cannot give back, kilobytes.
+pub fn memory(pid: u32) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let line = text.lines().find_map(|l| l.strip_prefix("RssAnon:"));
+    line.and_then(|l| l.split_whitespace().next()?.parse().ok())
+        .unwrap_or(0)
+}
