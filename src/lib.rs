@@ -7,6 +7,7 @@
 
 pub mod assignment;
 pub mod body;
+pub mod bounded;
 pub mod camera;
 pub mod capture;
 pub mod commands;

@@ -10,16 +10,17 @@ use std::path::{Path, PathBuf};
 const ROOMS: &[(&str, &[&str])] = &[
     // Tools that know nothing of motion capture.
     ("assignment", &[]),
+    ("bounded", &[]),
     ("machine", &[]),
     ("npz", &[]),
     ("output", &[]),
     ("solve", &[]),
     // What is known of cameras and of bodies.
-    ("camera", &[]),
+    ("camera", &["bounded"]),
     ("body", &["npz"]),
     // Before shared memory: these see pictures.
     ("capture", &["camera"]),
-    ("engine", &["output"]),
+    ("engine", &["bounded", "output"]),
     ("detect", &["assignment", "engine"]),
     ("lift", &["camera", "capture", "detect", "engine"]),
     ("overlay", &["capture", "output"]),

@@ -6,6 +6,7 @@ use edgecap_client::message::Intrinsics;
 use serde::Deserialize;
 
 use super::CameraError;
+use crate::bounded;
 
 /// Horizontal field of view of an ordinary webcam, degrees.
 pub const DEFAULT_FOV: f32 = 60.0;
@@ -61,7 +62,8 @@ impl CameraFile {
     /// # Errors
     /// [`CameraError::Read`] when it cannot be read, [`CameraError::Settings`] when its contents make no camera.
     pub fn read(path: &Path) -> Result<Self, CameraError> {
-        let text = std::fs::read_to_string(path).map_err(|e| CameraError::read(path, e))?;
+        let text =
+            bounded::read_text(path, bounded::SETTINGS).map_err(|e| CameraError::read(path, e))?;
         Self::parse(&text).map_err(|reason| CameraError::Settings {
             file: path.display().to_string(),
             reason,

@@ -4,7 +4,7 @@ use edgecap_client::LinkError;
 
 use crate::camera::CameraError;
 use crate::capture::CaptureError;
-use crate::engine::ModelError;
+use crate::engine::{EngineError, ModelError};
 use crate::record::RecordError;
 use crate::sink::SinkError;
 
@@ -130,6 +130,9 @@ pub fn code(error: &anyhow::Error) -> u8 {
             }
             if let Some(e) = cause.downcast_ref::<CameraError>() {
                 return Some(e.exit_code());
+            }
+            if let Some(EngineError::Isa(_) | EngineError::Size { .. }) = cause.downcast_ref() {
+                return Some(USAGE);
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {
                 return Some(model_code(e));

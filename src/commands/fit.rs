@@ -14,6 +14,7 @@ use super::input::DEFAULT_NAME;
 use super::job::{self, Supervised};
 use super::outputs::{RecordArgs, finish};
 use super::stop::Stop;
+use crate::bounded;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::fit::{FitConfig, Fitter};
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
@@ -107,7 +108,7 @@ fn read_config(path: Option<&Path>) -> anyhow::Result<FitConfig> {
     let Some(path) = path else {
         return Ok(FitConfig::default());
     };
-    let text = std::fs::read_to_string(path)
+    let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
     Ok(toml::from_str(&text).map_err(|e| {
         Failure::config(format!("{}: {}", path.display(), e.to_string().trim_end()))

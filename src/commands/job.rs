@@ -43,7 +43,7 @@ pub fn supervised<T: Clone>(job: Option<Parsed<T>>, typed: T) -> anyhow::Result<
         "the supervising process has gone"
     );
     // It was started as /proc/self/exe, which says nothing in a list of processes.
-    rustix::thread::set_name(c"edgecap")?;
+    let _ = std::fs::write("/proc/self/comm", "edgecap");
     Ok(Supervised {
         task: job.options.clone(),
         heart: Heartbeat::to_supervisor()?,

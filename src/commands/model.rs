@@ -141,7 +141,8 @@ fn network(arch: &str) -> Result<Network> {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+    crate::bounded::read(path, crate::bounded::DATA)
+        .with_context(|| format!("cannot read {}", path.display()))
 }
 
 fn import(a: &Import) -> Result<()> {

@@ -157,7 +157,8 @@ fn open(options: &PipelineOptions) -> anyhow::Result<Model> {
     };
     match options.stage2 {
         Some(path) => {
-            let bytes = std::fs::read(path).map_err(|e| Failure::no_input(path, &e))?;
+            let bytes = crate::bounded::read(path, crate::bounded::DATA)
+                .map_err(|e| Failure::no_input(path, &e))?;
             model
                 .with_stage2(&bytes)
                 .with_context(|| format!("Stage II weights {}", path.display()))

@@ -173,3 +173,51 @@ fn command_lines_that_mean_nothing() {
         );
     }
 }
+
+#[test]
+fn files_that_do_not_end_are_refused_before_they_fill_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = folder.path().join("lines.jsonl");
+    std::fs::write(&lines, "").unwrap();
+    let lines = lines.to_str().unwrap();
+    let out = folder.path().join("out.jsonl");
+    let out = out.to_str().unwrap();
+    let fit = ["fit", "--input", lines, "--jsonl", out];
+    let refused =
+        |args: &[&str], code| assert_fails(args, code, &["/dev/zero", "expected at most"]);
+    refused(&[&fit[..], &["--config", "/dev/zero"]].concat(), 78);
+    refused(&[&fit[..], &["--camera", "/dev/zero"]].concat(), 74);
+}
+
+#[test]
+fn what_the_user_can_mend_is_no_fault_of_the_program() {
+    let out = crate::program::edgecap()
+        .args(["infer", "--input", "demo", "--jsonl", "/dev/null"])
+        .env("EDGECAP_ISA", "abacus")
+        .output()
+        .unwrap();
+    assert_eq!(
+        out.status.code(),
+        Some(64),
+        "{}",
+        crate::program::stderr(&out)
+    );
+    assert_fails(
+        &["synth", "--frames", "1", "--out", "/dev/full"],
+        73,
+        &["/dev/full"],
+    );
+    assert_fails(
+        &[
+            "infer",
+            "--input",
+            "demo",
+            "--size",
+            "64x64",
+            "--jsonl",
+            "/dev/full",
+        ],
+        74,
+        &["/dev/full", "full"],
+    );
+}

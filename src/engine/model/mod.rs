@@ -22,6 +22,7 @@ pub use ranges::{Observed, RangeChoice};
 pub use stage2::{Linear, Stage2};
 
 use super::network::{Graph, Network, Node, Op};
+use crate::bounded;
 use contract::ACTIVATION_LEVELS;
 use quant::SIGNED_LEVELS;
 use tensors::Tensors;
@@ -70,7 +71,7 @@ pub struct Calibration {
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
-    std::fs::read(path).map_err(|source| ModelError::Io {
+    bounded::read(path, bounded::DATA).map_err(|source| ModelError::Io {
         action: "read",
         path: path.into(),
         source,

@@ -80,10 +80,11 @@ impl Predictions {
     /// Reads a record that `infer`, `fit` or `run` wrote.
     pub fn read(path: &Path) -> Result<Self, EvalError> {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|source| EvalError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes =
+            crate::bounded::read(path, crate::bounded::DATA).map_err(|source| EvalError::Read {
+                path: path.to_owned(),
+                source,
+            })?;
         let expected = "one frame a line, as `infer --jsonl` or `run --jsonl` writes it";
         let lines = crate::record::lines(&bytes, &name);
         let lines = lines.map_err(|e| EvalError::format(name.clone(), expected, e.to_string()))?;

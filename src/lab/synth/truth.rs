@@ -148,9 +148,11 @@ impl Truth {
     /// Reads a truth file.
     pub fn load(path: &Path) -> Result<Self, TruthError> {
         let shown = || path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| TruthError::Io {
-            path: shown(),
-            source,
+        let text = crate::bounded::read_text(path, crate::bounded::DATA).map_err(|source| {
+            TruthError::Io {
+                path: shown(),
+                source,
+            }
         })?;
         Self::parse(&text, &shown())
     }

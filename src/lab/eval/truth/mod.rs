@@ -165,7 +165,7 @@ impl TruthSet {
             path: path.into(),
             source,
         };
-        let bytes = std::fs::read(path).map_err(unreadable)?;
+        let bytes = crate::bounded::read(path, crate::bounded::DATA).map_err(unreadable)?;
         if options.format == Format::Npz || bytes.starts_with(b"PK") {
             return npz::read(&bytes, &name, options);
         }
