@@ -1,4 +1,4 @@
-"""Read edgecap's bodies from shared memory: `pip install iceoryx2==0.10.0`, then
+"""Read edgecap's bodies from shared memory; nothing to install, this file is all:
 
     import edgecap
     for frame in edgecap.bodies("camera0"):
@@ -11,14 +11,18 @@ or None, and `stream.publishers` says whether anybody publishes (0 within a seco
 `frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
 
 Camera frame: x right, y down, z forward, metres; pixels of the original picture; quaternions xyzw; times CLOCK_MONOTONIC
-nanoseconds.  The structures mirror `clients/rust/src/message.rs`, whose tests compare sizes and offsets with this file.
+nanoseconds.  The structures mirror `clients/rust/src/message.rs`, whose tests compare sizes and offsets with this file; the
+file that frames are read from is described in `clients/rust/src/ring/mod.rs`.
 """
 
 from __future__ import annotations
 
 import ctypes
-import fcntl
 import os
+import re
+import select
+import stat
+import struct
 import time
 from collections.abc import Iterator
 from ctypes import c_float, c_uint8, c_uint32, c_uint64
@@ -222,74 +226,107 @@ class BodyFrame(ctypes.Structure):
         )
 
 
+SERVICE_DIR = "/run/edgecap"
+
+
+def _is_own(folder: str) -> bool:
+    try:
+        return os.path.isdir(folder) and os.stat(folder).st_uid == os.geteuid()
+    except OSError:
+        return False
+
+
 def runtime_dir() -> str:
-    """The folder that edgecap's processes of this user share; the same search as in the Rust client."""
+    """The folder that this user's processes publish in; the same search as in the Rust client."""
     if named := os.environ.get("EDGECAP_RUNTIME_DIR"):
         return named
+    if _is_own(SERVICE_DIR):
+        return SERVICE_DIR
     user = os.geteuid()
+    for session in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{user}"):
+        if session and _is_own(session):
+            return os.path.join(session, "edgecap")
+    memory, home = f"/dev/shm/edgecap-{user}", os.path.expanduser("~")
+    is_taken = os.path.lexists(memory) and os.lstat(memory).st_uid != user
+    return os.path.join(home, ".cache/edgecap/run") if is_taken and _is_own(home) else memory
 
-    def is_mine(folder: str) -> bool:
-        try:
-            return os.path.isdir(folder) and os.stat(folder).st_uid == user
-        except OSError:
-            return False
 
-    if is_mine("/run/edgecap"):
-        return "/run/edgecap"
-    own = os.environ.get("XDG_RUNTIME_DIR", "")
-    return os.path.join(own, "edgecap") if own and is_mine(own) else f"/tmp/edgecap-{user}"
+def reading_dirs() -> list[str]:
+    """The folders that a reader looks in, this user's own first; the service's where it may be read."""
+    dirs = [runtime_dir()]
+    if not os.environ.get("EDGECAP_RUNTIME_DIR") and dirs[0] != SERVICE_DIR and os.access(SERVICE_DIR, os.R_OK | os.X_OK):
+        dirs.append(SERVICE_DIR)
+    return dirs
+
+
+class _Watch:
+    """Wakes when a file's attributes change (inotify): a publisher sets its file's times with each frame."""
+
+    _ATTRIB, _NONBLOCK, _CLOEXEC = 0x4, 0o4000, 0o2000000
+
+    def __init__(self):
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        self._fd = self._libc.inotify_init1(self._NONBLOCK | self._CLOEXEC)
+        if self._fd < 0:
+            errno = ctypes.get_errno()
+            raise OSError(errno, f"inotify: {os.strerror(errno)}")
+        self._watched = -1
+
+    def watch(self, path: str) -> None:
+        if self._watched >= 0:
+            self._libc.inotify_rm_watch(self._fd, self._watched)
+        self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(path), self._ATTRIB)
+
+    def wait(self, timeout_s: float) -> None:
+        if select.select([self._fd], [], [], timeout_s)[0]:
+            try:
+                os.read(self._fd, 65536)
+            except BlockingIOError:
+                pass
+
+    def __del__(self):
+        if getattr(self, "_fd", -1) >= 0:
+            os.close(self._fd)
 
 
 class Stream:
-    """A reader of one camera's stream: an iterator that ends with the input.  `RuntimeError` where nothing was ever published."""
+    """A reader of one camera's stream, which need not be there yet: an iterator that ends with the input.
+
+    `RuntimeError` where the stream may not be read, or has messages of another version.
+    """
+
+    _HEADER = struct.Struct("=8sIIIIQQQ")
+    _MAGIC, _SLOTS, _SLOT_AT = b"EDGECAP\x01", 17, 64
+    _GONE_AFTER_NS, _LOOK_EVERY_S, _SEARCH_EVERY_S = 700_000_000, 0.2, 0.02
 
     def __init__(self, camera: str, stream: str, version: int, payload: type[ctypes.Structure], timeout_s: float):
-        import iceoryx2 as iox2
-
-        folder = os.path.realpath(runtime_dir())
-        try:
-            # Held as long as the stream, so that nobody clears the folder below it.
-            self._lock = open(os.path.join(folder, "lock"), "r+b")
-            fcntl.flock(self._lock, fcntl.LOCK_SH)
-            with open(os.path.join(folder, "prefix")) as f:
-                prefix = f.read()
-        except OSError as e:
-            raise RuntimeError(f"{folder}: {e.strerror}; start edgecap as this user, or set EDGECAP_RUNTIME_DIR") from e
-        config = iox2.config.default()
-        config.global_cfg.root_path = iox2.Path.new(folder)
-        config.global_cfg.prefix = iox2.FileName.new(prefix)
-        self._iox2, self._payload, self._timeout_s, self._looked = iox2, payload, timeout_s, 0.0
-        self._node = iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
-        name = f"edgecap/v{version}/{camera}/{stream}"
-        try:
-            self._messages = self._node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
-            self._wake = self._node.service_builder(iox2.ServiceName.new(name + "/wake")).event().open()
-        except Exception as e:
-            raise RuntimeError(f"{name}: {e}; is 'edgecap run' or 'edgecap fit' running, of the same version?") from e
-        self._subscriber = self._messages.subscriber_builder().create()
-        self._listener = self._wake.listener_builder().create()
+        if not re.fullmatch(r"[a-zA-Z0-9_-]{1,64}", camera):
+            raise RuntimeError(f"camera name {camera!r}: expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_'")
+        self._name = f"edgecap/v{version}/{camera}/{stream}"
+        self._stem, self._version, self._payload, self._timeout_s = f"{camera}.{stream}", version, payload, timeout_s
+        self._size = ctypes.sizeof(payload)
+        self._watch = _Watch()
+        self._fd, self._path, self._life, self._next, self._alive, self._looked = -1, "", None, 0, False, 0.0
+        self._search(first=True)
 
     def next(self, timeout_s: float = 1.0) -> ctypes.Structure | None:
         """The oldest message not yet read, waiting up to `timeout_s` for one; None when none came."""
         deadline = time.monotonic() + timeout_s
         while True:
-            sample = self._subscriber.receive()
-            if sample is not None:
-                frame = self._payload.from_buffer_copy(sample.payload().contents)
-                sample.delete()
-                return frame
+            frame = self._read()
+            if frame is None:
+                self._look()
+                frame = self._read()
             left = deadline - time.monotonic()
-            if left <= 1e-5:
-                return None
-            self._listener.timed_wait(self._iox2.Duration.from_secs_f64(left))
+            if frame is not None or left <= 0:
+                return frame
+            self._watch.wait(min(left, self._every()))
 
     @property
     def publishers(self) -> int:
-        """Processes that publish this stream now, 0 or 1.  One that was killed is gone within a quarter of a second of asking."""
-        if time.monotonic() - self._looked > 0.25:
-            self._node.try_cleanup_dead_nodes()
-            self._looked = time.monotonic()
-        return self._messages.dynamic_config.number_of_publishers
+        """Processes that publish this stream now, 0 or 1.  One that died is gone within a second."""
+        self._look()
+        return int(self._alive)
 
     def __iter__(self) -> Iterator[ctypes.Structure]:
         while True:
@@ -300,9 +337,146 @@ class Stream:
             if frame.flags & FLAG_END_OF_STREAM:
                 return
 
+    def __del__(self):
+        if getattr(self, "_fd", -1) >= 0:
+            os.close(self._fd)
+
+    def _every(self) -> float:
+        return self._SEARCH_EVERY_S if self._fd < 0 else self._LOOK_EVERY_S
+
+    def _header(self, fd: int):
+        """Version, size, life, count and last sign of life; None where the file is none of ours."""
+        data = os.pread(fd, self._HEADER.size, 0)
+        if len(data) < self._HEADER.size:
+            return None
+        magic, version, size, slots, _, life, count, alive = self._HEADER.unpack(data)
+        return (version, size, life, count, alive) if (magic, slots) == (self._MAGIC, self._SLOTS) else None
+
+    def _is_alive(self, fd: int) -> bool:
+        header = self._header(fd)
+        return bool(header and header[4]) and abs(time.monotonic_ns() - header[4]) < self._GONE_AFTER_NS
+
+    @staticmethod
+    def _is_at(fd: int, path: str) -> bool:
+        try:
+            return os.path.samestat(os.fstat(fd), os.lstat(path))
+        except OSError:
+            return False
+
+    def _look(self) -> None:
+        if time.monotonic() - self._looked < self._every():
+            return
+        self._looked = time.monotonic()
+        if self._fd >= 0:
+            self._alive = self._is_at(self._fd, self._path) and self._is_alive(self._fd)
+            if self._alive or self._count() > self._next:
+                return
+        self._search(first=False)
+
+    def _count(self) -> int:
+        header = self._header(self._fd) if self._fd >= 0 else None
+        return header[3] if header else self._next
+
+    def _search(self, first: bool) -> None:
+        """Opens the first file whose publisher is alive, else the first that is there."""
+        found, refused = None, None
+        for folder in reading_dirs():
+            try:
+                opened = self._open_in(folder)
+            except RuntimeError as e:
+                refused = e
+                continue
+            if opened and (opened[2] or not found):
+                if found:
+                    os.close(found[0])
+                found = opened
+            elif opened:
+                os.close(opened[0])
+            if found and found[2]:
+                break
+        if found is None:
+            if refused and self._fd < 0:
+                raise refused
+            return
+        fd, path, alive = found
+        _, _, life, count, _ = self._header(fd)
+        if life == self._life:
+            os.close(fd)
+            self._alive = alive
+            return
+        if self._fd >= 0:
+            os.close(self._fd)
+        self._fd, self._path, self._life, self._alive = fd, path, life, alive
+        # The last words of the dead are old; a publisher that was waited for is read from its first message.
+        self._next = count if not alive else max(0, count - 1 if first else count - (self._SLOTS - 1))
+        self._watch.watch(path)
+
+    def _open_in(self, folder: str) -> tuple[int, str, bool] | None:
+        try:
+            owner = os.lstat(folder)
+        except OSError:
+            return None
+        if not stat.S_ISDIR(owner.st_mode) or owner.st_mode & 0o022:
+            raise RuntimeError(f"runtime folder {folder}: expected a folder that only its owner may write")
+        path = os.path.join(folder, f"{self._stem}.v{self._version}")
+        try:
+            fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        except FileNotFoundError:
+            return self._other_version(folder)
+        except PermissionError as e:
+            raise RuntimeError(
+                f"{self._name} belongs to user {owner.st_uid}: expected that user or a member of group {owner.st_gid}, "
+                f"found user {os.geteuid()}; add this user to the group"
+            ) from e
+        except OSError as e:
+            raise RuntimeError(f"{path}: {e.strerror}") from e
+        about, header = os.fstat(fd), self._header(fd)
+        trusted = stat.S_ISREG(about.st_mode) and about.st_uid == owner.st_uid and not about.st_mode & 0o022
+        if not trusted or not header or header[:2] != (self._version, self._size):
+            os.close(fd)
+            return None
+        return fd, path, self._is_alive(fd)
+
+    def _other_version(self, folder: str) -> None:
+        """Tells when the stream is published with messages that this file cannot read."""
+        try:
+            names = os.listdir(folder)
+        except OSError:
+            return
+        for name in names:
+            other = re.fullmatch(re.escape(self._stem) + r"\.v(\d+)", name)
+            if not other:
+                continue
+            try:
+                fd = os.open(os.path.join(folder, name), os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            except OSError:
+                continue
+            alive = self._is_alive(fd)
+            os.close(fd)
+            if alive:
+                raise RuntimeError(
+                    f"{self._name}: expected messages of version {self._version}, found version {other[1]}; "
+                    "use an edgecap and a client of the same version"
+                )
+
+    def _read(self) -> ctypes.Structure | None:
+        while self._fd >= 0:
+            count = self._count()
+            if self._next >= count:
+                return None
+            self._next = max(self._next, count - (self._SLOTS - 1))
+            data = os.pread(self._fd, self._size, self._SLOT_AT + self._next % self._SLOTS * self._size)
+            if len(data) < self._size:
+                return None
+            # Whole only if the writer has not come round to it meanwhile.
+            if self._next + self._SLOTS > self._count():
+                self._next += 1
+                return self._payload.from_buffer_copy(data)
+        return None
+
 
 def bodies(camera: str = "camera0", timeout_s: float = 1.0) -> Stream:
-    """Every body frame, oldest unread first, until the input ends.  `edgecap run` or `edgecap fit` must have been started."""
+    """Every body frame, oldest unread first, until the input ends; waits where nobody publishes yet."""
     return Stream(camera, "bodies", 2, BodyFrame, timeout_s)
 
 

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::BodyFrame;
-use edgecap_client::place::{self, Cleared};
+use edgecap_client::place;
 use edgecap_client::{LinkError, Publisher, Subscriber};
 
 use super::exit::{self, Failure};
@@ -114,20 +114,20 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     }
 }
 
-/// Clears this user's shared memory.
+/// Clears what the dead left of this user's shared memory.
 fn repair() -> anyhow::Result<()> {
     let folder = place::runtime_dir();
-    match place::clear()? {
-        Cleared::All => {
-            say::out(&format!("{}: cleared; start again", folder.display()));
-            Ok(())
-        }
-        Cleared::InUse => Err(Failure::unavailable(format!(
-            "{}: processes of edgecap or its readers use it; stop all of them first",
-            folder.display()
-        ))
-        .into()),
+    let alive = place::clear()?;
+    if alive.is_empty() {
+        say::out(&format!("{}: cleared; start again", folder.display()));
+        return Ok(());
     }
+    Err(Failure::unavailable(format!(
+        "{}: what the dead left is cleared; {} in use and stayed: stop who publishes there first",
+        folder.display(),
+        alive.join(", ")
+    ))
+    .into())
 }
 
 fn build() -> Finding {
@@ -217,7 +217,7 @@ fn shared_memory() -> Finding {
     let name = format!("doctor-{}", std::process::id());
     let round = || -> Result<Option<Duration>, LinkError> {
         let reader = Subscriber::<BodyFrame>::open(&name)?;
-        let writer = Publisher::<BodyFrame>::open(&name)?;
+        let mut writer = Publisher::<BodyFrame>::open(&name)?;
         let sent = BodyFrame {
             sequence: 1,
             ..BodyFrame::default()
@@ -229,7 +229,11 @@ fn shared_memory() -> Finding {
     };
     match round() {
         Ok(Some(time)) => {
-            let text = format!("a message takes {:.0} µs", 1e6 * time.as_secs_f64());
+            let text = format!(
+                "a message takes {:.0} µs; in {}",
+                1e6 * time.as_secs_f64(),
+                place::runtime_dir().display()
+            );
             Finding::new(WHAT, State::Fine, text)
         }
         Ok(None) => {

@@ -172,11 +172,9 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
 fn link_code(error: &LinkError) -> u8 {
     match error {
         LinkError::Name(_) => USAGE,
-        LinkError::Busy { .. } | LinkError::Incompatible { .. } | LinkError::Readers { .. } => {
-            UNAVAILABLE
-        }
+        LinkError::Busy { .. } | LinkError::Version { .. } => UNAVAILABLE,
         LinkError::Place { .. } | LinkError::Permission { .. } => NO_PERMISSION,
-        LinkError::Full { .. } | LinkError::Damaged { .. } | LinkError::SharedMemory { .. } => IO,
+        LinkError::Full { .. } | LinkError::SharedMemory { .. } => IO,
     }
 }
 

@@ -53,7 +53,7 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
             (last, told) = (Instant::now(), false);
         } else if last.elapsed() > QUIET && !told {
             let why = if bodies.publisher_count() == 0 {
-                "nobody publishes there yet: start 'edgecap run', as the same user and with the same --name"
+                "nobody publishes there yet: start 'edgecap run', with the same --name; 'edgecap doctor' says where it looks"
             } else {
                 "connected, but no frames come: is the camera there?"
             };

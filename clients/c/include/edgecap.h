@@ -4,8 +4,8 @@
  * quaternions are xyzw; times are CLOCK_MONOTONIC nanoseconds.  The structures mirror clients/rust/src/message.rs, whose
  * layout a test holds against this file.
  *
- * A reader belongs to the thread that opened it; calls from another one fail.  A program may have several readers, and 16
- * may read one camera at once.  Failures are told by edgecap_error() in one line. */
+ * A reader belongs to the thread that opened it; calls from another one fail.  A program may have several readers, and
+ * any number may read one camera.  Failures are told by edgecap_error() in one line. */
 #ifndef EDGECAP_H
 #define EDGECAP_H
 

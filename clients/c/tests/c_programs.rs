@@ -140,7 +140,7 @@ fn the_example_reads_every_frame_to_the_end() {
         let Some(program) = compile(how, &source) else {
             continue;
         };
-        let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
         let reader = Command::new(&program)
             .arg(&camera)
             .stdout(Stdio::piped())

@@ -54,7 +54,7 @@ fn null_is_told() {
 #[test]
 fn a_reader_stays_in_its_thread() {
     let camera = format!("test-c-thread-{}", std::process::id());
-    let publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
     let reader = open(&camera);
     assert!(!reader.is_null(), "{}", error());
     let elsewhere = reader as usize;

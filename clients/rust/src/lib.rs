@@ -17,15 +17,24 @@
 
 #![forbid(unsafe_code)]
 
+mod claim;
+mod domain;
+mod error;
 pub mod joints;
 mod link;
 pub mod message;
 pub mod place;
 mod publisher;
+mod ring;
+mod service;
+mod stream;
 mod subscriber;
 mod world;
 
-pub use link::{BUFFER, LinkError, MAX_SUBSCRIBERS, Message, service_name};
+pub use error::LinkError;
+pub use link::MAX_SUBSCRIBERS;
 pub use publisher::Publisher;
+pub use ring::BUFFER;
+pub use stream::{Message, service_name};
 pub use subscriber::{Priority, Received, Subscriber};
 pub use world::WorldBody;

@@ -5,6 +5,7 @@
 //! picture, pixel centres on integers; quaternions are xyzw. Times are CLOCK_MONOTONIC nanoseconds.
 
 use iceoryx2::prelude::ZeroCopySend;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS};
 
@@ -40,7 +41,7 @@ pub const FLAG_END_OF_STREAM: u32 = 1;
 pub const FLAG_FILE_TIME: u32 = 2;
 
 /// Pinhole camera of the original picture, pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapIntrinsicsV1")]
 #[repr(C)]
 pub struct Intrinsics {
@@ -83,7 +84,9 @@ impl Intrinsics {
 }
 
 /// Time spent on a frame in each stage of `infer`, microseconds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend, FromBytes, IntoBytes, Immutable,
+)]
 #[type_name("EdgecapStageTimesV1")]
 #[repr(C)]
 pub struct StageTimes {
@@ -98,7 +101,7 @@ pub struct StageTimes {
 }
 
 /// One person as seen in one frame: Stage II's output.
-#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapObservationV1")]
 #[repr(C)]
 pub struct Observation {
@@ -129,7 +132,7 @@ impl Default for Observation {
 }
 
 /// Everyone seen in one frame: `infer` → `fit`.
-#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapObservationFrameV1")]
 #[repr(C)]
 pub struct ObservationFrame {
@@ -212,7 +215,7 @@ pub enum JointState {
 }
 
 /// One person with an identity: Stage III's output.
-#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapBodyV1")]
 #[repr(C)]
 pub struct Body {
@@ -288,7 +291,7 @@ pub enum WorldState {
 /// An estimated world appears once enough feet have stood about. After that it turns by at most 0.5° and rises by at most 3 cm
 /// a second. It is forgotten where the input starts over (another recording, a pause longer than the identities' memory) and
 /// where the picture's size or intrinsics change.
-#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapWorldV1")]
 #[repr(C)]
 pub struct World {
@@ -311,7 +314,7 @@ impl Default for World {
 }
 
 /// Everyone with an identity: `fit` → local apps.
-#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapBodyFrameV2")]
 #[repr(C)]
 pub struct BodyFrame {

@@ -1,17 +1,40 @@
 //! Writing a stream: a message goes in, readers are woken.
 
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
+use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::prelude::*;
 
-use crate::link::{Link, LinkError, Message};
+use crate::claim::{Claim, PATIENT};
+use crate::domain::Domain;
+use crate::error::{LinkError, is_full};
+use crate::link::{Link, Side};
+use crate::place::{self, Place};
+use crate::ring::{BUFFER, RingWriter};
+use crate::service::FileService;
+use crate::stream::{Message, check_camera, file_stem, ring_path, service_name};
 
 /// The one writer of a stream.
 #[derive(Debug)]
 pub struct Publisher<M: Message> {
-    port: Port<ipc::Service, M, ()>,
-    notifier: Notifier<ipc::Service>,
+    folder: PathBuf,
+    camera: String,
+    /// `None` only while it is made anew.
+    made: Option<Made<M>>,
+}
+
+/// All that a writer has; left in this order.
+#[derive(Debug)]
+struct Made<M: Message> {
+    ring: RingWriter<M>,
+    port: Port<FileService, M, u64>,
+    notifier: Notifier<FileService>,
     link: Link<M>,
+    _claim: Arc<Claim>,
+    _place: Place,
 }
 
 impl<M: Message> Publisher<M> {
@@ -20,58 +43,143 @@ impl<M: Message> Publisher<M> {
     /// # Errors
     /// [`LinkError::Busy`] if there is one already; the other kinds as their texts say.
     pub fn open(camera: &str) -> Result<Self, LinkError> {
-        let link = Link::<M>::open(camera, &format!("edgecap-{}-publisher", M::STREAM))?;
-        let port = match link
-            .messages
-            .publisher_builder()
-            .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-        {
-            Ok(port) => port,
-            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                return Err(LinkError::Busy {
-                    service: link.service,
-                });
-            }
-            Err(e) => return Err(link.failed(e)),
-        };
-        link.place.reserve().map_err(|e| LinkError::Full {
-            service: link.service.clone(),
-            cause: e.to_string(),
-        })?;
-        let notifier = link
-            .wake
-            .notifier_builder()
-            .create()
-            .map_err(|e| link.failed(e))?;
+        Self::open_at(&place::runtime_dir(), camera)
+    }
+
+    /// As [`open`](Self::open), in another installation's folder.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_at(folder: &Path, camera: &str) -> Result<Self, LinkError> {
+        check_camera(camera)?;
         Ok(Self {
-            port,
-            notifier,
-            link,
+            folder: folder.to_owned(),
+            camera: camera.to_owned(),
+            made: Some(Made::new(folder, camera)?),
         })
     }
 
     /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its oldest.
+    /// Where somebody removed the files under it, they are made anew.
     ///
     /// # Errors
-    /// [`LinkError::SharedMemory`].
-    pub fn publish(&self, message: &M) -> Result<(), LinkError> {
-        let slot = self.port.loan_uninit().map_err(|e| self.link.failed(e))?;
+    /// [`LinkError::SharedMemory`]; while they are made anew, as [`open`](Self::open).
+    pub fn publish(&mut self, message: &M) -> Result<(), LinkError> {
+        if self.made.as_ref().is_none_or(|m| m.ring.is_lost()) {
+            self.made = None;
+            self.made = Some(Made::new(&self.folder, &self.camera)?);
+        }
+        let Some(made) = &mut self.made else {
+            return Ok(());
+        };
+        let failed =
+            |e: &dyn core::fmt::Debug| LinkError::failed(&service_name::<M>(&self.camera), e);
+        // First of all into the file: a reader that is just joining finds it in one of both.
+        let number = made.ring.write(message).map_err(|e| failed(&e))?;
+        let mut slot = made.port.loan_uninit().map_err(|e| failed(&e))?;
+        *slot.user_header_mut() = number;
         slot.write_payload(*message)
             .send()
-            .map_err(|e| self.link.failed(e))?;
+            .map_err(|e| failed(&e))?;
         // A reader that died without cleaning up makes this fail; the message itself has been delivered.
-        let _ = self.notifier.notify();
+        let _ = made.notifier.notify();
         Ok(())
     }
 
-    /// Readers connected now.
+    /// Readers connected through iceoryx2 now; those that copy from the stream's file are known to nobody.
     pub fn subscriber_count(&self) -> usize {
-        self.link.messages.dynamic_config().number_of_subscribers()
+        let count = |m: &Made<M>| m.link.messages.dynamic_config().number_of_subscribers();
+        self.made.as_ref().map_or(0, count)
     }
 
-    /// Frees what killed processes left behind; call it every few seconds in a process that runs for weeks.
+    /// Frees what killed readers left behind; call it every few seconds in a process that runs for weeks.
     pub fn clean_up(&self) {
-        let _ = self.link.node.try_cleanup_dead_nodes();
+        if let Some(made) = &self.made {
+            let _ = made.link.node.try_cleanup_dead_nodes();
+        }
+    }
+}
+
+impl<M: Message> Made<M> {
+    fn new(folder: &Path, camera: &str) -> Result<Self, LinkError> {
+        let service = service_name::<M>(camera);
+        let place = Place::enter_at(folder)?;
+        let folder = place.folder();
+        let other = |e: io::Error| LinkError::place(folder, e);
+        let claim = Claim::take(folder, &file_stem::<M>(camera), PATIENT);
+        let claim = claim.map_err(other)?.ok_or_else(|| LinkError::Busy {
+            service: service.clone(),
+        })?;
+        let (claim, path) = (Arc::new(claim), ring_path::<M>(folder, camera));
+        claim.remove_others().map_err(other)?;
+        place.sweep().map_err(other)?;
+
+        let failed = |e: &dyn core::fmt::Debug| LinkError::failed(&service, e);
+        // Nothing may be written into memory that is not there: first a look, then what is there is reserved.
+        let room = |e: io::Error, bytes: u64| {
+            if is_full(&e) {
+                full(&service, folder, bytes)
+            } else {
+                failed(&e)
+            }
+        };
+        let needed = RingWriter::<M>::length() + domain_bytes::<M>();
+        reserve_for_a_moment(folder, needed).map_err(|e| room(e, needed))?;
+        let domain = Domain::create(folder)?;
+        let ring = RingWriter::<M>::create(&path, domain.id(), place.readers());
+        let mut ring = ring.map_err(|e| room(e, needed))?;
+        let link = Link::<M>::open(domain, camera, Side::Writer)?;
+        let port = link
+            .messages
+            .publisher_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| failed(&e))?;
+        let notifier = link
+            .wake
+            .notifier_builder()
+            .create()
+            .map_err(|e| failed(&e))?;
+        link.domain.reserve().map_err(|e| room(e, needed))?;
+        ring.show(&path, claim.clone()).map_err(other)?;
+        Ok(Self {
+            ring,
+            port,
+            notifier,
+            link,
+            _claim: claim,
+            _place: place,
+        })
+    }
+}
+
+/// What a stream of `M` takes in iceoryx2, bytes: messages that readers have not read or hold, and as much again of
+/// bookkeeping as 2 MiB can hold.
+const fn domain_bytes<M>() -> u64 {
+    let readers = (crate::link::MAX_SUBSCRIBERS + crate::link::RESERVED) as u64;
+    readers * (BUFFER as u64 + 4) * size_of::<M>() as u64 + (2 << 20)
+}
+
+/// Fails where there is no room for so many bytes.
+fn reserve_for_a_moment(folder: &Path, bytes: u64) -> io::Result<()> {
+    let file = tempfile_in(folder)?;
+    rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes)?;
+    Ok(())
+}
+
+/// A file without a name.
+fn tempfile_in(folder: &Path) -> io::Result<std::fs::File> {
+    use rustix::fs::{Mode, OFlags};
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    Ok(rustix::fs::open(folder, flags, Mode::RUSR | Mode::WUSR)?.into())
+}
+
+fn full(service: &str, folder: &Path, bytes: u64) -> LinkError {
+    let free = rustix::fs::statvfs(folder).map_or(0, |s| s.f_bavail * s.f_frsize);
+    LinkError::Full {
+        service: service.to_owned(),
+        folder: folder.to_owned(),
+        needed: bytes.div_ceil(1024),
+        free: free / 1024,
     }
 }

@@ -1,50 +1,86 @@
 //! Reading a stream: waits in the kernel, wakes within microseconds of a message.
+//!
+//! Every reader follows the stream's file. A program of the same user also joins the publisher's iceoryx2 domain and gets the
+//! messages there in place; the file gives it what came before it had joined, and tells it when the publisher has gone.
 
-use core::cell::Cell;
+use core::cell::RefCell;
 use core::ops::Deref;
 use core::time::Duration;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Instant;
 
-use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError};
-use iceoryx2::port::subscriber::{Subscriber as Port, SubscriberCreateError};
-use iceoryx2::prelude::*;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
+use iceoryx2::port::subscriber::Subscriber as Port;
+use iceoryx2::prelude::PortFactory;
 use iceoryx2::sample::Sample;
 
-use crate::link::{BUFFER, Link, LinkError, MAX_SUBSCRIBERS, Message};
+use crate::domain::Domain;
+use crate::error::LinkError;
+use crate::link::{Link, MAX_SUBSCRIBERS, Side};
+use crate::place;
+use crate::ring::{BUFFER, LOOK_EVERY, RingReader};
+use crate::service::FileService;
+use crate::stream::{Message, check_camera, service_name};
 
 /// The kernel counts waits in microseconds and takes none for a wait without end: shorter ones only look.
 const SHORTEST_WAIT: Duration = Duration::from_micros(10);
 
-/// How old knowledge of who has died may be.
-const LOOK_EVERY: Duration = Duration::from_millis(250);
-
-/// Which places a reader may take.
+/// Where a reader looks, and which places it may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Priority {
-    /// One of [`MAX_SUBSCRIBERS`].
+    /// Any program: it looks in this user's folder and in the service's, and takes one of [`MAX_SUBSCRIBERS`] places.
     #[default]
     Reader,
-    /// Also one of those kept for edgecap's own processes.
+    /// One of edgecap's own processes: it looks in this user's folder only, and has a place kept.
     Reserved,
 }
 
 /// A reader of a stream; any process on the machine may have several.
 #[derive(Debug)]
-pub struct Subscriber<M: Message> {
-    port: Port<ipc::Service, M, ()>,
-    listener: Listener<ipc::Service>,
-    link: Link<M>,
-    looked: Cell<Option<Instant>>,
+pub struct Subscriber<M: Message>(RefCell<Inner<M>>);
+
+#[derive(Debug)]
+struct Inner<M: Message> {
+    camera: String,
+    priority: Priority,
+    ring: RingReader<M>,
+    /// The publisher's life that was joined, or could not be.
+    life: Option<u64>,
+    joined: Option<Joined<M>>,
 }
 
-/// A message, in place in shared memory (read-only). Drop it before taking the third one.
+/// A connection through iceoryx2.
 #[derive(Debug)]
-pub struct Received<M: Message>(Sample<ipc::Service, M, ()>);
+struct Joined<M: Message> {
+    port: Port<FileService, M, u64>,
+    listener: Listener<FileService>,
+    link: Link<M>,
+    /// Messages before this number are in the file.
+    from: u64,
+}
+
+/// A message, read-only. Drop it before taking the third one.
+#[derive(Debug)]
+pub struct Received<M: Message>(Memory<M>);
+
+#[derive(Debug)]
+enum Memory<M: Message> {
+    Shared {
+        sample: Sample<FileService, M, u64>,
+        /// Where the sample lies.
+        _domain: Rc<Domain>,
+    },
+    Copied(Box<M>),
+}
 
 impl<M: Message> Deref for Received<M> {
     type Target = M;
     fn deref(&self) -> &M {
-        self.0.payload()
+        match &self.0 {
+            Memory::Shared { sample, .. } => sample.payload(),
+            Memory::Copied(message) => message,
+        }
     }
 }
 
@@ -62,60 +98,59 @@ impl<M: Message> Subscriber<M> {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_with(camera: &str, priority: Priority) -> Result<Self, LinkError> {
-        let link = Link::<M>::open(camera, &format!("edgecap-{}-subscriber", M::STREAM))?;
-        let readers = || link.messages.dynamic_config().number_of_subscribers();
-        if priority == Priority::Reader && readers() >= MAX_SUBSCRIBERS {
-            // Those that were killed do not count.
-            let _ = link.node.try_cleanup_dead_nodes();
-            if readers() >= MAX_SUBSCRIBERS {
-                return Err(link.too_many_readers());
-            }
-        }
-        let listener = link.wake.listener_builder().create().map_err(|e| match e {
-            ListenerCreateError::ExceedsMaxSupportedListeners => link.too_many_readers(),
-            e => link.failed(e),
-        })?;
-        let port = link
-            .messages
-            .subscriber_builder()
-            .buffer_size(BUFFER)
-            .create();
-        let port = port.map_err(|e| match e {
-            SubscriberCreateError::ExceedsMaxSupportedSubscribers => link.too_many_readers(),
-            e => link.failed(e),
-        })?;
-        Ok(Self {
-            port,
-            listener,
-            link,
-            looked: Cell::new(None),
-        })
+        let folders = match priority {
+            Priority::Reader => place::reading_dirs(),
+            Priority::Reserved => vec![place::runtime_dir()],
+        };
+        Self::open_in(folders, camera, priority)
+    }
+
+    /// As [`open`](Self::open), in another installation's folder.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_at(folder: &Path, camera: &str) -> Result<Self, LinkError> {
+        Self::open_in(vec![folder.to_owned()], camera, Priority::Reader)
+    }
+
+    fn open_in(folders: Vec<PathBuf>, camera: &str, priority: Priority) -> Result<Self, LinkError> {
+        check_camera(camera)?;
+        let mut inner = Inner {
+            camera: camera.to_owned(),
+            priority,
+            ring: RingReader::new(folders, camera)?,
+            life: None,
+            joined: None,
+        };
+        inner.join();
+        Ok(Self(RefCell::new(inner)))
     }
 
     /// The oldest message not yet read, waiting up to `timeout` for one; `None` when none came. A signal that this process
     /// handles ends the wait early, so that the caller can look at its stop flag.
     ///
     /// # Errors
-    /// [`LinkError::SharedMemory`].
+    /// [`LinkError::SharedMemory`]; [`LinkError::Version`] and [`LinkError::Permission`] of a publisher that has come since.
     pub fn next(&self, timeout: Duration) -> Result<Option<Received<M>>, LinkError> {
         let began = Instant::now();
+        let mut inner = self.0.borrow_mut();
         loop {
-            if let Some(m) = self.receive()? {
+            if let Some(m) = inner.receive()? {
+                return Ok(Some(m));
+            }
+            inner.look()?;
+            if let Some(m) = inner.receive()? {
                 return Ok(Some(m));
             }
             // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive, unless the
             // wake-up belongs to a message that was read before it was waited for: then the wait goes on.
             let left = timeout.saturating_sub(began.elapsed());
-            let woken = if left < SHORTEST_WAIT {
-                self.listener.try_wait(|_| {})
-            } else {
-                self.listener.timed_wait(|_| {}, left)
-            };
-            match woken {
-                Ok(_) if left < SHORTEST_WAIT => return self.receive(),
-                Ok(_) => {}
-                Err(ListenerWaitError::InterruptSignal) => return self.receive(),
-                Err(e) => return Err(self.link.failed(e)),
+            if left < SHORTEST_WAIT {
+                inner.forget_wake_ups();
+                return inner.receive();
+            }
+            if !inner.wait(left)? {
+                return inner.receive();
             }
         }
     }
@@ -123,35 +158,148 @@ impl<M: Message> Subscriber<M> {
     /// The newest message, discarding older unread ones; waits up to `timeout` if there is none.
     ///
     /// # Errors
-    /// [`LinkError::SharedMemory`].
+    /// As [`next`](Self::next).
     pub fn newest(&self, timeout: Duration) -> Result<Option<Received<M>>, LinkError> {
         let mut newest = self.next(timeout)?;
-        while let Some(m) = self.receive()? {
+        let mut inner = self.0.borrow_mut();
+        if inner.joined.is_none() {
+            inner.ring.skip();
+        }
+        while let Some(m) = inner.receive()? {
             newest = Some(m);
         }
         Ok(newest)
     }
 
-    /// Writers connected now: 0 or 1. One that was killed is gone within a quarter of a second of asking.
+    /// Writers there are now: 0 or 1. One that died is gone within a second.
     pub fn publisher_count(&self) -> usize {
-        let now = Instant::now();
-        if self.looked.get().is_none_or(|t| now - t > LOOK_EVERY) {
-            self.clean_up();
-            self.looked.set(Some(now));
-        }
-        self.link.messages.dynamic_config().number_of_publishers()
+        let mut inner = self.0.borrow_mut();
+        // What cannot be read is no writer of this stream; `next` tells why.
+        let _ = inner.ring.look_now();
+        inner.join();
+        usize::from(inner.ring.is_alive())
     }
 
-    /// Frees what killed processes left behind; call it every few seconds in a process that runs for weeks.
+    /// Frees what killed readers left behind; call it every few seconds in a process that runs for weeks.
     pub fn clean_up(&self) {
-        let _ = self.link.node.try_cleanup_dead_nodes();
+        if let Some(joined) = &self.0.borrow().joined {
+            let _ = joined.link.node.try_cleanup_dead_nodes();
+        }
+    }
+}
+
+impl<M: Message> Inner<M> {
+    /// Follows the stream to the publisher that is alive.
+    fn look(&mut self) -> Result<(), LinkError> {
+        self.ring.look()?;
+        self.join();
+        Ok(())
     }
 
-    fn receive(&self) -> Result<Option<Received<M>>, LinkError> {
-        Ok(self
-            .port
-            .receive()
-            .map_err(|e| self.link.failed(e))?
-            .map(Received))
+    /// Joins the publisher's domain if it is this user's. Where that fails, the file is enough.
+    fn join(&mut self) {
+        let source = self.ring.source();
+        if !self.ring.is_alive() {
+            // All of it is read: the dead's memory is let go.
+            if self.ring.position() >= self.ring.count() {
+                self.joined = None;
+            }
+            return;
+        }
+        if source.map(|(_, life)| life) == self.life {
+            return;
+        }
+        let Some((folder, life)) = source else {
+            return;
+        };
+        let folder = folder.to_owned();
+        (self.life, self.joined) = (Some(life), None);
+        if let Ok(Some(domain)) = Domain::join(&folder, life) {
+            self.joined = Joined::new(domain, &self.camera, self.priority).ok();
+        }
+        if let Some(joined) = &mut self.joined {
+            // SYNC POINT: a message is in the file before it is sent, so what is not in the file by now is sent to us.
+            joined.from = self.ring.count();
+        }
+    }
+
+    fn receive(&mut self) -> Result<Option<Received<M>>, LinkError> {
+        let copied = |m| Received(Memory::Copied(m));
+        let Some(joined) = &self.joined else {
+            return Ok(self.ring.read()?.map(copied));
+        };
+        if self.ring.position() < joined.from
+            && let Some(m) = self.ring.read()?
+        {
+            return Ok(Some(copied(m)));
+        }
+        let failed = |e| LinkError::failed(&service_name::<M>(&self.camera), e);
+        while let Some(sample) = joined.port.receive().map_err(failed)? {
+            let number = *sample.user_header();
+            if number >= self.ring.position() {
+                self.ring.pass(number);
+                let _domain = joined.link.domain.clone();
+                return Ok(Some(Received(Memory::Shared { sample, _domain })));
+            }
+        }
+        if self.ring.is_alive() {
+            return Ok(None);
+        }
+        // What it wrote and could not send any more.
+        Ok(self.ring.read()?.map(copied))
+    }
+
+    /// Waits for a wake-up, or until it is time to look; `false` where a signal ended the wait.
+    fn wait(&self, timeout: Duration) -> Result<bool, LinkError> {
+        let Some(joined) = &self.joined else {
+            return Ok(self.ring.wait(timeout));
+        };
+        match joined.listener.timed_wait(|_| {}, timeout.min(LOOK_EVERY)) {
+            Ok(_) => Ok(true),
+            Err(ListenerWaitError::InterruptSignal) => Ok(false),
+            Err(e) => Err(LinkError::failed(&service_name::<M>(&self.camera), e)),
+        }
+    }
+
+    /// So that waits of no length do not pile them up.
+    fn forget_wake_ups(&self) {
+        match &self.joined {
+            Some(joined) => {
+                let _ = joined.listener.try_wait(|_| {});
+            }
+            None => self.ring.forget_events(),
+        }
+    }
+}
+
+impl<M: Message> Joined<M> {
+    fn new(domain: Domain, camera: &str, priority: Priority) -> Result<Self, LinkError> {
+        let service = service_name::<M>(camera);
+        let failed = |e: &dyn core::fmt::Debug| LinkError::failed(&service, e);
+        let link = Link::<M>::open(domain, camera, Side::Reader)?;
+        let readers = || link.messages.dynamic_config().number_of_subscribers();
+        if priority == Priority::Reader && readers() >= MAX_SUBSCRIBERS {
+            // Those that were killed do not count.
+            let _ = link.node.try_cleanup_dead_nodes();
+            if readers() >= MAX_SUBSCRIBERS {
+                return Err(failed(&"no place left"));
+            }
+        }
+        let listener = link
+            .wake
+            .listener_builder()
+            .create()
+            .map_err(|e| failed(&e))?;
+        let port = link
+            .messages
+            .subscriber_builder()
+            .buffer_size(BUFFER)
+            .create();
+        Ok(Self {
+            port: port.map_err(|e| failed(&e))?,
+            listener,
+            link,
+            from: 0,
+        })
     }
 }

@@ -1,30 +1,29 @@
-//! The folder and the objects of an installation: whose they are, and what becomes of what the dead leave.
+//! The folder of an installation: where it is, and whose.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
-use std::time::{Duration, SystemTime};
 
-use edgecap_client::LinkError;
-use edgecap_client::place::{Cleared, Place, clear_at};
+use edgecap_client::message::BodyFrame;
+use edgecap_client::place::{Place, clear_at};
+use edgecap_client::{LinkError, Publisher};
 
 #[test]
-fn a_place_is_made_once_and_for_one_user() {
+fn a_place_is_made_for_one_user_and_a_group_may_be_let_in() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("edgecap");
     let place = Place::enter_at(&folder).unwrap();
     assert_eq!(fs::metadata(&folder).unwrap().mode() & 0o777, 0o700);
-    let prefix = fs::read_to_string(folder.join("prefix")).unwrap();
-    let again = Place::enter_at(&folder).unwrap();
-    assert_eq!(
-        prefix,
-        fs::read_to_string(again.folder().join("prefix")).unwrap()
-    );
-    let other = Place::enter_at(&parent.path().join("other")).unwrap();
-    assert_ne!(
-        prefix,
-        fs::read_to_string(other.folder().join("prefix")).unwrap()
-    );
-    drop(place);
+    assert_eq!(place.readers(), None);
+    let mode = |folder: &std::path::Path| {
+        let _publisher = Publisher::<BodyFrame>::open_at(folder, "camera0").unwrap();
+        let meta = fs::metadata(folder.join("camera0.bodies.v2")).unwrap();
+        meta.mode() & 0o777
+    };
+    assert_eq!(mode(&folder), 0o600);
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o750)).unwrap();
+    let place = Place::enter_at(&folder).unwrap();
+    assert_eq!(place.readers(), Some(fs::metadata(&folder).unwrap().gid()));
+    assert_eq!(mode(&folder), 0o640);
 }
 
 #[test]
@@ -47,39 +46,32 @@ fn a_place_that_others_could_change_is_refused() {
 }
 
 #[test]
-fn a_place_is_cleared_only_when_nobody_uses_it() {
+fn clearing_takes_what_the_dead_left_and_leaves_the_living() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("edgecap");
-    let place = Place::enter_at(&folder).unwrap();
-    let prefix = fs::read_to_string(folder.join("prefix")).unwrap();
-    let object = std::path::PathBuf::from(format!("/dev/shm/{prefix}left.dynamic"));
-    fs::write(&object, "damaged").unwrap();
-    fs::create_dir(folder.join("services")).unwrap();
-    assert_eq!(clear_at(&folder).unwrap(), Cleared::InUse);
-    assert!(object.exists());
-    drop(place);
-    assert_eq!(clear_at(&folder).unwrap(), Cleared::All);
-    assert!(!object.exists() && !folder.join("services").exists());
-    Place::enter_at(&folder).unwrap();
-    assert_ne!(prefix, fs::read_to_string(folder.join("prefix")).unwrap());
+    let publisher = Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap();
+    let dead = folder.join("d0123456789abcdef");
+    fs::create_dir_all(dead.join("services")).unwrap();
+    fs::write(dead.join("lock"), "").unwrap();
+    fs::write(dead.join("services/e_1.dynamic"), "damaged").unwrap();
+    fs::write(folder.join("gone.bodies.v2"), "damaged").unwrap();
+    let strange = folder.join("strange");
+    fs::write(&strange, "not ours").unwrap();
+    assert_eq!(clear_at(&folder).unwrap(), ["camera0.bodies"]);
+    assert!(!dead.exists() && !folder.join("gone.bodies.v2").exists());
+    drop(publisher);
+    assert_eq!(clear_at(&folder).unwrap(), Vec::<String>::new());
+    let left: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
+    assert_eq!(left, [strange]);
 }
 
 #[test]
-fn what_was_never_finished_is_removed_once_it_is_old() {
+fn a_path_too_long_for_a_socket_is_refused() {
     let parent = tempfile::tempdir().unwrap();
-    let folder = parent.path().join("edgecap");
-    drop(Place::enter_at(&folder).unwrap());
-    let prefix = fs::read_to_string(folder.join("prefix")).unwrap();
-    let unfinished = |name: &str, age: u64| {
-        let path = std::path::PathBuf::from(format!("/dev/shm/{prefix}{name}"));
-        let file = fs::File::create(&path).unwrap();
-        file.set_modified(SystemTime::now() - Duration::from_secs(age))
-            .unwrap();
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o200)).unwrap();
-        path
-    };
-    let (old, new) = (unfinished("old", 60), unfinished("new", 0));
-    drop(Place::enter_at(&folder).unwrap());
-    assert!(!old.exists() && new.exists());
-    fs::remove_file(new).unwrap();
+    let folder = parent.path().join("x".repeat(60));
+    let error = Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap_err();
+    assert!(error.to_string().contains("characters, found"), "{error}");
 }

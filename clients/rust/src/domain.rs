@@ -1,0 +1,202 @@
+//! One publisher's life in iceoryx2: a folder of its own, that ends with its last user.
+//!
+//! A publisher never opens what another left: it makes a domain, and tells the readers its name when it is complete. So what
+//! the dead left damaged or half made is never read, and cameras cannot reach each other's. Everybody who uses a domain holds
+//! its lock; where nobody does, whoever comes next removes it.
+
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use iceoryx2::prelude::{Config, FileName, Path as RootPath, SemanticString};
+use rustix::fs::{FallocateFlags, FlockOperation, OFlags};
+
+use crate::claim::is_at;
+use crate::error::LinkError;
+
+/// A domain without a lock for so long belongs to somebody who died over it.
+const UNFINISHED_AFTER: Duration = Duration::from_secs(10);
+/// Extension of a domain that is being removed.
+const REMOVED: &str = "removed";
+/// What the path of a Unix socket leaves for the folder, bytes: iceoryx2's own part of the name takes the rest of 107.
+const LONGEST_FOLDER: usize = 107 - 1 - 17 - 1 - LONGEST_SOCKET;
+/// `e_`, 39 digits, `.event`.
+const LONGEST_SOCKET: usize = 47;
+
+/// The folder of one publisher's services, in use by this process.
+#[derive(Debug)]
+pub(crate) struct Domain {
+    path: PathBuf,
+    id: u64,
+    lock: File,
+}
+
+impl Domain {
+    /// Makes a new one.
+    ///
+    /// # Errors
+    /// The system's; paths too long for a socket.
+    pub(crate) fn create(folder: &Path) -> Result<Self, LinkError> {
+        let length = folder.as_os_str().len();
+        if length > LONGEST_FOLDER {
+            return Err(LinkError::place(
+                folder,
+                format!("expected a path of at most {LONGEST_FOLDER} characters, found {length}"),
+            ));
+        }
+        let made = || -> io::Result<Self> {
+            loop {
+                let mut random = [0; 8];
+                File::open("/dev/urandom")?.read_exact(&mut random)?;
+                let id = u64::from_ne_bytes(random);
+                let path = folder.join(name(id));
+                DirBuilder::new().mode(0o700).create(&path)?;
+                let lock = OpenOptions::new()
+                    .read(true)
+                    .write(true)
+                    .create_new(true)
+                    .mode(0o600)
+                    .open(path.join("lock"))?;
+                if let Some(domain) = Self::enter(path, id, lock)? {
+                    return Ok(domain);
+                }
+            }
+        };
+        made().map_err(|e| LinkError::place(folder, e))
+    }
+
+    /// Joins the one that a publisher named; `None` where it has gone.
+    pub(crate) fn join(folder: &Path, id: u64) -> io::Result<Option<Self>> {
+        let path = folder.join(name(id));
+        let lock = match open_lock(&path) {
+            Ok(lock) => lock,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(e),
+        };
+        Self::enter(path, id, lock)
+    }
+
+    fn enter(path: PathBuf, id: u64, lock: File) -> io::Result<Option<Self>> {
+        match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockShared) {
+            Ok(()) => {}
+            // Somebody is removing it.
+            Err(rustix::io::Errno::WOULDBLOCK) => return Ok(None),
+            Err(e) => return Err(e.into()),
+        }
+        let stands = is_at(&lock, &path.join("lock"));
+        Ok(stands.then_some(Self { path, id, lock }))
+    }
+
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn lock_path(&self) -> PathBuf {
+        self.path.join("lock")
+    }
+
+    /// iceoryx2's settings for it.
+    pub(crate) fn config(&self) -> Result<Config, LinkError> {
+        let wrong = |e: &dyn core::fmt::Debug| LinkError::place(&self.path, format!("{e:?}"));
+        let mut config = Config::default();
+        let root = RootPath::new(self.path.as_os_str().as_encoded_bytes());
+        config.global.set_root_path(&root.map_err(|e| wrong(&e))?);
+        config.global.prefix = FileName::new(b"e_").map_err(|e| wrong(&e))?;
+        Ok(config)
+    }
+
+    /// Reserves the memory behind all that is in it: a write into memory that is not there would end the process.
+    ///
+    /// # Errors
+    /// The system's, when the memory is full.
+    pub(crate) fn reserve(&self) -> io::Result<()> {
+        for folder in [
+            self.path.clone(),
+            self.path.join("services"),
+            self.path.join("nodes"),
+        ] {
+            let Ok(entries) = fs::read_dir(folder) else {
+                continue;
+            };
+            for entry in entries.flatten() {
+                let meta = entry.metadata()?;
+                if !meta.is_file() || meta.len() == 0 {
+                    continue;
+                }
+                // Others may be removing theirs.
+                if let Ok(file) = OpenOptions::new().write(true).open(entry.path()) {
+                    rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, meta.len())?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Domain {
+    fn drop(&mut self) {
+        let last = rustix::fs::flock(&self.lock, FlockOperation::NonBlockingLockExclusive);
+        if last.is_ok() && is_at(&self.lock, &self.lock_path()) {
+            let _ = remove(&self.path);
+        }
+    }
+}
+
+fn name(id: u64) -> String {
+    format!("d{id:016x}")
+}
+
+/// Removes a domain that nobody uses, under another name: who finds half of it knows that it is to go.
+fn remove(domain: &Path) -> io::Result<()> {
+    let removed = domain.with_extension(REMOVED);
+    match fs::rename(domain, &removed).and_then(|()| fs::remove_dir_all(&removed)) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
+}
+
+fn open_lock(domain: &Path) -> io::Result<File> {
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(OFlags::NOFOLLOW.bits().cast_signed())
+        .open(domain.join("lock"))
+}
+
+/// Removes what is called `name` in `folder` if it is a domain that nobody alive uses.
+pub(crate) fn remove_if_dead(folder: &Path, name: &str) -> io::Result<()> {
+    let path = folder.join(name);
+    let (id, removed) = match name.split_once('.') {
+        Some((id, REMOVED)) => (id, true),
+        _ => (name, false),
+    };
+    let digits = id.strip_prefix('d').filter(|d| d.len() == 16);
+    if !digits.is_some_and(|d| d.bytes().all(|b| b.is_ascii_hexdigit())) {
+        return Ok(());
+    }
+    if removed {
+        return match fs::remove_dir_all(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+            _ => Ok(()),
+        };
+    }
+    match open_lock(&path) {
+        Ok(lock) => match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => remove(&path),
+            Err(_) => Ok(()),
+        },
+        // Killed before there was one, or made this moment.
+        Err(_) => {
+            let made = fs::symlink_metadata(&path).and_then(|m| m.modified());
+            let age = made
+                .ok()
+                .and_then(|t| SystemTime::now().duration_since(t).ok());
+            match age {
+                Some(age) if age > UNFINISHED_AFTER => remove(&path),
+                _ => Ok(()),
+            }
+        }
+    }
+}

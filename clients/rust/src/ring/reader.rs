@@ -1,0 +1,359 @@
+//! A reader of a ring: finds it, follows it from one publisher to the next.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::marker::PhantomData;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::fs::{OFlags, inotify};
+
+use super::{COUNT_AT, GONE_AFTER, Header, LOOK_EVERY, SLOTS, now, place_of, read_u64};
+use crate::claim::is_at;
+use crate::error::LinkError;
+use crate::place::sealed;
+use crate::stream::{Message, file_stem, ring_path, service_name, version_of};
+
+/// How often a reader looks for a ring that is not there yet.
+const SEARCH_EVERY: Duration = Duration::from_millis(20);
+
+/// Which message a reader begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Newest {
+    /// The newest that is there: it came while the publisher was running already.
+    Last,
+    /// The oldest that is there: the reader was waiting when the publisher began.
+    All,
+}
+
+/// Reads a stream's messages.
+#[derive(Debug)]
+pub(crate) struct RingReader<M> {
+    /// Folders to look in; the first one whose publisher is alive is taken.
+    folders: Vec<PathBuf>,
+    camera: String,
+    watch: OwnedFd,
+    open: Option<Open>,
+    looked: Instant,
+    begin: Newest,
+    _message: PhantomData<M>,
+}
+
+#[derive(Debug)]
+struct Open {
+    folder: PathBuf,
+    path: PathBuf,
+    file: File,
+    life: u64,
+    /// Number of the message that comes next.
+    next: u64,
+    watched: i32,
+    is_alive: bool,
+}
+
+impl<M: Message> RingReader<M> {
+    /// Looks for the stream, which need not be there.
+    ///
+    /// # Errors
+    /// [`LinkError`], as its texts say.
+    pub(crate) fn new(folders: Vec<PathBuf>, camera: &str) -> Result<Self, LinkError> {
+        let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
+        let watch =
+            inotify::init(flags).map_err(|e| LinkError::failed(&service_name::<M>(camera), e))?;
+        let mut reader = Self {
+            folders,
+            camera: camera.to_owned(),
+            watch,
+            open: None,
+            looked: Instant::now(),
+            begin: Newest::Last,
+            _message: PhantomData,
+        };
+        reader.search()?;
+        reader.begin = Newest::All;
+        Ok(reader)
+    }
+
+    /// Folder and life of the publisher whose messages are read.
+    pub(crate) fn source(&self) -> Option<(&Path, u64)> {
+        self.open.as_ref().map(|o| (&*o.folder, o.life))
+    }
+
+    /// Whether a publisher is alive, as far as was seen.
+    pub(crate) fn is_alive(&self) -> bool {
+        self.open.as_ref().is_some_and(|o| o.is_alive)
+    }
+
+    /// Number of the message that comes next.
+    pub(crate) fn position(&self) -> u64 {
+        self.open.as_ref().map_or(0, |o| o.next)
+    }
+
+    /// Messages that the publisher has written.
+    pub(crate) fn count(&self) -> u64 {
+        let count = |o: &Open| read_u64(&o.file, COUNT_AT).unwrap_or(o.next);
+        self.open.as_ref().map_or(0, count)
+    }
+
+    /// Goes on after message `n`, which the caller got otherwise.
+    pub(crate) fn pass(&mut self, n: u64) {
+        if let Some(open) = &mut self.open {
+            open.next = n + 1;
+        }
+    }
+
+    /// Looks whether the publisher is alive and where its file is, if that was not done lately.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn look(&mut self) -> Result<(), LinkError> {
+        let every = match &self.open {
+            Some(_) => LOOK_EVERY,
+            None => SEARCH_EVERY,
+        };
+        if self.looked.elapsed() < every {
+            return Ok(());
+        }
+        self.look_now()
+    }
+
+    /// As [`look`](Self::look), whenever that was done.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn look_now(&mut self) -> Result<(), LinkError> {
+        self.looked = Instant::now();
+        if let Some(open) = &mut self.open {
+            // Alive only where others find it: what was cleaned away is made anew elsewhere.
+            let stands = is_at(&open.file, &open.path);
+            open.is_alive = stands && alive(&open.file);
+            if open.is_alive {
+                return Ok(());
+            }
+            let unread = read_u64(&open.file, COUNT_AT).is_ok_and(|n| n > open.next);
+            if unread {
+                return Ok(());
+            }
+        }
+        self.search()
+    }
+
+    /// The oldest message not yet read.
+    ///
+    /// # Errors
+    /// [`LinkError::SharedMemory`].
+    pub(crate) fn read(&mut self) -> Result<Option<Box<M>>, LinkError> {
+        let Some(open) = &mut self.open else {
+            return Ok(None);
+        };
+        let mut message = Box::<M>::default();
+        match open.read(message.as_mut_bytes()) {
+            Ok(true) => Ok(Some(message)),
+            Ok(false) => Ok(None),
+            // Somebody cut it short: as good as not there.
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                self.close();
+                Ok(None)
+            }
+            Err(e) => Err(LinkError::failed(&service_name::<M>(&self.camera), e)),
+        }
+    }
+
+    /// Goes over to the newest message, so that [`read`](Self::read) gives that.
+    pub(crate) fn skip(&mut self) {
+        if let Some(open) = &mut self.open {
+            let count = read_u64(&open.file, COUNT_AT).unwrap_or(open.next);
+            open.next = open.next.max(count.saturating_sub(1));
+        }
+    }
+
+    /// Waits for a message, for a publisher, or until it is time to look again; `false` where a signal ended the wait.
+    pub(crate) fn wait(&self, timeout: Duration) -> bool {
+        let step = if self.open.is_some() {
+            LOOK_EVERY
+        } else {
+            SEARCH_EVERY
+        };
+        let step = step.min(timeout);
+        let timeout = Timespec {
+            tv_sec: step.as_secs() as i64,
+            tv_nsec: i64::from(step.subsec_nanos()),
+        };
+        let mut fds = [PollFd::new(&self.watch, PollFlags::IN)];
+        let woken = rustix::event::poll(&mut fds, Some(&timeout));
+        if matches!(woken, Ok(n) if n > 0) {
+            self.forget_events();
+        }
+        woken != Err(rustix::io::Errno::INTR)
+    }
+
+    /// The next wait waits for what comes after this.
+    pub(crate) fn forget_events(&self) {
+        let mut events = [0_u8; 4096];
+        while rustix::io::read(&self.watch, &mut events).is_ok_and(|n| n > 0) {}
+    }
+
+    fn close(&mut self) {
+        if let Some(open) = self.open.take() {
+            let _ = inotify::remove_watch(&self.watch, open.watched);
+        }
+    }
+
+    /// Opens the first ring whose publisher is alive, else the first that is there.
+    fn search(&mut self) -> Result<(), LinkError> {
+        let mut found: Option<Open> = None;
+        let mut refused = Ok(());
+        for folder in self.folders.clone() {
+            match self.open_in(&folder) {
+                Ok(Some(open)) => {
+                    let better = open.is_alive || found.is_none();
+                    if better && let Some(old) = found.replace(open) {
+                        let _ = inotify::remove_watch(&self.watch, old.watched);
+                    }
+                }
+                Ok(None) => {}
+                Err(e) => refused = Err(e),
+            }
+            if found.as_ref().is_some_and(|o| o.is_alive) {
+                break;
+            }
+        }
+        match found {
+            // The one that is open already: nothing new in it.
+            Some(open) if self.source().is_some_and(|(_, life)| life == open.life) => {
+                if let Some(known) = &mut self.open {
+                    known.is_alive = open.is_alive;
+                }
+            }
+            Some(mut open) => {
+                let count = read_u64(&open.file, COUNT_AT).unwrap_or(0);
+                // Nobody knows how old the last words of the dead are.
+                open.next = match self.begin {
+                    Newest::All => count.saturating_sub(SLOTS - 1),
+                    Newest::Last => count.saturating_sub(1),
+                };
+                if !open.is_alive {
+                    open.next = count;
+                }
+                self.close();
+                self.open = Some(open);
+            }
+            None => refused?,
+        }
+        Ok(())
+    }
+
+    fn open_in(&self, folder: &Path) -> Result<Option<Open>, LinkError> {
+        let (path, service) = (
+            ring_path::<M>(folder, &self.camera),
+            service_name::<M>(&self.camera),
+        );
+        let failed = |e: io::Error| LinkError::failed(&service, e);
+        let owner = match sealed(folder) {
+            Ok(meta) => meta.uid(),
+            Err(_) if !folder.exists() => return Ok(None),
+            Err(e) => return Err(e),
+        };
+        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+        let opened = OpenOptions::new()
+            .read(true)
+            .custom_flags(flags.bits().cast_signed())
+            .open(&path);
+        let file = match opened {
+            Ok(file) => file,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                return self.other_version(folder).map_or(Ok(None), Err);
+            }
+            Err(e) if e.kind() == io::ErrorKind::PermissionDenied => {
+                let group = fs::metadata(&path).or_else(|_| fs::metadata(folder));
+                return Err(LinkError::Permission {
+                    service,
+                    owner,
+                    group: group.map_or(owner, |m| m.gid()),
+                    user: rustix::process::geteuid().as_raw(),
+                });
+            }
+            Err(e) => return Err(failed(e)),
+        };
+        let meta = file.metadata().map_err(failed)?;
+        // Only the folder's owner can have put it there; a file that somebody else may write holds what somebody else says.
+        if !meta.is_file() || meta.uid() != owner || meta.mode() & 0o022 != 0 {
+            return Err(LinkError::place(
+                folder,
+                format!("{} is not its owner's alone", path.display()),
+            ));
+        }
+        let header = Header::read(&file).map_err(failed)?;
+        let Some(header) = header.filter(|h| h.size as usize == size_of::<M>()) else {
+            // Cut short, or never finished.
+            return Ok(None);
+        };
+        if header.version != M::VERSION {
+            return Ok(None);
+        }
+        let watched = inotify::add_watch(&self.watch, &path, inotify::WatchFlags::ATTRIB);
+        let Ok(watched) = watched else {
+            return Ok(None);
+        };
+        if !is_at(&file, &path) {
+            let _ = inotify::remove_watch(&self.watch, watched);
+            return Ok(None);
+        }
+        Ok(Some(Open {
+            folder: folder.to_owned(),
+            is_alive: alive(&file),
+            life: header.life,
+            next: 0,
+            path,
+            file,
+            watched,
+        }))
+    }
+
+    /// Tells when the stream is published with messages that this program cannot read.
+    fn other_version(&self, folder: &Path) -> Option<LinkError> {
+        let stem = file_stem::<M>(&self.camera);
+        fs::read_dir(folder).ok()?.flatten().find_map(|entry| {
+            let found = version_of(entry.file_name().to_str()?, &stem)?;
+            let is_other = found != M::VERSION && alive(&File::open(entry.path()).ok()?);
+            is_other.then(|| LinkError::Version {
+                service: service_name::<M>(&self.camera),
+                expected: M::VERSION,
+                found,
+            })
+        })
+    }
+}
+
+impl Open {
+    /// Copies the next message, whole; `false` where there is none.
+    fn read(&mut self, message: &mut [u8]) -> io::Result<bool> {
+        loop {
+            let count = read_u64(&self.file, COUNT_AT)?;
+            if self.next >= count {
+                return Ok(false);
+            }
+            self.next = self.next.max(count.saturating_sub(SLOTS - 1));
+            self.file
+                .read_exact_at(message, place_of(self.next, message.len()))?;
+            // SYNC POINT: each of these reads enters the kernel and takes the page's reference count, which orders them.
+            if self.next + SLOTS > read_u64(&self.file, COUNT_AT)? {
+                self.next += 1;
+                return Ok(true);
+            }
+        }
+    }
+}
+
+/// Whether its writer gave a sign of life lately.
+fn alive(file: &File) -> bool {
+    match Header::read(file) {
+        Ok(Some(header)) if header.alive > 0 => {
+            now().abs_diff(header.alive) < GONE_AFTER.as_nanos() as u64
+        }
+        _ => false,
+    }
+}
