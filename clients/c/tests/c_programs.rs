@@ -1,5 +1,6 @@
 //! Programs in C and C++, compiled against the header and the library, read what we publish.
 
+use std::io::{BufRead, BufReader};
 use std::mem::{offset_of, size_of};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -177,4 +178,61 @@ fn the_example_reads_every_frame_to_the_end() {
         assert!(out.status.success(), "{out:?}");
         assert_eq!(String::from_utf8(out.stdout).unwrap(), expected);
     }
+}
+
+const ROLE: &str = "EDGECAP_TEST_ROLE";
+
+/// What another process of a test does; without a role this is no test.
+#[test]
+fn role() {
+    if std::env::var_os(ROLE).is_none() {
+        return;
+    }
+    let mut publisher = Publisher::<BodyFrame>::open("camera0").unwrap();
+    for _ in 0..6000 {
+        publisher.publish(&BodyFrame::default()).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_program_finds_out_that_the_publisher_is_gone_and_that_it_is_back() {
+    let text = "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {\n\
+        const edgecap_body_frame *f;\nint life;\n\
+        edgecap_bodies *r = edgecap_bodies_open(\"camera0\");\n\
+        for (life = 0; life < 2; life++) {\n\
+        while (edgecap_bodies_next(r, 100, &f) == 0) {}\n\
+        if (edgecap_bodies_publishers(r) != 1) return 1;\n\
+        puts(\"reads\"); fflush(stdout);\n\
+        while (edgecap_bodies_publishers(r) == 1) edgecap_bodies_next(r, 20, &f);\n\
+        puts(\"gone\"); fflush(stdout);\n\
+        while (edgecap_bodies_next(r, 0, &f) == 1) {}\n\
+        }\nedgecap_bodies_close(r);\nreturn 0;\n}\n";
+    let folder = tempfile::tempdir().unwrap();
+    let Some(program) = program(folder.path(), "gone.c", C, text) else {
+        return;
+    };
+    let place = folder.path().join("edgecap");
+    let reader = Command::new(program)
+        .env("EDGECAP_RUNTIME_DIR", &place)
+        .stdout(Stdio::piped())
+        .spawn();
+    let mut reader = reader.unwrap();
+    let mut lines = BufReader::new(reader.stdout.take().unwrap()).lines();
+    for _ in 0..2 {
+        let publisher = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "role"])
+            .env(ROLE, "publisher")
+            .env("EDGECAP_RUNTIME_DIR", &place)
+            .stdout(Stdio::null())
+            .spawn();
+        let mut publisher = publisher.unwrap();
+        assert_eq!(lines.next().unwrap().unwrap(), "reads");
+        publisher.kill().unwrap();
+        publisher.wait().unwrap();
+        let start = Instant::now();
+        assert_eq!(lines.next().unwrap().unwrap(), "gone");
+        assert!(start.elapsed() < Duration::from_secs(2));
+    }
+    assert!(reader.wait().unwrap().success());
 }
