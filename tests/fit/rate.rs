@@ -28,7 +28,7 @@ fn drain(bodies: &Subscriber<BodyFrame>, until: Instant, into: &mut Vec<BodyFram
 #[test]
 fn bodies_come_between_frames_and_not_from_far_ahead() {
     let name = stream("rate");
-    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
     let run = Running::start(&["fit", "--name", &name, "--rate", "60"]);
     eventually("fit", || {

@@ -263,7 +263,7 @@ fn a_reader_notices_within_a_second_that_the_publisher_has_gone_and_is_back() {
 #[test]
 fn nothing_follows_the_end_of_the_stream() {
     let name = stream("end");
-    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
     let fit = Running::start(&["fit", "--name", &name, "--rate", "100"]);
     eventually("fit", || {
