@@ -11,7 +11,6 @@ mod flip_test;
 mod follow_people;
 mod hangs;
 mod outcome;
-mod privacy;
 mod record;
 mod soak;
 mod supervisor;
