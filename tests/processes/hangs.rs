@@ -123,7 +123,7 @@ fn observation(sequence: u64) -> ObservationFrame {
 #[test]
 fn what_waited_while_fit_stood_still_is_not_published_as_new() {
     let name = stream("stale");
-    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
     let fit = Running::start(&["fit", "--name", &name]);
     eventually("fit", || {
@@ -151,7 +151,7 @@ fn what_waited_while_fit_stood_still_is_not_published_as_new() {
 #[test]
 fn extrapolation_ends_when_nothing_was_seen_for_long() {
     let name = stream("extrapolation");
-    let observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
     let fit = Running::start(&["fit", "--name", &name, "--rate", "50"]);
     eventually("fit", || {
