@@ -10,9 +10,11 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
+use super::camera::PixelFormat;
 use super::error::CaptureError;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;
+use super::raw::RawPicture;
 use super::source::Source;
 
 /// Most bytes that one RIFF chunk of ours may hold: players that know no OpenDML stop here.
@@ -43,7 +45,7 @@ pub struct AviReader<R> {
     scale: u32,
     rate: u32,
     codec: [u8; 4],
-    bytes: Vec<u8>,
+    raw: RawPicture,
     jpeg: JpegPicture,
 }
 
@@ -111,7 +113,7 @@ impl<R: Read + Seek> AviReader<R> {
             scale,
             rate,
             codec,
-            bytes: Vec::new(),
+            raw: RawPicture::default(),
             jpeg: JpegPicture::default(),
         })
     }
@@ -227,6 +229,24 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
 
 impl<R: Read + Seek + Send> Source for AviReader<R> {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        let mut raw = std::mem::take(&mut self.raw);
+        let read = self.next_raw(&mut raw);
+        self.raw = raw;
+        if !read? {
+            return Ok(false);
+        }
+        let raw = &self.raw;
+        self.jpeg
+            .decode(&raw.bytes, frame)
+            .map_err(|reason| CaptureError::Picture {
+                input: format!("{}, frame {}", self.name, raw.sequence),
+                reason,
+            })?;
+        (frame.sequence, frame.time_ns) = (raw.sequence, raw.time_ns);
+        Ok(true)
+    }
+
+    fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
         loop {
             let Some(entry) = self.entries.get(self.position).copied() else {
                 if std::mem::take(&mut self.truncated) {
@@ -246,19 +266,15 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
                 // A frame without bytes repeats the one before: nothing new to see.
                 continue;
             }
-            self.bytes.resize(entry.length as usize, 0);
+            raw.bytes.resize(entry.length as usize, 0);
             self.reader
                 .seek(SeekFrom::Start(entry.offset))
-                .and_then(|_| self.reader.read_exact(&mut self.bytes))
+                .and_then(|_| self.reader.read_exact(&mut raw.bytes))
                 .map_err(|e| CaptureError::from_io_named(&self.name, e))?;
-            self.jpeg
-                .decode(&self.bytes, frame)
-                .map_err(|reason| CaptureError::Picture {
-                    input: format!("{}, frame {index}", self.name),
-                    reason,
-                })?;
-            frame.sequence = index;
-            frame.time_ns = (u128::from(index) * u128::from(self.scale) * 1_000_000_000
+            raw.layout.format = PixelFormat::Mjpeg;
+            raw.strict = true;
+            raw.sequence = index;
+            raw.time_ns = (u128::from(index) * u128::from(self.scale) * 1_000_000_000
                 / u128::from(self.rate)) as u64;
             return Ok(true);
         }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::error::CaptureError;
 use super::frame::Frame;
+use super::raw::RawPicture;
 use super::source::Source;
 use crate::camera::Clock;
 
@@ -61,17 +62,9 @@ where
             Err(e) => Err(e),
         }
     }
-}
 
-impl<O, C> Source for AwaitedSource<O, C>
-where
-    O: FnMut() -> Result<Box<dyn Source>, CaptureError> + Send,
-    C: Clock,
-{
-    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-        if let Some(source) = &mut self.source {
-            return source.next_into(frame);
-        }
+    /// Tries to open it when it is time, and says why there is no picture yet.
+    fn wait(&mut self) -> Result<bool, CaptureError> {
         let left = self.next_try.saturating_duration_since(self.clock.now());
         if left.is_zero() {
             self.try_open()?;
@@ -85,6 +78,26 @@ where
                 .clone()
                 .unwrap_or_else(|| "opened just now".into()),
         })
+    }
+}
+
+impl<O, C> Source for AwaitedSource<O, C>
+where
+    O: FnMut() -> Result<Box<dyn Source>, CaptureError> + Send,
+    C: Clock,
+{
+    fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        if let Some(source) = &mut self.source {
+            return source.next_into(frame);
+        }
+        self.wait()
+    }
+
+    fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
+        if let Some(source) = &mut self.source {
+            return source.next_raw(raw);
+        }
+        self.wait()
     }
 
     fn fps(&self) -> Option<f64> {

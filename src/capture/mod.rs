@@ -4,6 +4,7 @@
 
 mod avi;
 mod awaited;
+mod brightness;
 pub mod camera;
 pub mod demo;
 mod error;
@@ -13,12 +14,14 @@ mod frame;
 mod jpeg;
 mod letterbox;
 mod limits;
+mod mounting;
 #[cfg(feature = "mp4")]
 mod mp4;
 mod natural;
 mod paced;
 mod photo;
 mod pipe;
+mod raw;
 mod resize;
 mod source;
 mod spec;
@@ -28,6 +31,7 @@ mod yuv;
 
 pub use avi::{AviReader, AviWriter};
 pub use awaited::AwaitedSource;
+pub use brightness::Brightness;
 pub use camera::{CameraInfo, CameraSource, list_cameras};
 pub use error::CaptureError;
 pub use exif::Orientation;
@@ -36,11 +40,13 @@ pub use frame::Frame;
 pub use jpeg::JpegPicture;
 pub use letterbox::Letterbox;
 pub use limits::{MAX_PIXELS, MAX_SIDE};
+pub use mounting::Mounting;
 #[cfg(feature = "mp4")]
 pub use mp4::Mp4Source;
 pub use natural::natural_order;
 pub use paced::PacedSource;
 pub use photo::{PhotoDecoder, PhotoSource};
+pub use raw::{RawDecoder, RawPicture};
 pub use resize::{PADDING, Resizer};
 pub use source::Source;
 pub use spec::{InputSpec, OpenOptions, open, open_bytes};

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::error::CaptureError;
 use super::frame::Frame;
+use super::raw::{RawDecoder, RawPicture};
 use super::source::Source;
 use crate::camera::Clock;
 
@@ -23,8 +24,11 @@ pub struct PacedSource<O, C> {
     /// What is added to a picture's time and sequence: the films played before.
     offset: (u64, u64),
     /// The next picture, not due yet.
-    next: Frame,
+    next: RawPicture,
     has_next: bool,
+    /// For who wants the pictures decoded.
+    decoder: RawDecoder,
+    raw: RawPicture,
 }
 
 impl<O, C> PacedSource<O, C>
@@ -44,19 +48,21 @@ where
             clock,
             began: None,
             offset: (0, 0),
-            next: Frame::default(),
+            next: RawPicture::default(),
             has_next: false,
+            decoder: RawDecoder::default(),
+            raw: RawPicture::default(),
         })
     }
 
     /// Reads the next picture, from the beginning again where the film has ended; `false` for a film without pictures.
     fn read(&mut self) -> Result<bool, CaptureError> {
         let last = (self.next.time_ns, self.next.sequence);
-        if !self.film.next_into(&mut self.next)? {
+        if !self.film.next_raw(&mut self.next)? {
             let interval = 1e9 / self.film.fps().unwrap_or(DEFAULT_FPS);
             self.offset = (last.0 + interval as u64, last.1 + 1);
             self.film = (self.open)()?;
-            if !self.film.next_into(&mut self.next)? {
+            if !self.film.next_raw(&mut self.next)? {
                 return Ok(false);
             }
         }
@@ -72,6 +78,23 @@ where
     C: Clock,
 {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+        let mut raw = std::mem::take(&mut self.raw);
+        let decoded = self.next_raw(&mut raw).and_then(|more| {
+            if more {
+                let drawn = self.decoder.decode(&mut raw, frame);
+                drawn.map_err(|reason| CaptureError::Picture {
+                    input: format!("{}, frame {}", self.name(), raw.sequence),
+                    reason,
+                })?;
+            }
+            Ok(more)
+        });
+        self.raw = raw;
+        decoded
+    }
+
+    /// The newest picture that is due; of those before it none is decoded.
+    fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
         let (began, began_ns) = *self
             .began
             .get_or_insert_with(|| (self.clock.now(), crate::camera::monotonic_ns()));
@@ -91,15 +114,15 @@ where
                 });
             }
         }
-        // The newest that is due.
         loop {
-            frame.clone_from(&self.next);
+            std::mem::swap(raw, &mut self.next);
+            (self.next.time_ns, self.next.sequence) = (raw.time_ns, raw.sequence);
             self.has_next = self.read()?;
             if !self.has_next || Duration::from_nanos(self.next.time_ns) > now {
                 break;
             }
         }
-        frame.time_ns += began_ns;
+        raw.time_ns += began_ns;
         Ok(true)
     }
 

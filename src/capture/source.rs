@@ -2,6 +2,7 @@
 
 use super::error::CaptureError;
 use super::frame::Frame;
+use super::raw::RawPicture;
 
 /// An input that gives pictures.
 pub trait Source: Send {
@@ -19,6 +20,23 @@ pub trait Source: Send {
     fn next(&mut self) -> Result<Option<Frame>, CaptureError> {
         let mut frame = Frame::default();
         Ok(self.next_into(&mut frame)?.then_some(frame))
+    }
+
+    /// Overwrites `raw` with the next picture, not decoded where that can be put off: who then leaves it out has not paid for
+    /// it. Otherwise as [`next_into`](Self::next_into).
+    ///
+    /// # Errors
+    /// As [`next_into`](Self::next_into).
+    fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
+        let mut frame = Frame {
+            rgb: std::mem::take(&mut raw.bytes),
+            ..Frame::default()
+        };
+        let more = self.next_into(&mut frame)?;
+        if more {
+            raw.take_over(&mut frame);
+        }
+        Ok(more)
     }
 
     /// How many pictures the whole input has, if that is known: for progress bars, not for allocation.

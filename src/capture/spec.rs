@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::avi::{AviReader, is_avi};
-use super::camera::{CameraSource, list_cameras};
+use super::camera::{CameraSource, ControlSetting, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
@@ -72,12 +72,14 @@ impl fmt::Display for InputSpec {
 }
 
 /// Wishes about an input; a source that cannot fulfil one goes on without it.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct OpenOptions {
     /// Width and height asked of a camera, pixels.
     pub size: Option<(u32, u32)>,
     /// Pictures per second asked of a camera, or at which a folder's photos were taken.
     pub fps: Option<f64>,
+    /// What to set on a camera, in this order.
+    pub controls: Vec<ControlSetting>,
 }
 
 /// Opens an input. What a path is, its bytes say, not its name.

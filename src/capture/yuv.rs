@@ -85,6 +85,20 @@ impl YuvToRgb {
     /// # Panics
     /// When `stride < 4 * ceil(width / 2)`, or `data` is shorter than the rows in `rgb` need.
     pub fn yuyv(self, data: &[u8], stride: usize, width: usize, rgb: &mut [u8]) {
+        self.packed::<0>(data, stride, width, rgb);
+    }
+
+    /// `U Y V Y`, otherwise as [`yuyv`](Self::yuyv).
+    ///
+    /// # Panics
+    /// As [`yuyv`](Self::yuyv).
+    pub fn uyvy(self, data: &[u8], stride: usize, width: usize, rgb: &mut [u8]) {
+        self.packed::<1>(data, stride, width, rgb);
+    }
+
+    /// Two pixels in four bytes, luma at `LUMA` and two later.
+    fn packed<const LUMA: usize>(self, data: &[u8], stride: usize, width: usize, rgb: &mut [u8]) {
+        let chroma = 1 - LUMA;
         let mut samples = Samples::default();
         for (k, out) in rgb.chunks_exact_mut(3 * width).enumerate() {
             let row = &data[k * stride..][..4 * width.div_ceil(2)];
@@ -93,9 +107,9 @@ impl YuvToRgb {
                 let pairs = pairs.zip(samples.u.chunks_exact_mut(2));
                 let pairs = pairs.zip(samples.v.chunks_exact_mut(2));
                 for (((y, u), v), p) in pairs.zip(part.chunks_exact(4)) {
-                    (y[0], y[1]) = (p[0], p[2]);
-                    u.fill(p[1]);
-                    v.fill(p[3]);
+                    (y[0], y[1]) = (p[LUMA], p[LUMA + 2]);
+                    u.fill(p[chroma]);
+                    v.fill(p[chroma + 2]);
                 }
                 self.block(&samples, out);
             }

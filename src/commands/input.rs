@@ -7,10 +7,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
-use crate::camera::{CameraFile, SystemClock};
+use crate::camera::{CameraFile, DEFAULT_FOV, SystemClock};
+use crate::capture::camera::ControlSetting;
 use crate::capture::demo;
 use crate::capture::{
-    self, AwaitedSource, CaptureError, InputSpec, OpenOptions, PacedSource, Source,
+    self, AwaitedSource, CaptureError, InputSpec, Mounting, OpenOptions, PacedSource, Source,
 };
 
 /// Stream name of a camera or pipe when the user gives none.
@@ -35,6 +36,15 @@ pub struct InputArgs {
     /// Frame rate to ask a camera for, or at which a folder's photos were taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
+    /// Set a control of the camera, may be given several times, in this order; 'infer --list-controls' shows what there is
+    #[arg(long = "control", value_name = "NAME=VALUE")]
+    pub controls: Vec<ControlSetting>,
+    /// Turn the picture clockwise by so many degrees: for a camera mounted on its side (90, 270) or upside down (180)
+    #[arg(long, value_name = "DEGREES", default_value_t = 0, value_parser = parse_turn)]
+    pub rotate: u16,
+    /// Mirror the picture, because the camera shows a mirror image: else left and right of people are exchanged
+    #[arg(long)]
+    pub mirror: bool,
     /// Play a film as a camera would show it, over and over: at its own rate, frames dropped when they come too late
     #[arg(long)]
     pub live: bool,
@@ -45,6 +55,15 @@ fn parse_fps(text: &str) -> Result<f64, String> {
         Ok(fps) if (0.1..=1000.0).contains(&fps) => Ok(fps),
         _ => Err(format!(
             "'{text}': expected pictures per second, such as 30"
+        )),
+    }
+}
+
+fn parse_turn(text: &str) -> Result<u16, String> {
+    match text.parse() {
+        Ok(degrees @ (0 | 90 | 180 | 270)) => Ok(degrees),
+        _ => Err(format!(
+            "'{text}': expected 0, 90, 180 or 270 degrees clockwise"
         )),
     }
 }
@@ -74,6 +93,7 @@ impl InputArgs {
         OpenOptions {
             size: self.capture_size,
             fps: self.fps,
+            controls: self.controls.clone(),
         }
     }
 
@@ -83,6 +103,16 @@ impl InputArgs {
             input: Some(chosen.spec.to_string()),
             name: Some(chosen.name.clone()),
             ..self.clone()
+        }
+    }
+}
+
+impl InputArgs {
+    /// How the camera is mounted.
+    pub fn mounting(&self) -> Mounting {
+        Mounting {
+            quarter_turns: (self.rotate / 90) as u8,
+            mirrored: self.mirror,
         }
     }
 }
@@ -180,7 +210,12 @@ pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFi
     Ok(match &args.camera {
         Some(path) => CameraFile::read(path)?,
         None if chosen.spec == InputSpec::Demo => demo::camera(),
-        None => CameraFile::default(),
+        None => {
+            tracing::warn!(
+                "no lens given: {DEFAULT_FOV} degrees across are assumed; with a lens of 75 everybody stands a third too far away, with one of 50 a fifth too near. Give --camera FILE with fov_degrees"
+            );
+            CameraFile::default()
+        }
     })
 }
 

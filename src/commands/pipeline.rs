@@ -40,6 +40,8 @@ pub struct Pipeline {
     lifter: Lifter,
     resizer: Resizer,
     input: Vec<u8>,
+    /// Of the last frame.
+    times: StageTimes,
 }
 
 /// Everyone seen in a frame.
@@ -95,6 +97,7 @@ impl Pipeline {
             resizer,
             engine,
             flip_test: options.flip_test.then(FlipTest::default),
+            times: StageTimes::default(),
         })
     }
 
@@ -111,6 +114,7 @@ impl Pipeline {
             lifter: self.lifter.clone(),
             input: vec![0; resizer.output_bytes()],
             resizer,
+            times: StageTimes::default(),
         })
     }
 
@@ -129,21 +133,26 @@ impl Pipeline {
         let inferred = Instant::now();
         let detections = self.associator.associate(maps);
         let associated = Instant::now();
-        let people = self
-            .lifter
+        self.lifter
             .lift(detections, frame, &letterbox, intrinsics)?;
         let lifted = Instant::now();
         let us = |a: Instant, b: Instant| (b - a).as_micros() as u32;
-        Ok(Seen {
-            people,
+        self.times = StageTimes {
+            preprocess_us: us(start, letterboxed),
+            stage1_us: us(letterboxed, inferred),
+            association_us: us(inferred, associated),
+            stage2_us: us(associated, lifted),
+        };
+        Ok(self.seen())
+    }
+
+    /// Everyone in the last frame.
+    pub fn seen(&self) -> Seen<'_> {
+        Seen {
+            people: self.lifter.lifted(),
             without_neck: self.associator.without_neck(),
-            times: StageTimes {
-                preprocess_us: us(start, letterboxed),
-                stage1_us: us(letterboxed, inferred),
-                association_us: us(inferred, associated),
-                stage2_us: us(associated, lifted),
-            },
-        })
+            times: self.times,
+        }
     }
 }
 

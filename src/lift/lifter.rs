@@ -97,6 +97,11 @@ impl Lifter {
         self.observations = observations;
         Ok(&self.observations)
     }
+
+    /// What [`lift`](Self::lift) returned last.
+    pub fn lifted(&self) -> &[Observation] {
+        &self.observations
+    }
 }
 
 /// Joints in pixels of the original picture.

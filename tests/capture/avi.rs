@@ -2,7 +2,9 @@
 
 use std::io::Cursor;
 
-use edgecap::capture::{AviReader, AviWriter, CaptureError, Frame, Source};
+use edgecap::capture::{
+    AviReader, AviWriter, Brightness, CaptureError, Frame, RawDecoder, RawPicture, Source,
+};
 use proptest::prelude::*;
 
 const WIDTH: u32 = 48;
@@ -61,6 +63,38 @@ fn what_is_written_is_read_back() {
         assert!(d < 3.0, "frame {k} differs by {d}");
     }
     assert!(!reader.next_into(&mut frame).unwrap());
+}
+
+#[test]
+fn pictures_that_are_left_out_are_not_decoded_and_the_others_are_the_same() {
+    let bytes = clip(4);
+    let mut reader = AviReader::new(Cursor::new(bytes.clone()), "clip").unwrap();
+    let mut other = AviReader::new(Cursor::new(bytes), "clip").unwrap();
+    let (mut raw, mut decoder) = (RawPicture::default(), RawDecoder::default());
+    let (mut frame, mut expected) = (Frame::default(), Frame::default());
+    for k in 0..4 {
+        assert!(reader.next_raw(&mut raw).unwrap());
+        assert!(other.next_into(&mut expected).unwrap());
+        assert!(raw.bytes.starts_with(&[0xFF, 0xD8]), "still a JPEG");
+        if k % 2 == 0 {
+            continue;
+        }
+        let mut brightness = Brightness::default();
+        decoder.brightness(&raw, &mut brightness).unwrap();
+        decoder.decode(&mut raw, &mut frame).unwrap();
+        assert_eq!(frame, expected);
+        // The luma of the picture, without its colours having been worked out.
+        assert_eq!(brightness.cells.len(), brightness.columns * brightness.rows);
+        let luma = frame
+            .rgb
+            .chunks_exact(3)
+            .map(|p| 0.299 * f32::from(p[0]) + 0.587 * f32::from(p[1]) + 0.114 * f32::from(p[2]));
+        let mean = luma.sum::<f32>() / (WIDTH * HEIGHT) as f32;
+        let cells = &brightness.cells;
+        let found = cells.iter().sum::<f32>() / cells.len() as f32;
+        assert!((mean - found).abs() < 1.0, "{found} for {mean}");
+    }
+    assert!(!reader.next_raw(&mut raw).unwrap());
 }
 
 #[test]

@@ -11,7 +11,8 @@ use edgecap::capture::camera::{
     Step, choose_mode,
 };
 use edgecap::capture::{
-    AviWriter, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range, Source, open,
+    AviWriter, Brightness, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range,
+    RawDecoder, RawPicture, Source, open,
 };
 use proptest::prelude::*;
 
@@ -97,12 +98,16 @@ impl CameraPort for FakePort {
 }
 
 impl CameraStream for FakeStream {
-    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>> {
+    fn newest(&mut self, timeout: Duration, raw: &mut RawPicture) -> io::Result<Option<u32>> {
         match self.acts.pop_front() {
             Some(Act::Picture(count)) => {
                 self.clock.sleep(Duration::from_millis(33));
-                frame.rgb = vec![count as u8; 3];
-                (frame.width, frame.height) = (1, 1);
+                raw.take_over(&mut Frame {
+                    rgb: vec![count as u8; 3],
+                    width: 1,
+                    height: 1,
+                    ..Frame::default()
+                });
                 Ok(Some(count))
             }
             Some(Act::Fail(code)) => Err(io::Error::from_raw_os_error(code)),
@@ -139,11 +144,11 @@ fn live(
 
 /// Steps until a picture comes; its sequence and the reasons before it.
 fn next_picture(live: &mut Live<FakePort, FakeClock>) -> (u64, Vec<String>) {
-    let mut frame = Frame::default();
+    let mut raw = RawPicture::default();
     let mut reasons = Vec::new();
     for _ in 0..1000 {
-        match live.step(&mut frame) {
-            Step::Picture => return (frame.sequence, reasons),
+        match live.step(&mut raw) {
+            Step::Picture => return (raw.sequence, reasons),
             Step::Waiting(reason) => reasons.push(reason),
         }
     }
@@ -166,7 +171,7 @@ fn unplugged_then_back() {
     assert_eq!(next_picture(&mut live).0, 1);
     assert!(live.is_streaming() && live.fps() == Some(30.0));
     assert!(
-        matches!(live.step(&mut Frame::default()), Step::Waiting(r) if r.contains("unplugged"))
+        matches!(live.step(&mut RawPicture::default()), Step::Waiting(r) if r.contains("unplugged"))
     );
     assert!(!live.is_streaming() && live.fps().is_none());
     let (sequence, reasons) = next_picture(&mut live);
@@ -213,7 +218,7 @@ fn no_step_takes_long() {
     let (mut live, clock, _) = live(vec![Opening::Works(vec![]), Opening::Fails, Opening::Fails]);
     for _ in 0..100 {
         let before = clock.now();
-        live.step(&mut Frame::default());
+        live.step(&mut RawPicture::default());
         assert!(clock.now() - before <= Duration::from_millis(250));
     }
 }
@@ -376,6 +381,41 @@ fn layout(format: PixelFormat, width: u32, height: u32, stride: u32) -> RawLayou
     }
 }
 
+const FORMATS: [PixelFormat; 8] = [
+    PixelFormat::Yuyv,
+    PixelFormat::Uyvy,
+    PixelFormat::Nv12,
+    PixelFormat::Yu12,
+    PixelFormat::Grey,
+    PixelFormat::Rgb24,
+    PixelFormat::Bgr24,
+    PixelFormat::Mjpeg,
+];
+
+#[test]
+fn raw_buffers_have_a_brightness_without_being_decoded() {
+    let mut decoder = RawDecoder::default();
+    for format in FORMATS.into_iter().filter(|f| *f != PixelFormat::Mjpeg) {
+        for (w, h) in [(1, 1), (3, 5), (200, 100)] {
+            let layout = PictureDecoder::new(layout(format, w, h, 0)).unwrap();
+            let mut raw = RawPicture {
+                layout: layout.layout(),
+                bytes: vec![90; layout.needed_bytes()],
+                ..RawPicture::default()
+            };
+            let mut brightness = Brightness::default();
+            decoder.brightness(&raw, &mut brightness).unwrap();
+            assert!(
+                brightness.cells.iter().all(|c| *c == 90.0),
+                "{format:?} {w}x{h}"
+            );
+            raw.bytes.pop();
+            let error = decoder.brightness(&raw, &mut brightness).unwrap_err();
+            assert!(error.contains("bytes of a picture"), "{error}");
+        }
+    }
+}
+
 #[test]
 fn raw_buffers_become_pictures() {
     let mut frame = Frame::default();
@@ -396,12 +436,21 @@ fn raw_buffers_become_pictures() {
     assert_eq!(frame.rgb[..6], [255, 255, 255, 0, 0, 0]);
     assert_eq!(decoder.layout().stride, 2);
 
-    for format in [
-        PixelFormat::Yuyv,
-        PixelFormat::Nv12,
-        PixelFormat::Rgb24,
-        PixelFormat::Mjpeg,
-    ] {
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Uyvy, 2, 1, 0)).unwrap();
+    decoder.decode(&[128, 235, 128, 16], &mut frame).unwrap();
+    assert_eq!(frame.rgb, [255, 255, 255, 0, 0, 0]);
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Yu12, 2, 2, 4)).unwrap();
+    let planes = [235, 16, 0, 0, 16, 235, 0, 0, 128, 0, 128, 0];
+    decoder.decode(&planes, &mut frame).unwrap();
+    assert_eq!(frame.rgb, [255, 255, 255, 0, 0, 0, 0, 0, 0, 255, 255, 255]);
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Grey, 2, 2, 3)).unwrap();
+    decoder.decode(&[235, 16, 9, 16, 235], &mut frame).unwrap();
+    assert_eq!(frame.rgb, [255, 255, 255, 0, 0, 0, 0, 0, 0, 255, 255, 255]);
+    let mut decoder = PictureDecoder::new(layout(PixelFormat::Bgr24, 2, 1, 0)).unwrap();
+    decoder.decode(&[1, 2, 3, 4, 5, 6], &mut frame).unwrap();
+    assert_eq!(frame.rgb, [3, 2, 1, 6, 5, 4]);
+
+    for format in FORMATS {
         for (w, h) in [(1, 1), (3, 5), (6, 2)] {
             let mut decoder = PictureDecoder::new(layout(format, w, h, 0)).unwrap();
             let needed = decoder.needed_bytes();

@@ -11,6 +11,7 @@ mod flip_test;
 mod follow_people;
 mod hangs;
 mod outcome;
+mod pace;
 mod record;
 mod soak;
 mod supervisor;

@@ -10,10 +10,18 @@ use crate::capture::yuv::{Matrix, Range, YuvToRgb};
 pub enum PixelFormat {
     /// `YUYV`: 4:2:2, two bytes a pixel.
     Yuyv,
+    /// `UYVY`: the same, chroma first.
+    Uyvy,
     /// `NV12`: 4:2:0, a plane of luma and one of interleaved chroma.
     Nv12,
+    /// `YU12`: 4:2:0, a plane of luma and two of chroma with rows half as long.
+    Yu12,
+    /// `GREY`: luma alone, of infrared cameras.
+    Grey,
     /// `RGB3`: three bytes a pixel.
     Rgb24,
+    /// `BGR3`: the same, blue first.
+    Bgr24,
     /// `MJPG` and `JPEG`: every picture a JPEG.
     Mjpeg,
 }
@@ -23,10 +31,25 @@ impl PixelFormat {
     pub fn from_fourcc(code: [u8; 4]) -> Option<Self> {
         match &code {
             b"YUYV" => Some(Self::Yuyv),
+            b"UYVY" => Some(Self::Uyvy),
             b"NV12" => Some(Self::Nv12),
+            b"YU12" => Some(Self::Yu12),
+            b"GREY" => Some(Self::Grey),
             b"RGB3" => Some(Self::Rgb24),
+            b"BGR3" => Some(Self::Bgr24),
             b"MJPG" | b"JPEG" => Some(Self::Mjpeg),
             _ => None,
+        }
+    }
+
+    /// The byte that says how bright the first pixel is (green where there is no luma), and how many bytes later the next
+    /// pixel's is.
+    pub(crate) fn brightness_at(self) -> (usize, usize) {
+        match self {
+            Self::Yuyv => (0, 2),
+            Self::Uyvy => (1, 2),
+            Self::Nv12 | Self::Yu12 | Self::Grey | Self::Mjpeg => (0, 1),
+            Self::Rgb24 | Self::Bgr24 => (1, 3),
         }
     }
 
@@ -34,9 +57,14 @@ impl PixelFormat {
     pub(crate) fn cost(self) -> u32 {
         match self {
             Self::Rgb24 => 0,
-            Self::Yuyv => 1,
-            Self::Nv12 => 2,
-            Self::Mjpeg => 3,
+            Self::Bgr24 => 1,
+            Self::Yuyv => 2,
+            Self::Uyvy => 3,
+            Self::Nv12 => 4,
+            Self::Yu12 => 5,
+            Self::Mjpeg => 6,
+            // Without colours people are told apart less well.
+            Self::Grey => 7,
         }
     }
 }
@@ -72,9 +100,10 @@ impl PictureDecoder {
     pub fn new(mut layout: RawLayout) -> Result<Self, String> {
         check_size(layout.width.into(), layout.height.into())?;
         let row = match layout.format {
-            PixelFormat::Yuyv => 4 * layout.width.div_ceil(2),
-            PixelFormat::Nv12 => 2 * layout.width.div_ceil(2),
-            PixelFormat::Rgb24 => 3 * layout.width,
+            PixelFormat::Yuyv | PixelFormat::Uyvy => 4 * layout.width.div_ceil(2),
+            PixelFormat::Nv12 | PixelFormat::Yu12 => 2 * layout.width.div_ceil(2),
+            PixelFormat::Grey => layout.width,
+            PixelFormat::Rgb24 | PixelFormat::Bgr24 => 3 * layout.width,
             PixelFormat::Mjpeg => 0,
         };
         if layout.stride == 0 {
@@ -104,11 +133,13 @@ impl PictureDecoder {
         let (stride, height) = (self.layout.stride as usize, self.layout.height as usize);
         let last_row = 3 * self.layout.width as usize;
         match self.layout.format {
-            PixelFormat::Yuyv => {
+            PixelFormat::Yuyv | PixelFormat::Uyvy => {
                 stride * (height - 1) + 4 * (self.layout.width as usize).div_ceil(2)
             }
             PixelFormat::Nv12 => stride * (height + height.div_ceil(2)),
-            PixelFormat::Rgb24 => stride * (height - 1) + last_row,
+            PixelFormat::Yu12 => stride * height + 2 * (stride / 2) * height.div_ceil(2),
+            PixelFormat::Grey => stride * (height - 1) + self.layout.width as usize,
+            PixelFormat::Rgb24 | PixelFormat::Bgr24 => stride * (height - 1) + last_row,
             // A JPEG says itself where it ends.
             PixelFormat::Mjpeg => 4,
         }
@@ -141,10 +172,28 @@ impl PictureDecoder {
                 self.colours
                     .nv12(luma, chroma, stride, width, &mut frame.rgb);
             }
-            PixelFormat::Rgb24 => {
+            PixelFormat::Uyvy => self.colours.uyvy(bytes, stride, width, &mut frame.rgb),
+            PixelFormat::Yu12 => {
+                let (luma, chroma) = bytes.split_at(stride * height);
+                let (u, v) = chroma.split_at(stride / 2 * height.div_ceil(2));
+                let strides = [stride, stride / 2];
+                let planes = [luma, u, v];
+                self.colours
+                    .planar(planes, strides, (1, 1), width, &mut frame.rgb);
+            }
+            PixelFormat::Grey => {
+                let rows = bytes.chunks(stride);
+                for (out, row) in frame.rgb.chunks_exact_mut(3 * width).zip(rows) {
+                    self.colours.grey(&row[..width], out);
+                }
+            }
+            PixelFormat::Rgb24 | PixelFormat::Bgr24 => {
                 let rows = bytes.chunks(stride);
                 for (out, row) in frame.rgb.chunks_exact_mut(3 * width).zip(rows) {
                     out.copy_from_slice(&row[..3 * width]);
+                    if self.layout.format == PixelFormat::Bgr24 {
+                        out.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
+                    }
                 }
             }
             PixelFormat::Mjpeg => {}

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use crate::camera::Clock;
 use crate::capture::error::CaptureError;
-use crate::capture::frame::Frame;
+use crate::capture::raw::RawPicture;
 
 /// Longest that one step takes while no picture comes: callers look at their stop signal that often.
 pub const STEP_LIMIT: Duration = Duration::from_millis(250);
@@ -39,12 +39,12 @@ pub trait CameraPort: Send {
 
 /// A camera that is open and runs.
 pub trait CameraStream: Send {
-    /// Waits for a picture and overwrites `frame` with the newest one: pixels, size, and CLOCK_MONOTONIC time of capture.
+    /// Waits for a picture and overwrites `raw` with the newest one: bytes, layout, and CLOCK_MONOTONIC time of capture.
     /// Returns the camera's own count of it; `None` when none came within `timeout`.
     ///
     /// # Errors
     /// The camera is gone or refuses: it has to be opened again.
-    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>>;
+    fn newest(&mut self, timeout: Duration, raw: &mut RawPicture) -> io::Result<Option<u32>>;
 
     /// Pictures per second that the camera promised, if it did.
     fn fps(&self) -> Option<f64>;
@@ -102,16 +102,16 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         })
     }
 
-    /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `frame` holds nothing useful.
-    pub fn step(&mut self, frame: &mut Frame) -> Step {
+    /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `raw` holds nothing useful.
+    pub fn step(&mut self, raw: &mut RawPicture) -> Step {
         match &mut self.state {
             State::Streaming {
                 stream,
                 last_picture,
-            } => match stream.newest(STEP_LIMIT, frame) {
+            } => match stream.newest(STEP_LIMIT, raw) {
                 Ok(Some(counter)) => {
                     *last_picture = self.clock.now();
-                    frame.sequence = self.count(counter);
+                    raw.sequence = self.count(counter);
                     Step::Picture
                 }
                 Ok(None) => {

@@ -3,6 +3,7 @@
 //! [`CameraSource`] holds the [lock](InstanceLock) and the [`Live`] state machine, which opens and reopens a [`CameraPort`].
 //! [`V4l2Port`] is the real one.
 
+mod controls;
 mod decode;
 mod list;
 mod live;
@@ -13,6 +14,7 @@ mod source;
 #[allow(unsafe_code, reason = "the kernel's camera interface: ioctl and mmap")]
 mod v4l2;
 
+pub use controls::{ControlSetting, list_controls};
 pub use decode::{PictureDecoder, PixelFormat, RawLayout};
 pub use list::{CameraInfo, list_cameras};
 pub use live::{CameraPort, CameraStream, Live, Step};

@@ -4,14 +4,15 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use super::controls;
 use super::decode::{PictureDecoder, PixelFormat, RawLayout};
 use super::list::{CameraInfo, list_cameras, not_permitted};
 use super::live::{CameraPort, CameraStream};
 use super::mode::{Mode, choose_mode};
-use super::v4l2::{Camera, Ready, Sizes, Stream};
+use super::v4l2::{Camera, Filled, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
-use crate::capture::frame::Frame;
+use crate::capture::raw::RawPicture;
 use crate::capture::spec::OpenOptions;
 use crate::capture::yuv::Range;
 
@@ -19,6 +20,10 @@ use crate::capture::yuv::Range;
 const DEFAULT_SIZE: (u32, u32) = (1280, 720);
 /// Rate that is asked for without a wish.
 const DEFAULT_FPS: f64 = 30.0;
+/// With fewer buffers than these a camera waits for us, not we for it.
+const ENOUGH_BUFFERS: usize = 3;
+/// How a JPEG picture begins.
+const JPEG_START: [u8; 2] = [0xFF, 0xD8];
 /// A time stamp further away from now than this is not to be believed.
 const MAX_AGE_NS: u64 = 2_000_000_000;
 
@@ -37,7 +42,7 @@ impl V4l2Port {
         Self {
             path: path.to_owned(),
             name: name_of(path),
-            options: *options,
+            options: options.clone(),
             camera: None,
         }
     }
@@ -53,26 +58,28 @@ impl V4l2Port {
             .find(|other| other.is_same_camera(camera))
             .map_or_else(|| self.path.clone(), |other| other.path)
     }
+}
 
-    /// The system's refusal in the user's terms.
-    fn refused(&self, error: io::Error) -> CaptureError {
-        let device = self.name.clone();
-        match error.raw_os_error() {
-            Some(libc::EBUSY) => CaptureError::Busy {
-                device,
-                reason: "another program uses this camera; close it (browser, video call) and try again".into(),
-            },
-            Some(libc::EACCES | libc::EPERM) => not_permitted(&device),
-            Some(libc::ENOENT | libc::ENODEV | libc::ENXIO) => CaptureError::Unavailable {
-                what: device,
-                reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
-            },
-            Some(libc::ENOTTY) => unusable(device, "is no camera"),
-            _ => CaptureError::Unavailable {
-                what: device,
-                reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
-            },
-        }
+/// The system's refusal of a camera in the user's terms.
+pub(super) fn refused(device: &str, error: io::Error) -> CaptureError {
+    let device = device.to_owned();
+    match error.raw_os_error() {
+        Some(libc::EBUSY) => CaptureError::Busy {
+            device,
+            reason:
+                "another program uses this camera; close it (browser, video call) and try again"
+                    .into(),
+        },
+        Some(libc::EACCES | libc::EPERM) => not_permitted(&device),
+        Some(libc::ENOENT | libc::ENODEV | libc::ENXIO) => CaptureError::Unavailable {
+            what: device,
+            reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
+        },
+        Some(libc::ENOTTY) => unusable(device, "is no camera"),
+        _ => CaptureError::Unavailable {
+            what: device,
+            reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
+        },
     }
 }
 
@@ -116,8 +123,8 @@ fn nearest([smallest, largest, step]: [u32; 3], wish: u32) -> u32 {
 impl CameraPort for V4l2Port {
     fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
         let path = self.find();
-        let camera = Camera::open(&path).map_err(|e| self.refused(e))?;
-        let caps = camera.capabilities().map_err(|e| self.refused(e))?;
+        let camera = Camera::open(&path).map_err(|e| refused(&self.name, e))?;
+        let caps = camera.capabilities().map_err(|e| refused(&self.name, e))?;
         if !caps.can_stream {
             let what = if caps.multi_plane {
                 "gives multi-plane pictures, which are not supported"
@@ -137,16 +144,16 @@ impl CameraPort for V4l2Port {
         let mode = choose_mode(&offered, size, wanted_fps).ok_or_else(|| {
             unusable(
                 self.name.clone(),
-                "offers none of the formats YUYV, NV12, RGB24 and MJPEG",
+                "offers none of the formats YUYV, UYVY, NV12, YU12, GREY, RGB24, BGR24 and MJPEG",
             )
         })?;
         let agreed = camera
             .set_format(mode.fourcc, mode.width, mode.height)
-            .map_err(|e| self.refused(e))?;
+            .map_err(|e| refused(&self.name, e))?;
         let format = PixelFormat::from_fourcc(agreed.fourcc).ok_or_else(|| {
             unusable(
                 self.name.clone(),
-                "insists on a format other than YUYV, NV12, RGB24 and MJPEG",
+                "insists on a format other than YUYV, UYVY, NV12, YU12, GREY, RGB24, BGR24 and MJPEG",
             )
         })?;
         let decoder = PictureDecoder::new(RawLayout {
@@ -162,7 +169,13 @@ impl CameraPort for V4l2Port {
         })
         .map_err(|reason| CaptureError::data(self.name.clone(), reason))?;
         let fps = camera.set_rate(wanted_fps);
-        let stream = Stream::start(&camera).map_err(|e| self.refused(e))?;
+        controls::apply(&camera, &self.options.controls).map_err(|reason| {
+            CaptureError::Config {
+                setting: self.name.clone(),
+                reason,
+            }
+        })?;
+        let stream = Stream::start(&camera).map_err(|e| refused(&self.name, e))?;
         tracing::info!(
             "{}: {} ({}), {}x{} {format:?} at {} fps",
             path.display(),
@@ -175,7 +188,8 @@ impl CameraPort for V4l2Port {
         self.camera = Some(CameraInfo::new(path, caps));
         Ok(Box::new(V4l2Stream {
             stream,
-            decoder,
+            layout: decoder.layout(),
+            needed: decoder.needed_bytes(),
             fps,
             damaged: 0,
         }))
@@ -189,20 +203,29 @@ impl CameraPort for V4l2Port {
 /// A running V4L2 camera.
 struct V4l2Stream {
     stream: Stream,
-    decoder: PictureDecoder,
+    layout: RawLayout,
+    /// Bytes of a whole picture.
+    needed: usize,
     fps: Option<f64>,
     /// Pictures left out because they were damaged.
     damaged: u64,
 }
 
 impl V4l2Stream {
+    /// Whether a buffer holds a picture.
+    fn is_whole(&self, filled: &Filled) -> bool {
+        let bytes = self.stream.bytes(filled);
+        !filled.damaged
+            && bytes.len() >= self.needed
+            && (self.layout.format != PixelFormat::Mjpeg || bytes.starts_with(&JPEG_START))
+    }
+
     /// Every picture that is ready, the newest one kept, the others handed back at once.
-    fn take_newest(&mut self) -> io::Result<Option<super::v4l2::Filled>> {
-        let mut newest = None;
+    fn take_newest(&mut self) -> io::Result<Option<Filled>> {
+        let (mut newest, mut ready) = (None, 0);
         while let Some(filled) = self.stream.dequeue()? {
-            let whole =
-                !filled.damaged && self.stream.bytes(&filled).len() >= self.decoder.needed_bytes();
-            if !whole {
+            ready += 1;
+            if !self.is_whole(&filled) {
                 self.damaged += 1;
                 tracing::debug!("damaged picture left out, {} so far", self.damaged);
                 self.stream.queue(filled)?;
@@ -210,12 +233,18 @@ impl V4l2Stream {
                 self.stream.queue(older)?;
             }
         }
+        if ready >= self.stream.buffers().max(ENOUGH_BUFFERS)
+            && let Some(old) = newest.take()
+        {
+            // The camera had nowhere to put what came after it.
+            self.stream.queue(old)?;
+        }
         Ok(newest)
     }
 }
 
 impl CameraStream for V4l2Stream {
-    fn newest(&mut self, timeout: Duration, frame: &mut Frame) -> io::Result<Option<u32>> {
+    fn newest(&mut self, timeout: Duration, raw: &mut RawPicture) -> io::Result<Option<u32>> {
         let deadline = Instant::now() + timeout;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -229,21 +258,18 @@ impl CameraStream for V4l2Stream {
                 continue;
             };
             let now = monotonic_ns();
-            frame.time_ns = filled
+            raw.time_ns = filled
                 .time_ns
                 .filter(|t| t.abs_diff(now) < MAX_AGE_NS)
                 // Some drivers stamp the end of a picture that they still expect.
                 .map_or(now, |t| t.min(now));
+            raw.layout = self.layout;
+            raw.strict = false;
+            raw.bytes.clear();
+            raw.bytes.extend_from_slice(self.stream.bytes(&filled));
             let sequence = filled.sequence;
-            let decoded = self.decoder.decode(self.stream.bytes(&filled), frame);
             self.stream.queue(filled)?;
-            match decoded {
-                Ok(()) => return Ok(Some(sequence)),
-                Err(reason) => {
-                    self.damaged += 1;
-                    tracing::debug!("{reason}; {} damaged pictures so far", self.damaged);
-                }
-            }
+            return Ok(Some(sequence));
         }
     }
 

@@ -9,6 +9,7 @@ use super::port::V4l2Port;
 use crate::camera::{Clock, SystemClock};
 use crate::capture::error::CaptureError;
 use crate::capture::frame::Frame;
+use crate::capture::raw::{RawDecoder, RawPicture};
 use crate::capture::source::Source;
 use crate::capture::spec::OpenOptions;
 
@@ -16,6 +17,9 @@ use crate::capture::spec::OpenOptions;
 pub struct CameraSource<P = V4l2Port, C = SystemClock> {
     live: Live<P, C>,
     name: String,
+    /// For who wants the pictures decoded.
+    raw: RawPicture,
+    decoder: RawDecoder,
     _lock: Option<InstanceLock>,
 }
 
@@ -62,6 +66,8 @@ impl<P: CameraPort, C: Clock> CameraSource<P, C> {
         Self {
             name: live.name().to_owned(),
             live,
+            raw: RawPicture::default(),
+            decoder: RawDecoder::default(),
             _lock: lock,
         }
     }
@@ -75,7 +81,22 @@ impl<P: CameraPort, C: Clock> CameraSource<P, C> {
 impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
     /// Waits at most about a quarter of a second; then [`CaptureError::NoPictureYet`], which is skippable.
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-        match self.live.step(frame) {
+        let mut raw = std::mem::take(&mut self.raw);
+        let decoded = self.next_raw(&mut raw).and_then(|more| {
+            let drawn = self.decoder.decode(&mut raw, frame);
+            drawn.map_err(|reason| CaptureError::Picture {
+                input: self.name.clone(),
+                reason,
+            })?;
+            Ok(more)
+        });
+        self.raw = raw;
+        decoded
+    }
+
+    /// As [`next_into`](Self::next_into).
+    fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
+        match self.live.step(raw) {
             Step::Picture => Ok(true),
             Step::Waiting(reason) => Err(CaptureError::NoPictureYet {
                 device: self.name.clone(),

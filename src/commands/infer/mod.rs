@@ -1,8 +1,13 @@
 //! `edgecap infer`: pictures in, observations out. Beside `run` on a file, the only process that sees pictures.
 
+mod change;
 mod engine_args;
+mod feed;
 mod observer;
+mod pace;
+mod pace_args;
 mod pipelines;
+mod speed;
 mod zoom;
 
 use std::path::PathBuf;
@@ -10,15 +15,20 @@ use std::path::PathBuf;
 use edgecap_client::message::ObservationFrame;
 use serde::{Deserialize, Serialize};
 
+use super::exit::Failure;
 use super::input::{self, InputArgs};
 use super::job::{self, Supervised};
 use super::outputs::{RecordArgs, finish};
+use super::say;
 use super::stop::Stop;
+use crate::capture::{InputSpec, camera, list_cameras};
 use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, SharedMemorySink, Sinks};
 use crate::supervise::Beat;
 pub(super) use engine_args::{EngineArgs, parse_size};
 pub(super) use observer::{Observer, Step};
+pub(super) use pace::Limits;
+pub(super) use pace_args::PaceArgs;
 
 /// Network input for pictures that lie, pixels, where it does not follow the people in view.
 pub(super) const DEFAULT_SIZE: (usize, usize) = zoom::INPUTS[0];
@@ -33,6 +43,9 @@ pub struct InferArgs {
     /// Write pictures with the detected skeletons drawn to this folder
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
+    /// Say what can be set on the camera by --control, and end
+    #[arg(long)]
+    list_controls: bool,
     /// What a supervisor wants done, in place of all other options
     #[arg(long, hide = true, value_parser = job::parse::<InferTask>)]
     job: Option<job::Parsed<InferTask>>,
@@ -45,6 +58,8 @@ pub struct InferTask {
     pub input: InputArgs,
     #[command(flatten)]
     pub engine: EngineArgs,
+    #[command(flatten)]
+    pub pace: PaceArgs,
     /// Whether a camera may come later.
     #[arg(skip)]
     #[serde(default)]
@@ -59,12 +74,16 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
     let chosen = input::choose(&task.input)?;
+    if args.list_controls {
+        return list_controls(&chosen.spec);
+    }
+    let limits = task.pace.limits(&chosen, args.overlay.is_some())?;
     let source = if task.waits {
         chosen.open_when_there(&task.input)?
     } else {
         chosen.open(&task.input)?
     };
-    let camera = input::camera_file(&task.input, &chosen)?;
+    let lens = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
     args.record.add_to::<ObservationsRow>(&mut sinks)?;
     if let Some(folder) = &args.overlay {
@@ -73,7 +92,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     if task.input.name.is_some() || sinks.is_empty() {
         sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);
     }
-    let mut observer = Observer::new(source, camera, &task.engine)?;
+    let mut observer = Observer::new(source, lens, &task.engine, limits, task.input.mounting())?;
     tracing::info!(source = %chosen.spec, name = %chosen.name, "infer starts");
 
     let mut message = Box::new(ObservationFrame::default());
@@ -85,14 +104,20 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                     heart.beat(Beat::Waiting);
                     continue;
                 }
+                Step::Idle => {
+                    heart.beat(Beat::Idle);
+                    continue;
+                }
+                // A source that does not answer is no progress.
+                Step::Silent => continue,
                 Step::Ended => break,
                 Step::Observed => {}
             }
             observed += 1;
             sinks.take(&Packet {
                 message: &message,
-                source: &observer.picture_name(),
-                picture: Some(observer.picture()),
+                source: observer.picture_name(),
+                picture: observer.picture(),
             })?;
             heart.beat(Beat::Step);
         }
@@ -100,4 +125,22 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     };
     let outcome = observe();
     finish(sinks, observed, outcome).map(drop)
+}
+
+/// Says what can be set on a camera.
+fn list_controls(spec: &InputSpec) -> anyhow::Result<()> {
+    let path = match spec {
+        InputSpec::Path(path) => path.clone(),
+        InputSpec::FirstCamera => list_cameras()?.remove(0).path,
+        InputSpec::Stdin | InputSpec::Demo | InputSpec::StandIn(_) => {
+            return Err(Failure::usage(
+                "--list-controls asks a camera: expected --input /dev/video0 or 'camera'",
+            )
+            .into());
+        }
+    };
+    for line in camera::list_controls(&path)? {
+        say::out(&line);
+    }
+    Ok(())
 }

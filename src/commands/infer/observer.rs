@@ -1,19 +1,42 @@
 //! A source's pictures go in, [`ObservationFrame`]s come out.
 
+use std::time::{Duration, Instant};
+
 use edgecap_client::message::{FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame};
 
 use super::engine_args::{EngineArgs, InputSize};
+use super::feed::{Delivery, Feed, Order, Picture};
+use super::pace::{Limits, Pace, Plan};
 use super::pipelines::Pipelines;
 use crate::camera::{CameraFile, monotonic_ns};
-use crate::capture::{CaptureError, Frame, Source};
+use crate::capture::{Brightness, CaptureError, Frame, Mounting, Source};
 use crate::commands::exit::Failure;
+use crate::commands::pipeline::Seen;
+
+/// Share of a new measurement in what a picture takes.
+const SMOOTH: f32 = 0.2;
+
+/// Pictures per second for which people are looked at with a smaller input than they would want: fewer lose quick movements.
+const LEAST_RATE: f32 = 15.0;
 
 /// A source, its lens and the stages.
 pub struct Observer<'a> {
-    source: Box<dyn Source>,
+    feed: Feed,
+    is_live: bool,
+    mounting: Mounting,
     camera: CameraFile,
     pipelines: Pipelines<'a>,
+    pace: Pace,
+    /// What the next order gives along: the picture that others are compared with, and a buffer.
+    reference: Option<Brightness>,
+    spare: Frame,
+    plan: Plan,
+    /// What the stages take, seconds.
+    busy: f32,
     picture: Frame,
+    /// Whether `picture` is the one that was observed last.
+    has_picture: bool,
+    picture_name: String,
 }
 
 /// What a step brought.
@@ -21,8 +44,12 @@ pub struct Observer<'a> {
 pub enum Step {
     /// A picture, observed.
     Observed,
-    /// None at the moment.
+    /// None at the moment: the source is away, or what it gave was damaged.
     Nothing,
+    /// None is wanted yet.
+    Idle,
+    /// The source does not answer.
+    Silent,
     /// There are no more.
     Ended,
 }
@@ -36,6 +63,8 @@ impl<'a> Observer<'a> {
         source: Box<dyn Source>,
         camera: CameraFile,
         engine: &'a EngineArgs,
+        limits: Limits,
+        mounting: Mounting,
     ) -> anyhow::Result<Self> {
         if engine.size == Some(InputSize::Auto) && source.is_stills() {
             return Err(Failure::usage(
@@ -43,22 +72,34 @@ impl<'a> Observer<'a> {
             )
             .into());
         }
+        let mut pace = Pace::new(limits);
+        let target = LEAST_RATE.recip().max(limits.interval_ns as f32 / 1e9);
+        let target = source.is_live().then_some(target);
         Ok(Self {
-            pipelines: Pipelines::new(engine, !source.is_stills())?,
-            source,
+            pipelines: Pipelines::new(engine, !source.is_stills(), target)?,
+            is_live: source.is_live(),
+            picture_name: source.picture(),
+            feed: Feed::start(source, mounting)?,
+            mounting,
             camera,
+            plan: pace.plan(0),
+            pace,
+            reference: None,
+            spare: Frame::default(),
+            busy: 0.0,
             picture: Frame::default(),
+            has_picture: false,
         })
     }
 
-    /// The picture observed last.
-    pub fn picture(&self) -> &Frame {
-        &self.picture
+    /// The picture observed last, unless it was not decoded because it shows what the one before showed: nobody.
+    pub fn picture(&self) -> Option<&Frame> {
+        self.has_picture.then_some(&self.picture)
     }
 
     /// Where it comes from.
-    pub fn picture_name(&self) -> String {
-        self.source.picture()
+    pub fn picture_name(&self) -> &str {
+        &self.picture_name
     }
 
     /// Observes the next picture. Damaged ones among many are skipped.
@@ -66,42 +107,114 @@ impl<'a> Observer<'a> {
     /// # Errors
     /// When the source has ended in the middle, when the lens does not fit the picture; what was observed before stands.
     pub fn step(&mut self, message: &mut ObservationFrame) -> anyhow::Result<Step> {
-        match self.source.next_into(&mut self.picture) {
-            Ok(true) => {}
-            Ok(false) => return Ok(Step::Ended),
-            // The source has logged what is wrong and looks for the camera again.
-            Err(CaptureError::NoPictureYet { .. }) => return Ok(Step::Nothing),
-            Err(e) if e.is_skippable() => {
-                tracing::warn!("{e}; skipped");
-                return Ok(Step::Nothing);
-            }
-            Err(e) => return Err(e.into()),
+        if !self.feed.is_pending() {
+            self.order(Duration::ZERO);
         }
-        let picture = &self.picture;
-        let intrinsics = self
-            .camera
-            .for_frame(picture.width, picture.height)
-            .map_err(Failure::config)?;
-        let seen = self.pipelines.process(picture, &intrinsics)?;
-        message.sequence = picture.sequence;
-        message.capture_ns = picture.time_ns;
-        message.width = picture.width;
-        message.height = picture.height;
-        message.intrinsics = intrinsics;
-        message.stage_times = seen.times;
-        message.flags = if self.source.is_live() {
-            0
+        match self.feed.receive()? {
+            None => Ok(Step::Silent),
+            Some(Delivery::NotDue) => Ok(Step::Idle),
+            Some(Delivery::Ended) => Ok(Step::Ended),
+            Some(Delivery::Failed(e)) => match e {
+                // The source has logged what is wrong and looks for the camera again.
+                CaptureError::NoPictureYet { .. } => Ok(Step::Nothing),
+                e if e.is_skippable() => {
+                    if self.is_live {
+                        tracing::debug!("{e}");
+                    } else {
+                        tracing::warn!("{e}; skipped");
+                    }
+                    Ok(Step::Nothing)
+                }
+                e => Err(e.into()),
+            },
+            Some(Delivery::Unchanged(time_ns, sequence, buffer)) => {
+                self.spare = buffer;
+                self.has_picture = false;
+                self.pace.unchanged(time_ns);
+                self.plan = self.pace.plan(time_ns);
+                (message.sequence, message.capture_ns) = (sequence, time_ns);
+                message.count = 0;
+                message.without_neck = 0;
+                message.stage_times = Default::default();
+                message.publish_ns = monotonic_ns();
+                Ok(Step::Observed)
+            }
+            Some(Delivery::Picture(picture)) => {
+                self.observe(*picture, message)?;
+                Ok(Step::Observed)
+            }
+        }
+    }
+
+    fn order(&mut self, busy: Duration) {
+        self.feed.order(Order {
+            from_ns: self.plan.from_ns,
+            wanted: self.plan.wanted,
+            ready_at: Instant::now() + busy,
+            reference: self.reference.take(),
+            buffer: std::mem::take(&mut self.spare),
+        });
+    }
+
+    fn observe(&mut self, picture: Picture, message: &mut ObservationFrame) -> anyhow::Result<()> {
+        self.spare = std::mem::replace(&mut self.picture, picture.frame);
+        self.has_picture = true;
+        self.picture_name = picture.name;
+        let now = self.picture.time_ns;
+        // The lens is that of the picture as the camera gives it.
+        let (width, height) = self.mounting.size(self.picture.width, self.picture.height);
+        let lens = self.camera.for_frame(width, height);
+        let lens = lens.map_err(Failure::config)?;
+        let intrinsics = self.mounting.intrinsics(lens, width, height);
+        let idle = self.pace.is_idle();
+        if !idle {
+            // The next one is taken and decoded while the network is at work on this one.
+            if self.is_live {
+                self.plan = self.pace.plan(now);
+            }
+            self.order(Duration::from_secs_f32(self.busy));
+        }
+        let start = Instant::now();
+        let seen = if idle {
+            let look = self.pace.look(now);
+            let seen = self
+                .pipelines
+                .look(&self.picture, &intrinsics, look.large)?;
+            if self.pace.looked(now, look, seen.people.len()) {
+                self.reference = picture.brightness;
+            }
+            seen
         } else {
-            FLAG_FILE_TIME
+            let seen = self.pipelines.process(&self.picture, &intrinsics)?;
+            if self.is_live {
+                self.pace.seen(now, seen.people.len());
+            }
+            seen
         };
-        message.without_neck = seen.without_neck;
-        let total = self.source.frame_count().unwrap_or(0);
+        fill(message, &self.picture, &seen);
+        self.busy += SMOOTH * (start.elapsed().as_secs_f32() - self.busy);
+        message.intrinsics = intrinsics;
+        message.flags = if self.is_live { 0 } else { FLAG_FILE_TIME };
+        let total = picture.total.unwrap_or(0);
         message.frame_total = u32::try_from(total).unwrap_or(u32::MAX);
-        message.count = seen.people.len().min(MAX_PEOPLE) as u32;
-        for (slot, o) in message.people.iter_mut().zip(seen.people) {
-            *slot = *o;
+        if self.is_live && !self.feed.is_pending() {
+            self.plan = self.pace.plan(now);
         }
         message.publish_ns = monotonic_ns();
-        Ok(Step::Observed)
+        Ok(())
+    }
+}
+
+/// What was seen in a picture, as a message.
+fn fill(message: &mut ObservationFrame, picture: &Frame, seen: &Seen<'_>) {
+    message.sequence = picture.sequence;
+    message.capture_ns = picture.time_ns;
+    message.width = picture.width;
+    message.height = picture.height;
+    message.stage_times = seen.times;
+    message.without_neck = seen.without_neck;
+    message.count = seen.people.len().min(MAX_PEOPLE) as u32;
+    for (slot, o) in message.people.iter_mut().zip(seen.people) {
+        *slot = *o;
     }
 }

@@ -1,9 +1,13 @@
 //! The stages at every size that pictures ask for.
 
+use std::time::Instant;
+
 use edgecap_client::message::{Intrinsics, Observation};
 
 use super::engine_args::{EngineArgs, turned};
+use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
+use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::pipeline::{Pipeline, Seen};
 
@@ -14,6 +18,7 @@ pub struct Pipelines<'a> {
     /// By orientation (upright second; alone where the size is fixed) and, where the input follows the people in view, its size.
     built: Vec<Vec<Pipeline>>,
     following: Option<Following>,
+    speed: Speed,
 }
 
 /// The input that follows the people in view.
@@ -26,11 +31,12 @@ struct Following {
 }
 
 impl<'a> Pipelines<'a> {
-    /// Builds them all. The input of a `film` follows the people in view unless it is fixed.
+    /// Builds them all. The input of a `film` follows the people in view unless it is fixed; where pictures may take only
+    /// `target` seconds each, no input is larger than the machine has time for.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
-    pub fn new(engine: &'a EngineArgs, film: bool) -> anyhow::Result<Self> {
+    pub fn new(engine: &'a EngineArgs, film: bool, target: Option<f32>) -> anyhow::Result<Self> {
         let follows = film && !engine.is_fixed();
         let levels = if follows { INPUTS.len() } else { 1 };
         let orientations = if engine.is_fixed() { 1 } else { 2 };
@@ -49,6 +55,7 @@ impl<'a> Pipelines<'a> {
             engine,
             built,
             following: follows.then(Following::default),
+            speed: Speed::new(target),
         })
     }
 
@@ -67,23 +74,61 @@ impl<'a> Pipelines<'a> {
         else {
             return built[0].process(frame, intrinsics);
         };
-        let (w, h) = turned(INPUTS[0], upright);
-        let scale = (w as f32 / frame.width as f32).min(h as f32 / frame.height as f32);
-        let heights = |people: &[Observation], out: &mut Vec<f32>| {
-            out.clear();
-            out.extend(people.iter().filter_map(stature).map(|s| s * scale));
-        };
+        let heights = heights_in(frame, upright);
         let other = zoom.look_elsewhere(frame.time_ns);
         if let Some(level) = other {
             heights(built[level].process(frame, intrinsics)?.people, elsewhere);
         }
+        zoom.limit(self.speed.limit());
         let level = zoom.level();
+        let start = Instant::now();
         let seen = built[level].process(frame, intrinsics)?;
+        let seconds = start.elapsed().as_secs_f32();
+        if let Some(slower) = self.speed.took(monotonic_ns(), level, seconds) {
+            tracing::warn!("{}", slower.line());
+        }
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
             tracing::debug!(?here, ?elsewhere, input = ?INPUTS[zoom.level()], "another input");
         }
         Ok(seen)
+    }
+
+    /// Looks whether anybody is in the frame: with the smallest input, and if that shows nobody and `large`, with the largest.
+    ///
+    /// # Errors
+    /// As [`Pipeline::process`].
+    pub fn look(
+        &mut self,
+        frame: &Frame,
+        intrinsics: &Intrinsics,
+        large: bool,
+    ) -> anyhow::Result<Seen<'_>> {
+        let upright = frame.height > frame.width && !self.engine.is_fixed();
+        let built = &mut self.built[usize::from(upright)];
+        let smallest = built.len() - 1;
+        let people = built[smallest].process(frame, intrinsics)?.people;
+        if people.is_empty() && large && smallest > 0 {
+            return built[0].process(frame, intrinsics);
+        }
+        if let Some(Following {
+            zoom, elsewhere, ..
+        }) = &mut self.following
+        {
+            heights_in(frame, upright)(people, elsewhere);
+            zoom.seen(frame.time_ns, &[], Some(elsewhere));
+        }
+        Ok(built[smallest].seen())
+    }
+}
+
+/// How tall people are, pixels of the largest input.
+fn heights_in(frame: &Frame, upright: bool) -> impl Fn(&[Observation], &mut Vec<f32>) {
+    let (w, h) = turned(INPUTS[0], upright);
+    let scale = (w as f32 / frame.width as f32).min(h as f32 / frame.height as f32);
+    move |people, out| {
+        out.clear();
+        out.extend(people.iter().filter_map(stature).map(|s| s * scale));
     }
 }

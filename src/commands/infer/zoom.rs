@@ -22,6 +22,8 @@ const LOOK_EVERY_NS: u64 = 1_000_000_000;
 #[derive(Debug, Clone, Default)]
 pub struct Zoom {
     level: usize,
+    /// The largest input that this machine has time for.
+    limit: usize,
     /// Another input that people want, and since when, nanoseconds.
     wish: Option<(usize, u64)>,
     looked_ns: Option<u64>,
@@ -31,7 +33,12 @@ pub struct Zoom {
 impl Zoom {
     /// Which of [`INPUTS`] the next picture takes.
     pub fn level(&self) -> usize {
-        self.level
+        self.level.max(self.limit)
+    }
+
+    /// From now on no input is larger than this one.
+    pub fn limit(&mut self, limit: usize) {
+        self.limit = limit;
     }
 
     /// The input that the picture taken at `now` nanoseconds is to be looked at with as well, if any: every other one in its turn.
@@ -42,12 +49,13 @@ impl Zoom {
             return None;
         }
         self.looked_ns = Some(now);
-        loop {
+        for _ in 0..INPUTS.len() {
             self.looked_at = (self.looked_at + 1) % INPUTS.len();
-            if self.looked_at != self.level {
+            if self.looked_at >= self.limit && self.looked_at != self.level() {
                 return Some(self.looked_at);
             }
         }
+        None
     }
 
     /// Takes in how tall people are, pixels of the largest input: those seen by the present input in the picture taken at `now`, and those seen by
@@ -168,6 +176,19 @@ mod tests {
             let from = k * 300 * FRAME_NS;
             assert_eq!(after_ten_seconds(&mut zoom, from, seen_by(people)), level);
         }
+    }
+
+    #[test]
+    fn a_slow_machine_looks_with_no_larger_input_than_it_has_time_for() {
+        let mut zoom = Zoom::default();
+        zoom.limit(1);
+        assert_eq!(after_ten_seconds(&mut zoom, 0, seen_by(&[100.0])), 1);
+        assert_eq!(after_ten_seconds(&mut zoom, 0, seen_by(&[700.0])), 2);
+        zoom.limit(2);
+        assert!((0..300).all(|k| zoom.look_elsewhere(k * FRAME_NS).is_none()));
+        zoom.limit(0);
+        let from = 300 * FRAME_NS;
+        assert_eq!(after_ten_seconds(&mut zoom, from, seen_by(&[100.0])), 0);
     }
 
     #[test]

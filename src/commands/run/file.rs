@@ -9,7 +9,7 @@ use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::fit;
-use crate::commands::infer::{Observer, Step};
+use crate::commands::infer::{Limits, Observer, Step};
 use crate::commands::input::{self, Chosen};
 use crate::commands::outputs::finish;
 use crate::commands::stop::Stop;
@@ -63,7 +63,9 @@ pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
     let outcome = std::thread::scope(|threads| -> anyhow::Result<()> {
         let (send, receive) = sync_channel(AHEAD);
         let seeing = threads.spawn(move || {
-            let mut observer = Observer::new(source, camera, &args.engine)?;
+            let mounting = args.input.mounting();
+            let limits = Limits::default();
+            let mut observer = Observer::new(source, camera, &args.engine, limits, mounting)?;
             see(&mut observer, &send, wants_pictures, stop)
         });
         let mut out = Box::new(BodyFrame::default());
@@ -111,14 +113,14 @@ fn see(
     while !stop.requested() {
         let mut message = Box::new(ObservationFrame::default());
         match observer.step(&mut message)? {
-            Step::Nothing => continue,
+            Step::Nothing | Step::Idle | Step::Silent => continue,
             Step::Ended => break,
             Step::Observed => {}
         }
         let observed = Observed {
             message,
-            source: observer.picture_name(),
-            picture: wants_pictures.then(|| observer.picture().clone()),
+            source: observer.picture_name().to_owned(),
+            picture: observer.picture().filter(|_| wants_pictures).cloned(),
         };
         if send.send(observed).is_err() {
             break;

@@ -8,7 +8,7 @@ mod live;
 use std::path::PathBuf;
 
 use super::exit::Failure;
-use super::infer::{EngineArgs, InferTask};
+use super::infer::{EngineArgs, InferTask, PaceArgs};
 use super::input::{self, Chosen, InputArgs};
 use super::outputs::RecordArgs;
 use super::say;
@@ -26,6 +26,8 @@ pub struct RunArgs {
     input: InputArgs,
     #[command(flatten)]
     engine: EngineArgs,
+    #[command(flatten)]
+    pace: PaceArgs,
     #[command(flatten)]
     record: RecordArgs,
     /// Write pictures with the fitted skeletons drawn to this folder (files only)
@@ -51,6 +53,8 @@ pub struct RunArgs {
 pub fn run(mut args: RunArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let chosen = input::choose(&args.input)?;
+    // What is wrong with it the user is told here, not by a child.
+    args.pace.limits(&chosen, false)?;
     if chosen.is_live() {
         if args.overlay.is_some() {
             return Err(Failure::usage(
@@ -73,6 +77,7 @@ impl RunArgs {
             input: self.input.resolved(chosen),
             engine: self.engine.clone(),
             waits: !self.no_wait,
+            pace: self.pace.clone(),
         }
     }
 

@@ -1,0 +1,207 @@
+//! How a camera is mounted: its picture goes in, an upright one comes out, with the lens that belongs to it.
+
+use edgecap_client::message::Intrinsics;
+
+use super::frame::Frame;
+
+/// Pixels that are turned at once, across and down: rows of both pictures then stay in the cache.
+const TILE: usize = 32;
+
+/// What has to be done to a camera's picture: first the mirror image where the camera shows one, then quarter turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Mounting {
+    /// Clockwise quarter turns that put the picture upright, 0 to 3.
+    pub quarter_turns: u8,
+    /// The camera shows a mirror image, which is mirrored back.
+    pub mirrored: bool,
+}
+
+impl Mounting {
+    /// Whether the picture stays as it is.
+    pub fn is_plain(self) -> bool {
+        self == Self::default()
+    }
+
+    /// Width and height of the camera's own picture, given those of the upright one, or the other way round.
+    pub fn size(self, width: u32, height: u32) -> (u32, u32) {
+        if self.quarter_turns % 2 == 1 {
+            (height, width)
+        } else {
+            (width, height)
+        }
+    }
+
+    /// Puts a picture upright; `spare` is memory for it.
+    ///
+    /// # Panics
+    /// When `frame` has not `3 * width * height` bytes.
+    pub fn apply(self, frame: &mut Frame, spare: &mut Vec<u8>) {
+        if self.is_plain() {
+            return;
+        }
+        let (w, h) = (frame.width as usize, frame.height as usize);
+        assert_eq!(frame.rgb.len(), 3 * w * h, "bytes of the picture");
+        let (width, height) = self.size(frame.width, frame.height);
+        spare.resize(frame.rgb.len(), 0);
+        let (from, _) = frame.rgb.as_chunks::<3>();
+        let (to, _) = spare.as_chunks_mut::<3>();
+        let across = width as usize;
+        for top in (0..h).step_by(TILE) {
+            for left in (0..w).step_by(TILE) {
+                for y in top..(top + TILE).min(h) {
+                    for x in left..(left + TILE).min(w) {
+                        let [u, v] = self.place([x, y], [w, h]);
+                        to[v * across + u] = from[y * w + x];
+                    }
+                }
+            }
+        }
+        std::mem::swap(&mut frame.rgb, spare);
+        (frame.width, frame.height) = (width, height);
+    }
+
+    /// Where a pixel of a `w` × `h` picture goes.
+    fn place(self, [x, y]: [usize; 2], [w, h]: [usize; 2]) -> [usize; 2] {
+        let x = if self.mirrored { w - 1 - x } else { x };
+        match self.quarter_turns % 4 {
+            0 => [x, y],
+            1 => [h - 1 - y, x],
+            2 => [w - 1 - x, h - 1 - y],
+            _ => [y, w - 1 - x],
+        }
+    }
+
+    /// The lens of the upright picture, given that of the camera's own picture of `width` × `height`.
+    pub fn intrinsics(self, lens: Intrinsics, width: u32, height: u32) -> Intrinsics {
+        let (right, bottom) = (width as f32 - 1.0, height as f32 - 1.0);
+        let cx = if self.mirrored {
+            right - lens.cx
+        } else {
+            lens.cx
+        };
+        let cy = lens.cy;
+        let (cx, cy) = match self.quarter_turns % 4 {
+            0 => (cx, cy),
+            1 => (bottom - cy, cx),
+            2 => (right - cx, bottom - cy),
+            _ => (cy, right - cx),
+        };
+        let (fx, fy) = if self.quarter_turns % 2 == 1 {
+            (lens.fy, lens.fx)
+        } else {
+            (lens.fx, lens.fy)
+        };
+        Intrinsics { fx, fy, cx, cy }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> impl Iterator<Item = Mounting> {
+        (0..8).map(|k| Mounting {
+            quarter_turns: k % 4,
+            mirrored: k > 3,
+        })
+    }
+
+    #[test]
+    fn pictures_turn_clockwise_after_they_are_mirrored_back() {
+        let picture = |width, height, reds: [u8; 6]| Frame {
+            width,
+            height,
+            rgb: reds.iter().flat_map(|r| [*r, 0, 9]).collect(),
+            ..Frame::default()
+        };
+        let turned = |quarter_turns, mirrored| {
+            let mut frame = picture(3, 2, [1, 2, 3, 4, 5, 6]);
+            let mounting = Mounting {
+                quarter_turns,
+                mirrored,
+            };
+            mounting.apply(&mut frame, &mut Vec::new());
+            frame
+        };
+        assert_eq!(turned(0, false), picture(3, 2, [1, 2, 3, 4, 5, 6]));
+        assert_eq!(turned(1, false), picture(2, 3, [4, 1, 5, 2, 6, 3]));
+        assert_eq!(turned(2, false), picture(3, 2, [6, 5, 4, 3, 2, 1]));
+        assert_eq!(turned(3, false), picture(2, 3, [3, 6, 2, 5, 1, 4]));
+        assert_eq!(turned(0, true), picture(3, 2, [3, 2, 1, 6, 5, 4]));
+        assert_eq!(turned(1, true), picture(2, 3, [6, 3, 5, 2, 4, 1]));
+    }
+
+    #[test]
+    fn the_lens_turns_with_the_picture() {
+        let lens = Intrinsics {
+            fx: 900.0,
+            fy: 910.0,
+            cx: 620.0,
+            cy: 350.0,
+        };
+        let (w, h) = (1280usize, 720usize);
+        for mounting in all() {
+            let upright = mounting.intrinsics(lens, w as u32, h as u32);
+            for at in [[0, 0], [1279, 0], [620, 350], [17, 700]] {
+                let [u, v] = mounting.place(at, [w, h]);
+                // Distances from the principal point in focal lengths are those of the camera's own picture.
+                let mut own = [
+                    (at[0] as f32 - lens.cx) / lens.fx,
+                    (at[1] as f32 - lens.cy) / lens.fy,
+                ];
+                let mut now = [
+                    (u as f32 - upright.cx) / upright.fx,
+                    (v as f32 - upright.cy) / upright.fy,
+                ];
+                if mounting.quarter_turns % 2 == 1 {
+                    now.swap(0, 1);
+                }
+                (own, now) = (own.map(f32::abs), now.map(f32::abs));
+                for k in 0..2 {
+                    assert!((own[k] - now[k]).abs() < 1e-5, "{mounting:?} {at:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn large_pictures_turn_whole_and_back() {
+        let (width, height) = (77, 45);
+        let rgb: Vec<u8> = (0..3 * width * height).map(|i| (i % 251) as u8).collect();
+        let before = Frame {
+            width,
+            height,
+            rgb,
+            ..Frame::default()
+        };
+        for mounting in all() {
+            let mut frame = before.clone();
+            let mut spare = Vec::new();
+            mounting.apply(&mut frame, &mut spare);
+            assert_eq!((frame.width, frame.height), mounting.size(width, height));
+            let back = Mounting {
+                // A mirror image turns the other way.
+                quarter_turns: if mounting.mirrored {
+                    0
+                } else {
+                    (4 - mounting.quarter_turns) % 4
+                },
+                mirrored: false,
+            };
+            if mounting.mirrored {
+                let turned_back = Mounting {
+                    quarter_turns: (4 - mounting.quarter_turns) % 4,
+                    mirrored: false,
+                };
+                turned_back.apply(&mut frame, &mut spare);
+                let mirror = Mounting {
+                    quarter_turns: 0,
+                    mirrored: true,
+                };
+                mirror.apply(&mut frame, &mut spare);
+            }
+            back.apply(&mut frame, &mut spare);
+            assert_eq!(frame, before, "{mounting:?}");
+        }
+    }
+}

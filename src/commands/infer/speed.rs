@@ -1,0 +1,251 @@
+//! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes slower than it was.
+//! Times go in, verdicts come out.
+
+use super::zoom::INPUTS;
+
+/// Share of a new measurement in what a picture takes.
+const SMOOTH: f32 = 0.1;
+/// How long an input must have been too slow before a smaller one is taken.
+const SLOW_NS: u64 = 2_000_000_000;
+/// How long a larger one must have promised to be fast enough.
+const FAST_NS: u64 = 10_000_000_000;
+/// Part of the time that a larger input may need by what the present one takes.
+const ROOM: f32 = 0.8;
+/// So many pictures tell how fast this machine is when it is cold and has nothing else to do.
+const FIRST: u32 = 100;
+/// So many times as slow as at first is worth a word.
+const SLOWER: f32 = 1.5;
+/// If it stays so for this long.
+const SLOWER_NS: u64 = 30_000_000_000;
+
+/// What a picture takes at every size.
+#[derive(Debug, Clone)]
+pub struct Speed {
+    /// What a picture may take, seconds; `None` where nobody waits for it.
+    target: Option<f32>,
+    levels: [Level; INPUTS.len()],
+    /// The largest input that keeps up.
+    limit: usize,
+    /// Since when another limit would be right.
+    since: Option<(usize, u64)>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Level {
+    pictures: u32,
+    /// Seconds a picture, smoothed.
+    seconds: f32,
+    /// The same after the first hundred pictures, or since if it became less.
+    at_first: f32,
+    slower_since: Option<u64>,
+    told: bool,
+}
+
+/// A machine that has become slower: seconds a picture, at first and now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slower {
+    pub at_first: f32,
+    pub now: f32,
+}
+
+impl Speed {
+    /// For pictures that may take `target` seconds each.
+    pub fn new(target: Option<f32>) -> Self {
+        Self {
+            target,
+            levels: Default::default(),
+            limit: 0,
+            since: None,
+        }
+    }
+
+    /// The largest input that keeps up, counted as [`INPUTS`].
+    pub fn limit(&self) -> usize {
+        self.limit
+    }
+
+    /// A picture of the input `level` took so many seconds and was ready at `now` nanoseconds. Says when the machine has
+    /// become slower, once until it has recovered.
+    pub fn took(&mut self, now: u64, level: usize, seconds: f32) -> Option<Slower> {
+        let target = self.target?;
+        let entry = &mut self.levels[level];
+        entry.pictures += 1;
+        entry.seconds += (seconds - entry.seconds) * SMOOTH.max(1.0 / entry.pictures as f32);
+        let takes = entry.seconds;
+        let told = entry.became_slower(now);
+        self.choose(now, level, takes, target);
+        told
+    }
+
+    /// Takes another limit where the present one has been wrong for long enough.
+    fn choose(&mut self, now: u64, level: usize, takes: f32, target: f32) {
+        let pixels = |l: usize| (INPUTS[l].0 * INPUTS[l].1) as f32;
+        let wanted = if takes > target && level >= self.limit {
+            (level + 1).min(INPUTS.len() - 1)
+        } else if self.limit > 0 && takes * pixels(self.limit - 1) / pixels(level) < ROOM * target {
+            self.limit - 1
+        } else {
+            self.limit
+        };
+        if wanted == self.limit {
+            self.since = None;
+            return;
+        }
+        let since = match self.since {
+            Some((limit, since)) if limit == wanted && since <= now => since,
+            _ => now,
+        };
+        let patience = if wanted > self.limit {
+            SLOW_NS
+        } else {
+            FAST_NS
+        };
+        self.since = Some((wanted, since));
+        if now - since >= patience {
+            self.limit = wanted;
+            self.since = None;
+        }
+    }
+}
+
+impl Level {
+    fn became_slower(&mut self, now: u64) -> Option<Slower> {
+        if self.pictures <= FIRST {
+            self.at_first = self.seconds;
+            return None;
+        }
+        self.at_first = self.at_first.min(self.seconds);
+        if self.seconds < SLOWER * self.at_first {
+            self.slower_since = None;
+            self.told = false;
+            return None;
+        }
+        let since = *self.slower_since.get_or_insert(now);
+        if self.told || now.saturating_sub(since) < SLOWER_NS {
+            return None;
+        }
+        self.told = true;
+        Some(Slower {
+            at_first: self.at_first,
+            now: self.seconds,
+        })
+    }
+}
+
+impl Slower {
+    /// A line for the log, with what the processor says of its temperature.
+    pub fn line(&self) -> String {
+        let heat = match throttled() {
+            Some(0) => {
+                "the processor has not been throttled for heat: something else uses it".into()
+            }
+            Some(n) => format!(
+                "the processor was throttled for heat {n} times since it was started: cool it"
+            ),
+            None => {
+                "the processor does not say whether it is hot, or something else uses it".to_owned()
+            }
+        };
+        format!(
+            "a picture takes {:.0} ms, {:.1} times what it took at first ({:.0} ms); {heat}",
+            1e3 * self.now,
+            self.now / self.at_first,
+            1e3 * self.at_first
+        )
+    }
+}
+
+/// How often the cores have been throttled, as far as the kernel says.
+fn throttled() -> Option<u64> {
+    let cores = std::fs::read_dir("/sys/devices/system/cpu").ok()?;
+    cores
+        .filter_map(|core| {
+            let count = core
+                .ok()?
+                .path()
+                .join("thermal_throttle/core_throttle_count");
+            std::fs::read_to_string(count)
+                .ok()?
+                .trim()
+                .parse::<u64>()
+                .ok()
+        })
+        .reduce(|a, b| a.saturating_add(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: u64 = 66_666_667;
+    const TARGET: f32 = 1.0 / 15.0;
+
+    /// Plays pictures on a machine that takes `seconds` for one of the largest input; returns the limit.
+    fn play(speed: &mut Speed, clock: &mut u64, seconds: f32, for_ns: u64) -> Vec<Slower> {
+        let end = *clock + for_ns;
+        let mut told = Vec::new();
+        while *clock < end {
+            let level = speed.limit();
+            let share = (INPUTS[level].0 * INPUTS[level].1) as f32 / (512.0 * 320.0);
+            let takes = seconds * share;
+            *clock += FRAME.max((takes * 1e9) as u64);
+            told.extend(speed.took(*clock, level, takes));
+        }
+        told
+    }
+
+    #[test]
+    fn the_largest_input_that_keeps_up_is_taken() {
+        // 384x240 takes 56 % of the time, 256x160 a quarter.
+        for (seconds, limit) in [(0.02, 0), (0.06, 0), (0.1, 1), (0.2, 2), (2.0, 2)] {
+            let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+            play(&mut speed, &mut clock, seconds, 60_000_000_000);
+            assert_eq!(speed.limit(), limit, "{seconds}");
+        }
+    }
+
+    #[test]
+    fn a_machine_that_has_time_again_gets_the_larger_input_back_and_does_not_swing() {
+        let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+        play(&mut speed, &mut clock, 0.1, 20_000_000_000);
+        assert_eq!(speed.limit(), 1);
+        // 512x320 would be ready in time, but barely.
+        play(&mut speed, &mut clock, 0.06, 60_000_000_000);
+        assert_eq!(speed.limit(), 1);
+        play(&mut speed, &mut clock, 0.03, 60_000_000_000);
+        assert_eq!(speed.limit(), 0);
+    }
+
+    #[test]
+    fn a_hiccup_changes_nothing() {
+        let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+        play(&mut speed, &mut clock, 0.03, 20_000_000_000);
+        play(&mut speed, &mut clock, 0.3, 1_000_000_000);
+        play(&mut speed, &mut clock, 0.03, 1_000_000_000);
+        assert_eq!(speed.limit(), 0);
+        assert!(
+            Speed::new(None).took(0, 0, 99.0).is_none(),
+            "a file has time"
+        );
+    }
+
+    #[test]
+    fn a_machine_that_becomes_slower_is_told_once_until_it_recovers() {
+        let (mut speed, mut clock) = (Speed::new(Some(1.0)), 0);
+        let minute = 60_000_000_000;
+        assert_eq!(play(&mut speed, &mut clock, 0.02, minute), []);
+        let told = play(&mut speed, &mut clock, 0.04, 5 * minute);
+        assert_eq!(told.len(), 1);
+        assert!(
+            (told[0].now / told[0].at_first - 2.0).abs() < 0.1,
+            "{told:?}"
+        );
+        assert!(
+            told[0]
+                .line()
+                .contains("40 ms, 2.0 times what it took at first (20 ms)")
+        );
+        assert_eq!(play(&mut speed, &mut clock, 0.02, minute), []);
+        assert_eq!(play(&mut speed, &mut clock, 0.04, minute).len(), 1);
+    }
+}
