@@ -27,7 +27,7 @@ from skeleton import BONES_AT, CANONICAL_STATURE_M, JOINTS14, JOINTS21, LIMBS, P
 
 TRAINED_ON = (
     "Leeds Sports Pose (train) and LSP-Extended, INRIA negatives, synthetic people (CC0 MakeHuman assets, `edgecap synth`) "
-    "posed by CMU and DeepMimic motion; where the pack holds a teacher's answers, depth, missing and mended joints of real photos by BlazePose"
+    "posed by CMU and DeepMimic motion; photos of everyday life in which teachers labelled everybody (model card); where the pack holds a teacher's answers, depth, missing and mended joints of real photos by BlazePose"
 )
 
 
