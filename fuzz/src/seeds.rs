@@ -291,7 +291,7 @@ fn messages() -> Vec<Vec<u8>> {
     });
     bodies.bodies[0] = Body {
         id: 1,
-        state: 1,
+        state: edgecap::message::BodyState::TRACKED,
         score: 0.5,
         height: 1.7,
         ..Body::default()

@@ -185,7 +185,7 @@ fn progress() -> ProgressStyle {
 fn rows(frame: &BodyFrame) -> String {
     let mut s = String::from("  id  state          x      y      z  m   height  confidence");
     for b in frame.bodies() {
-        let state = if b.state == BodyState::Tracked as u32 {
+        let state = if b.state == BodyState::TRACKED {
             "tracked"
         } else {
             "predicted"

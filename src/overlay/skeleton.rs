@@ -70,7 +70,7 @@ impl Person for Observation {
 impl Person for Body {
     /// All joints of the fitted skeleton; the label is the identity and the score, with `?` while the person is out of sight.
     fn skeleton(&self, _position: usize) -> Skeleton {
-        let lost = if self.state == BodyState::Predicted as u32 {
+        let lost = if self.state == BodyState::PREDICTED {
             "?"
         } else {
             ""
@@ -82,7 +82,7 @@ impl Person for Body {
                 .map(|j| {
                     // Behind the camera there is no pixel.
                     let in_front = self.joints3d[j][2] > 0.0;
-                    let seen = self.joint_states[j] == JointState::Observed as u8;
+                    let seen = self.joint_states[j] == JointState::OBSERVED;
                     in_front.then(|| joint(self.joints2d[j], seen)).flatten()
                 })
                 .collect(),

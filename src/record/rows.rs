@@ -415,7 +415,7 @@ impl WorldRow {
         world.is_known().then_some(Self {
             rotation: world.rotation,
             translation: world.translation,
-            state: if world.state == WorldState::Given as u32 {
+            state: if world.state == WorldState::GIVEN {
                 WorldName::Given
             } else {
                 WorldName::Estimated
@@ -425,13 +425,13 @@ impl WorldRow {
 
     fn message(&self) -> World {
         let state = match self.state {
-            WorldName::Estimated => WorldState::Estimated,
-            WorldName::Given => WorldState::Given,
+            WorldName::Estimated => WorldState::ESTIMATED,
+            WorldName::Given => WorldState::GIVEN,
         };
         World {
             rotation: self.rotation,
             translation: self.translation,
-            state: state as u32,
+            state,
         }
     }
 }
@@ -441,8 +441,8 @@ impl From<&Body> for BodyRow {
         Self {
             id: body.id,
             state: match body.state {
-                s if s == BodyState::Tracked as u32 => StateName::Tracked,
-                s if s == BodyState::Predicted as u32 => StateName::Predicted,
+                BodyState::TRACKED => StateName::Tracked,
+                BodyState::PREDICTED => StateName::Predicted,
                 _ => StateName::Tentative,
             },
             position: body.position,
@@ -454,8 +454,8 @@ impl From<&Body> for BodyRow {
             confidence: body.score,
             joint_confidence: body.confidence,
             joint_states: std::array::from_fn(|j| match body.joint_states[j] {
-                s if s == JointState::Observed as u8 => JointName::Observed,
-                s if s == JointState::Occluded as u8 => JointName::Occluded,
+                JointState::OBSERVED => JointName::Observed,
+                JointState::OCCLUDED => JointName::Occluded,
                 _ => JointName::Predicted,
             }),
             height: body.height,
@@ -467,21 +467,13 @@ impl From<&Body> for BodyRow {
 
 impl BodyRow {
     fn message(&self) -> Body {
-        let mut joint_states = [0; BODY_JOINTS + 3];
-        for (to, from) in joint_states.iter_mut().zip(self.joint_states) {
-            *to = match from {
-                JointName::Predicted => JointState::Predicted,
-                JointName::Occluded => JointState::Occluded,
-                JointName::Observed => JointState::Observed,
-            } as u8;
-        }
         Body {
             id: self.id,
             state: match self.state {
-                StateName::Tentative => BodyState::Tentative,
-                StateName::Tracked => BodyState::Tracked,
-                StateName::Predicted => BodyState::Predicted,
-            } as u32,
+                StateName::Tentative => BodyState::TENTATIVE,
+                StateName::Tracked => BodyState::TRACKED,
+                StateName::Predicted => BodyState::PREDICTED,
+            },
             score: self.confidence,
             position: self.position,
             orientation: self.orientation,
@@ -493,7 +485,12 @@ impl BodyRow {
             height: self.height,
             bone_lengths: self.bone_lengths,
             bone_rotations: self.bone_rotations,
-            joint_states,
+            joint_states: self.joint_states.map(|name| match name {
+                JointName::Predicted => JointState::PREDICTED,
+                JointName::Occluded => JointState::OCCLUDED,
+                JointName::Observed => JointState::OBSERVED,
+            }),
+            reserved: [0; 3],
         }
     }
 }

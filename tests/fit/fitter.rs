@@ -222,12 +222,12 @@ fn a_missed_person_is_predicted_then_gone_then_recognised() {
     let (id, state, sure, joint) = states[59].unwrap();
     assert_eq!(
         (id, state, joint),
-        (1, BodyState::Tracked as u32, JointState::Observed as u8)
+        (1, BodyState::TRACKED, JointState::OBSERVED)
     );
     let (id, state, unsure, joint) = states[62].unwrap();
     assert_eq!(
         (id, state, joint),
-        (1, BodyState::Predicted as u32, JointState::Predicted as u8)
+        (1, BodyState::PREDICTED, JointState::PREDICTED)
     );
     assert!(unsure < sure);
     assert_eq!(
@@ -258,7 +258,7 @@ fn whoever_walks_out_is_not_drawn_walking_on() {
                     && (-0.5..out.height as f32 - 0.5).contains(&v)
             };
             for body in out.bodies() {
-                let predicted = body.state == BodyState::Predicted as u32;
+                let predicted = body.state == BodyState::PREDICTED;
                 let trunk = [NECK, PELVIS].map(|j| inside(body.joints2d[j]));
                 assert!(!predicted || trunk.contains(&true), "{trunk:?}");
                 tracked += usize::from(!predicted);

@@ -153,12 +153,12 @@ fn bodies_stand_on_the_floor_of_the_world() {
     let mut heights = Vec::new();
     for _ in 0..600 {
         fitter.update(&scene.next().0, &mut out);
-        if out.world.state == WorldState::None as u32 {
+        if out.world.state == WorldState::NONE {
             assert_eq!(before, None, "a world does not vanish");
             assert!(out.bodies().iter().all(|b| out.in_world(b).is_none()));
             continue;
         }
-        assert_eq!(out.world.state, WorldState::Estimated as u32);
+        assert_eq!(out.world.state, WorldState::ESTIMATED);
         // A point five metres in front of the camera.
         let ahead = out.world.point([0.0, 0.0, 5.0]);
         if let Some(last) = before.replace(ahead) {
@@ -202,7 +202,7 @@ fn a_given_floor_is_the_world_at_once() {
     let mut fitter = Fitter::new(config).unwrap();
     let mut out = BodyFrame::default();
     fitter.update(&scene.next().0, &mut out);
-    assert_eq!(out.world.state, WorldState::Given as u32);
+    assert_eq!(out.world.state, WorldState::GIVEN);
     let below = out
         .world
         .point([0.0, crate::scene::CAMERA_HEIGHT as f32, 0.0]);

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use edgecap::joints::BODY_JOINTS;
 use edgecap::message::{
     Body, BodyFrame, BodyState, Intrinsics, JointState, MAX_PEOPLE, Observation, ObservationFrame,
     StageTimes, World, WorldState,
@@ -81,20 +80,18 @@ fn bodies(rng: &mut SmallRng) -> BodyFrame {
         frame.world = World {
             rotation: std::array::from_fn(|_| number(rng)),
             translation: std::array::from_fn(|_| number(rng)),
-            state: [WorldState::Estimated, WorldState::Given][rng.random_range(0..2)] as u32,
+            state: [WorldState::ESTIMATED, WorldState::GIVEN][rng.random_range(0..2)],
         };
     }
     for body in &mut frame.bodies[..from.count as usize] {
-        let mut joint_states = [0; BODY_JOINTS + 3];
         let states = [
-            JointState::Predicted,
-            JointState::Occluded,
-            JointState::Observed,
+            JointState::PREDICTED,
+            JointState::OCCLUDED,
+            JointState::OBSERVED,
         ];
-        joint_states[..BODY_JOINTS].fill_with(|| states[rng.random_range(0..3)] as u8);
         *body = Body {
             id: rng.random(),
-            state: [BodyState::Tracked, BodyState::Predicted][rng.random_range(0..2)] as u32,
+            state: [BodyState::TRACKED, BodyState::PREDICTED][rng.random_range(0..2)],
             score: number(rng),
             position: std::array::from_fn(|_| number(rng)),
             orientation: std::array::from_fn(|_| number(rng)),
@@ -106,7 +103,8 @@ fn bodies(rng: &mut SmallRng) -> BodyFrame {
             height: number(rng),
             bone_lengths: std::array::from_fn(|_| number(rng)),
             bone_rotations: std::array::from_fn(|_| std::array::from_fn(|_| number(rng))),
-            joint_states,
+            joint_states: std::array::from_fn(|_| states[rng.random_range(0..3)]),
+            reserved: [0; 3],
         };
     }
     frame
@@ -207,7 +205,7 @@ fn lines_have_the_documented_keys() {
     let mut rng = SmallRng::seed_from_u64(4);
     let mut frame = bodies(&mut rng);
     frame.count = 1;
-    frame.bodies[0].state = BodyState::Predicted as u32;
+    frame.bodies[0].state = BodyState::PREDICTED;
     let row = serde_json::to_value(BodiesRow::new(&frame, "x")).unwrap();
     assert_eq!(row["people"][0]["state"], "predicted");
     for (key, length) in [

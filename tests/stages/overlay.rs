@@ -56,12 +56,12 @@ fn body(id: u32) -> Body {
     let mut body = Body {
         id,
         score: 0.75,
-        state: BodyState::Tracked as u32,
+        state: BodyState::TRACKED,
         joints2d: places,
         ..Body::default()
     };
     body.joints3d.iter_mut().for_each(|j| j[2] = 3.0);
-    body.joint_states[..BODY_JOINTS].fill(JointState::Observed as u8);
+    body.joint_states[..BODY_JOINTS].fill(JointState::OBSERVED);
     body
 }
 
@@ -92,7 +92,7 @@ fn bones_and_joints_have_the_identitys_colour() {
 #[test]
 fn occluded_joints_are_hollow() {
     let mut body = body(1);
-    body.joint_states[17] = JointState::Occluded as u8;
+    body.joint_states[17] = JointState::OCCLUDED;
     body.joints3d[18][2] = -1.0;
     let mut frame = blank();
     draw(&mut frame, &[body]);

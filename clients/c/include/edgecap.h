@@ -97,7 +97,8 @@ typedef struct edgecap_body {
     float height;                              /* stature, metres */
     float bone_lengths[EDGECAP_BODY_JOINTS];   /* of the bone that ends in each joint, metres; 0 for the pelvis */
     float bone_rotations[EDGECAP_BONES][4];    /* local, xyzw, from a T-pose with axes x left, y up, z front; edgecap_bone_name */
-    uint8_t joint_states[EDGECAP_BODY_JOINTS + 3]; /* enum edgecap_joint_state, then three zeros */
+    uint8_t joint_states[EDGECAP_BODY_JOINTS]; /* enum edgecap_joint_state */
+    uint8_t reserved[3];                       /* zeros */
 } edgecap_body;
 
 /* The floor-aligned world: x to the camera's right along the floor, y up, z towards the viewer, metres, origin on the floor

@@ -81,7 +81,7 @@ fn structures_have_the_same_layout() {
     let (lines, expected) = layout! {
         Intrinsics edgecap_intrinsics: fx fy cx cy;
         StageTimes edgecap_stage_times: preprocess_us stage1_us association_us stage2_us;
-        Body edgecap_body: id state score position orientation velocity angles joints3d joints2d confidence height bone_lengths bone_rotations joint_states;
+        Body edgecap_body: id state score position orientation velocity angles joints3d joints2d confidence height bone_lengths bone_rotations joint_states reserved;
         World edgecap_world: rotation translation state;
         BodyFrame edgecap_body_frame: sequence capture_ns pose_ns publish_ns width height intrinsics stage_times fit_us flags count frame_total world bodies;
         edgecap_world_body edgecap_world_body: position orientation velocity joints3d;

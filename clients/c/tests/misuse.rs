@@ -116,7 +116,7 @@ fn bodies_are_taken_to_the_floor() {
         frame.world = World {
             rotation: [1.0, 0.0, 0.0, 0.0],
             translation: [0.0, 2.0, 0.0],
-            state: WorldState::Given as u32,
+            state: WorldState::GIVEN,
         };
         assert_eq!(
             edgecap_in_world(&raw const frame, &raw const body, &raw mut there),

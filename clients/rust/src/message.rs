@@ -188,30 +188,71 @@ impl ObservationFrame {
     }
 }
 
-/// How a track is doing; the value of [`Body::state`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u32)]
-pub enum BodyState {
-    /// Seen in this frame, identity not yet confirmed. Not published.
-    #[default]
-    Tentative = 0,
-    /// Seen in this frame.
-    Tracked = 1,
-    /// Not seen in this frame, extrapolated.
-    Predicted = 2,
+/// An enumeration in shared memory. Another process writes it, so any number may stand there: one that has no name here is
+/// of a later version and equals none of the constants.
+macro_rules! open_enum {
+    ($(#[$doc:meta])* $name:ident: $number:ty { $($(#[$what:meta])* $constant:ident = $value:literal $text:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
+        #[repr(C)]
+        pub struct $name($number);
+
+        impl $name {
+            $($(#[$what])* pub const $constant: Self = Self($value);)*
+
+            /// What stands in the message.
+            pub const fn code(self) -> $number {
+                self.0
+            }
+
+            /// Its name in records and in the Python client; `None` of a number without one.
+            pub const fn name(self) -> Option<&'static str> {
+                match self {
+                    $(Self::$constant => Some($text),)*
+                    _ => None,
+                }
+            }
+        }
+
+        impl From<$number> for $name {
+            fn from(code: $number) -> Self {
+                Self(code)
+            }
+        }
+
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                match self.name() {
+                    Some(name) => f.write_str(name),
+                    None => write!(f, "{}({})", stringify!($name), self.0),
+                }
+            }
+        }
+    };
 }
 
-/// Where a joint's position comes from; the values of [`Body::joint_states`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u8)]
-pub enum JointState {
-    /// Filled in by motion alone: the person was not seen in this frame.
-    #[default]
-    Predicted = 0,
-    /// Filled in from the person's other joints.
-    Occluded = 1,
-    /// Seen in this frame.
-    Observed = 2,
+open_enum! {
+    /// How a track is doing.
+    BodyState: u32 {
+        /// Seen in this frame, identity not yet confirmed. Not published.
+        TENTATIVE = 0 "tentative",
+        /// Seen in this frame.
+        TRACKED = 1 "tracked",
+        /// Not seen in this frame, extrapolated.
+        PREDICTED = 2 "predicted",
+    }
+}
+
+open_enum! {
+    /// Where a joint's position comes from.
+    JointState: u8 {
+        /// Filled in by motion alone: the person was not seen in this frame.
+        PREDICTED = 0 "predicted",
+        /// Filled in from the person's other joints.
+        OCCLUDED = 1 "occluded",
+        /// Seen in this frame.
+        OBSERVED = 2 "observed",
+    }
 }
 
 /// One person with an identity: Stage III's output.
@@ -221,8 +262,8 @@ pub enum JointState {
 pub struct Body {
     /// Identity, from 1, never reused while `fit` runs.
     pub id: u32,
-    /// A [`BodyState`].
-    pub state: u32,
+    /// Whether it was seen in this frame.
+    pub state: BodyState,
     /// Overall confidence, 0–1.
     pub score: f32,
     /// Pelvis in camera space, metres.
@@ -247,15 +288,17 @@ pub struct Body {
     pub bone_lengths: [f32; BODY_JOINTS],
     /// Local rotations for [`HUMANOID_BONES`], xyzw, from a T-pose with axes x left, y up, z front.
     pub bone_rotations: [[f32; 4]; HUMANOID_BONE_COUNT],
-    /// A [`JointState`] per joint, then three zeros.
-    pub joint_states: [u8; BODY_JOINTS + 3],
+    /// Where each joint's position comes from.
+    pub joint_states: [JointState; BODY_JOINTS],
+    /// Zeros, so that no byte of a message is undefined.
+    pub reserved: [u8; 3],
 }
 
 impl Default for Body {
     fn default() -> Self {
         Self {
             id: 0,
-            state: 0,
+            state: BodyState::TENTATIVE,
             score: 0.0,
             position: [0.0; 3],
             orientation: [0.0, 0.0, 0.0, 1.0],
@@ -267,22 +310,22 @@ impl Default for Body {
             height: 0.0,
             bone_lengths: [0.0; BODY_JOINTS],
             bone_rotations: [[0.0, 0.0, 0.0, 1.0]; HUMANOID_BONE_COUNT],
-            joint_states: [0; BODY_JOINTS + 3],
+            joint_states: [JointState::PREDICTED; BODY_JOINTS],
+            reserved: [0; 3],
         }
     }
 }
 
-/// Where the floor of a [`World`] comes from; the values of [`World::state`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u32)]
-pub enum WorldState {
-    /// No floor is known: there is no world.
-    #[default]
-    None = 0,
-    /// The floor was found from standing feet; it is as large or small as the heights that people are taken for.
-    Estimated = 1,
-    /// The floor is given by the settings.
-    Given = 2,
+open_enum! {
+    /// Where the floor of a [`World`] comes from.
+    WorldState: u32 {
+        /// No floor is known: there is no world.
+        NONE = 0 "none",
+        /// The floor was found from standing feet; it is as large or small as the heights that people are taken for.
+        ESTIMATED = 1 "estimated",
+        /// The floor is given by the settings.
+        GIVEN = 2 "given",
+    }
 }
 
 /// The floor-aligned world: x to the camera's right along the floor, y up, z towards the viewer (right-handed), metres, origin
@@ -299,8 +342,8 @@ pub struct World {
     pub rotation: [f32; 4],
     /// The camera in the world: (0, its height above the floor, 0), metres.
     pub translation: [f32; 3],
-    /// A [`WorldState`]; without a world rotation and translation are those of no motion.
-    pub state: u32,
+    /// Where the floor comes from; without a world rotation and translation are those of no motion.
+    pub state: WorldState,
 }
 
 impl Default for World {
@@ -308,7 +351,7 @@ impl Default for World {
         Self {
             rotation: [0.0, 0.0, 0.0, 1.0],
             translation: [0.0; 3],
-            state: WorldState::None as u32,
+            state: WorldState::NONE,
         }
     }
 }

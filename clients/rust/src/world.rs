@@ -20,7 +20,7 @@ pub struct WorldBody {
 impl World {
     /// Whether there is a world: a floor is known or has been found.
     pub fn is_known(&self) -> bool {
-        self.state == WorldState::Estimated as u32 || self.state == WorldState::Given as u32
+        self.state == WorldState::ESTIMATED || self.state == WorldState::GIVEN
     }
 
     /// A direction or velocity given in camera axes.
@@ -100,7 +100,7 @@ mod tests {
         frame.world = World {
             rotation: [1.0, 0.0, 0.0, 0.0],
             translation: [0.0, 2.0, 0.0],
-            state: WorldState::Given as u32,
+            state: WorldState::GIVEN,
         };
         let there = frame.in_world(&body).unwrap();
         near(&there.position, &[0.5, 1.0, -4.0]);
@@ -116,7 +116,7 @@ mod tests {
         let world = World {
             rotation: [0.0, half, 0.0, half],
             translation: [0.0; 3],
-            state: WorldState::Estimated as u32,
+            state: WorldState::ESTIMATED,
         };
         near(&world.direction([0.0, 0.0, 1.0]), &[1.0, 0.0, 0.0]);
         near(&world.direction([1.0, 0.0, 0.0]), &[0.0, 0.0, -1.0]);

@@ -65,7 +65,7 @@ fn python_takes_bodies_to_the_same_world() {
         world: World {
             rotation: [0.98, 0.05, -0.03, 0.19],
             translation: [0.0, 1.6, 0.0],
-            state: WorldState::Estimated as u32,
+            state: WorldState::ESTIMATED,
         },
         ..BodyFrame::default()
     };

@@ -69,7 +69,7 @@ impl Feet {
     ) {
         for (foot, joint) in self.feet.iter_mut().zip(ANKLES) {
             let ankle = posed.joints[joint];
-            foot.hidden = if states[joint] == JointState::Observed {
+            foot.hidden = if states[joint] == JointState::OBSERVED {
                 0.0
             } else {
                 foot.hidden + dt
@@ -132,7 +132,7 @@ mod tests {
         let mut pose = Pose::facing_camera(3.0);
         let mut posed = Posed::default();
         let mut velocity = [0.0; DOF];
-        let seen = [JointState::Observed; BODY_JOINTS];
+        let seen = [JointState::OBSERVED; BODY_JOINTS];
         for _ in 0..10 {
             s.pose(&pose, s.lengths(), &mut posed);
             feet.update(s, &posed, &velocity, &seen, 0.033);

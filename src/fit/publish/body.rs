@@ -31,12 +31,12 @@ pub fn write_body(
     let scale = track.stature.scale(config);
     let unseen = track.unseen + ahead;
     let state = if track.unseen > 0.0 {
-        BodyState::Predicted
+        BodyState::PREDICTED
     } else {
-        BodyState::Tracked
+        BodyState::TRACKED
     };
     body.id = track.id;
-    body.state = state as u32;
+    body.state = state;
     body.position = (pose.position * scale).as_vec3().to_array();
     body.orientation = pose.rotation.normalize().as_quat().to_array();
     let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
@@ -57,12 +57,12 @@ pub fn write_body(
             (lengths[j] * scale) as f32
         };
         body.joint_states[j] = if track.unseen > 0.0 {
-            JointState::Predicted as u8
+            JointState::PREDICTED
         } else {
-            track.states[j] as u8
+            track.states[j]
         };
     }
-    body.joint_states[BODY_JOINTS..].fill(0);
+    body.reserved = [0; 3];
     body.score = (sum / BODY_JOINTS as f64) as f32;
     body.height = track.stature.metres(config) as f32;
     body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());

@@ -24,7 +24,7 @@ const DISAGREEMENT: f64 = 0.35;
 /// `unseen`: seconds since the person was seen; `deviation`: recent distance between fit and Stage II, metres.
 pub fn confidence(joint: usize, state: JointState, unseen: f64, deviation: f64) -> f64 {
     let mut sigma = OBSERVED[joint];
-    if state != JointState::Observed {
+    if state != JointState::OBSERVED {
         sigma *= OCCLUDED;
     }
     let grown = GROWTH * unseen;
@@ -64,9 +64,9 @@ mod tests {
     #[test]
     fn less_knowledge_is_less_confidence() {
         for joint in 0..BODY_JOINTS {
-            let seen = confidence(joint, JointState::Observed, 0.0, 0.03);
-            let occluded = confidence(joint, JointState::Occluded, 0.0, 0.03);
-            let gone = confidence(joint, JointState::Predicted, 0.5, 0.03);
+            let seen = confidence(joint, JointState::OBSERVED, 0.0, 0.03);
+            let occluded = confidence(joint, JointState::OCCLUDED, 0.0, 0.03);
+            let gone = confidence(joint, JointState::PREDICTED, 0.5, 0.03);
             assert!(seen >= occluded && occluded >= gone && gone > 0.0 && seen <= 1.0);
         }
     }

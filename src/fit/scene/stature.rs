@@ -77,7 +77,7 @@ impl Stature {
         };
         let stature = [10, 13]
             .into_iter()
-            .filter(|&ankle| states[ankle] == JointState::Observed)
+            .filter(|&ankle| states[ankle] == JointState::OBSERVED)
             .map(|ankle| {
                 let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
                 CANONICAL_STATURE as f64 * ground.offset / below
@@ -117,7 +117,7 @@ mod tests {
         };
         let mut stature = Stature::default();
         assert_eq!(stature.metres(&config), 1.70);
-        let seen = [JointState::Observed; BODY_JOINTS];
+        let seen = [JointState::OBSERVED; BODY_JOINTS];
         let mut posed = Posed::default();
         for i in 0..200 {
             let mut pose = Pose::facing_camera(3.0 + 0.01 * f64::from(i));
@@ -131,7 +131,7 @@ mod tests {
             // Feet that nobody sees say nothing, wherever they are.
             pose.position.y -= 0.5;
             s.pose(&pose, s.lengths(), &mut posed);
-            stature.update(&config, &posed, &[JointState::Occluded; BODY_JOINTS]);
+            stature.update(&config, &posed, &[JointState::OCCLUDED; BODY_JOINTS]);
         }
         assert!(
             (stature.metres(&config) - truth).abs() < 0.03,

@@ -46,15 +46,15 @@ impl SteadyFloor {
     /// The world on the given floor, else on the one found so far.
     pub fn world(&self, given: Option<FloorPlane>) -> World {
         let (ground, state) = match (given, self.floor) {
-            (Some(ground), _) => (ground, WorldState::Given),
-            (None, Some(ground)) => (ground, WorldState::Estimated),
+            (Some(ground), _) => (ground, WorldState::GIVEN),
+            (None, Some(ground)) => (ground, WorldState::ESTIMATED),
             (None, None) => return World::default(),
         };
         let (rotation, translation) = ground.world_from_camera();
         World {
             rotation: rotation.as_quat().to_array(),
             translation: translation.as_vec3().to_array(),
-            state: state as u32,
+            state,
         }
     }
 }
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn the_world_moves_slowly_and_arrives() {
         let mut steady = SteadyFloor::default();
-        assert_eq!(steady.world(None).state, WorldState::None as u32);
+        assert_eq!(steady.world(None).state, WorldState::NONE);
         steady.follow(Some(tilted(10.0, 1.5)), 0.033);
         assert_eq!(steady.floor, Some(tilted(10.0, 1.5)));
         let wanted = tilted(16.0, 1.8);
@@ -91,10 +91,10 @@ mod tests {
         }
         assert!(before.normal.angle_between(wanted.normal).to_degrees() < 0.5);
         assert!((before.offset - wanted.offset).abs() < 0.02);
-        assert_eq!(steady.world(None).state, WorldState::Estimated as u32);
+        assert_eq!(steady.world(None).state, WorldState::ESTIMATED);
         assert_eq!(
             steady.world(Some(wanted)).state,
-            WorldState::Given as u32,
+            WorldState::GIVEN,
             "what is given is not smoothed"
         );
         steady.forget();

@@ -137,7 +137,7 @@ impl Track {
             appearance_age: 0.0,
             stature: Stature::default(),
             feet: Feet::default(),
-            states: [JointState::Predicted; BODY_JOINTS],
+            states: [JointState::PREDICTED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             joint_unseen: [0.0; BODY_JOINTS],
             filters2d: [OneEuro::default(); EVIDENCE_JOINTS],
@@ -218,7 +218,7 @@ impl Track {
         self.steady = false;
         self.unseen += dt;
         self.appearance_age += dt;
-        self.states = [JointState::Predicted; BODY_JOINTS];
+        self.states = [JointState::PREDICTED; BODY_JOINTS];
         for t in &mut self.joint_unseen {
             *t += dt;
         }
@@ -244,7 +244,7 @@ impl Track {
         let resting = self.feet.places().next().is_some();
         let lower = ANKLES
             .into_iter()
-            .filter(|&ankle| self.states[ankle] == JointState::Observed)
+            .filter(|&ankle| self.states[ankle] == JointState::OBSERVED)
             .map(|ankle| self.posed.joints[ankle])
             .max_by(|a, b| a.y.total_cmp(&b.y))
             .filter(|_| !resting);
@@ -473,9 +473,9 @@ impl Track {
                 e.confidence[through] > 0.0 && targets.deviation2d(&self.posed, through) < 9.0;
             self.states[j] = if seen {
                 self.joint_unseen[j] = 0.0;
-                JointState::Observed
+                JointState::OBSERVED
             } else {
-                JointState::Occluded
+                JointState::OCCLUDED
             };
         }
     }

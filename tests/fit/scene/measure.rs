@@ -249,7 +249,7 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
                 let hit = f64::from(u8::from((stage3[j] - wanted[j]).length() < 0.15));
                 report.calibration[bin].add(hit);
                 report.claimed[bin].add(claimed);
-                if body.joint_states[j] != JointState::Observed as u8 {
+                if body.joint_states[j] != JointState::OBSERVED {
                     report.calibration_hidden[bin].add(hit);
                     report.claimed_hidden[bin].add(claimed);
                 }
