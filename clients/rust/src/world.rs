@@ -123,6 +123,12 @@ mod tests {
         // Turned twice by a quarter: half a turn.
         near(&world.orientation(world.rotation), &[0.0, 1.0, 0.0, 0.0]);
         // Without a state it is no world, whatever the numbers.
-        assert!(!World { state: 7.into(), ..world }.is_known());
+        assert!(
+            !World {
+                state: 7.into(),
+                ..world
+            }
+            .is_known()
+        );
     }
 }

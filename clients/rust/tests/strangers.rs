@@ -220,9 +220,12 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
     }
 }
 
+/// A way to damage a file, by its name.
+type Spoil = (&'static str, fn(&Path));
+
 #[test]
 fn whatever_the_dead_left_the_next_start_succeeds() {
-    let spoil: [(&str, fn(&Path)); 5] = [
+    let spoil: [Spoil; 5] = [
         ("emptied", |f| drop(fs::File::create(f).unwrap())),
         ("noise", |f| fs::write(f, vec![0xa5; 70_000]).unwrap()),
         ("zeros", |f| fs::write(f, vec![0; 70_000]).unwrap()),

@@ -91,7 +91,8 @@ fn number(control: &Control, value: &str) -> Result<i32, String> {
         },
         ControlKind::Menu(choices) => choices
             .iter()
-            .find(|(_, name)| plain(name) == wanted)
+            // "50Hz" is "50 Hz".
+            .find(|(_, name)| plain(name).replace('_', "") == wanted.replace('_', ""))
             .map(|(number, _)| *number),
         ControlKind::Integer | ControlKind::Button => None,
     };
