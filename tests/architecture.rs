@@ -11,7 +11,9 @@ const ROOMS: &[(&str, &[&str])] = &[
     // Tools that know nothing of motion capture.
     ("assignment", &[]),
     ("bounded", &[]),
+    ("config", &[]),
     ("machine", &[]),
+    ("metrics", &[]),
     ("npz", &[]),
     ("output", &[]),
     ("solve", &[]),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use edgecap_client::message::Intrinsics;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::CameraError;
 use crate::bounded;
@@ -17,7 +17,8 @@ const ASPECT_TOLERANCE: f32 = 0.02;
 ///
 /// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a picture of
 /// `width` × `height`, centres of pixels on integers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Raw", into = "Raw")]
 pub enum CameraFile {
     /// Square pixels, principal point in the middle.
     Fov {
@@ -44,7 +45,7 @@ impl Default for CameraFile {
 }
 
 /// The file as it is written.
-#[derive(Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Raw {
     fov_degrees: Option<f32>,
@@ -84,6 +85,43 @@ impl CameraFile {
             });
             format!("{place}{}", e.message())
         })?;
+        raw.try_into()
+    }
+
+    /// The camera of pictures of `width` × `height`.
+    ///
+    /// # Errors
+    /// One line when the calibration is for pictures of another shape: a crop, whose place nobody has told.
+    pub fn for_frame(&self, width: u32, height: u32) -> Result<Intrinsics, String> {
+        match *self {
+            Self::Fov { degrees } => Ok(Intrinsics::from_horizontal_fov(width, height, degrees)),
+            Self::Calibrated {
+                intrinsics: i,
+                width: w,
+                height: h,
+            } => {
+                let (sx, sy) = (width as f32 / w as f32, height as f32 / h as f32);
+                if (sx / sy - 1.0).abs() > ASPECT_TOLERANCE {
+                    return Err(format!(
+                        "the camera is calibrated for {w}x{h} pictures, these have {width}x{height}, another shape; calibrate at this size or give fov_degrees"
+                    ));
+                }
+                // Edges scale about the picture's edge; centres of pixels lie half a pixel inside.
+                Ok(Intrinsics {
+                    fx: i.fx * sx,
+                    fy: i.fy * sy,
+                    cx: (i.cx + 0.5) * sx - 0.5,
+                    cy: (i.cy + 0.5) * sy - 0.5,
+                })
+            }
+        }
+    }
+}
+
+impl TryFrom<Raw> for CameraFile {
+    type Error = String;
+
+    fn try_from(raw: Raw) -> Result<Self, String> {
         match raw {
             Raw {
                 fov_degrees: Some(degrees),
@@ -129,33 +167,28 @@ impl CameraFile {
             ),
         }
     }
+}
 
-    /// The camera of pictures of `width` × `height`.
-    ///
-    /// # Errors
-    /// One line when the calibration is for pictures of another shape: a crop, whose place nobody has told.
-    pub fn for_frame(&self, width: u32, height: u32) -> Result<Intrinsics, String> {
-        match *self {
-            Self::Fov { degrees } => Ok(Intrinsics::from_horizontal_fov(width, height, degrees)),
-            Self::Calibrated {
+impl From<CameraFile> for Raw {
+    fn from(lens: CameraFile) -> Self {
+        match lens {
+            CameraFile::Fov { degrees } => Self {
+                fov_degrees: Some(degrees),
+                ..Self::default()
+            },
+            CameraFile::Calibrated {
                 intrinsics: i,
-                width: w,
-                height: h,
-            } => {
-                let (sx, sy) = (width as f32 / w as f32, height as f32 / h as f32);
-                if (sx / sy - 1.0).abs() > ASPECT_TOLERANCE {
-                    return Err(format!(
-                        "the camera is calibrated for {w}x{h} pictures, these have {width}x{height}, another shape; calibrate at this size or give fov_degrees"
-                    ));
-                }
-                // Edges scale about the picture's edge; centres of pixels lie half a pixel inside.
-                Ok(Intrinsics {
-                    fx: i.fx * sx,
-                    fy: i.fy * sy,
-                    cx: (i.cx + 0.5) * sx - 0.5,
-                    cy: (i.cy + 0.5) * sy - 0.5,
-                })
-            }
+                width,
+                height,
+            } => Self {
+                fov_degrees: None,
+                fx: Some(i.fx),
+                fy: Some(i.fy),
+                cx: Some(i.cx),
+                cy: Some(i.cy),
+                width: Some(width),
+                height: Some(height),
+            },
         }
     }
 }

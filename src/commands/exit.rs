@@ -4,6 +4,7 @@ use edgecap_client::LinkError;
 
 use crate::camera::CameraError;
 use crate::capture::CaptureError;
+use crate::config::Mistake;
 use crate::engine::{EngineError, ModelError};
 use crate::record::RecordError;
 use crate::sink::SinkError;
@@ -108,6 +109,14 @@ impl Failure {
         }
     }
 
+    /// The user may not do this.
+    pub fn permission(message: impl Into<String>) -> Self {
+        Self {
+            code: NO_PERMISSION,
+            message: message.into(),
+        }
+    }
+
     /// A child process failed and has already said why.
     pub fn silent(code: u8) -> Self {
         Self {
@@ -124,6 +133,9 @@ pub fn code(error: &anyhow::Error) -> u8 {
         .find_map(|cause| {
             if let Some(e) = cause.downcast_ref::<Failure>() {
                 return Some(e.code);
+            }
+            if cause.is::<Mistake>() {
+                return Some(CONFIG);
             }
             if let Some(e) = cause.downcast_ref::<CaptureError>() {
                 return Some(e.exit_code());

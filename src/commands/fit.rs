@@ -12,10 +12,12 @@ use serde::{Deserialize, Serialize};
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::job::{self, Supervised};
+use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::stop::Stop;
 use crate::bounded;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
+use crate::config::{Mistake, Setting};
 use crate::fit::{FitConfig, Fitter};
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
 use crate::sink::{Packet, SharedMemorySink, SinkError, Sinks};
@@ -53,7 +55,7 @@ pub struct FitTask {
     pub name: String,
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
+    pub config: Option<Setting<FitConfig>>,
     /// Every frame is a picture of its own: no motion between frames
     #[arg(long)]
     pub stills: bool,
@@ -69,7 +71,8 @@ pub struct FitTask {
 pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
-    let mut fitter = fitter(task.config.as_deref(), task.stills)?;
+    log::name(format!("fit {}", task.name));
+    let mut fitter = fitter(task.config.as_ref(), task.stills)?;
     let mut sinks = Sinks::default();
     let Some(input) = &args.input else {
         args.record.add_to::<BodiesRow>(&mut sinks)?;
@@ -94,25 +97,29 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     )
 }
 
-/// A fitter with the settings of a file.
+/// A fitter with these settings, or those of a file.
 ///
 /// # Errors
 /// If the file is wrong.
-pub fn fitter(config: Option<&Path>, stills: bool) -> anyhow::Result<Fitter> {
-    let mut config = read_config(config)?;
+pub fn fitter(config: Option<&Setting<FitConfig>>, stills: bool) -> anyhow::Result<Fitter> {
+    let mut config = match config {
+        None => FitConfig::default(),
+        Some(Setting::Given(config)) => config.clone(),
+        Some(Setting::File(path)) => read_config(path)?,
+    };
     config.stills |= stills;
     Ok(Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?)
 }
 
-fn read_config(path: Option<&Path>) -> anyhow::Result<FitConfig> {
-    let Some(path) = path else {
-        return Ok(FitConfig::default());
-    };
+/// Reads a file of settings.
+///
+/// # Errors
+/// If it cannot be read, or what is wrong with it.
+pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
     let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
-    Ok(toml::from_str(&text).map_err(|e| {
-        Failure::config(format!("{}: {}", path.display(), e.to_string().trim_end()))
-    })?)
+    let file = path.display().to_string();
+    Ok(toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?)
 }
 
 fn live(

@@ -1,8 +1,9 @@
 //! Which input a verb reads: what the user named, else the first camera, else the bundled clip.
 
 use std::convert::Infallible;
+use std::fmt;
 use std::os::unix::fs::FileTypeExt;
-use std::path::PathBuf;
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
@@ -13,12 +14,14 @@ use crate::capture::demo;
 use crate::capture::{
     self, AwaitedSource, CaptureError, InputSpec, Mounting, OpenOptions, PacedSource, Source,
 };
+use crate::config::Setting;
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
 
 /// Options that choose the input.
-#[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct InputArgs {
     /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
     /// [default: the first camera, else the bundled demo clip]
@@ -28,11 +31,11 @@ pub struct InputArgs {
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
     /// The lens (TOML): fov_degrees across, or a calibration's fx, fy, cx, cy, width, height; 60 degrees when not given
-    #[arg(long, value_name = "FILE")]
-    pub camera: Option<PathBuf>,
+    #[arg(long = "camera", value_name = "FILE")]
+    pub lens: Option<Setting<CameraFile>>,
     /// Picture size to ask a camera for
-    #[arg(long, value_name = "WxH", value_parser = parse_capture_size)]
-    pub capture_size: Option<(u32, u32)>,
+    #[arg(long, value_name = "WxH")]
+    pub capture_size: Option<CaptureSize>,
     /// Frame rate to ask a camera for, or at which a folder's photos were taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
@@ -68,12 +71,43 @@ fn parse_turn(text: &str) -> Result<u16, String> {
     }
 }
 
-fn parse_capture_size(text: &str) -> Result<(u32, u32), String> {
-    let wrong = || format!("'{text}': expected WIDTHxHEIGHT, such as 1280x720");
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-    match (w.parse(), h.parse()) {
-        (Ok(w), Ok(h)) if (16..=8192).contains(&w) && (16..=8192).contains(&h) => Ok((w, h)),
-        _ => Err(wrong()),
+/// Width and height of a camera's pictures, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct CaptureSize(pub u32, pub u32);
+
+impl FromStr for CaptureSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}': expected WIDTHxHEIGHT, such as 1280x720");
+        let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+        match (w.parse(), h.parse()) {
+            (Ok(w), Ok(h)) if (16..=8192).contains(&w) && (16..=8192).contains(&h) => {
+                Ok(Self(w, h))
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl TryFrom<String> for CaptureSize {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<CaptureSize> for String {
+    fn from(size: CaptureSize) -> Self {
+        size.to_string()
+    }
+}
+
+impl fmt::Display for CaptureSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.0, self.1)
     }
 }
 
@@ -91,7 +125,7 @@ pub struct Chosen {
 impl InputArgs {
     fn wishes(&self) -> OpenOptions {
         OpenOptions {
-            size: self.capture_size,
+            size: self.capture_size.map(|CaptureSize(w, h)| (w, h)),
             fps: self.fps,
             controls: self.controls.clone(),
         }
@@ -207,8 +241,9 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
 /// # Errors
 /// If its file is wrong.
 pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFile> {
-    Ok(match &args.camera {
-        Some(path) => CameraFile::read(path)?,
+    Ok(match &args.lens {
+        Some(Setting::File(path)) => CameraFile::read(path)?,
+        Some(Setting::Given(lens)) => *lens,
         None if chosen.spec == InputSpec::Demo => demo::camera(),
         None => {
             tracing::warn!(

@@ -7,26 +7,29 @@
 )]
 
 mod bench;
+mod config;
 mod doctor;
 mod eval;
 mod exit;
 mod fit;
 mod infer;
 mod input;
+mod install;
 mod job;
+mod log;
 mod model;
 mod outputs;
 mod picture;
 mod pipeline;
 mod run;
 mod say;
+mod settings;
+mod status;
 mod stop;
 pub mod synth;
 mod table;
 mod tally;
 mod watch;
-
-use std::io::IsTerminal;
 
 use clap::{Parser, Subcommand};
 
@@ -61,6 +64,17 @@ enum Verb {
     Eval(eval::EvalArgs),
     /// Measure the speed of this machine, of both networks and of the stages after them
     Bench(bench::BenchArgs),
+    /// Check and show settings
+    Config(config::ConfigVerb),
+    /// Say which cameras run on this machine, and how they are doing
+    Status(status::StatusArgs),
+    /// Install edgecap as a service, or take it away
+    Install(install::InstallArgs),
+    /// Print a script that completes commands of edgecap in a shell
+    Completions {
+        /// The shell
+        shell: install::Shell,
+    },
     /// Look whether this machine has what a run needs
     Doctor(doctor::DoctorArgs),
     /// Import, inspect, verify and run models
@@ -76,17 +90,7 @@ pub fn main() -> u8 {
             return if e.use_stderr() { exit::USAGE } else { 0 };
         }
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_env("EDGECAP_LOG")
-        .unwrap_or_else(|_| "warn".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        // Colours are noise in a journal.
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        // Where stderr cannot be written, saying so there would end the program.
-        .log_internal_errors(false)
-        .init();
+    log::start();
     // What shared memory has to say comes back as errors.
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     tracing::info!("edgecap {}", crate::BUILD);
@@ -98,6 +102,10 @@ pub fn main() -> u8 {
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),
+        Verb::Config(args) => config::config(args),
+        Verb::Status(args) => status::status(args),
+        Verb::Install(args) => install::install(args),
+        Verb::Completions { shell } => install::completions(shell).map(|script| say::out(&script)),
         Verb::Doctor(args) => doctor::doctor(args),
         Verb::Model(args) => model::model(args),
     };
@@ -105,7 +113,7 @@ pub fn main() -> u8 {
         Ok(()) => 0,
         Err(e) => {
             if !exit::is_silent(&e) {
-                say::err(&format!("edgecap: {e:#}"));
+                say::failure(&format!("edgecap: {e:#}"));
             }
             exit::code(&e)
         }

@@ -2,11 +2,14 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
 use crate::record::{Format, Row};
 use crate::sink::{RecordSink, SinkError, Sinks};
 
 /// Options of what is recorded.
-#[derive(Debug, Clone, Default, clap::Args)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RecordArgs {
     /// Write one line of JSON per frame to this file; '-' for standard output
     #[arg(long, value_name = "FILE")]

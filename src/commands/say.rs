@@ -2,6 +2,10 @@
 
 use std::io::{self, Write};
 
+use tracing::Level;
+
+use super::log;
+
 /// A line on standard output.
 pub fn out(line: &str) {
     let _ = writeln!(io::stdout(), "{line}");
@@ -9,5 +13,18 @@ pub fn out(line: &str) {
 
 /// A line on standard error.
 pub fn err(line: &str) {
-    let _ = writeln!(io::stderr(), "{line}");
+    at(Level::INFO, line);
+}
+
+/// Why this process ends, on standard error.
+pub fn failure(line: &str) {
+    at(Level::ERROR, line);
+}
+
+fn at(level: Level, line: &str) {
+    let _ = if log::to_journal() {
+        writeln!(io::stderr(), "{}", log::record(level, line))
+    } else {
+        writeln!(io::stderr(), "{line}")
+    };
 }

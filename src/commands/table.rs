@@ -7,12 +7,14 @@ use console::Term;
 use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::say;
+use super::{log, say};
 use crate::overlay::{Glyphs, Screen, characters};
 
 const REDRAW: Duration = Duration::from_millis(50);
 /// Without a terminal the figures are logged this often.
 const LOG_EVERY: Duration = Duration::from_secs(5);
+/// A journal is kept for months.
+const JOURNAL_EVERY: Duration = Duration::from_secs(600);
 /// Weight of the newest frame in the running means.
 const SMOOTH: f64 = 0.1;
 /// Lines that the figures may take in a narrow terminal.
@@ -21,7 +23,7 @@ const FIGURES_ROWS: usize = 3;
 const LEAST_ROWS: usize = 8;
 
 /// Options of what is shown.
-#[derive(Debug, Clone, Copy, clap::Args)]
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct TableArgs {
     /// Show the table only, no skeletons
     #[arg(long)]
@@ -34,6 +36,8 @@ pub struct Table {
     bar: ProgressBar,
     terminal: Option<Term>,
     plain: bool,
+    /// The camera, where the lines of several come together.
+    name: Option<String>,
     drawn: Option<Instant>,
     last_frame: Option<Instant>,
     seconds_per_frame: f64,
@@ -42,7 +46,15 @@ pub struct Table {
 impl Table {
     /// A table on the terminal's stderr, or a line now and then where there is none.
     pub fn new(args: TableArgs) -> Self {
-        let terminal = Some(Term::stderr()).filter(Term::is_term);
+        Self::with(Some(Term::stderr()).filter(Term::is_term), args.plain, None)
+    }
+
+    /// Lines of one of several cameras.
+    pub fn of_several(name: &str) -> Self {
+        Self::with(None, true, Some(name.to_owned()))
+    }
+
+    fn with(terminal: Option<Term>, plain: bool, name: Option<String>) -> Self {
         let target = match &terminal {
             Some(terminal) => ProgressDrawTarget::term(terminal.clone(), 20),
             None => ProgressDrawTarget::hidden(),
@@ -52,7 +64,8 @@ impl Table {
         Self {
             bar,
             terminal,
-            plain: args.plain,
+            plain,
+            name,
             drawn: None,
             last_frame: None,
             seconds_per_frame: 0.0,
@@ -76,10 +89,10 @@ impl Table {
             self.bar.set_style(progress());
         }
         self.bar.set_position(frame.sequence + 1);
-        let every = if self.terminal.is_some() {
-            REDRAW
-        } else {
-            LOG_EVERY
+        let every = match &self.terminal {
+            Some(_) => REDRAW,
+            None if log::to_journal() => JOURNAL_EVERY,
+            None => LOG_EVERY,
         };
         if self.drawn.is_some_and(|t| t.elapsed() < every) {
             return;
@@ -101,10 +114,16 @@ impl Table {
                 }
                 self.bar.set_message(format!("{message}\n{}", rows(frame)));
             }
-            None => say::err(&format!(
-                "frame {}: {} people, {figures}",
-                frame.sequence, frame.count
-            )),
+            None => {
+                let name = self
+                    .name
+                    .as_ref()
+                    .map_or(String::new(), |n| format!("{n}: "));
+                say::err(&format!(
+                    "{name}frame {}: {} people, {figures}",
+                    frame.sequence, frame.count
+                ));
+            }
         }
     }
 

@@ -1,9 +1,9 @@
 //! In: TOML. Out: every number of Stage III that a user may want to change, with units and sensible defaults.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Settings of Stage III. Every field has a default; unknown fields are refused.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitConfig {
     /// Stature of everybody in view, metres, where it is known. Fixes depth, which one camera cannot.
@@ -32,7 +32,7 @@ pub struct FitConfig {
 }
 
 /// A known floor in camera axes (x right, y down, z forward): points p with normal · p + offset = 0.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroundConfig {
     /// Direction away from the floor, roughly (0, −1, 0); need not be a unit vector.
@@ -42,7 +42,7 @@ pub struct GroundConfig {
 }
 
 /// Casiez et al., CHI 2012.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OneEuroConfig {
     /// Whether the filter is used at all.
@@ -56,7 +56,7 @@ pub struct OneEuroConfig {
 }
 
 /// Weights are factors: 1 is the tuned value, 0 switches a term off.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TermsConfig {
     /// E3D: joints relative to the pelvis against Stage II.
@@ -74,7 +74,7 @@ pub struct TermsConfig {
 }
 
 /// Birth, death and return of identities. Times in seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IdentityConfig {
     /// Observations before a person is published …
@@ -105,7 +105,7 @@ pub struct IdentityConfig {
 }
 
 /// Bounds of extrapolation. Times in seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PredictionConfig {
     /// Longest extrapolation beyond the newest observation for display.
@@ -206,6 +206,16 @@ pub enum ConfigError {
     },
 }
 
+impl ConfigError {
+    /// The setting that is out of its range.
+    pub fn field(&self) -> Option<&'static str> {
+        match self {
+            Self::Range { field, .. } => Some(field),
+            Self::Syntax(_) => None,
+        }
+    }
+}
+
 impl FitConfig {
     /// Reads settings from TOML; what is not mentioned keeps its default.
     ///
@@ -244,11 +254,11 @@ impl FitConfig {
         if let Some(ground) = &self.ground {
             let length = ground.normal.iter().map(|v| v * v).sum::<f64>().sqrt();
             within(
-                "ground.normal's length",
+                "ground.normal",
                 length,
                 1e-3,
                 1e6,
-                "of a direction",
+                "of a direction's length",
             )?;
             within(
                 "ground.offset",
@@ -272,17 +282,17 @@ impl FitConfig {
             1.0,
             "from 0 to 1",
         )?;
-        for filter in [&self.filter2d, &self.filter3d] {
-            within("filter min_cutoff", filter.min_cutoff, 1e-3, 1e3, HERTZ)?;
-            within("filter beta", filter.beta, 0.0, 1e3, FACTOR)?;
-            within(
-                "filter derivative_cutoff",
-                filter.derivative_cutoff,
-                1e-3,
-                1e3,
-                HERTZ,
-            )?;
+        let [f2, f3] = [&self.filter2d, &self.filter3d];
+        for (field, hertz) in [
+            ("filter2d.min_cutoff", f2.min_cutoff),
+            ("filter2d.derivative_cutoff", f2.derivative_cutoff),
+            ("filter3d.min_cutoff", f3.min_cutoff),
+            ("filter3d.derivative_cutoff", f3.derivative_cutoff),
+        ] {
+            within(field, hertz, 1e-3, 1e3, HERTZ)?;
         }
+        within("filter2d.beta", f2.beta, 0.0, 1e3, FACTOR)?;
+        within("filter3d.beta", f3.beta, 0.0, 1e3, FACTOR)?;
         let t = &self.terms;
         for (field, value) in [
             ("terms.position", t.position),

@@ -15,5 +15,5 @@ mod publish;
 mod scene;
 mod track;
 
-pub use config::FitConfig;
+pub use config::{FitConfig, GroundConfig};
 pub use fitter::{FitCounters, Fitter};

@@ -39,6 +39,7 @@ pub struct Child {
     /// The newest kind of sign of life that came since the look before the last.
     heard: Option<Beat>,
     has_lived: bool,
+    starts: u64,
 }
 
 impl Child {
@@ -59,7 +60,13 @@ impl Child {
             beats: None,
             heard: None,
             has_lived: false,
+            starts: 0,
         })
+    }
+
+    /// How often it was started.
+    pub fn starts(&self) -> u64 {
+        self.starts
     }
 
     /// The verb.
@@ -134,6 +141,7 @@ impl Child {
     }
 
     fn start(&mut self) -> io::Result<()> {
+        self.starts += 1;
         let mut command = Command::new(PROGRAM);
         command
             .arg0(std::env::args_os().next().unwrap_or_default())

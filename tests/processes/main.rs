@@ -5,11 +5,14 @@ mod program;
 
 mod bad_input;
 mod camera_away;
+mod config;
 mod doctor;
 mod faults;
 mod flip_test;
 mod follow_people;
 mod hangs;
+mod install;
+mod metrics;
 mod outcome;
 mod pace;
 mod record;

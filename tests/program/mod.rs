@@ -11,7 +11,11 @@ use std::time::{Duration, Instant};
 /// The built program.
 pub fn edgecap() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_edgecap"));
-    command.stdin(Stdio::null()).env_remove("EDGECAP_LOG");
+    command
+        .stdin(Stdio::null())
+        .env_remove("EDGECAP_LOG")
+        // Whoever tests may have settings of their own.
+        .env("XDG_CONFIG_HOME", "/nonexistent");
     command
 }
 

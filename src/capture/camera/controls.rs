@@ -12,6 +12,7 @@ use crate::capture::error::{CaptureError, name_of};
 
 /// A wish: this control, set to that.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct ControlSetting {
     /// The control's name, or its beginning: `exposure` for `exposure_time_absolute`.
     pub name: String,
@@ -34,6 +35,20 @@ impl FromStr for ControlSetting {
                 "'{text}': expected NAME=VALUE, such as power_line_frequency=1; --list-controls shows what this camera has"
             )),
         }
+    }
+}
+
+impl TryFrom<String> for ControlSetting {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<ControlSetting> for String {
+    fn from(setting: ControlSetting) -> Self {
+        setting.to_string()
     }
 }
 

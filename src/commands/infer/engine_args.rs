@@ -1,6 +1,8 @@
 //! Which network at which size, as the user says it.
 
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +10,8 @@ use super::zoom::INPUTS;
 use crate::commands::pipeline::{Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
-#[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct EngineArgs {
     /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
     #[arg(long, value_name = "FILE")]
@@ -18,7 +21,7 @@ pub struct EngineArgs {
     pub stage2: Option<PathBuf>,
     /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people close to the
     /// camera better in less time [default: auto for films and cameras, 512x320 for photos; turned for upright pictures]
-    #[arg(long, value_name = "WxH", value_parser = parse_input)]
+    #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,
     /// Threads for the network; all cores when not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -30,6 +33,7 @@ pub struct EngineArgs {
 
 /// The network's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub enum InputSize {
     /// Pixels across and down.
     Fixed(usize, usize),
@@ -37,12 +41,39 @@ pub enum InputSize {
     Auto,
 }
 
-fn parse_input(text: &str) -> Result<InputSize, String> {
-    match text {
-        "auto" => Ok(InputSize::Auto),
-        size => parse_size(size)
-            .map(|(w, h)| InputSize::Fixed(w, h))
-            .map_err(|e| format!("{e}, or 'auto'")),
+impl FromStr for InputSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            size => parse_size(size)
+                .map(|(w, h)| Self::Fixed(w, h))
+                .map_err(|e| format!("{e}, or 'auto'")),
+        }
+    }
+}
+
+impl TryFrom<String> for InputSize {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<InputSize> for String {
+    fn from(size: InputSize) -> Self {
+        size.to_string()
+    }
+}
+
+impl fmt::Display for InputSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(w, h) => write!(f, "{w}x{h}"),
+            Self::Auto => f.write_str("auto"),
+        }
     }
 }
 

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::exit::Failure;
 use super::input::{self, InputArgs};
 use super::job::{self, Supervised};
+use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::say;
 use super::stop::Stop;
@@ -78,6 +79,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         return list_controls(&chosen.spec);
     }
     let limits = task.pace.limits(&chosen, args.overlay.is_some())?;
+    log::name(format!("infer {}", chosen.name));
     let source = if task.waits {
         chosen.open_when_there(&task.input)?
     } else {

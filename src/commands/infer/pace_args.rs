@@ -8,6 +8,7 @@ use crate::commands::input::Chosen;
 
 /// Options of the pace, shared by the verbs that run the network on a camera.
 #[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PaceArgs {
     /// Look at no more pictures of a camera than these, per second; the others are not even decoded
     #[arg(long, value_name = "FPS", value_parser = parse_rate)]

@@ -36,7 +36,7 @@ struct Observed {
 pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;
-    let mut fitter = fit::fitter(args.fit_config.as_deref(), source.is_stills())?;
+    let mut fitter = fit::fitter(args.fitting.fit.as_ref(), source.is_stills())?;
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
     if let Some(folder) = &args.overlay {

@@ -15,6 +15,7 @@ use crate::commands::outputs::finish;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
+use crate::metrics::Meter;
 use crate::record::BodiesRow;
 use crate::sink::{Packet, Sinks};
 use crate::supervise::{Beat, Child, ServiceManager, describe, stop_all};
@@ -29,11 +30,16 @@ const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
 ///
 /// # Errors
 /// As [`run`](super::run).
-pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
+pub fn run(
+    args: &RunArgs,
+    chosen: &Chosen,
+    mut table: Table,
+    meter: &Meter,
+    stop: &Stop,
+) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&chosen.name, Priority::Reserved)?;
-    let mut table = Table::new(args.table);
     let stream = service_name::<BodyFrame>(&chosen.name);
     table.say(&format!(
         "{} → shared memory {stream} (Ctrl-C stops)",
@@ -45,15 +51,16 @@ pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
         "fit",
         FitTask {
             name: chosen.name.clone(),
-            config: args.fit_config.clone(),
+            config: args.fitting.fit.clone(),
             stills: false,
-            rate: args.rate,
+            rate: args.fitting.rate,
         },
     )?;
     let mut infer = Child::new("infer", args.infer_task(chosen))?;
     let mut tally = Tally::default();
     let source = chosen.spec.to_string();
-    let outcome = watch(&bodies, stop, &mut infer, &mut fit, &mut |frame| {
+    let outcome = watch(&bodies, stop, &mut infer, &mut fit, meter, &mut |frame| {
+        meter.published(frame);
         tally.count(frame);
         table.update(frame, tally.lost);
         Ok(sinks.take(&Packet {
@@ -77,6 +84,7 @@ fn watch(
     stop: &Stop,
     infer: &mut Child,
     fit: &mut Child,
+    meter: &Meter,
     take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut infer_done: Option<Instant> = None;
@@ -98,11 +106,20 @@ fn watch(
                 break;
             }
         }
-        look_after(infer, &mut infer_done)?;
+        meter.looked();
+        look_after(infer, meter, &mut infer_done)?;
         match infer_done {
             Some(since) if end_seen || since.elapsed() > LAST_BODIES => return Ok(()),
             Some(_) => {}
-            None => look_after(fit, &mut None)?,
+            None => look_after(fit, meter, &mut None)?,
+        }
+        for child in [&*infer, &*fit] {
+            meter.started(child.verb(), child.starts());
+        }
+        match infer.heard() {
+            Some(Beat::Step) => meter.camera(true),
+            Some(Beat::Waiting) => meter.camera(false),
+            _ => {}
         }
         if received {
             manager.progress("bodies are published");
@@ -134,7 +151,7 @@ fn watch(
 }
 
 /// Looks after a child. A crash is mended, a failure that would come again is the run's; `infer` may be `done`.
-fn look_after(child: &mut Child, done: &mut Option<Instant>) -> anyhow::Result<()> {
+fn look_after(child: &mut Child, meter: &Meter, done: &mut Option<Instant>) -> anyhow::Result<()> {
     let Some(status) = child.tend()? else {
         return Ok(());
     };
@@ -146,11 +163,9 @@ fn look_after(child: &mut Child, done: &mut Option<Instant>) -> anyhow::Result<(
     if let Some(code) = permanent(status, child.has_lived()) {
         return Err(Failure::silent(code).into());
     }
-    tracing::warn!(
-        "{} ended with {}; starting it again",
-        child.verb(),
-        describe(status)
-    );
+    let what = format!("{} ended with {}", child.verb(), describe(status));
+    tracing::warn!("{}: {what}; starting it again", meter.name());
+    meter.failed(what);
     child.restart();
     Ok(())
 }

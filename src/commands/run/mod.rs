@@ -1,17 +1,19 @@
 //! `edgecap run`: the whole system on one input. A file goes through one process at its own pace, and no frame of it is lost; a
-//! camera has one process that sees pictures and one that fits, under supervision, and its newest frame wins.
+//! camera has one process that sees pictures and one that fits, under supervision, and its newest frame wins. Several cameras have
+//! a pair of their own each, and one supervisor.
 
+mod cameras;
 mod file;
 mod flow;
 mod live;
 
 use std::path::PathBuf;
 
-use super::exit::Failure;
 use super::infer::{EngineArgs, InferTask, PaceArgs};
 use super::input::{self, Chosen, InputArgs};
 use super::outputs::RecordArgs;
 use super::say;
+use super::settings::{self, ConfigArgs, FittingArgs, MetricsArgs, Settings};
 use super::stop::Stop;
 use super::table::TableArgs;
 use super::tally::Tally;
@@ -20,58 +22,73 @@ use super::tally::Tally;
 const OUT: &str = "edgecap-out";
 
 /// Options of `edgecap run`. Without a place for a file's bodies they go to edgecap-out/<name>.bodies.jsonl.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct RunArgs {
     #[command(flatten)]
-    input: InputArgs,
+    pub settings: ConfigArgs,
     #[command(flatten)]
-    engine: EngineArgs,
+    pub input: InputArgs,
     #[command(flatten)]
-    pace: PaceArgs,
+    pub engine: EngineArgs,
     #[command(flatten)]
-    record: RecordArgs,
+    pub pace: PaceArgs,
+    #[command(flatten)]
+    pub fitting: FittingArgs,
+    #[command(flatten)]
+    pub record: RecordArgs,
     /// Write pictures with the fitted skeletons drawn to this folder (files only)
     #[arg(long, value_name = "DIR")]
-    overlay: Option<PathBuf>,
+    pub overlay: Option<PathBuf>,
     /// End where the camera is missing or in use at the start, instead of waiting for it
     #[arg(long)]
-    no_wait: bool,
-    /// Publish a camera's bodies at this rate, extrapolating between its frames, Hz
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
-    rate: Option<u16>,
-    /// Settings of identity, filters and fit (TOML)
-    #[arg(long, value_name = "FILE")]
-    fit_config: Option<PathBuf>,
+    pub no_wait: bool,
     #[command(flatten)]
-    table: TableArgs,
+    pub metrics: MetricsArgs,
+    #[command(flatten)]
+    pub table: TableArgs,
 }
 
-/// Runs the whole system on one input.
+/// Runs the whole system: on the input that the user named, else on every camera of the settings, else on the first camera.
 ///
 /// # Errors
-/// The failure of any stage with its own exit code; output and shared-memory errors. What was computed before is complete.
-pub fn run(mut args: RunArgs) -> anyhow::Result<()> {
+/// Mistakes in settings. The failure of any stage with its own exit code; output and shared-memory errors. What was computed
+/// before is complete.
+pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
+    let settings = Settings::load(&args.settings)?;
+    let mut runs = settings::effective(&args, &settings)?.runs()?;
+    match runs.pop() {
+        Some(one) if runs.is_empty() => run_one(one, &stop),
+        last => {
+            runs.extend(last);
+            cameras::run(&runs, &stop)
+        }
+    }
+}
+
+fn run_one(mut args: RunArgs, stop: &Stop) -> anyhow::Result<()> {
     let chosen = input::choose(&args.input)?;
     // What is wrong with it the user is told here, not by a child.
     args.pace.limits(&chosen, false)?;
     if chosen.is_live() {
-        if args.overlay.is_some() {
-            return Err(Failure::usage(
-                "--overlay keeps pictures of people: expected a file; for a camera 'edgecap infer --overlay' does",
-            )
-            .into());
-        }
-        return live::run(&args, &chosen, &stop);
+        return cameras::run(&[args], stop);
     }
     if args.record.is_empty() {
         let path = PathBuf::from(OUT).join(format!("{}.bodies.jsonl", chosen.name));
         args.record.jsonl = Some(path);
     }
-    file::run(&args, &chosen, &stop)
+    file::run(&args, &chosen, stop)
 }
 
 impl RunArgs {
+    /// Nothing but settings.
+    pub fn of_settings(settings: ConfigArgs) -> Self {
+        Self {
+            settings,
+            ..Self::default()
+        }
+    }
+
     fn infer_task(&self, chosen: &Chosen) -> InferTask {
         InferTask {
             input: self.input.resolved(chosen),

@@ -1,0 +1,166 @@
+//! `edgecap config`: is the file right, what holds and where it came from, a file to begin with.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::run::RunArgs;
+use super::say;
+use super::settings::{self, ConfigArgs, Effective, Origins, Settings};
+use crate::config::Origin;
+
+/// Columns that a key and its value take before what is said of it.
+const MARGIN: usize = 40;
+
+/// Options of `edgecap config`.
+#[derive(Debug, clap::Args)]
+pub struct ConfigVerb {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Say whether the file is right, else the first mistake with its line and column
+    Check(ConfigArgs),
+    /// Print what a run with these flags takes, and where each value came from
+    Print(Box<RunArgs>),
+    /// Print a commented file with every key, to begin with
+    Sample,
+}
+
+/// Looks at settings.
+///
+/// # Errors
+/// What is wrong with them; exit code 78.
+pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
+    match args.what {
+        What::Check(args) => {
+            let settings = Settings::load(&args)?;
+            // Files that it names are part of it.
+            let run = RunArgs::of_settings(args);
+            settings::effective(&run, &settings)?.check()?;
+            say::out(&match &settings.file {
+                Some(file) => format!("{}: right", file.display()),
+                None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),
+            });
+        }
+        What::Print(run) => {
+            let settings = Settings::load(&run.settings)?;
+            let effective = settings::effective(&run, &settings)?;
+            effective.runs()?;
+            say::out(printed(&effective, &settings)?.trim_end());
+        }
+        What::Sample => say::out(settings::SAMPLE.trim_end()),
+    }
+    Ok(())
+}
+
+fn printed(effective: &Effective, settings: &Settings) -> anyhow::Result<String> {
+    let mut out = String::new();
+    match &settings.file {
+        Some(file) => writeln!(
+            out,
+            "# What holds: flags, else {}, else defaults",
+            file.display()
+        )?,
+        None => writeln!(
+            out,
+            "# What holds: flags, else defaults; there is no edgecap.toml"
+        )?,
+    }
+    for camera in &effective.cameras {
+        out += "\n[[camera]]\n";
+        let (args, origins) = (&camera.args, &camera.origins);
+        for section in [
+            json(&args.input)?,
+            json(&args.pace)?,
+            json(&args.fitting)?,
+            json(&args.record)?,
+        ] {
+            print(&mut out, &section, &mut |key| origin(origins, key));
+        }
+    }
+    let network = &effective.network;
+    table(
+        &mut out,
+        "network",
+        &json(&effective.cameras[0].args.engine)?,
+        &|key| origin(network, key),
+    );
+    let places = &effective.fit.places;
+    table(&mut out, "fit", &json(&effective.fit.value)?, &|key| {
+        places
+            .get(key)
+            .map_or(Origin::Default, |p| Origin::File(*p))
+    });
+    let (metrics, origins) = &effective.metrics;
+    table(&mut out, "metrics", &json(metrics)?, &|key| {
+        origin(origins, key)
+    });
+    Ok(out)
+}
+
+/// As text and back: numbers of 32 bits keep the digits that they were given with.
+fn json<T: Serialize>(section: &T) -> serde_json::Result<Value> {
+    serde_json::from_str(&serde_json::to_string(section)?)
+}
+
+fn origin(origins: &Origins, key: &str) -> Origin {
+    origins.get(key).copied().unwrap_or(Origin::Default)
+}
+
+/// A section and the tables below it.
+fn table(out: &mut String, name: &str, section: &Value, origin: &dyn Fn(&str) -> Origin) {
+    let _ = writeln!(out, "\n[{name}]");
+    let Value::Object(fields) = section else {
+        return;
+    };
+    let (below, here): (serde_json::Map<_, _>, serde_json::Map<_, _>) = fields
+        .clone()
+        .into_iter()
+        .partition(|(_, value)| value.is_object());
+    print(out, &Value::Object(here), &mut |key| origin(key));
+    for (key, value) in below {
+        table(out, &format!("{name}.{key}"), &value, &|k| {
+            origin(&format!("{key}.{k}"))
+        });
+    }
+}
+
+/// A line for each key.
+fn print(out: &mut String, section: &Value, origin: &mut dyn FnMut(&str) -> Origin) {
+    let Value::Object(fields) = section else {
+        return;
+    };
+    for (key, value) in fields {
+        let line = match toml(value) {
+            Some(value) => format!("{key} = {value}"),
+            None => format!("#{key} ="),
+        };
+        let from = match origin(key) {
+            Origin::Flag => "typed".to_owned(),
+            Origin::File((line, _)) => format!("line {line}"),
+            Origin::Default => "default".to_owned(),
+        };
+        let _ = writeln!(out, "{line:MARGIN$} # {from}");
+    }
+}
+
+/// A value in one line of TOML; `None` where there is none.
+fn toml(value: &Value) -> Option<String> {
+    /// What TOML has no word for is left out.
+    fn without_nothing(value: &Value) -> Option<Value> {
+        Some(match value {
+            Value::Null => return None,
+            Value::Object(fields) => fields
+                .iter()
+                .filter_map(|(k, v)| Some((k.clone(), without_nothing(v)?)))
+                .collect(),
+            other => other.clone(),
+        })
+    }
+    let value = toml::Value::try_from(without_nothing(value)?).ok()?;
+    Some(value.to_string())
+}

@@ -1,0 +1,103 @@
+//! `edgecap install`: the service, for the machine or for one person, from files that this program carries.
+
+mod pages;
+mod plan;
+mod step;
+
+use std::path::{Path, PathBuf};
+
+use rustix::process::geteuid;
+
+use super::exit::Failure;
+use super::say;
+use plan::{Layout, plan};
+use step::{Done, Step};
+
+pub use pages::{Shell, completions};
+
+/// Options of `edgecap install`.
+#[derive(Debug, clap::Args)]
+pub struct InstallArgs {
+    #[command(flatten)]
+    whose: Whose,
+    /// Take it away again; settings that were changed, recordings and the user stay
+    #[arg(long)]
+    uninstall: bool,
+    /// Print every file and command, and do nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Install below this folder, for images and packages: only files, no commands
+    #[arg(long, value_name = "DIR")]
+    root: Option<PathBuf>,
+    /// Where the program itself goes with --system: /usr/local, or /usr for packages
+    #[arg(long, value_name = "DIR", default_value = "/usr/local", hide = true)]
+    prefix: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Whose {
+    /// A service of the machine, with a user of its own: starts with the machine
+    #[arg(long)]
+    system: bool,
+    /// A service of this user: starts with the first login
+    #[arg(long)]
+    user: bool,
+}
+
+/// Installs or uninstalls the service. What is there and right is left alone, settings always.
+///
+/// # Errors
+/// Missing rights, files that cannot be written, commands that fail.
+pub fn install(args: InstallArgs) -> anyhow::Result<()> {
+    let layout = if args.whose.system {
+        if args.root.is_none() && !args.dry_run && !geteuid().is_root() {
+            return Err(Failure::permission(
+                "install --system changes the machine: run it with sudo, or use --user, or look first with --dry-run",
+            )
+            .into());
+        }
+        Layout::system(&args.prefix)
+    } else {
+        Layout::user()?
+    };
+    let steps = plan(&layout, args.uninstall)?;
+    let root = args.root.as_deref();
+    for step in &steps {
+        let wanted = root.is_none() || !matches!(step, Step::Run { .. });
+        let done = match args.dry_run {
+            true if wanted => step.look(root),
+            false if wanted => step.take(root)?,
+            _ => Done::Skipped,
+        };
+        say::out(&format!("{:9} {}", done.word(), step.describe(root)));
+    }
+    if !args.dry_run && root.is_none() {
+        say::out(&last_words(&layout, args.uninstall));
+    }
+    Ok(())
+}
+
+fn last_words(layout: &Layout, uninstall: bool) -> String {
+    if uninstall {
+        return "edgecap is uninstalled".to_owned();
+    }
+    let (systemctl, journalctl) = if layout.is_system() {
+        ("sudo systemctl", "journalctl")
+    } else {
+        ("systemctl --user", "journalctl --user")
+    };
+    format!(
+        "edgecap is installed. Say which camera and lens in {}, then '{systemctl} restart edgecap'.\n\
+         'edgecap status' says how it is doing, '{journalctl} -u edgecap' what it said.",
+        layout.config().display()
+    )
+}
+
+/// `path` below `root`.
+fn below(root: Option<&Path>, path: &Path) -> PathBuf {
+    match root {
+        Some(root) => root.join(path.strip_prefix("/").unwrap_or(path)),
+        None => path.to_owned(),
+    }
+}

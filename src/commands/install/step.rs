@@ -1,0 +1,195 @@
+//! One file or one command.
+
+use std::fs::{self, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use super::below;
+use crate::commands::exit::Failure;
+
+/// What is to be done.
+#[derive(Debug, Clone)]
+pub enum Step {
+    /// A file with these bytes; one that the user may have changed is `kept` as it is.
+    Write {
+        /// Where.
+        path: PathBuf,
+        /// What.
+        bytes: Vec<u8>,
+        /// Permissions.
+        mode: u32,
+        /// Whether an older one stays.
+        kept: bool,
+    },
+    /// No file; one that the user may have changed goes only if it still holds these bytes.
+    Remove {
+        /// Where.
+        path: PathBuf,
+        /// What it holds unless it was changed.
+        unless_changed_from: Option<Vec<u8>>,
+    },
+    /// A command.
+    Run {
+        /// Program and arguments.
+        line: Vec<String>,
+        /// Whether everything is lost if it fails.
+        needed: bool,
+    },
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Done {
+    /// Made anew.
+    Written,
+    /// Replaced.
+    Replaced,
+    /// Was as it should be.
+    Unchanged,
+    /// Is the user's.
+    Kept,
+    /// Gone now.
+    Removed,
+    /// Was not there.
+    Absent,
+    /// Done.
+    Ran,
+    /// Failed, which is no reason to stop.
+    Failed,
+    /// Not for a folder other than the machine's own.
+    Skipped,
+}
+
+impl Done {
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Written => "write",
+            Self::Replaced => "replace",
+            Self::Unchanged => "unchanged",
+            Self::Kept => "keep",
+            Self::Removed => "remove",
+            Self::Absent => "absent",
+            Self::Ran => "run",
+            Self::Failed => "failed",
+            Self::Skipped => "skip",
+        }
+    }
+}
+
+impl Step {
+    /// A command that is needed.
+    pub fn run(line: &[&str]) -> Self {
+        Self::Run {
+            line: line.iter().map(ToString::to_string).collect(),
+            needed: true,
+        }
+    }
+
+    /// A command that may fail: where there is no systemd running, or nothing to be told.
+    pub fn try_run(line: &[&str]) -> Self {
+        Self::Run {
+            line: line.iter().map(ToString::to_string).collect(),
+            needed: false,
+        }
+    }
+
+    /// In words.
+    pub fn describe(&self, root: Option<&Path>) -> String {
+        match self {
+            Self::Write { path, mode, .. } => format!("{} ({mode:o})", below(root, path).display()),
+            Self::Remove { path, .. } => below(root, path).display().to_string(),
+            Self::Run { line, .. } => line.join(" "),
+        }
+    }
+
+    /// What [`take`](Self::take) would do.
+    pub fn look(&self, root: Option<&Path>) -> Done {
+        match self {
+            Self::Write {
+                path,
+                bytes,
+                mode,
+                kept,
+            } => match fs::metadata(below(root, path)) {
+                Err(_) => Done::Written,
+                Ok(_) if *kept => Done::Kept,
+                Ok(meta) => {
+                    let same = meta.permissions().mode() & 0o777 == *mode
+                        && fs::read(below(root, path)).is_ok_and(|b| b == *bytes);
+                    if same {
+                        Done::Unchanged
+                    } else {
+                        Done::Replaced
+                    }
+                }
+            },
+            Self::Remove {
+                path,
+                unless_changed_from,
+            } => match (fs::read(below(root, path)), unless_changed_from) {
+                (Err(_), _) => Done::Absent,
+                (Ok(found), Some(ours)) if found != *ours => Done::Kept,
+                (Ok(_), _) => Done::Removed,
+            },
+            Self::Run { .. } => Done::Ran,
+        }
+    }
+
+    /// Does it.
+    ///
+    /// # Errors
+    /// Files that cannot be written or removed, needed commands that fail.
+    pub fn take(&self, root: Option<&Path>) -> anyhow::Result<Done> {
+        let done = self.look(root);
+        match self {
+            Self::Write {
+                path, bytes, mode, ..
+            } if matches!(done, Done::Written | Done::Replaced) => {
+                let path = below(root, path);
+                let written = crate::output::write(&path, bytes)
+                    .and_then(|()| fs::set_permissions(&path, Permissions::from_mode(*mode)));
+                written.map_err(|e| Failure::output(&path, &e))?;
+            }
+            Self::Remove { path, .. } if done == Done::Removed => {
+                let path = below(root, path);
+                fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
+                // Our own folder, if nothing else is in it.
+                if let Some(folder) = path.parent().filter(|f| f.ends_with("edgecap")) {
+                    let _ = fs::remove_dir(folder);
+                }
+            }
+            Self::Run { line, needed } => {
+                return match ran(line) {
+                    Ok(()) => Ok(Done::Ran),
+                    Err(why) if *needed => {
+                        Err(Failure::unavailable(format!("{}: {why}", line.join(" "))).into())
+                    }
+                    Err(_) => Ok(Done::Failed),
+                };
+            }
+            _ => {}
+        }
+        Ok(done)
+    }
+}
+
+/// Runs a command; its last words if it fails.
+fn ran(line: &[String]) -> Result<(), String> {
+    let mut command = Command::new(&line[0]);
+    command.args(&line[1..]).stdin(Stdio::null());
+    match command.output() {
+        Ok(out) if out.status.success() => Ok(()),
+        Ok(out) => {
+            let said = String::from_utf8_lossy(&out.stderr);
+            let last = said.lines().last().unwrap_or("").trim();
+            Err(format!("{}: {last}", out.status))
+        }
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            Err(format!("{} is not installed: install systemd", line[0]))
+        }
+        Err(e) => Err(e.to_string()),
+    }
+}

@@ -1,0 +1,93 @@
+//! The cameras of a run, each in a thread that looks after its own processes; what all of them have in common.
+
+use std::sync::Arc;
+
+use super::{RunArgs, live};
+use crate::commands::exit::Failure;
+use crate::commands::input::{self, Chosen};
+use crate::commands::settings::Loopback;
+use crate::commands::status::StatusFile;
+use crate::commands::stop::Stop;
+use crate::commands::table::Table;
+use crate::metrics::{Meter, Server, exposition};
+
+/// The processes of a camera.
+const PROCESSES: [&str; 2] = ["infer", "fit"];
+
+/// Runs cameras until the user stops it or none of them goes on.
+///
+/// # Errors
+/// As [`live::run`], the first; those of the other cameras are logged when they happen.
+pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
+    let chosen = runs
+        .iter()
+        .map(checked)
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let meters: Vec<Arc<Meter>> = chosen
+        .iter()
+        .map(|c| Arc::new(Meter::new(&c.name, &c.spec.to_string(), &PROCESSES)))
+        .collect();
+    let _figures = match runs.first().and_then(|r| r.metrics.address) {
+        Some(address) => Some(serve(address, &meters)?),
+        None => None,
+    };
+    let _status = StatusFile::keep(meters.clone());
+    if let ([args], [chosen], [meter]) = (runs, &chosen[..], &meters[..]) {
+        return live::run(args, chosen, Table::new(args.table), meter, stop);
+    }
+    std::thread::scope(|threads| {
+        let started: Vec<_> = runs
+            .iter()
+            .zip(&chosen)
+            .zip(&meters)
+            .map(|((args, chosen), meter)| {
+                threads.spawn(move || {
+                    let table = Table::of_several(&chosen.name);
+                    let ended = live::run(args, chosen, table, meter, stop);
+                    if let Err(e) = &ended {
+                        meter.failed(format!("{e:#}"));
+                        tracing::error!("{}: ended, the others go on: {e:#}", chosen.name);
+                    }
+                    ended
+                })
+            })
+            .collect();
+        let ended = started.into_iter().map(|thread| {
+            thread
+                .join()
+                .unwrap_or_else(|_| Err(anyhow::anyhow!("a camera's thread ended unexpectedly")))
+        });
+        ended.fold(Ok(()), anyhow::Result::and)
+    })
+}
+
+/// A run that is one of a camera.
+fn checked(args: &RunArgs) -> anyhow::Result<Chosen> {
+    let chosen = input::choose(&args.input)?;
+    if !chosen.is_live() {
+        return Err(Failure::usage(format!(
+            "{}: one of several cameras: expected a camera, or a film with live = true; a file is run alone",
+            chosen.spec
+        ))
+        .into());
+    }
+    if args.overlay.is_some() {
+        return Err(Failure::usage(
+            "--overlay keeps pictures of people: expected a file; for a camera 'edgecap infer --overlay' does",
+        )
+        .into());
+    }
+    Ok(chosen)
+}
+
+fn serve(address: Loopback, meters: &[Arc<Meter>]) -> anyhow::Result<Server> {
+    let meters = meters.to_vec();
+    let server = Server::start(address.0, move || exposition(crate::BUILD, &meters));
+    let server = server.map_err(|e| {
+        Failure::unavailable(format!(
+            "--metrics {address}: {e}; choose another port, or stop who has it"
+        ))
+    })?;
+    tracing::info!("figures at http://{}/metrics", server.address());
+    Ok(server)
+}

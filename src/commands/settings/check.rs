@@ -1,0 +1,84 @@
+//! Values that have the right type and yet cannot be.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+
+use serde_json::Value;
+
+use super::FittingArgs;
+use crate::config::{Mistake, Place, Section, Setting, Table};
+use crate::fit::FitConfig;
+
+/// Holds every value against what the flag of the same name takes.
+///
+/// # Errors
+/// The first that the flag would refuse.
+pub fn ranges<T: Section + clap::Args>(
+    table: &Table<'_>,
+    places: &BTreeMap<String, Place>,
+    section: &T,
+) -> Result<(), Mistake> {
+    let command = T::augment_args(clap::Command::new("edgecap").no_binary_name(true));
+    let Ok(Value::Object(fields)) = serde_json::to_value(section) else {
+        return Ok(());
+    };
+    for (key, value) in fields {
+        let text = match value {
+            Value::String(text) => text,
+            Value::Number(number) => number.to_string(),
+            _ => continue,
+        };
+        let flag = command.get_arguments().find(|a| a.get_id() == key.as_str());
+        let Some(flag) = flag.and_then(clap::Arg::get_long) else {
+            continue;
+        };
+        let typed = [format!("--{flag}={text}")];
+        if let Err(e) = command.clone().try_get_matches_from(typed) {
+            let why = e.source().map_or_else(|| e.to_string(), |s| s.to_string());
+            return Err(table.mistake(places.get(&key).copied(), format!("{key}: {why}")));
+        }
+    }
+    Ok(())
+}
+
+/// Numbers of the fit, whose keys stand below `path`.
+///
+/// # Errors
+/// The first that is out of its range.
+pub fn fit(
+    table: &Table<'_>,
+    places: &BTreeMap<String, Place>,
+    path: &str,
+    config: &FitConfig,
+) -> Result<(), Mistake> {
+    config.check().map_err(|e| {
+        let at = e.field().and_then(|f| places.get(&format!("{path}{f}")));
+        table.mistake(at.copied(), e.to_string())
+    })
+}
+
+/// The fit as a camera has it.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fitting(
+    table: &Table<'_>,
+    places: &BTreeMap<String, Place>,
+    fitting: &FittingArgs,
+) -> Result<(), Mistake> {
+    if let Some(Setting::Given(config)) = &fitting.fit {
+        fit(table, places, "fit.", config)?;
+    }
+    let known = FitConfig {
+        height: fitting.height,
+        ground: fitting.floor,
+        ..FitConfig::default()
+    };
+    known.check().map_err(|e| {
+        let key = match e.field() {
+            Some("height") => "height",
+            _ => "floor",
+        };
+        table.mistake(places.get(key).copied(), e.to_string())
+    })
+}

@@ -1,0 +1,171 @@
+//! What holds: flags over the file over the defaults, for each camera of a run.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+
+use super::{CameraSettings, FittingArgs, MetricsArgs, Placed, Settings};
+use crate::camera::CameraFile;
+use crate::commands::exit::Failure;
+use crate::commands::fit::read_config;
+use crate::commands::run::RunArgs;
+use crate::config::{Origin, Setting, merge};
+use crate::fit::FitConfig;
+
+/// Where the values of a section came from, by key.
+pub type Origins = BTreeMap<String, Origin>;
+
+/// What holds for one run.
+#[derive(Debug, Clone)]
+pub struct Effective {
+    /// One for each camera; a file is one, too.
+    pub cameras: Vec<Camera>,
+    /// Where the network's options came from.
+    pub network: Origins,
+    /// The fit of cameras that have none of their own.
+    pub fit: Placed<FitConfig>,
+    /// Figures for whoever watches.
+    pub metrics: (MetricsArgs, Origins),
+}
+
+impl Effective {
+    /// Looks at the files that the settings name, too.
+    ///
+    /// # Errors
+    /// The first that is wrong or cannot be read.
+    pub fn check(&self) -> anyhow::Result<()> {
+        for run in self.runs()? {
+            if let Some(Setting::File(lens)) = &run.input.lens {
+                CameraFile::read(lens)?;
+            }
+            for file in [&run.engine.model, &run.engine.stage2]
+                .into_iter()
+                .flatten()
+            {
+                File::open(file).map_err(|e| Failure::no_input(file, &e))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The runs, with the fit of each.
+    ///
+    /// # Errors
+    /// Files of the fit that are wrong.
+    pub fn runs(&self) -> anyhow::Result<Vec<RunArgs>> {
+        self.cameras
+            .iter()
+            .map(|camera| {
+                let typed = camera.origins.get("fit") == Some(&Origin::Flag);
+                let fitting = resolved(camera.args.fitting.clone(), &self.fit.value, typed)?;
+                Ok(RunArgs {
+                    fitting,
+                    metrics: self.metrics.0.clone(),
+                    ..camera.args.clone()
+                })
+            })
+            .collect()
+    }
+}
+
+/// What holds for one camera.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    /// As if all of it had been typed.
+    pub args: RunArgs,
+    /// Where the keys of `[[camera]]` came from.
+    pub origins: Origins,
+}
+
+/// What `typed` and the file mean together.
+///
+/// # Errors
+/// Names that no camera of the file has.
+pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effective> {
+    let (engine, network) = merge(
+        &typed.engine,
+        &settings.network.value,
+        &settings.network.places,
+    )?;
+    let metrics = merge(
+        &typed.metrics,
+        &settings.metrics.value,
+        &settings.metrics.places,
+    )?;
+    let cameras = chosen(typed, settings)?
+        .into_iter()
+        .map(|camera| {
+            let (input, mut origins) = merge(&typed.input, &camera.input, &camera.places)?;
+            let (pace, more) = merge(&typed.pace, &camera.pace, &camera.places)?;
+            origins.extend(more);
+            let (record, more) = merge(&typed.record, &camera.record, &camera.places)?;
+            origins.extend(more);
+            let (fitting, more) = merge(&typed.fitting, &camera.fitting, &camera.places)?;
+            origins.extend(more);
+            let args = RunArgs {
+                input,
+                pace,
+                record,
+                fitting,
+                engine: engine.clone(),
+                ..typed.clone()
+            };
+            Ok(Camera { args, origins })
+        })
+        .collect::<anyhow::Result<_>>()?;
+    Ok(Effective {
+        cameras,
+        network,
+        fit: settings.fit.clone(),
+        metrics,
+    })
+}
+
+/// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its lens and its
+/// floor would be another's.
+fn chosen(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Vec<CameraSettings>> {
+    let cameras = &settings.cameras;
+    let (input, name) = (&typed.input.input, &typed.input.name);
+    if let Some(input) = input {
+        let same = cameras.iter().find(|c| {
+            c.input.input.as_ref() == Some(input)
+                && name
+                    .as_ref()
+                    .is_none_or(|n| c.input.name.as_ref() == Some(n))
+        });
+        return Ok(vec![same.cloned().unwrap_or_default()]);
+    }
+    if let Some(name) = name {
+        let named = cameras.iter().find(|c| c.input.name.as_ref() == Some(name));
+        return match (named, &cameras[..]) {
+            (Some(named), _) => Ok(vec![named.clone()]),
+            (None, [] | [_]) => Ok(vec![cameras.first().cloned().unwrap_or_default()]),
+            (None, all) => {
+                let names: Vec<&str> = all.iter().filter_map(|c| c.input.name.as_deref()).collect();
+                Err(Failure::usage(format!(
+                    "--name {name}: expected a camera of the settings: one of {}",
+                    names.join(", ")
+                ))
+                .into())
+            }
+        };
+    }
+    match &cameras[..] {
+        [] => Ok(vec![CameraSettings::default()]),
+        all => Ok(all.to_vec()),
+    }
+}
+
+/// A camera's own fit, else that of the file, with what is known of the place unless a file of the fit was `typed`.
+fn resolved(fitting: FittingArgs, of_all: &FitConfig, typed: bool) -> anyhow::Result<FittingArgs> {
+    let mut config = match fitting.fit {
+        Some(Setting::Given(config)) => config,
+        Some(Setting::File(path)) => read_config(&path)?,
+        None => of_all.clone(),
+    };
+    if !typed {
+        config.height = fitting.height.or(config.height);
+        config.ground = fitting.floor.or(config.ground);
+    }
+    let fit = (config != FitConfig::default()).then_some(Setting::Given(config));
+    Ok(FittingArgs { fit, ..fitting })
+}

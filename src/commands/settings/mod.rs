@@ -1,0 +1,202 @@
+//! What `edgecap.toml` may hold: the options of the verbs under the names of their fields, by section; and which of it holds for a
+//! run. A new option of a section is a key of the file without anybody typing it again.
+
+mod check;
+mod effective;
+mod metrics_args;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::exit::Failure;
+use super::infer::{EngineArgs, PaceArgs};
+use super::input::InputArgs;
+use super::outputs::RecordArgs;
+use crate::bounded;
+use crate::capture::InputSpec;
+use crate::config::{self, Mistake, Place, Setting, Table};
+use crate::fit::{FitConfig, GroundConfig};
+
+pub use effective::{Effective, Origins, effective};
+pub use metrics_args::{Loopback, MetricsArgs};
+
+/// A commented file that holds every key.
+pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");
+
+/// Where a verb finds its settings.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct ConfigArgs {
+    /// Settings (TOML); flags override them [default: edgecap/edgecap.toml in $XDG_CONFIG_HOME or ~/.config, else in /etc]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+/// How a camera's observations become bodies.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FittingArgs {
+    /// Publish a camera's bodies at this rate, extrapolating between its frames, Hz
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
+    pub rate: Option<u16>,
+    /// Settings of identity, filters and fit (TOML)
+    #[arg(long = "fit-config", value_name = "FILE")]
+    pub fit: Option<Setting<FitConfig>>,
+    /// Stature of everybody in view, metres, where it is known
+    #[arg(skip)]
+    pub height: Option<f64>,
+    /// The floor, where it is known
+    #[arg(skip)]
+    pub floor: Option<GroundConfig>,
+}
+
+/// A section, and where its keys stand.
+#[derive(Debug, Clone, Default)]
+pub struct Placed<T> {
+    /// What the file says, defaults included.
+    pub value: T,
+    /// Of the keys that it names, dotted below the section.
+    pub places: BTreeMap<String, Place>,
+}
+
+/// One `[[camera]]`.
+#[derive(Debug, Clone, Default)]
+pub struct CameraSettings {
+    /// What is seen.
+    pub input: InputArgs,
+    /// How fast.
+    pub pace: PaceArgs,
+    /// What is made of it.
+    pub fitting: FittingArgs,
+    /// What is recorded.
+    pub record: RecordArgs,
+    /// Where the keys of all of them stand.
+    pub places: BTreeMap<String, Place>,
+}
+
+/// A whole file.
+#[derive(Debug, Clone, Default)]
+pub struct Settings {
+    /// The file; `None` where there is none.
+    pub file: Option<PathBuf>,
+    /// Every camera, named.
+    pub cameras: Vec<CameraSettings>,
+    /// Which network at which size.
+    pub network: Placed<EngineArgs>,
+    /// The fit of cameras that have none of their own.
+    pub fit: Placed<FitConfig>,
+    /// Figures for whoever watches.
+    pub metrics: Placed<MetricsArgs>,
+}
+
+impl Settings {
+    /// The file that the arguments name, else the one that is found; defaults where there is none.
+    ///
+    /// # Errors
+    /// Files that cannot be read, and mistakes in them.
+    pub fn load(args: &ConfigArgs) -> anyhow::Result<Self> {
+        let Some(path) = args.config.clone().or_else(config::find) else {
+            return Ok(Self::default());
+        };
+        let text = bounded::read_text(&path, bounded::SETTINGS).map_err(|e| {
+            Failure::config(format!(
+                "cannot read {}: {e}; make it readable, or name another with --config",
+                path.display()
+            ))
+        })?;
+        let mut settings = Self::parse(&path.display().to_string(), &text)?;
+        // Whoever wrote the file does not know where it is read.
+        let absolute = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        settings.resolve(absolute.parent().unwrap_or(Path::new("/")));
+        settings.file = Some(path);
+        Ok(settings)
+    }
+
+    /// Reads a file's text.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn parse(file: &str, text: &str) -> Result<Self, Mistake> {
+        let mut root = Table::parse(file, text)?;
+        let mut cameras: Vec<CameraSettings> = Vec::new();
+        for (index, mut table) in root.take_tables("camera")?.into_iter().enumerate() {
+            let places = table.places();
+            let mut input: InputArgs = table.take()?;
+            check::ranges(&table, &places, &input)?;
+            let pace: PaceArgs = table.take()?;
+            check::ranges(&table, &places, &pace)?;
+            let fitting: FittingArgs = table.take()?;
+            check::ranges(&table, &places, &fitting)?;
+            check::fitting(&table, &places, &fitting)?;
+            let record = table.take()?;
+            let name = input.name.get_or_insert_with(|| format!("camera{index}"));
+            if cameras.iter().any(|c| c.input.name.as_ref() == Some(name)) {
+                let what = format!("another camera is called '{name}': give each its own name");
+                return Err(table.mistake(places.get("name").copied(), what));
+            }
+            table.finish()?;
+            cameras.push(CameraSettings {
+                input,
+                pace,
+                fitting,
+                record,
+                places,
+            });
+        }
+        let mut table = root.take_table("network")?;
+        let places = table.places();
+        let value: EngineArgs = table.take()?;
+        check::ranges(&table, &places, &value)?;
+        table.finish()?;
+        let network = Placed { value, places };
+
+        let mut table = root.take_table("fit")?;
+        let places = table.places();
+        let value: FitConfig = table.take()?;
+        check::fit(&table, &places, "", &value)?;
+        table.finish()?;
+        let fit = Placed { value, places };
+
+        let mut table = root.take_table("metrics")?;
+        let places = table.places();
+        let value = table.take()?;
+        table.finish()?;
+        let metrics = Placed { value, places };
+        root.finish()?;
+        Ok(Self {
+            file: None,
+            cameras,
+            network,
+            fit,
+            metrics,
+        })
+    }
+
+    /// Takes relative paths of what is read from `folder` on; results go where the process works.
+    fn resolve(&mut self, folder: &Path) {
+        let below = |path: &mut Option<PathBuf>| {
+            if let Some(path) = path
+                .as_mut()
+                .filter(|p| p.as_os_str() != crate::output::STDOUT)
+            {
+                *path = folder.join(&path);
+            }
+        };
+        for camera in &mut self.cameras {
+            if let Some(input) = &mut camera.input.input
+                && let Ok(InputSpec::Path(path)) = input.parse()
+            {
+                *input = folder.join(path).display().to_string();
+            }
+            if let Some(Setting::File(path)) = &mut camera.input.lens {
+                *path = folder.join(&path);
+            }
+            if let Some(Setting::File(path)) = &mut camera.fitting.fit {
+                *path = folder.join(&path);
+            }
+        }
+        below(&mut self.network.value.model);
+        below(&mut self.network.value.stage2);
+    }
+}

@@ -1,0 +1,263 @@
+//! One camera of a run: counted by the supervisor as it happens, read by whoever asks.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME};
+use serde::{Deserialize, Serialize};
+
+use super::histogram::Histogram;
+
+/// The stages, as figures name them, in the order of a frame.
+pub const STAGES: [&str; 5] = ["preprocess", "stage1", "association", "stage2", "fit"];
+/// Frames that rate and latency are taken from.
+const RECENT: usize = 128;
+/// Without a frame for so long nothing goes on.
+const SILENT_AFTER: Duration = Duration::from_secs(3);
+
+/// What has happened to a camera.
+#[derive(Debug)]
+pub struct Meter {
+    name: String,
+    input: String,
+    started: SystemTime,
+    counts: Mutex<Counts>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Counts {
+    frames: u64,
+    dropped: u64,
+    people: u32,
+    stages: [Histogram; STAGES.len()],
+    latency: Histogram,
+    restarts: Vec<(&'static str, u64)>,
+    reconnects: u64,
+    is_away: bool,
+    last_error: Option<(SystemTime, String)>,
+    sequence: Option<u64>,
+    /// When frames came, and how old each was, seconds.
+    recent: VecDeque<(Instant, Option<f64>)>,
+    looked: Option<Instant>,
+}
+
+/// How a camera is doing at this moment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    /// Its name.
+    pub name: String,
+    /// What is opened.
+    pub input: String,
+    /// Whether bodies come.
+    pub healthy: bool,
+    /// Seconds since the supervisor last looked after it.
+    pub looked_seconds_ago: Option<f64>,
+    /// Start of the run, seconds since 1970.
+    pub since: u64,
+    /// Pictures whose bodies were published.
+    pub frames: u64,
+    /// Pictures that the camera took and nobody looked at.
+    pub dropped: u64,
+    /// Of the last frames, Hz; 0 where none comes.
+    pub fps: f64,
+    /// People in the newest frame.
+    pub people: u32,
+    /// From capture to publication, median of the last frames, milliseconds.
+    pub latency_ms: Option<f64>,
+    /// The same, which one of a hundred exceeds.
+    pub latency_p99_ms: Option<f64>,
+    /// How often a process was started again, by its verb.
+    pub restarts: Vec<(String, u64)>,
+    /// How often the camera came back.
+    pub reconnects: u64,
+    /// What went wrong last.
+    pub last_error: Option<String>,
+    /// When, seconds since 1970.
+    pub last_error_at: Option<u64>,
+}
+
+impl Meter {
+    /// Of a camera that starts now; `processes` are those that may be started again.
+    pub fn new(name: &str, input: &str, processes: &[&'static str]) -> Self {
+        Self {
+            name: name.to_owned(),
+            input: input.to_owned(),
+            started: SystemTime::now(),
+            counts: Mutex::new(Counts {
+                restarts: processes.iter().map(|p| (*p, 0)).collect(),
+                ..Counts::default()
+            }),
+        }
+    }
+
+    /// The camera's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Bodies were published.
+    pub fn published(&self, frame: &BodyFrame) {
+        let mut counts = self.counts();
+        counts.people = frame.count;
+        // Between two pictures bodies may be extrapolated.
+        let skipped = match counts.sequence {
+            Some(last) if frame.sequence == last => return,
+            Some(last) if frame.sequence > last => frame.sequence - last - 1,
+            // The first one, or the process that counts has been started again.
+            _ => 0,
+        };
+        counts.sequence = Some(frame.sequence);
+        counts.frames += 1;
+        counts.dropped += skipped;
+        let t = frame.stage_times;
+        let times = [
+            t.preprocess_us,
+            t.stage1_us,
+            t.association_us,
+            t.stage2_us,
+            frame.fit_us,
+        ];
+        for (stage, us) in counts.stages.iter_mut().zip(times) {
+            stage.observe(f64::from(us) * 1e-6);
+        }
+        let is_live = frame.flags & FLAG_FILE_TIME == 0;
+        let age = is_live.then(|| frame.publish_ns.saturating_sub(frame.capture_ns) as f64 * 1e-9);
+        if let Some(age) = age {
+            counts.latency.observe(age);
+        }
+        if counts.recent.len() == RECENT {
+            counts.recent.pop_front();
+        }
+        counts.recent.push_back((Instant::now(), age));
+    }
+
+    /// A process has been started so often.
+    pub fn started(&self, process: &str, starts: u64) {
+        let mut counts = self.counts();
+        if let Some((_, n)) = counts.restarts.iter_mut().find(|(p, _)| *p == process) {
+            *n = starts.saturating_sub(1);
+        }
+    }
+
+    /// What came of the camera's last picture: whether one was seen, or the camera is looked for.
+    pub fn camera(&self, is_there: bool) {
+        let mut counts = self.counts();
+        if is_there && counts.is_away {
+            counts.reconnects += 1;
+        }
+        // At the start nobody has seen it yet.
+        counts.is_away = !is_there && counts.frames > 0;
+    }
+
+    /// Something went wrong.
+    pub fn failed(&self, what: impl Into<String>) {
+        self.counts().last_error = Some((SystemTime::now(), what.into()));
+    }
+
+    /// The supervisor has looked after it.
+    pub fn looked(&self) {
+        self.counts().looked = Some(Instant::now());
+    }
+
+    /// How it is doing.
+    pub fn snapshot(&self) -> Snapshot {
+        let counts = self.counts().clone();
+        let newest = counts.recent.back().map(|(t, _)| t.elapsed());
+        let healthy = newest.is_some_and(|age| age < SILENT_AFTER);
+        let mut ages: Vec<f64> = counts.recent.iter().filter_map(|(_, age)| *age).collect();
+        ages.sort_by(f64::total_cmp);
+        let age = |part: f64| {
+            let at = (part * ages.len() as f64) as usize;
+            ages.get(at.min(ages.len().saturating_sub(1)))
+                .map(|s| 1e3 * s)
+        };
+        Snapshot {
+            name: self.name.clone(),
+            input: self.input.clone(),
+            healthy,
+            looked_seconds_ago: counts.looked.map(|t| t.elapsed().as_secs_f64()),
+            since: unix(self.started),
+            frames: counts.frames,
+            dropped: counts.dropped,
+            fps: if healthy { rate(&counts.recent) } else { 0.0 },
+            people: if healthy { counts.people } else { 0 },
+            latency_ms: age(0.5),
+            latency_p99_ms: age(0.99),
+            restarts: counts
+                .restarts
+                .iter()
+                .map(|(process, n)| ((*process).to_owned(), *n))
+                .collect(),
+            reconnects: counts.reconnects,
+            last_error: counts.last_error.as_ref().map(|(_, what)| what.clone()),
+            last_error_at: counts.last_error.as_ref().map(|(at, _)| unix(*at)),
+        }
+    }
+
+    /// The stages' durations, by [`STAGES`], and the time from capture to publication.
+    pub fn durations(&self) -> ([Histogram; STAGES.len()], Histogram) {
+        let counts = self.counts();
+        (counts.stages, counts.latency)
+    }
+
+    fn counts(&self) -> MutexGuard<'_, Counts> {
+        // Counts are whole between any two statements.
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Frames a second.
+fn rate(recent: &VecDeque<(Instant, Option<f64>)>) -> f64 {
+    match (recent.front(), recent.back()) {
+        (Some((first, _)), Some((last, _))) if last > first => {
+            (recent.len() - 1) as f64 / (*last - *first).as_secs_f64()
+        }
+        _ => 0.0,
+    }
+}
+
+fn unix(time: SystemTime) -> u64 {
+    time.duration_since(SystemTime::UNIX_EPOCH)
+        .map_or(0, |t| t.as_secs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(sequence: u64, count: u32) -> BodyFrame {
+        BodyFrame {
+            sequence,
+            count,
+            capture_ns: 1_000_000_000,
+            publish_ns: 1_040_000_000,
+            fit_us: 700,
+            ..BodyFrame::default()
+        }
+    }
+
+    #[test]
+    fn pictures_count_once_and_gaps_are_dropped_pictures() {
+        let meter = Meter::new("hall", "camera", &["infer", "fit"]);
+        assert!(!meter.snapshot().healthy);
+        for (sequence, people) in [(4, 1), (4, 1), (5, 2), (9, 3), (0, 1), (1, 1)] {
+            meter.published(&frame(sequence, people));
+        }
+        meter.started("fit", 2);
+        for is_there in [false, false, true, true] {
+            meter.camera(is_there);
+        }
+        let snapshot = meter.snapshot();
+        assert_eq!((snapshot.frames, snapshot.dropped), (5, 3));
+        assert_eq!(snapshot.people, 1);
+        assert!(snapshot.healthy);
+        assert_eq!(snapshot.latency_ms.map(f64::round), Some(40.0));
+        assert_eq!(snapshot.restarts, [("infer".into(), 0), ("fit".into(), 1)]);
+        assert_eq!(snapshot.reconnects, 1);
+        let (stages, latency) = meter.durations();
+        assert_eq!(stages.map(|s| s.count()), [5; 5]);
+        assert_eq!(latency.count(), 5);
+        assert!((stages[4].sum() - 5.0 * 0.0007).abs() < 1e-12);
+    }
+}

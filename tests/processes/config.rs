@@ -1,0 +1,282 @@
+//! `edgecap.toml`: mistakes with their places, where the file is found, what overrides what.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::program::{self, edgecap};
+
+const SAMPLE: &str = include_str!("../../deploy/edgecap.toml");
+
+/// `edgecap config …` with this text as the file.
+fn config(verb: &str, text: &str, more: &[&str]) -> Output {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    std::fs::write(&file, text).unwrap();
+    let config = ["config", verb, "--config", file.to_str().unwrap()];
+    edgecap().args(config).args(more).output().unwrap()
+}
+
+fn stdout(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+/// The sample with everything that is commented out switched on.
+fn whole_sample() -> String {
+    let setting = |line: &str| {
+        let rest = line.strip_prefix('#')?;
+        rest.starts_with(|c: char| c.is_ascii_lowercase())
+            .then(|| rest.to_owned())
+    };
+    SAMPLE
+        .lines()
+        .map(|line| setting(line).unwrap_or_else(|| line.to_owned()) + "\n")
+        .collect()
+}
+
+#[test]
+fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
+    for (text, place, words) in [
+        (
+            "[[camera]]\nnmae = \"a\"",
+            "2:1",
+            "'nmae'; did you mean 'name'?",
+        ),
+        ("\n[netwrok]", "2:2", "'netwrok'; did you mean 'network'?"),
+        (
+            "[network]\nzebra = 1",
+            "2:1",
+            "unknown key 'zebra'; expected one of",
+        ),
+        (
+            "[fit.identity]\n  memry = 3",
+            "2:3",
+            "'memry'; did you mean 'memory'?",
+        ),
+        (
+            "[[camera]]\nlens = { fov = 70 }",
+            "2:10",
+            "'fov'; did you mean 'fov_degrees'?",
+        ),
+        (
+            "[[camera]]\nlens = { fov_degrees = 700 }",
+            "2:8",
+            "1 to 179 degrees",
+        ),
+        ("[[camera]]\nfps = \"fast\"", "2:7", "expected f64"),
+        (
+            "[[camera]]\nfps = 0.01",
+            "2:1",
+            "expected pictures per second",
+        ),
+        (
+            "[[camera]]\ncapture_size = \"big\"",
+            "2:16",
+            "expected WIDTHxHEIGHT",
+        ),
+        ("[[camera]]\nrate = 1000", "2:1", "1000 is not in 1..=240"),
+        ("[[camera]]\nheight = 18", "2:1", "metres"),
+        (
+            "[[camera]]\nfloor = { normal = [0, 0, 0], offset = 1 }",
+            "2:1",
+            "ground.normal",
+        ),
+        (
+            "[[camera]]\n[camera.fit.filter2d]\nmin_cutoff = 0",
+            "3:1",
+            "filter2d.min_cutoff",
+        ),
+        (
+            "[[camera]]\nname = \"a\"\n[[camera]]\nname = \"a\"",
+            "4:1",
+            "another camera is called 'a'",
+        ),
+        ("[network]\nthreads = 0", "2:1", "0 is not in 1..=256"),
+        ("[network]\nsize = \"500x320\"", "2:8", "multiples of 16"),
+        ("[fit]\nheight = 18", "2:1", "height"),
+        (
+            "[metrics]\naddress = \"0.0.0.0:9733\"",
+            "2:11",
+            "this machine itself",
+        ),
+        ("camera = 3", "1:10", "camera.0: expected tables"),
+        ("[network]\nsize = ", "2:8", ""),
+        (
+            "[network]\nthreads = 1\nthreads = 2",
+            "3:1",
+            "duplicate key",
+        ),
+    ] {
+        let out = config("check", text, &[]);
+        let err = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(78), "{text}: {err}");
+        assert_eq!(err.lines().count(), 1, "{text}: {err}");
+        let at = format!("edgecap.toml:{place}: ");
+        assert!(err.contains(&at) && err.contains(words), "{text}:\n{err}");
+    }
+}
+
+#[test]
+fn the_sample_is_right_and_holds_every_key() {
+    let printed = |text: &str| {
+        let out = config("print", text, &[]);
+        assert!(out.status.success(), "{}", program::stderr(&out));
+        stdout(&out)
+    };
+    // What is printed names every key that there is, those without a value behind '#'.
+    let keys = |text: &str| -> Vec<String> {
+        let mut section = String::new();
+        let mut keys: Vec<String> = text
+            .lines()
+            .filter_map(|line| {
+                if line.starts_with('[') {
+                    section = line.trim_matches(['[', ']']).to_owned();
+                    return None;
+                }
+                let key = line.trim_start_matches('#').split(" =").next()?;
+                let is_key = !key.is_empty()
+                    && key
+                        .chars()
+                        .all(|c| c.is_ascii_lowercase() || "_0123456789".contains(c));
+                (is_key && line.contains(" =")).then(|| format!("{section}.{key}"))
+            })
+            .collect();
+        keys.sort();
+        keys
+    };
+    let bare = printed(SAMPLE);
+    assert_eq!(
+        keys(SAMPLE),
+        keys(&bare),
+        "deploy/edgecap.toml must hold exactly the keys of the verbs' options"
+    );
+    // What stands behind '#' is right, too, and where there is a default it is that.
+    let whole = whole_sample()
+        .replace("fit = \"fit.toml\"\n", "")
+        .replace("height = 1.75", "")
+        .replace("floor =", "#floor =")
+        .replace("ground =", "#ground =");
+    let value = |line: &str| {
+        line.rsplit_once(" # ")
+            .map(|(value, _)| value.trim().to_owned())
+    };
+    let of = |text: &str| -> Vec<String> {
+        let fit = text.split("\n[fit]").nth(1).unwrap();
+        let fit = fit.split("\n[metrics]").next().unwrap();
+        fit.lines().filter_map(value).collect()
+    };
+    assert_eq!(of(&printed(&whole)), of(&bare));
+    let out = config(
+        "check",
+        &whole_sample()
+            .replace("fit = \"fit.toml\"\n", "")
+            .replace("model =", "#")
+            .replace("stage2 =", "#"),
+        &[],
+    );
+    assert!(out.status.success(), "{}", program::stderr(&out));
+}
+
+#[test]
+fn flags_win_over_the_file_and_everything_says_where_it_came_from() {
+    let text = "[[camera]]\nname = \"hall\"\ninput = \"demo\"\nfps = 25.0\nlens = { fov_degrees = 75.3 }\n\
+                [network]\nthreads = 2\nflip_test = true\n[fit.identity]\nmemory = 30.0\n";
+    let out = config("print", text, &["--fps", "10", "--size", "384x240"]);
+    let said = stdout(&out);
+    let line = |start: &str| {
+        let found = said.lines().find(|l| l.starts_with(start));
+        let words: Vec<&str> = found
+            .unwrap_or_else(|| panic!("{start}: {said}"))
+            .split_whitespace()
+            .collect();
+        words.join(" ")
+    };
+    assert_eq!(line("name "), "name = \"hall\" # line 2");
+    assert_eq!(line("fps "), "fps = 10.0 # typed");
+    assert_eq!(line("lens "), "lens = { fov_degrees = 75.3 } # line 5");
+    assert_eq!(line("size "), "size = \"384x240\" # typed");
+    assert_eq!(line("threads "), "threads = 2 # line 7");
+    assert_eq!(line("flip_test "), "flip_test = true # line 8");
+    assert_eq!(line("memory "), "memory = 30.0 # line 10");
+    assert_eq!(line("hold "), "hold = 2.5 # default");
+    assert_eq!(line("#model "), "#model = # default");
+    // What it prints is a file that means the same.
+    let again = stdout(&config("print", &said, &[]));
+    let values = |text: &str| -> Vec<String> {
+        text.lines()
+            .skip(1)
+            .map(|l| l.split(" # ").next().unwrap().trim().to_owned())
+            .collect()
+    };
+    assert_eq!(values(&again), values(&said));
+}
+
+#[test]
+fn the_users_file_is_found_and_another_is_named_with_a_flag() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("edgecap");
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::write(folder.join("edgecap.toml"), "[network]\nthreads = 3").unwrap();
+    let print = |more: &[&str]| {
+        let mut command = edgecap();
+        command.env("XDG_CONFIG_HOME", home.path());
+        stdout(
+            &command
+                .args(["config", "print"])
+                .args(more)
+                .output()
+                .unwrap(),
+        )
+    };
+    assert!(print(&[]).contains("threads = 3"));
+    assert!(print(&["--config", "/dev/null"]).contains("#threads ="));
+    let out = edgecap()
+        .args(["run", "--config", "/nowhere.toml"])
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(78));
+    assert!(program::stderr(&out).contains("cannot read /nowhere.toml"));
+}
+
+#[test]
+fn a_run_takes_the_camera_that_is_named_and_a_film_takes_none() {
+    let text =
+        "[[camera]]\nname = \"hall\"\ninput = \"a.avi\"\n[[camera]]\nlens = { fov_degrees = 80 }\n";
+    let cameras = |more: &[&str]| {
+        stdout(&config("print", text, more))
+            .matches("[[camera]]")
+            .count()
+    };
+    assert_eq!(cameras(&[]), 2);
+    let hall = stdout(&config("print", text, &["--name", "hall"]));
+    assert!(
+        hall.contains("/a.avi\""),
+        "from the file's folder on: {hall}"
+    );
+    assert_eq!(cameras(&["--name", "hall"]), 1);
+    let other = stdout(&config("print", text, &["--name", "camera1"]));
+    assert!(other.contains("fov_degrees = 80"), "{other}");
+    let film = stdout(&config("print", text, &["--input", "b.avi"]));
+    assert!(film.contains("#lens ="), "another's lens: {film}");
+    let out = config("print", text, &["--name", "yard"]);
+    assert_eq!(out.status.code(), Some(64));
+    assert!(program::stderr(&out).contains("one of hall, camera1"));
+}
+
+/// The lens of the file reaches the process that needs it: a calibration for another shape ends it.
+#[test]
+fn a_run_obeys_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let text = "[[camera]]\ninput = \"demo\"\nlive = true\nname = \"NAME\"\nlens = { fx = 500, cx = 250, cy = 250, width = 500, height = 500 }\n[network]\nsize = \"256x160\"\n";
+    std::fs::write(&file, text.replace("NAME", &program::stream("lens"))).unwrap();
+    let run = |path: &Path| {
+        edgecap()
+            .args(["run", "--config"])
+            .arg(path)
+            .output()
+            .unwrap()
+    };
+    let out = run(&file);
+    assert_eq!(out.status.code(), Some(78), "{}", program::stderr(&out));
+    assert!(program::stderr(&out).contains("calibrated for 500x500"));
+}

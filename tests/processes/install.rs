@@ -1,0 +1,203 @@
+//! `edgecap install`: what it writes, twice, and takes away again; and what systemd thinks of the unit.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use crate::program::{edgecap, stderr};
+
+fn install(root: &Path, more: &[&str]) -> Output {
+    let home = root.join("home");
+    let out = edgecap()
+        .args(["install", "--root", root.to_str().unwrap()])
+        .args(more)
+        .env("HOME", "/home/somebody")
+        .env_remove("XDG_CONFIG_HOME")
+        .env_remove("XDG_DATA_HOME")
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{more:?}: {}", stderr(&out));
+    assert!(!home.join("none").exists());
+    out
+}
+
+/// The words before the paths, counted.
+fn words(out: &Output) -> BTreeMap<String, usize> {
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    let mut counts = BTreeMap::new();
+    for line in said.lines() {
+        *counts
+            .entry(line.split(' ').next().unwrap().to_owned())
+            .or_insert(0) += 1;
+    }
+    counts
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut left = vec![folder.to_owned()];
+    while let Some(next) = left.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                left.push(path);
+            } else {
+                found.push(path.strip_prefix(folder).unwrap().display().to_string());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn the_machines_service_comes_once_stays_and_goes() {
+    let root = tempfile::tempdir().unwrap();
+    let look = install(root.path(), &["--system", "--dry-run"]);
+    assert!(files(root.path()).is_empty(), "a dry run writes nothing");
+    let first = install(root.path(), &["--system"]);
+    let written = words(&first)["write"];
+    assert_eq!(words(&look)["write"], written);
+    let there = files(root.path());
+    assert_eq!(there.len(), written);
+    for file in [
+        "etc/edgecap/edgecap.toml",
+        "etc/systemd/system/edgecap.service",
+        "etc/sysusers.d/edgecap.conf",
+        "etc/tmpfiles.d/edgecap.conf",
+        "etc/udev/rules.d/70-edgecap.rules",
+        "usr/local/bin/edgecap",
+        "usr/local/share/bash-completion/completions/edgecap",
+        "usr/local/share/fish/vendor_completions.d/edgecap.fish",
+        "usr/local/share/man/man1/edgecap-run.1",
+        "usr/local/share/man/man1/edgecap.1",
+        "usr/local/share/zsh/site-functions/_edgecap",
+    ] {
+        assert!(there.iter().any(|f| f == file), "{file} in {there:?}");
+    }
+    let unit = std::fs::read_to_string(root.path().join("etc/systemd/system/edgecap.service"));
+    assert!(
+        unit.unwrap()
+            .contains("ExecStart=/usr/local/bin/edgecap run")
+    );
+
+    let config = root.path().join("etc/edgecap/edgecap.toml");
+    std::fs::write(&config, "[network]\nthreads = 1\n").unwrap();
+    let rules = root.path().join("etc/udev/rules.d/70-edgecap.rules");
+    std::fs::write(&rules, "old").unwrap();
+    let again = words(&install(root.path(), &["--system"]));
+    assert_eq!((again["keep"], again["replace"]), (1, 1));
+    assert_eq!(again["unchanged"], written - 2);
+    assert_eq!(
+        std::fs::read_to_string(&config).unwrap(),
+        "[network]\nthreads = 1\n"
+    );
+
+    let gone = words(&install(root.path(), &["--system", "--uninstall"]));
+    assert_eq!((gone["keep"], gone["remove"]), (1, written - 1));
+    assert_eq!(files(root.path()), ["etc/edgecap/edgecap.toml"]);
+}
+
+#[test]
+fn a_persons_service_lies_in_that_persons_home() {
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--user"]);
+    let there = files(root.path());
+    assert!(
+        there.iter().all(|f| f.starts_with("home/somebody/")),
+        "{there:?}"
+    );
+    assert!(
+        there
+            .iter()
+            .any(|f| f.ends_with(".config/systemd/user/edgecap.service"))
+    );
+    install(root.path(), &["--user", "--uninstall"]);
+    assert!(files(root.path()).is_empty());
+}
+
+#[test]
+fn what_is_no_installation_is_refused() {
+    let out = edgecap().args(["install"]).output().unwrap();
+    assert_eq!(out.status.code(), Some(64));
+    // Only root may, and a test that is root must not.
+    if rustix::process::geteuid().is_root() {
+        return;
+    }
+    let out = edgecap().args(["install", "--system"]).output().unwrap();
+    assert_eq!(out.status.code(), Some(77), "{}", stderr(&out));
+}
+
+#[test]
+fn pages_and_completions_know_the_verbs() {
+    for (shell, word) in [
+        ("bash", "complete -F _edgecap"),
+        ("zsh", "#compdef edgecap"),
+        ("fish", "complete -c edgecap"),
+    ] {
+        let out = edgecap().args(["completions", shell]).output().unwrap();
+        let script = String::from_utf8(out.stdout).unwrap();
+        assert!(script.contains(word), "{shell}");
+        assert!(
+            script.contains("doctor") && !script.contains("--job"),
+            "{shell}"
+        );
+    }
+}
+
+fn systemd_analyze(args: &[&str]) -> Option<Output> {
+    match Command::new("systemd-analyze").args(args).output() {
+        Ok(out) => Some(out),
+        Err(_) => {
+            eprintln!("skipped: systemd-analyze is not installed");
+            None
+        }
+    }
+}
+
+#[test]
+fn systemd_finds_the_units_right_and_the_service_locked_up() {
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--system"]);
+    install(root.path(), &["--user"]);
+    // The unit's program has to be there to be right.
+    let program = root.path().join("usr/local/bin/edgecap");
+    for path in [
+        "etc/systemd/system/edgecap.service",
+        "home/somebody/.config/systemd/user/edgecap.service",
+    ] {
+        let unit = root.path().join(path);
+        let text = std::fs::read_to_string(&unit).unwrap();
+        let here = program.to_str().unwrap();
+        let text = text
+            .replace("/usr/local/bin/edgecap", here)
+            .replace("%h/.local/bin/edgecap", here);
+        std::fs::write(&unit, text).unwrap();
+        let Some(out) = systemd_analyze(&["verify", "--man=no", unit.to_str().unwrap()]) else {
+            return;
+        };
+        let said = stderr(&out);
+        let ours: Vec<&str> = said.lines().filter(|l| l.contains("edgecap")).collect();
+        assert!(ours.is_empty(), "{ours:?}");
+    }
+    let unit = root.path().join("etc/systemd/system/edgecap.service");
+    let args = [
+        "security",
+        "--offline=true",
+        "--threshold=25",
+        unit.to_str().unwrap(),
+    ];
+    let Some(out) = systemd_analyze(&args) else {
+        return;
+    };
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    if stderr(&out).contains("unrecognized option") {
+        eprintln!("skipped: this systemd-analyze knows no --offline");
+        return;
+    }
+    assert!(
+        out.status.success(),
+        "more than 2.5 exposed: {}",
+        said.lines().last().unwrap_or("")
+    );
+}

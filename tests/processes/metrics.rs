@@ -1,0 +1,290 @@
+//! Figures for Prometheus, `edgecap status`, and several cameras in one run.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+use crate::program::{self, Running, edgecap, eventually, signal, stream};
+
+/// A port that nobody has at this moment.
+fn free_address() -> SocketAddr {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap()
+}
+
+fn request(address: SocketAddr, request: &str) -> Option<String> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream
+        .set_read_timeout(Some(Duration::from_secs(10)))
+        .unwrap();
+    stream.write_all(request.as_bytes()).ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).ok()?;
+    Some(answer)
+}
+
+fn scrape(address: SocketAddr) -> Option<Figures> {
+    let answer = request(address, "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")?;
+    let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
+    assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
+    assert!(head.contains("text/plain; version=0.0.4"), "{head}");
+    assert!(
+        head.contains(&format!("Content-Length: {}", body.len())),
+        "{head}"
+    );
+    Some(Figures::parse(body))
+}
+
+/// Samples by name and labels.
+#[derive(Debug)]
+struct Figures(BTreeMap<String, f64>);
+
+impl Figures {
+    /// Reads version 0.0.4 of the format and holds it against its rules.
+    fn parse(text: &str) -> Self {
+        assert!(text.ends_with('\n'));
+        let mut types: BTreeMap<&str, &str> = BTreeMap::new();
+        let mut helped = BTreeSet::new();
+        let mut samples = BTreeMap::new();
+        for line in text.lines() {
+            if let Some(rest) = line.strip_prefix("# TYPE ") {
+                let (name, kind) = rest.split_once(' ').unwrap();
+                assert!(["counter", "gauge", "histogram"].contains(&kind), "{line}");
+                assert!(types.insert(name, kind).is_none(), "twice: {line}");
+                continue;
+            }
+            if let Some(rest) = line.strip_prefix("# HELP ") {
+                assert!(
+                    helped.insert(rest.split(' ').next().unwrap()),
+                    "twice: {line}"
+                );
+                continue;
+            }
+            let (series, value) = line.rsplit_once(' ').unwrap_or_else(|| panic!("{line}"));
+            let value: f64 = value.parse().unwrap_or_else(|_| panic!("{line}"));
+            let (name, labels) = series
+                .split_once('{')
+                .map_or((series, ""), |(name, labels)| {
+                    (
+                        name,
+                        labels.strip_suffix('}').unwrap_or_else(|| panic!("{line}")),
+                    )
+                });
+            let family = ["_bucket", "_sum", "_count"]
+                .iter()
+                .find_map(|end| {
+                    name.strip_suffix(end)
+                        .filter(|f| types.get(f) == Some(&"histogram"))
+                })
+                .unwrap_or(name);
+            assert!(
+                types.contains_key(family) && helped.contains(family),
+                "no family: {line}"
+            );
+            assert!(
+                types[family] != "counter" || name.ends_with("_total"),
+                "{line}"
+            );
+            for label in labels.split(',').filter(|l| !l.is_empty()) {
+                let (key, value) = label.split_once('=').unwrap_or_else(|| panic!("{line}"));
+                assert!(
+                    key.chars().all(|c| c.is_ascii_lowercase() || c == '_'),
+                    "{line}"
+                );
+                assert!(
+                    value.len() >= 2 && value.starts_with('"') && value.ends_with('"'),
+                    "{line}"
+                );
+            }
+            assert!(value >= 0.0, "{line}");
+            assert!(
+                samples.insert(series.to_owned(), value).is_none(),
+                "twice: {line}"
+            );
+        }
+        let figures = Self(samples);
+        figures.check_histograms();
+        figures
+    }
+
+    /// Buckets never fall, and the last is the count.
+    fn check_histograms(&self) {
+        let mut last: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
+        for (series, value) in &self.0 {
+            let Some((rest, le)) = series.split_once("le=\"") else {
+                continue;
+            };
+            let le = le.trim_end_matches("\"}");
+            let le = if le == "+Inf" {
+                f64::INFINITY
+            } else {
+                le.parse().unwrap()
+            };
+            last.entry(rest.trim_end_matches(',').replace("_bucket", "_count"))
+                .or_default()
+                .push((le, *value));
+        }
+        assert!(!last.is_empty());
+        for (count, mut buckets) in last {
+            buckets.sort_by(|a, b| a.0.total_cmp(&b.0));
+            assert!(
+                buckets.windows(2).all(|w| w[0].1 <= w[1].1),
+                "{count}: {buckets:?}"
+            );
+            let (le, value) = buckets[buckets.len() - 1];
+            assert!(le.is_infinite());
+            assert_eq!(self.0[&format!("{count}}}")], value, "{count}");
+        }
+    }
+
+    fn get(&self, series: &str) -> f64 {
+        *self
+            .0
+            .get(series)
+            .unwrap_or_else(|| panic!("{series} in {:?}", self.0.keys()))
+    }
+}
+
+/// Two cameras from one file, in a place of their own.
+fn two_cameras(folder: &Path, address: SocketAddr, names: [&str; 2]) -> Running {
+    let file = folder.join("edgecap.toml");
+    let camera = |name| format!("[[camera]]\ninput = \"demo\"\nlive = true\nname = \"{name}\"\n");
+    let text = format!(
+        "{}{}[network]\nsize = \"256x160\"\nthreads = 1\n[metrics]\naddress = \"{address}\"\n",
+        camera(names[0]),
+        camera(names[1])
+    );
+    std::fs::write(&file, text).unwrap();
+    let run = edgecap()
+        .args(["run", "--config", file.to_str().unwrap()])
+        .env("EDGECAP_RUNTIME_DIR", folder.join("run"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn();
+    Running(run.unwrap())
+}
+
+fn status(folder: &Path) -> (Option<i32>, serde_json::Value, String) {
+    let ask = |more: &[&str]| {
+        let mut command = edgecap();
+        command
+            .arg("status")
+            .args(more)
+            .env("EDGECAP_RUNTIME_DIR", folder.join("run"));
+        command.output().unwrap()
+    };
+    let json = ask(&["--json"]);
+    let said = String::from_utf8_lossy(&ask(&[]).stdout).into_owned();
+    (
+        json.status.code(),
+        serde_json::from_slice(&json.stdout).expect("JSON"),
+        said,
+    )
+}
+
+#[test]
+fn two_cameras_of_one_run_are_counted_and_a_restart_is_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, nothing, _) = status(folder.path());
+    assert_eq!((code, nothing.as_array().unwrap().len()), (Some(69), 0));
+
+    let address = free_address();
+    let names = [stream("hall"), stream("yard")];
+    let run = two_cameras(folder.path(), address, [&names[0], &names[1]]);
+    let frames = |figures: &Figures, name: &str| {
+        figures.get(&format!("edgecap_frames_total{{camera=\"{name}\"}}"))
+    };
+    let figures = eventually("bodies of both", || {
+        let figures = scrape(address)?;
+        names
+            .iter()
+            .all(|n| frames(&figures, n) >= 3.0)
+            .then_some(figures)
+    });
+    for name in &names {
+        for stage in ["preprocess", "stage1", "association", "stage2", "fit"] {
+            let count = figures.get(&format!(
+                "edgecap_stage_duration_seconds_count{{camera=\"{name}\",stage=\"{stage}\"}}"
+            ));
+            assert_eq!(count, frames(&figures, name));
+        }
+        assert!(
+            figures.get(&format!(
+                "edgecap_stage_duration_seconds_sum{{camera=\"{name}\",stage=\"stage1\"}}"
+            )) > 0.0
+        );
+        for series in ["people", "up", "frames_dropped_total", "start_time_seconds"] {
+            figures.get(&format!("edgecap_{series}{{camera=\"{name}\"}}"));
+        }
+    }
+    let missing = request(address, "GET / HTTP/1.1\r\n\r\n").unwrap();
+    assert!(missing.starts_with("HTTP/1.1 404"), "{missing}");
+    // Who connects and says nothing keeps nobody else out for long.
+    let _silent: Vec<TcpStream> = (0..3)
+        .map(|_| TcpStream::connect(address).unwrap())
+        .collect();
+    eventually("an answer behind silent clients", || scrape(address));
+
+    let (_, json, said) = status(folder.path());
+    let cameras = json[0]["cameras"].as_array().unwrap();
+    assert_eq!(cameras.len(), 2, "{json}");
+    assert!(names.iter().all(|n| said.contains(n)), "{said}");
+
+    let fit = eventually("a fit", || run.child("fit"));
+    signal(fit, "KILL");
+    eventually("the restart among the figures", || {
+        let figures = scrape(address)?;
+        let restarts = |n: &String| {
+            figures.get(&format!(
+                "edgecap_restarts_total{{camera=\"{n}\",process=\"fit\"}}"
+            ))
+        };
+        (names.iter().map(restarts).sum::<f64>() >= 1.0).then_some(())
+    });
+    let said = eventually("the restart in the status", || {
+        let (_, _, said) = status(folder.path());
+        said.contains("fit restarted 1 times").then_some(said)
+    });
+    assert!(said.contains("signal 9"), "the last error: {said}");
+
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(30));
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert_eq!(status(folder.path()).0, Some(69));
+    let left: Vec<_> = std::fs::read_dir(folder.path().join("run"))
+        .unwrap()
+        .flatten()
+        .collect();
+    assert!(
+        left.iter()
+            .all(|f| !f.file_name().to_string_lossy().starts_with("status")),
+        "{left:?}"
+    );
+}
+
+#[test]
+fn an_address_that_others_reach_or_have_is_refused() {
+    let out = program::output(&["run", "--input", "demo", "--live", "--metrics", "0.0.0.0:1"]);
+    assert_eq!(out.status.code(), Some(64));
+    assert!(program::stderr(&out).contains("this machine itself"));
+}
+
+#[test]
+fn a_port_that_is_taken_is_said() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let args = [
+        "run",
+        "--input",
+        "demo",
+        "--live",
+        "--name",
+        &stream("taken"),
+        "--metrics",
+        &address,
+    ];
+    program::assert_fails(&args, 69, &["choose another port"]);
+}
