@@ -88,16 +88,14 @@ impl Figures {
                 types[family] != "counter" || name.ends_with("_total"),
                 "{line}"
             );
-            for label in labels.split(',').filter(|l| !l.is_empty()) {
-                let (key, value) = label.split_once('=').unwrap_or_else(|| panic!("{line}"));
+            let labels = labels.strip_suffix('"').unwrap_or(labels);
+            for label in labels.split("\",").filter(|l| !l.is_empty()) {
+                let (key, text) = label.split_once("=\"").unwrap_or_else(|| panic!("{line}"));
                 assert!(
                     key.chars().all(|c| c.is_ascii_lowercase() || c == '_'),
                     "{line}"
                 );
-                assert!(
-                    value.len() >= 2 && value.starts_with('"') && value.ends_with('"'),
-                    "{line}"
-                );
+                assert!(!text.contains(['"', '\n']), "{line}");
             }
             assert!(value >= 0.0, "{line}");
             assert!(

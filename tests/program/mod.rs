@@ -123,8 +123,13 @@ impl Running {
 
     /// The process of `verb` below it, once there is one.
     pub fn child(&self, verb: &str) -> Option<u32> {
-        let children =
-            std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", self.pid())).ok()?;
+        // Each camera of a run has a thread, which has the children.
+        let threads = std::fs::read_dir(format!("/proc/{}/task", self.pid())).ok()?;
+        let of_thread = |t: std::fs::DirEntry| std::fs::read_to_string(t.path().join("children"));
+        let children: String = threads
+            .flatten()
+            .filter_map(|t| of_thread(t).ok())
+            .collect();
         children
             .split_whitespace()
             .filter_map(|p| p.parse().ok())
