@@ -51,7 +51,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// Start and supervise infer and fit; the default
-    Run(run::RunArgs),
+    Run(Box<run::RunArgs>),
     /// Show the bodies that a running camera publishes
     Watch(watch::WatchArgs),
     /// Pictures in, observations out
@@ -94,8 +94,8 @@ pub fn main() -> u8 {
     // What shared memory has to say comes back as errors.
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     tracing::info!("edgecap {}", crate::BUILD);
-    let done = match cli.verb.unwrap_or(Verb::Run(cli.run)) {
-        Verb::Run(args) => run::run(args),
+    let done = match cli.verb.unwrap_or(Verb::Run(Box::new(cli.run))) {
+        Verb::Run(args) => run::run(*args),
         Verb::Watch(args) => watch::watch(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
