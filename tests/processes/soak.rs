@@ -5,7 +5,7 @@
 //! ```sh
 //! cargo build --release
 //! EDGECAP_PROGRAM=target/release/edgecap EDGECAP_FRAMES=1000000 EDGECAP_FPS=1000 \
-//!     cargo test --test processes -- --ignored --nocapture long_frames_without_end
+//!     cargo test --test processes -- --ignored --nocapture soak_frames_without_end
 //! ```
 
 use std::time::{Duration, Instant};
@@ -58,8 +58,8 @@ fn quantile(classes: &[u64], q: f64) -> f64 {
 
 #[test]
 #[ignore = "minutes"]
-fn long_frames_without_end() {
-    if own_place("soak::long_frames_without_end").is_none() {
+fn soak_frames_without_end() {
+    if own_place("soak::soak_frames_without_end").is_none() {
         return;
     }
     let frames = number("EDGECAP_FRAMES", 1000);
