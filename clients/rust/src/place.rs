@@ -9,7 +9,7 @@
 //!
 //! | file | mode | what |
 //! |---|---|---|
-//! | `<camera>.<stream>.v<version>` | 0600, 0640 for a group | the newest messages ([`ring`](crate::ring)) |
+//! | `<camera>.<stream>.v<version>` | 0600, 0640 for a group | the newest messages (`ring`) |
 //! | `<camera>.<stream>.lock` | 0600 | locked by the one process that may publish the stream |
 //! | `d<16 digits>/` | 0700 | what one publisher has of iceoryx2 |
 
