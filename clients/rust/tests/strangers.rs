@@ -170,9 +170,12 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
         return;
     }
     let (parent, folder) = place();
-    // Others may not run what lies in a home.
+    // Others may not run what lies in a home. Copied by a child: a program that this process holds open for writing
+    // cannot be run while a neighbouring test's fork holds it as well.
     let program = parent.path().join("program");
-    fs::copy(std::env::current_exe().unwrap(), &program).unwrap();
+    let mut copy = Command::new("cp");
+    copy.arg(std::env::current_exe().unwrap()).arg(&program);
+    assert!(copy.status().unwrap().success());
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
     fs::set_permissions(parent.path(), fs::Permissions::from_mode(0o755)).unwrap();
     fs::create_dir(&folder).unwrap();
