@@ -33,14 +33,10 @@ pub fn number(variable: &str, default: u64) -> u64 {
     })
 }
 
-/// Everything that the installation of this folder has: files of the folder, and objects in shared memory.
+/// Everything that the installation of this folder has: its shared memory lies there as files.
 pub fn objects(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     files(folder, &mut found);
-    let prefix = std::fs::read_to_string(folder.join("prefix")).unwrap_or_default();
-    let shared = std::fs::read_dir("/dev/shm").unwrap().flatten();
-    let names = shared.map(|e| e.file_name().to_string_lossy().into_owned());
-    found.extend(names.filter(|n| !prefix.is_empty() && n.starts_with(&prefix)));
     found.sort();
     found
 }
