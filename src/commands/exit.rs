@@ -126,6 +126,11 @@ impl Failure {
     }
 }
 
+/// Whether what ended with this code may go well when it is started again.
+pub fn may_pass(code: u8) -> bool {
+    matches!(code, UNAVAILABLE | SOFTWARE | IO | TRY_LATER)
+}
+
 /// The exit code for an error: the first cause that knows one, else [`SOFTWARE`].
 pub fn code(error: &anyhow::Error) -> u8 {
     error

@@ -14,5 +14,5 @@ mod tie;
 pub use child::{Child, Job, describe, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
-pub use systemd::ServiceManager;
+pub use systemd::{Progress, ServiceManager};
 pub use tie::is_parent;

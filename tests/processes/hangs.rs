@@ -8,6 +8,7 @@ use crate::program::{Running, eventually, signal, stream};
 use edgecap::camera::monotonic_ns;
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
+use std::process::Stdio;
 
 fn some_body(bodies: &Subscriber<BodyFrame>) {
     eventually("bodies", || {
@@ -106,6 +107,67 @@ fn the_service_manager_hears_of_progress_only() {
     signal(watched.run.pid(), "TERM");
     heard(&manager, |m| m.contains("STOPPING=1"));
     assert!(watched.run.wait(Duration::from_secs(30)).status.success());
+}
+
+/// The processes of one of several cameras.
+fn children_of(run: &Running, camera: &str) -> Vec<u32> {
+    eventually("both processes of a camera", || {
+        let found = processes_of(camera, &[run.pid()]);
+        (found.len() == 2).then_some(found)
+    })
+}
+
+#[test]
+fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager
+        .set_read_timeout(Some(Duration::from_millis(100)))
+        .unwrap();
+    let cameras = [StandIn::new(30.0), StandIn::new(30.0)];
+    let names = [stream("well"), stream("stuck")];
+    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
+    for (camera, name) in cameras.iter().zip(&names) {
+        settings += &format!(
+            "[[camera]]\nname = {name:?}\ninput = {:?}\n",
+            camera.input()
+        );
+    }
+    let file = folder.path().join("edgecap.toml");
+    std::fs::write(&file, settings).unwrap();
+    let run = crate::program::edgecap()
+        .args(["run", "--config", file.to_str().unwrap()])
+        .env("NOTIFY_SOCKET", &path)
+        .env("WATCHDOG_USEC", "400000")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let run = Running(run.unwrap());
+    heard(&manager, |m| m.contains("READY=1"));
+    heard(&manager, |m| m.contains("WATCHDOG=1"));
+    for child in children_of(&run, &names[1]) {
+        signal(child, "STOP");
+    }
+    // The other goes on; until these are replaced nothing may be heard all the same.
+    let mut last = Instant::now();
+    let mut longest = Duration::ZERO;
+    heard(&manager, |m| {
+        if m.contains("WATCHDOG=1") {
+            longest = longest.max(last.elapsed());
+            last = Instant::now();
+        }
+        longest > Duration::from_millis(600)
+    });
+    cameras[1].unplug();
+    let waits = format!("{}: waiting for the camera", names[1]);
+    heard(&manager, |m| m.contains(&waits));
+    for _ in 0..3 {
+        heard(&manager, |m| m.contains("WATCHDOG=1"));
+    }
+    signal(run.pid(), "TERM");
+    heard(&manager, |m| m.contains("STOPPING=1"));
+    eventually("the end", || run.has_ended().then_some(()));
 }
 
 fn observation(sequence: u64) -> ObservationFrame {

@@ -214,6 +214,30 @@ fn a_dead_infer_is_replaced_while_bodies_keep_coming() {
     assert!(camera.stop().0.status.success());
 }
 
+/// Only the supervisor's own signal, or the end of the input, ends a run.
+#[test]
+fn a_child_that_is_asked_to_end_is_replaced() {
+    let camera = Camera::start("asked", &[]);
+    let bodies = camera.listen::<BodyFrame>();
+    for (verb, name) in [("infer", "TERM"), ("fit", "TERM"), ("infer", "INT")] {
+        some_body(&bodies);
+        let old = eventually(verb, || camera.run.child(verb));
+        signal(old, name);
+        camera.replaced(verb, old);
+        assert!(!camera.run.has_ended());
+        while bodies.next(Duration::ZERO).unwrap().is_some() {}
+    }
+    some_body(&bodies);
+    drop(bodies);
+    let (out, _folder) = camera.stop();
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    assert!(
+        program::stderr(&out).contains("infer ended with exit code 130; starting it again"),
+        "{}",
+        program::stderr(&out)
+    );
+}
+
 #[test]
 fn a_child_that_hangs_is_replaced() {
     let camera = Camera::start("hang", &[]);

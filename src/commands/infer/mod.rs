@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use edgecap_client::message::ObservationFrame;
 use serde::{Deserialize, Serialize};
 
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::input::{self, InputArgs};
 use super::job::{self, Supervised};
 use super::log;
@@ -73,6 +73,7 @@ pub struct InferTask {
 /// Input, model, output and shared-memory errors, each with its exit code; what was observed before is complete.
 pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
+    let is_supervised = args.job.is_some();
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
     let chosen = input::choose(&task.input)?;
     if args.list_controls {
@@ -126,6 +127,10 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         Ok(())
     };
     let outcome = observe();
+    if is_supervised && stop.requested() && outcome.is_ok() {
+        // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another one.
+        return Err(Failure::silent(exit::INTERRUPTED).into());
+    }
     finish(sinks, observed, outcome).map(drop)
 }
 

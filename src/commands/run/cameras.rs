@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
+use super::pulse::Pulse;
 use super::{RunArgs, live};
-use crate::commands::exit::Failure;
+use crate::commands::exit::{self, Failure};
 use crate::commands::input::{self, Chosen};
 use crate::commands::settings::Loopback;
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::metrics::{Meter, Server, exposition};
+use crate::supervise::ServiceManager;
 
 /// The processes of a camera.
 const PROCESSES: [&str; 2] = ["infer", "fit"];
@@ -32,21 +34,29 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         None => None,
     };
     let _status = StatusFile::keep(meters.clone());
+    let manager = ServiceManager::from_env(chosen.iter().map(|c| c.name.as_str()));
     if let ([args], [chosen], [meter]) = (runs, &chosen[..], &meters[..]) {
-        return live::run(args, chosen, Table::new(args.table), meter, stop);
+        let (table, pulse) = (Table::new(args.table), Pulse::new(&manager, 0));
+        return live::run(args, chosen, table, meter, &pulse, stop);
     }
     std::thread::scope(|threads| {
         let started: Vec<_> = runs
             .iter()
             .zip(&chosen)
             .zip(&meters)
-            .map(|((args, chosen), meter)| {
+            .enumerate()
+            .map(|(place, ((args, chosen), meter))| {
+                let pulse = Pulse::new(&manager, place);
                 threads.spawn(move || {
                     let table = Table::of_several(&chosen.name);
-                    let ended = live::run(args, chosen, table, meter, stop);
+                    let ended = live::run(args, chosen, table, meter, &pulse, stop);
                     if let Err(e) = &ended {
                         meter.failed(format!("{e:#}"));
                         tracing::error!("{}: ended, the others go on: {e:#}", chosen.name);
+                    }
+                    // Without a sign of life of it the service manager starts everything anew.
+                    if !ended.as_ref().is_err_and(|e| exit::may_pass(exit::code(e))) {
+                        pulse.over();
                     }
                     ended
                 })

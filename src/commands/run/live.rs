@@ -8,6 +8,7 @@ use edgecap_client::{Priority, Subscriber, service_name};
 
 use super::RunArgs;
 use super::flow::{Flow, Remedy};
+use super::pulse::Pulse;
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
 use crate::commands::input::Chosen;
@@ -18,7 +19,7 @@ use crate::commands::tally::Tally;
 use crate::metrics::Meter;
 use crate::record::BodiesRow;
 use crate::sink::{Packet, Sinks};
-use crate::supervise::{Beat, Child, ServiceManager, describe, stop_all};
+use crate::supervise::{Beat, Child, Progress, describe, stop_all};
 
 /// How long the last bodies may take after `infer` has ended.
 const LAST_BODIES: Duration = Duration::from_secs(3);
@@ -35,6 +36,7 @@ pub fn run(
     chosen: &Chosen,
     mut table: Table,
     meter: &Meter,
+    pulse: &Pulse<'_>,
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
@@ -59,7 +61,8 @@ pub fn run(
     let mut infer = Child::new("infer", args.infer_task(chosen))?;
     let mut tally = Tally::default();
     let source = chosen.spec.to_string();
-    let outcome = watch(&bodies, stop, &mut infer, &mut fit, meter, &mut |frame| {
+    let told = Told { meter, pulse };
+    let outcome = watch(&bodies, stop, &mut infer, &mut fit, told, &mut |frame| {
         meter.published(frame);
         tally.count(frame);
         table.update(frame, tally.lost);
@@ -78,19 +81,25 @@ pub fn run(
     Ok(())
 }
 
+/// Who hears how the camera is doing.
+#[derive(Clone, Copy)]
+struct Told<'a> {
+    meter: &'a Meter,
+    pulse: &'a Pulse<'a>,
+}
+
 /// Hands every message to `take` until the input ends, the user stops, or a process fails for good.
 fn watch(
     bodies: &Subscriber<BodyFrame>,
     stop: &Stop,
     infer: &mut Child,
     fit: &mut Child,
-    meter: &Meter,
+    Told { meter, pulse }: Told<'_>,
     take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut infer_done: Option<Instant> = None;
     let mut end_seen = false;
     let mut cleaned = Instant::now();
-    let mut manager = ServiceManager::from_env();
     let mut flow = Flow::default();
     while !stop.requested() {
         let looked = Instant::now();
@@ -107,6 +116,10 @@ fn watch(
             }
         }
         meter.looked();
+        // Whoever ends a whole group of processes ends the children, too.
+        if stop.requested() {
+            break;
+        }
         look_after(infer, meter, &mut infer_done)?;
         match infer_done {
             Some(since) if end_seen || since.elapsed() > LAST_BODIES => return Ok(()),
@@ -122,9 +135,9 @@ fn watch(
             _ => {}
         }
         if received {
-            manager.progress("bodies are published");
+            pulse.beat(Progress::Bodies);
         } else if infer.heard() == Some(Beat::Waiting) {
-            manager.progress("waiting for the camera");
+            pulse.beat(Progress::Waiting);
         }
         let published = infer.heard() == Some(Beat::Step);
         match flow.look(Instant::now(), received, published) {
@@ -146,7 +159,7 @@ fn watch(
             cleaned = Instant::now();
         }
     }
-    manager.stopping();
+    pulse.stopping();
     Ok(())
 }
 
@@ -174,7 +187,8 @@ fn look_after(child: &mut Child, meter: &Meter, done: &mut Option<Instant>) -> a
 fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
     let code = status.code()? as u8;
     let passes = match code {
-        0 | exit::SOFTWARE | exit::IO => true,
+        // Who was ended by another than its supervisor is missed.
+        0 | exit::INTERRUPTED | exit::SOFTWARE | exit::IO => true,
         exit::UNAVAILABLE | exit::TRY_LATER | exit::NO_INPUT => has_lived,
         _ => false,
     };

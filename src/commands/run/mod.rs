@@ -6,6 +6,7 @@ mod cameras;
 mod file;
 mod flow;
 mod live;
+mod pulse;
 
 use std::path::PathBuf;
 
