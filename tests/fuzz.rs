@@ -111,6 +111,7 @@ each!(
     photo,
     observations,
     camera,
+    calibration,
     fit_config,
     messages
 );

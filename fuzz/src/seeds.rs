@@ -45,6 +45,24 @@ const CAMERA: [&str; 2] = [
     "fx = 500.0\nfy = 501.0\ncx = 320.0\ncy = 240.0\nwidth = 640\nheight = 480\n",
 ];
 
+const CALIBRATIONS: [&str; 5] = [
+    "[cam01]\nname = \"cam01\"\nsize = [640.0, 480.0]\nmatrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]\n\
+        distortions = [-0.04, 0.1, 0.0, 0.001]\nrotation = [0.1, -1.0, 0.2]\ntranslation = [0.1, 0.2, 3.0]\nfisheye = false\n\n\
+        [metadata]\nadjusted = false\nerror = 0.0\n",
+    "<?xml version='1.0'?><calibration><cameras><camera active=\"1\" serial=\"a\" viewrotation=\"0\">\
+        <fov_video_max bottom=\"479\" left=\"0\" right=\"639\" top=\"0\"/>\
+        <transform r11=\"0\" r12=\"1\" r13=\"0\" r21=\"0\" r22=\"0\" r23=\"1\" r31=\"1\" r32=\"0\" r33=\"0\" x=\"3000\" y=\"0\" z=\"1500\"/>\
+        <intrinsic centerPointU=\"20480\" centerPointV=\"15360\" focalLengthU=\"32000\" focalLengthV=\"32000\" \
+        radialDistortion1=\"-0.04\" radialDistortion2=\"0\" tangentalDistortion1=\"0\" tangentalDistortion2=\"0\"/>\
+        </camera></cameras></calibration>",
+    "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n\
+        \x20  data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\ndistortion_coefficients: [ -0.04, 0.1, 0., 0., 0. ]\n\
+        rvec: [ 0.1, 0.2, 0.3 ]\ntvec: [ 0., 0.1, 3. ]\n",
+    "%YAML:1.0\n---\nnames:\n  - \"1\"\nK_1: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\ndist_1: [ 0., 0., 0., 0., 0. ]\n\
+        \x0c%YAML:1.0\n---\nR_1: [ 0.1, 0.2, 0.3 ]\nT_1: [ 0., 0.1, 3. ]\n",
+    "1 OPENCV 640 480 500 500 320 240 -0.04 0.1 0 0\n\x0c1 1 0 0 0 0 0.1 3 1 a.jpg\n\n",
+];
+
 const FIT_CONFIG: &str = "height = 1.8\nestimate_ground = true\nmin_joint_confidence = 0.2\n\
     [ground]\nnormal = [0.0, -1.0, 0.1]\noffset = 1.5\n\
     [filter2d]\nmin_cutoff = 1.0\nbeta = 2.0\n\
@@ -67,6 +85,7 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "photo" => vec![jpeg(), exif_jpeg(), png()],
         "observations" => vec![observations()],
         "camera" => CAMERA.map(Into::into).to_vec(),
+        "calibration" => CALIBRATIONS.map(Into::into).to_vec(),
         "fit_config" => vec![FIT_CONFIG.into()],
         "messages" => messages(),
         other => panic!("expected one of TARGETS, found {other}"),

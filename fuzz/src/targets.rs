@@ -5,6 +5,9 @@
 use std::io::Cursor;
 
 use edgecap::camera::CameraFile;
+use edgecap::camera::calibration::{
+    check, read_colmap, read_easymocap, read_opencv, read_pose2sim, read_qtm, write_pose2sim,
+};
 use edgecap::capture::{AviReader, Frame, PhotoDecoder, Source, Y4mReader};
 use edgecap::engine::{Engine, EngineOptions, Model, Network, Precision};
 use edgecap::fit::{FitConfig, Fitter};
@@ -29,6 +32,7 @@ pub const TARGETS: &[Target] = &[
     ("photo", photo),
     ("observations", observations),
     ("camera", camera),
+    ("calibration", calibration),
     ("fit_config", fit_config),
     ("messages", messages),
 ];
@@ -190,6 +194,35 @@ pub fn camera(data: &[u8]) {
         if let Ok(lens) = camera.for_frame(width, height) {
             let numbers = [lens.fx, lens.fy, lens.cx, lens.cy];
             assert!(numbers.iter().all(|v| v.is_finite()), "{lens:?}");
+        }
+    }
+}
+
+/// Calibrations of other programs, every format. What is read can be written and read again. Formats of two files have them
+/// one after the other, parted by a form feed.
+pub fn calibration(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let (first, second) = text.split_once('\x0c').unwrap_or((&text, &text));
+    let all = [
+        read_pose2sim(&text, "fuzz"),
+        read_qtm(&text, "fuzz"),
+        read_opencv(&text, "camera", "fuzz").map(|view| vec![view]),
+        read_easymocap(first, second, "fuzz"),
+        read_colmap(first, second, "fuzz"),
+    ];
+    for views in all.into_iter().flatten() {
+        let Ok(checked) = check("fuzz", views) else {
+            continue;
+        };
+        let again = read_pose2sim(&write_pose2sim(&checked.views), "fuzz");
+        assert_eq!(
+            again.expect("what was written can be read").len(),
+            checked.views.len()
+        );
+        for view in &checked.views {
+            if let Some(pixel) = view.project(view.position + view.rotation.transpose().z_axis) {
+                let _ = view.ray(pixel);
+            }
         }
     }
 }

@@ -13,6 +13,14 @@ pub struct Brown {
 }
 
 impl Brown {
+    /// Every coefficient times `factor`.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            radial: self.radial.map(|k| k * factor),
+            tangential: self.tangential.map(|p| p * factor),
+        }
+    }
+
     /// Where the lens shows what a pinhole would show at `p`.
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let [k1, k2, k3] = self.radial;

@@ -6,10 +6,9 @@
 use glam::{DMat3, DVec2, DVec3};
 use roxmltree::{Document, Node};
 
+use super::SUBPIXELS;
+use super::parts::proper;
 use crate::camera::{Brown, CameraError, View};
-
-/// Parts of a pixel in which a calibration counts.
-const SUBPIXELS: f64 = 64.0;
 
 /// Reads the text of a calibration; `name` is for errors.
 ///
@@ -65,12 +64,11 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
         ))
     };
     let rotation = DMat3::from_cols(row(1)?, -row(2)?, -row(3)?).transpose();
-    if (rotation * rotation.transpose() - DMat3::IDENTITY)
-        .to_cols_array()
-        .iter()
-        .any(|v| v.abs() > 1e-3)
-    {
-        return Err(format!("camera {name} with a rotation that is none"));
+    let rotation = proper(rotation, name)?;
+    if let Some(turned) = camera.attribute("viewrotation").filter(|v| v.trim() != "0") {
+        return Err(format!(
+            "camera {name} turned by viewrotation=\"{turned}\": its numbers are those of pictures lying on their side; export the calibration with views not turned"
+        ));
     }
     let pixels = |first: &str, last: &str| -> Result<u32, String> {
         Ok((number(picture, last)? - number(picture, first)? + 1.0) as u32)

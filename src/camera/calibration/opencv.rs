@@ -1,0 +1,113 @@
+//! OpenCV's own files, one camera each, and EasyMocap's pair of them.
+
+use super::parts::{Parts, pinhole, rotation, vector};
+use super::storage::Storage;
+use crate::camera::{CameraError, View};
+
+/// Reads the text of one camera's calibration: `camera_matrix`, `distortion_coefficients`, `image_width`, `image_height`, and
+/// world → camera as `R` or `rvec` with `T` or `tvec`. `name` is the camera's, `file` is for errors.
+///
+/// # Errors
+/// [`CameraError::Calibration`].
+pub fn read_opencv(text: &str, name: &str, file: &str) -> Result<View, CameraError> {
+    let storage = Storage::parse(text);
+    one(&storage, name).map_err(|found| CameraError::Calibration {
+        file: file.to_owned(),
+        expected: "a calibration of OpenCV",
+        found,
+    })
+}
+
+fn one(storage: &Storage, name: &str) -> Result<View, String> {
+    let lacks = |what: &str| format!("camera {name} without {what}");
+    if storage.names().any(|n| n.contains("fisheye"))
+        || storage
+            .words("model")
+            .is_some_and(|m| m[0].contains("fisheye"))
+    {
+        return Err(fisheye(name));
+    }
+    let matrix = storage.numbers(&["camera_matrix", "cameraMatrix", "K", "M", "M1"]);
+    let (focal, centre) = pinhole(matrix.ok_or_else(|| lacks("camera_matrix"))?, name)?;
+    let width = storage.number(&["image_width", "width"]);
+    let height = storage.number(&["image_height", "height"]);
+    let size = match (
+        width.zip(height),
+        storage.numbers(&["image_size", "imageSize", "size"]),
+    ) {
+        (Some((w, h)), _) => [w, h],
+        (None, Some(&[w, h])) => [w, h],
+        _ => return Err(lacks("image_width and image_height")),
+    };
+    let turn = storage.numbers(&["R", "rvec", "rotation", "Rot"]);
+    let shift = storage.numbers(&["T", "tvec", "translation", "t"]);
+    Parts {
+        name,
+        size,
+        focal,
+        centre,
+        distortion: storage
+            .numbers(&["distortion_coefficients", "distCoeffs", "dist", "D", "D1"])
+            .unwrap_or(&[]),
+        rotation: rotation(
+            turn.ok_or_else(|| lacks("R or rvec: where it stands in the world"))?,
+            name,
+        )?,
+        translation: vector(shift.ok_or_else(|| lacks("T or tvec"))?, name)?,
+    }
+    .view()
+}
+
+/// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Pictures whose size they do not tell are taken to have the
+/// principal point in their middle.
+///
+/// # Errors
+/// [`CameraError::Calibration`].
+pub fn read_easymocap(intri: &str, extri: &str, file: &str) -> Result<Vec<View>, CameraError> {
+    let wrong = |found| CameraError::Calibration {
+        file: file.to_owned(),
+        expected: "EasyMocap's intri.yml and extri.yml",
+        found,
+    };
+    let (inner, outer) = (Storage::parse(intri), Storage::parse(extri));
+    let names = inner
+        .words("names")
+        .or_else(|| outer.words("names"))
+        .ok_or_else(|| wrong("no list 'names'".into()))?;
+    let view = |name: &String| -> Result<View, String> {
+        let key = |of: &str| format!("{of}_{name}");
+        let lacks = |what: &str| format!("camera {name} without {what}_{name}");
+        if inner.names().any(|n| n == key("xi") || n == key("fisheye")) {
+            return Err(fisheye(name));
+        }
+        let matrix = inner.numbers(&[&key("K")]).ok_or_else(|| lacks("K"))?;
+        let (focal, centre) = pinhole(matrix, name)?;
+        let size = [inner.number(&[&key("W")]), inner.number(&[&key("H")])];
+        let told = |k: usize| {
+            size[k]
+                .filter(|s| *s > 0.0)
+                .unwrap_or((2.0 * centre[k]).round())
+        };
+        let turn = outer
+            .numbers(&[&key("Rot"), &key("R")])
+            .ok_or_else(|| lacks("R"))?;
+        let shift = outer.numbers(&[&key("T")]).ok_or_else(|| lacks("T"))?;
+        Parts {
+            name,
+            size: [told(0), told(1)],
+            focal,
+            centre,
+            distortion: inner.numbers(&[&key("dist"), &key("D")]).unwrap_or(&[]),
+            rotation: rotation(turn, name)?,
+            translation: vector(shift, name)?,
+        }
+        .view()
+    };
+    names.iter().map(|n| view(n).map_err(wrong)).collect()
+}
+
+fn fisheye(name: &str) -> String {
+    format!(
+        "camera {name} with a fisheye lens, which is not understood; undistort its pictures first"
+    )
+}

@@ -1,0 +1,110 @@
+//! Pose2Sim's and Anipose's `Calib.toml`: one table a camera.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use glam::{DQuat, DVec3};
+use serde::Deserialize;
+use toml::{Spanned, Value};
+
+use super::parts::{Parts, pinhole, rotation, vector};
+use crate::camera::{CameraError, View};
+
+#[derive(Deserialize)]
+struct Camera {
+    name: Option<String>,
+    size: Vec<f64>,
+    matrix: Vec<Vec<f64>>,
+    distortions: Vec<f64>,
+    rotation: Vec<f64>,
+    translation: Vec<f64>,
+    #[serde(default)]
+    fisheye: bool,
+}
+
+/// Reads the text of a calibration; `file` is for errors. Cameras in the file's order.
+///
+/// # Errors
+/// [`CameraError::Calibration`].
+pub fn read_pose2sim(text: &str, file: &str) -> Result<Vec<View>, CameraError> {
+    let wrong = |found: String| CameraError::Calibration {
+        file: file.to_owned(),
+        expected: "a calibration of Pose2Sim or Anipose (.toml), QTM (.qca.txt), OpenCV (.yml), EasyMocap or COLMAP (folders)",
+        found,
+    };
+    let tables: BTreeMap<Spanned<String>, Value> =
+        toml::from_str(text).map_err(|e| wrong(e.message().into()))?;
+    let mut tables: Vec<_> = tables.into_iter().collect();
+    tables.sort_by_key(|(key, _)| key.span().start);
+    let mut views = Vec::new();
+    for (key, table) in tables {
+        let key = key.into_inner();
+        if key == "metadata" || !table.is_table() {
+            continue;
+        }
+        let camera: Camera = table
+            .try_into()
+            .map_err(|e: toml::de::Error| wrong(format!("camera {key}: {}", e.message())))?;
+        views.push(view(&key, &camera).map_err(wrong)?);
+    }
+    if views.is_empty() {
+        return Err(wrong("no camera".into()));
+    }
+    Ok(views)
+}
+
+fn view(key: &str, camera: &Camera) -> Result<View, String> {
+    let name = camera.name.as_deref().unwrap_or(key);
+    if camera.fisheye {
+        return Err(format!(
+            "camera {name} with a fisheye lens, which is not understood; undistort its pictures first"
+        ));
+    }
+    let [w, h] = camera.size[..] else {
+        return Err(format!(
+            "camera {name} with a size of {} numbers",
+            camera.size.len()
+        ));
+    };
+    let (focal, centre) = pinhole(&camera.matrix.concat(), name)?;
+    Parts {
+        name,
+        size: [w, h],
+        focal,
+        centre,
+        distortion: &camera.distortions,
+        rotation: rotation(&camera.rotation, name)?,
+        translation: vector(&camera.translation, name)?,
+    }
+    .view()
+}
+
+/// The text of a `Calib.toml` that Pose2Sim reads. k3 is written as a fifth coefficient where it is not 0.
+pub fn write_pose2sim(views: &[View]) -> String {
+    let list = |numbers: &[f64]| {
+        let all: Vec<String> = numbers.iter().map(|v| format!("{v:?}")).collect();
+        format!("[{}]", all.join(", "))
+    };
+    let vector = |v: DVec3| list(&v.to_array());
+    let mut text = String::new();
+    for view in views {
+        let [k1, k2, k3] = view.distortion.radial;
+        let [p1, p2] = view.distortion.tangential;
+        let five = [k1, k2, p1, p2, k3];
+        let used = if k3 == 0.0 { &five[..4] } else { &five[..] };
+        let name = Value::String(view.name.clone());
+        let _ = write!(
+            text,
+            "[{name}]\nname = {name}\nsize = {}\nmatrix = [{}, {}, {}]\ndistortions = {}\nrotation = {}\ntranslation = {}\nfisheye = false\n\n",
+            list(&view.size.map(f64::from)),
+            list(&[view.focal.x, 0.0, view.centre.x]),
+            list(&[0.0, view.focal.y, view.centre.y]),
+            list(&[0.0, 0.0, 1.0]),
+            list(used),
+            vector(DQuat::from_mat3(&view.rotation).to_scaled_axis()),
+            vector(-(view.rotation * view.position)),
+        );
+    }
+    text.push_str("[metadata]\nadjusted = false\nerror = 0.0\n");
+    text
+}

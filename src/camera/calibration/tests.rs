@@ -1,0 +1,284 @@
+use glam::{DMat3, DVec2, DVec3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::camera::Brown;
+
+fn ring(count: usize) -> Vec<View> {
+    (0..count)
+        .map(|k| {
+            let rotation =
+                DMat3::from_rotation_x(0.1) * DMat3::from_rotation_y(0.3 + 1.4 * k as f64);
+            View {
+                name: format!("cam{k:02}"),
+                size: [1088, 1920],
+                focal: DVec2::new(1680.0, 1684.0),
+                centre: DVec2::new(533.0, 948.0),
+                distortion: Brown {
+                    radial: [-0.046, 0.14, 0.01],
+                    tangential: [0.0006, 0.0007],
+                },
+                rotation,
+                position: DVec3::new(0.0, 1.0, 0.0)
+                    - rotation.transpose() * DVec3::new(0.0, 0.0, 3.5),
+            }
+        })
+        .collect()
+}
+
+fn close(a: &View, b: &View) {
+    let (p, q) = (DVec3::new(0.2, 1.2, -0.3), DVec3::new(-0.5, 0.1, 0.4));
+    assert_eq!((&a.name, a.size), (&b.name, b.size));
+    for point in [p, q] {
+        let (s, t) = (a.project(point).unwrap(), b.project(point).unwrap());
+        assert!((s - t).length() < 1e-3, "{}: {s} and {t}", a.name);
+    }
+    assert!(
+        (a.position - b.position).length() < 1e-6,
+        "{} and {}",
+        a.position,
+        b.position
+    );
+}
+
+#[test]
+fn pose2sim_comes_back_as_it_was_written() {
+    let views = ring(12);
+    let read = read_pose2sim(&write_pose2sim(&views), "c.toml").unwrap();
+    assert_eq!(read.len(), 12);
+    for (a, b) in views.iter().zip(&read) {
+        close(a, b);
+    }
+}
+
+#[test]
+fn cameras_keep_the_order_of_the_file() {
+    let mut views = ring(3);
+    views.swap(0, 2);
+    let read = read_pose2sim(&write_pose2sim(&views), "c.toml").unwrap();
+    let names: Vec<_> = read.iter().map(|v| v.name.as_str()).collect();
+    assert_eq!(names, ["cam02", "cam01", "cam00"]);
+}
+
+/// A matrix as OpenCV writes one.
+fn matrix(name: &str, rows: usize, numbers: &[f64]) -> String {
+    let all: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+    format!(
+        "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {}\n   dt: d\n   data: [ {} ]\n",
+        numbers.len() / rows,
+        all.join(",\n       ")
+    )
+}
+
+fn rows(m: DMat3) -> [f64; 9] {
+    m.transpose().to_cols_array()
+}
+
+fn lens(v: &View) -> ([f64; 9], [f64; 5]) {
+    let Brown {
+        radial: [k1, k2, k3],
+        tangential: [p1, p2],
+    } = v.distortion;
+    let k = [
+        v.focal.x, 0.0, v.centre.x, 0.0, v.focal.y, v.centre.y, 0.0, 0.0, 1.0,
+    ];
+    (k, [k1, k2, p1, p2, k3])
+}
+
+#[test]
+fn opencv_and_easymocap_tell_the_same_cameras() {
+    let views = ring(2);
+    let (mut intri, mut extri) = (
+        "%YAML:1.0\n---\nnames:\n".to_owned(),
+        "%YAML:1.0\n---\nnames:\n".to_owned(),
+    );
+    for v in &views {
+        intri += &format!("   - \"{}\"\n", v.name);
+    }
+    for v in &views {
+        let (k, d) = lens(v);
+        let shift = (-(v.rotation * v.position)).to_array();
+        let text = format!(
+            "%YAML:1.0\n---\ncalibration_time: \"Mon\"\nimage_width: 1088\nimage_height: 1920\n{}{}{}{}",
+            matrix("camera_matrix", 3, &k),
+            matrix("distortion_coefficients", 5, &d),
+            matrix("R", 3, &rows(v.rotation)),
+            matrix("T", 3, &shift)
+        );
+        close(&read_opencv(&text, &v.name, "c.yml").unwrap(), v);
+        let vector = glam::DQuat::from_mat3(&v.rotation)
+            .to_scaled_axis()
+            .to_array();
+        intri += &matrix(&format!("K_{}", v.name), 3, &k);
+        intri += &matrix(&format!("dist_{}", v.name), 1, &d);
+        intri += &format!("W_{}: 1088\nH_{0}: 1920\n", v.name);
+        extri += &matrix(&format!("R_{}", v.name), 3, &vector);
+        extri += &matrix(&format!("Rot_{}", v.name), 3, &rows(v.rotation));
+        extri += &matrix(&format!("T_{}", v.name), 3, &shift);
+    }
+    let read = read_easymocap(&intri, &extri, "folder").unwrap();
+    assert_eq!(read.len(), 2);
+    for (a, b) in views.iter().zip(&read) {
+        close(a, b);
+    }
+}
+
+#[test]
+fn colmap_counts_pixels_from_their_corner() {
+    let mut views = ring(2);
+    let mut cameras = "# Camera list\n".to_owned();
+    let mut images = "# Image list\n".to_owned();
+    for (k, v) in views.iter_mut().enumerate() {
+        v.distortion.radial[2] = 0.0;
+        let q = glam::DQuat::from_mat3(&v.rotation);
+        let t = -(v.rotation * v.position);
+        let (_, [k1, k2, p1, p2, _]) = lens(v);
+        cameras += &format!("{k} OPENCV 1088 1920 1680 1684 533.5 948.5 {k1} {k2} {p1} {p2}\n");
+        images += &format!(
+            "{k} {} {} {} {} {} {} {} {k} {}.jpg\n{}\n",
+            q.w,
+            q.x,
+            q.y,
+            q.z,
+            t.x,
+            t.y,
+            t.z,
+            v.name,
+            if k == 0 { "" } else { "1.0 2.0 -1" }
+        );
+    }
+    let read = read_colmap(&cameras, &images, "folder").unwrap();
+    assert_eq!(read.len(), 2);
+    for (a, b) in views.iter().zip(&read) {
+        close(a, b);
+    }
+    let fish = cameras.replace("OPENCV", "OPENCV_FISHEYE");
+    let error = read_colmap(&fish, &images, "folder")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("OPENCV_FISHEYE"), "{error}");
+}
+
+#[test]
+fn mistakes_are_named() {
+    let views = ring(3);
+    let text = write_pose2sim(&views);
+    let rotation = |text: &str| {
+        text.lines()
+            .find(|l| l.starts_with("rotation"))
+            .unwrap()
+            .to_owned()
+    };
+    let mirrored = text.replacen(
+        &rotation(&text),
+        "rotation = [1, 0, 0, 0, 1, 0, 0, 0, -1]",
+        1,
+    );
+    for (text, expected) in [
+        (
+            text.replacen("fisheye = false", "fisheye = true", 1),
+            "fisheye",
+        ),
+        (text.replacen("1680.0", "nan", 1), "not finite"),
+        (text.replacen("-0.046", "inf", 1), "not finite"),
+        (text.replacen("1680.0", "-1.0", 1), "focal"),
+        (mirrored, "mirrored"),
+        (
+            text.replacen("[1088.0, 1920.0]", "[1088.0]", 1),
+            "size of 1",
+        ),
+        (
+            text.replacen("translation", "translations", 1),
+            "translation",
+        ),
+        ("[metadata]\n".into(), "no camera"),
+        ("words".into(), "expected a calibration"),
+    ] {
+        let error = read_pose2sim(&text, "c.toml").unwrap_err().to_string();
+        assert!(
+            error.contains("c.toml") && error.contains(expected),
+            "{expected}: {error}"
+        );
+    }
+}
+
+#[test]
+fn cameras_that_cannot_be_are_refused() {
+    let says = |change: &dyn Fn(&mut Vec<View>), expected: &str| {
+        let mut views = ring(3);
+        change(&mut views);
+        let error = check("c.toml", views).unwrap_err().to_string();
+        assert!(
+            error.contains("c.toml") && error.contains(expected),
+            "{expected}: {error}"
+        );
+    };
+    says(&|v| v[1].name = v[0].name.clone(), "two called cam00");
+    says(
+        &|v| (v[1].rotation, v[1].position) = (v[0].rotation, v[0].position),
+        "one place",
+    );
+    says(&|v| v[2].size = [1920, 1088], "turned by 90 degrees");
+    says(&|v| v[2].size = [640, 360], "outside");
+    says(&|v| v[0].position.x = f64::NAN, "no place");
+    says(
+        &|v| v.iter_mut().for_each(|v| v.position *= 100.0),
+        "centimetres",
+    );
+    says(&|v| v.clear(), "none");
+}
+
+#[test]
+fn millimetres_are_recognised_and_said() {
+    let mut views = ring(4);
+    let right = check("c", views.clone()).unwrap();
+    assert!(right.notes.is_empty());
+    for v in &mut views {
+        v.position *= 1e3;
+    }
+    let read = check("c", views).unwrap();
+    assert!(read.notes[0].contains("millimetres"), "{:?}", read.notes);
+    for (a, b) in right.views.iter().zip(&read.views) {
+        assert!((a.position - b.position).length() < 1e-9);
+    }
+}
+
+#[test]
+fn distortion_off_by_64_is_read_both_ways() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("Calib.toml");
+    let mut views = ring(2);
+    for v in &mut views {
+        v.distortion = v.distortion.scaled(1.0 / 64.0);
+    }
+    fs::write(&path, write_pose2sim(&views)).unwrap();
+    let read = read(&path).unwrap();
+    let (other, what) = read.alternative.unwrap();
+    assert_eq!(what, "distortion times 64");
+    assert!((other[0].distortion.radial[0] + 0.046).abs() < 1e-12);
+    // An ordinary lens has one reading.
+    fs::write(&path, write_pose2sim(&ring(2))).unwrap();
+    assert_eq!(super::read(&path).unwrap().alternative, None);
+}
+
+#[test]
+fn a_folder_says_what_it_should_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = read(folder.path()).unwrap_err();
+    assert!(error.to_string().contains("intri.yml"), "{error}");
+    assert_eq!(
+        read(Path::new("/nowhere/c.toml")).unwrap_err().exit_code(),
+        66
+    );
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_read_or_refused(text in "[-a-zA-Z0-9_:\\[\\]\\. ,!\"\n<>=/#%]{0,400}") {
+        let _ = read_pose2sim(&text, "x");
+        let _ = read_opencv(&text, "x", "x");
+        let _ = read_easymocap(&text, &text, "x");
+        let _ = read_colmap(&text, &text, "x");
+        let _ = read_qtm(&text, "x");
+    }
+}
