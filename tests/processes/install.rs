@@ -128,6 +128,25 @@ fn what_is_no_installation_is_refused() {
     assert_eq!(out.status.code(), Some(77), "{}", stderr(&out));
 }
 
+/// What one process of ours says to another is no option for people.
+fn assert_no_hidden_option(what: &str, text: &str) {
+    let words = || text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-');
+    // Fish writes `-l job`.
+    let long: Vec<&str> = words()
+        .zip(words().skip(1))
+        .filter_map(|(a, b)| match a {
+            "-l" => Some(b),
+            _ => b.strip_prefix("--"),
+        })
+        .collect();
+    assert!(
+        long.contains(&"help"),
+        "{what}: what is looked at are options"
+    );
+    let hidden = ["job", "prefix"];
+    assert!(!long.iter().any(|o| hidden.contains(o)), "{what}: {long:?}");
+}
+
 #[test]
 fn pages_and_completions_know_the_verbs() {
     for (shell, word) in [
@@ -138,7 +157,27 @@ fn pages_and_completions_know_the_verbs() {
         let out = edgecap().args(["completions", shell]).output().unwrap();
         let script = String::from_utf8(out.stdout).unwrap();
         assert!(script.contains(word), "{shell}");
-        assert!(script.contains("doctor"), "{shell}");
+        for word in [
+            "doctor",
+            "list-controls",
+            "capture-size",
+            "dry-run",
+            "version",
+        ] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+        assert_no_hidden_option(shell, &script);
+    }
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--system"]);
+    let pages = root.path().join("usr/local/share/man/man1");
+    for page in std::fs::read_dir(pages).unwrap().flatten() {
+        let text = std::fs::read_to_string(page.path()).unwrap();
+        let bare = ["\\fB", "\\fI", "\\fR"]
+            .iter()
+            .fold(text, |t, font| t.replace(font, " "));
+        let plain = bare.replace("\\-", "-");
+        assert_no_hidden_option(&format!("{page:?}"), &plain);
     }
 }
 

@@ -1,6 +1,6 @@
 //! What shells and `man` know of the command line, made from the command line itself.
 
-use clap::CommandFactory;
+use clap::{Command, CommandFactory};
 
 use crate::commands::Cli;
 
@@ -26,8 +26,35 @@ pub fn completions(shell: Shell) -> anyhow::Result<String> {
         Shell::Fish => clap_complete::Shell::Fish,
     };
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "edgecap", &mut script);
+    let mut program = shown(&Cli::command());
+    clap_complete::generate(shell, &mut program, "edgecap", &mut script);
     Ok(String::from_utf8(script)?)
+}
+
+/// The command with what it shows: the scripts' makers know nothing of options that are hidden.
+fn shown(command: &Command) -> Command {
+    // A command's words live as long as the program; this one makes its script and ends.
+    let word = |text: &str| -> &'static str { text.to_owned().leak() };
+    let mut shown = Command::new(word(command.get_name()))
+        .args(
+            command
+                .get_arguments()
+                .filter(|a| !a.is_hide_set())
+                .cloned(),
+        )
+        .subcommands(
+            command
+                .get_subcommands()
+                .filter(|v| !v.is_hide_set())
+                .map(self::shown),
+        );
+    if let Some(about) = command.get_about() {
+        shown = shown.about(about.clone());
+    }
+    if let Some(version) = command.get_version() {
+        shown = shown.version(word(version));
+    }
+    shown
 }
 
 /// The pages of the manual by their file names: the program and each verb.
