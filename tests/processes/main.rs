@@ -15,6 +15,7 @@ mod install;
 mod metrics;
 mod outcome;
 mod pace;
+mod privacy;
 mod record;
 mod soak;
 mod supervisor;

@@ -214,6 +214,41 @@ fn a_dead_infer_is_replaced_while_bodies_keep_coming() {
     assert!(camera.stop().0.status.success());
 }
 
+/// What its children have open, they have opened.
+#[test]
+fn children_have_nothing_open_of_their_supervisor() {
+    let camera = Camera::start("open", &[]);
+    let bodies = camera.listen::<BodyFrame>();
+    some_body(&bodies);
+    // Those that are started now could have what the supervisor has opened meanwhile.
+    for verb in ["infer", "fit"] {
+        let old = eventually(verb, || camera.run.child(verb));
+        signal(old, "KILL");
+        camera.replaced(verb, old);
+        while bodies.next(Duration::ZERO).unwrap().is_some() {}
+        some_body(&bodies);
+    }
+    let open = |pid: u32| -> Vec<PathBuf> {
+        let fds = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
+        let names = fds
+            .flatten()
+            .filter_map(|fd| std::fs::read_link(fd.path()).ok());
+        names
+            .filter(|n| n.to_string_lossy().starts_with("socket:"))
+            .collect()
+    };
+    let supervisors = open(camera.run.pid());
+    assert!(!supervisors.is_empty(), "it listens to bodies");
+    for child in camera.children() {
+        let both: Vec<PathBuf> = open(child)
+            .into_iter()
+            .filter(|s| supervisors.contains(s))
+            .collect();
+        assert!(both.is_empty(), "{both:?}");
+    }
+    camera.stop();
+}
+
 /// Only the supervisor's own signal, or the end of the input, ends a run.
 #[test]
 fn a_child_that_is_asked_to_end_is_replaced() {
