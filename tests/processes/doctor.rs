@@ -2,9 +2,10 @@
 
 use crate::program::{Running, edgecap, eventually};
 
-const THINGS: [&str; 7] = [
+const THINGS: [&str; 8] = [
     "build",
     "processor",
+    "settings",
     "speed",
     "shared memory",
     "camera",
@@ -13,7 +14,7 @@ const THINGS: [&str; 7] = [
 ];
 
 /// The line about each of [`THINGS`].
-fn report(out: &std::process::Output) -> [String; 7] {
+fn report(out: &std::process::Output) -> [String; 8] {
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
@@ -34,7 +35,11 @@ fn every_thing_has_its_line() {
         .args(["doctor", "--threads", "1"])
         .output()
         .unwrap();
-    let [build, processor, speed, memory, ..] = report(&out);
+    let [build, processor, settings, speed, memory, ..] = report(&out);
+    assert!(
+        settings.starts_with("note") && settings.contains("defaults hold"),
+        "{settings}"
+    );
     assert!(build.ends_with(edgecap::BUILD), "{build}");
     assert!(processor.contains(" cores, "));
     assert!(speed.contains("on 1 of the cores: up to "), "{speed}");
@@ -94,7 +99,7 @@ fn instruction_sets_that_this_machine_lacks_are_broken() {
         .env("EDGECAP_ISA", "z80")
         .output()
         .unwrap();
-    let [_, processor, speed, ..] = report(&out);
+    let [_, processor, _, speed, ..] = report(&out);
     for line in [processor, speed] {
         assert!(line.starts_with("BROKEN") && line.contains("z80"), "{line}");
     }
@@ -113,11 +118,11 @@ fn a_run_is_seen_and_its_shared_memory_is_cleared_only_when_it_has_gone() {
         command
     };
     let doctor = || here(&["doctor"]).output().unwrap();
-    assert!(report(&doctor())[6].starts_with("note"));
+    assert!(report(&doctor())[7].starts_with("note"));
     let fit = here(&["fit", "--name", "camera0"]).spawn().unwrap();
     let fit = Running(fit);
     eventually("fit", || {
-        report(&doctor())[6].starts_with("ok ").then_some(())
+        report(&doctor())[7].starts_with("ok ").then_some(())
     });
     let repair = || here(&["doctor", "--repair"]).output().unwrap();
     let refused = repair();
@@ -125,5 +130,113 @@ fn a_run_is_seen_and_its_shared_memory_is_cleared_only_when_it_has_gone() {
     assert!(crate::program::stderr(&refused).contains("camera0.bodies in use"));
     drop(fit);
     assert_eq!(repair().status.code(), Some(0));
-    assert!(report(&doctor())[6].starts_with("note"));
+    assert!(report(&doctor())[7].starts_with("note"));
+}
+
+fn fifo(path: &std::path::Path) {
+    let made = std::process::Command::new("mkfifo").arg(path).status();
+    assert!(made.unwrap().success());
+}
+
+/// Whoever opens these waits for ever.
+#[test]
+fn pipes_in_place_of_files_do_not_hold_it_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("place");
+    std::fs::create_dir(&place).unwrap();
+    let settings = folder.path().join("edgecap.toml");
+    fifo(&settings);
+    for name in ["camera0.bodies.v2", "camera0.bodies.lock", "status-1.json"] {
+        fifo(&place.join(name));
+    }
+    std::fs::set_permissions(&place, std::os::unix::fs::PermissionsExt::from_mode(0o700)).unwrap();
+    let doctor = edgecap()
+        .args(["doctor", "--threads", "1", "--config"])
+        .arg(&settings)
+        .env("EDGECAP_RUNTIME_DIR", &place)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn();
+    let out = Running(doctor.unwrap()).wait(std::time::Duration::from_secs(120));
+    let [_, _, settings, ..] = report(&out);
+    assert!(
+        settings.starts_with("BROKEN") && settings.contains("does not end"),
+        "{settings}"
+    );
+    assert_eq!(out.status.code(), Some(78));
+}
+
+#[test]
+fn a_program_that_hangs_does_not_hold_it_up_and_is_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let ffmpeg = folder.path().join("ffmpeg");
+    let pid = folder.path().join("pid");
+    std::fs::write(
+        &ffmpeg,
+        format!(
+            "#!/bin/sh\necho $$ > {}\nexec /bin/sleep 600\n",
+            pid.display()
+        ),
+    )
+    .unwrap();
+    std::fs::set_permissions(&ffmpeg, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let doctor = edgecap()
+        .args(["doctor", "--threads", "1"])
+        .env("PATH", folder.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn();
+    let out = Running(doctor.unwrap()).wait(std::time::Duration::from_secs(120));
+    let [.., films, _] = report(&out);
+    assert!(films.starts_with("note"), "{films}");
+    let pid = std::fs::read_to_string(pid).unwrap();
+    assert!(!std::path::Path::new("/proc").join(pid.trim()).exists());
+}
+
+#[test]
+fn settings_are_looked_at_and_each_of_their_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let doctor = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        let mut command = edgecap();
+        let out = command
+            .args(["doctor", "--threads", "1", "--config"])
+            .arg(&file)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&out.stdout).into_owned();
+        (out.status.code(), said)
+    };
+    let (code, said) = doctor(
+        "[[camera]]\nname = \"hall\"\ninput = \"demo\"\nlive = true\n[[camera]]\nname = \"yard\"\ninput = \"/nowhere.avi\"\nlive = true\n",
+    );
+    assert_eq!(code, Some(66), "{said}");
+    assert!(said.contains("right, 2 cameras"), "{said}");
+    assert!(said.contains("hall (demo); the first picture"), "{said}");
+    assert!(said.contains("nowhere.avi"), "{said}");
+    assert!(said.contains("nobody publishes hall, yard"), "{said}");
+    let (code, said) = doctor("[netwrok]\n");
+    assert_eq!(code, Some(78));
+    assert!(said.contains("did you mean 'network'?"), "{said}");
+}
+
+#[test]
+fn a_processor_without_fast_kernels_is_told_loudly() {
+    let out = edgecap()
+        .args(["doctor", "--threads", "1"])
+        .env("EDGECAP_ISA", "scalar")
+        .output()
+        .unwrap();
+    let [_, processor, ..] = report(&out);
+    assert!(processor.starts_with("WARNING"), "{processor}");
+}
+
+#[test]
+fn only_root_becomes_the_service() {
+    if rustix::process::geteuid().is_root() {
+        eprintln!("skipped: this test would become another user");
+        return;
+    }
+    crate::program::assert_fails(&["doctor", "--as-service"], 77, &["sudo"]);
 }

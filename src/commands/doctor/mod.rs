@@ -1,0 +1,142 @@
+//! `edgecap doctor`: what of this machine works, and what to do about the rest.
+
+mod finding;
+mod memory;
+mod patience;
+mod pictures;
+mod service;
+mod speed;
+
+use std::io::Write;
+use std::time::Duration;
+
+use edgecap_client::place;
+
+use super::exit::{self, Failure};
+use super::input::DEFAULT_NAME;
+use super::run::RunArgs;
+use super::say;
+use super::settings::{self, ConfigArgs, Settings};
+use finding::{Finding, State};
+use patience::{attempt, within};
+
+/// How long a check may take.
+const LIMIT: Duration = Duration::from_secs(10);
+/// How long reading settings may take.
+const FILE_LIMIT: Duration = Duration::from_secs(5);
+/// How long a camera may take: to open one takes seconds, its first picture as many.
+const CAMERA_LIMIT: Duration = Duration::from_secs(20);
+/// How long speed may take: a slow machine packs the model first.
+const SPEED_LIMIT: Duration = Duration::from_secs(120);
+
+const SETTINGS: &str = "settings";
+
+/// Options of `edgecap doctor`.
+#[derive(Debug, clap::Args)]
+pub struct DoctorArgs {
+    #[command(flatten)]
+    settings: ConfigArgs,
+    /// Threads for the network; those of the settings, else all cores when not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+    /// Look as the user that the service is, with the machine's settings: what that one may not do is broken (as root)
+    #[arg(long)]
+    as_service: bool,
+    /// Clear what earlier runs left in shared memory, if nobody alive uses it
+    #[arg(long, conflicts_with = "as_service")]
+    repair: bool,
+}
+
+/// Looks at everything that a run needs; prints each finding as soon as it is known. Ends whatever hangs.
+///
+/// # Errors
+/// The exit code of the first thing that is broken.
+pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
+    if args.repair {
+        return repair();
+    }
+    if args.as_service {
+        return Err(service::become_service(&args.settings));
+    }
+    let mut broken = None;
+    let mut say = |finding: Finding| -> anyhow::Result<()> {
+        writeln!(std::io::stdout(), "{finding}")?;
+        if let State::Broken(code) = finding.state {
+            broken = broken.or(Some(code));
+        }
+        Ok(())
+    };
+    say(Finding::new("build", State::Fine, crate::BUILD))?;
+    say(within(speed::PROCESSOR, LIMIT, speed::processor))?;
+    let (finding, runs) = settled(args.settings);
+    say(finding)?;
+    let mut engine = runs[0].engine.clone();
+    engine.threads = args.threads.or(engine.threads);
+    say(within(speed::SPEED, SPEED_LIMIT, move || {
+        speed::speed(&engine)
+    }))?;
+    say(within(memory::MEMORY, LIMIT, memory::shared_memory))?;
+    for run in &runs {
+        let input = run.input.clone();
+        say(within(pictures::CAMERA, CAMERA_LIMIT, move || {
+            pictures::camera(&input)
+        }))?;
+    }
+    say(within(pictures::FILMS, 2 * LIMIT, pictures::films))?;
+    let name = |run: &RunArgs| run.input.name.clone();
+    let names: Vec<String> = runs
+        .iter()
+        .map(|r| name(r).unwrap_or_else(|| DEFAULT_NAME.into()))
+        .collect();
+    say(within(memory::RUNNING, LIMIT, move || {
+        memory::running(&names)
+    }))?;
+    match broken {
+        Some(code) => Err(Failure::silent(code).into()),
+        None => Ok(()),
+    }
+}
+
+/// The settings file, and what a run takes with it: never nothing.
+fn settled(args: ConfigArgs) -> (Finding, Vec<RunArgs>) {
+    let read = move || -> anyhow::Result<_> {
+        let settings = Settings::load(&args)?;
+        let effective = settings::effective(&RunArgs::of_settings(args), &settings)?;
+        effective.check()?;
+        Ok((settings.file, effective.runs()?))
+    };
+    match attempt(FILE_LIMIT, read) {
+        Some(Ok((Some(file), runs))) => {
+            let text = format!("{}: right, {} cameras", file.display(), runs.len());
+            (Finding::new(SETTINGS, State::Fine, text), runs)
+        }
+        Some(Ok((None, runs))) => {
+            let text = "no edgecap.toml: defaults hold; 'edgecap config sample' is one";
+            (Finding::new(SETTINGS, State::Note, text), runs)
+        }
+        Some(Err(e)) => (Finding::failed(SETTINGS, e), vec![RunArgs::default()]),
+        None => {
+            let finding = Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS);
+            (finding, vec![RunArgs::default()])
+        }
+    }
+}
+
+/// What to say of files that cannot be read to their end.
+const HANGS: &str = "reading edgecap.toml, or a file that it names, does not end: expected files, found a pipe or a folder that is away";
+
+/// Clears what the dead left of this user's shared memory.
+fn repair() -> anyhow::Result<()> {
+    let folder = place::runtime_dir();
+    let alive = place::clear()?;
+    if alive.is_empty() {
+        say::out(&format!("{}: cleared; start again", folder.display()));
+        return Ok(());
+    }
+    Err(Failure::unavailable(format!(
+        "{}: what the dead left is cleared; {} in use and stayed: stop who publishes there first",
+        folder.display(),
+        alive.join(", ")
+    ))
+    .into())
+}

@@ -1,0 +1,142 @@
+//! The processor, and how fast it is.
+
+use std::time::{Duration, Instant};
+
+use super::finding::{Finding, State};
+use crate::capture::{self, Frame, demo};
+use crate::commands::exit;
+use crate::commands::infer::{DEFAULT_SIZE, EngineArgs};
+use crate::commands::pipeline::{Pipeline, PipelineOptions, SCALAR_ONLY};
+use crate::engine::Isa;
+use crate::machine::Machine;
+
+/// Pictures of the bundled clip that speed is measured with.
+const FRAMES: usize = 20;
+/// As many as fit into this, at least one.
+const MEASURED_FOR: Duration = Duration::from_secs(5);
+/// Below this many pictures a second movement looks broken.
+const FLUENT: f64 = 12.0;
+/// Below this many nothing can be done with it.
+const USABLE: f64 = 3.0;
+
+pub const PROCESSOR: &str = "processor";
+pub const SPEED: &str = "speed";
+
+/// What it is, and which kernels it has.
+pub fn processor() -> Finding {
+    match Isa::detect() {
+        Ok(isa) => processor_with(isa),
+        Err(e) => Finding::new(PROCESSOR, State::Broken(exit::USAGE), e.to_string()),
+    }
+}
+
+fn processor_with(isa: Isa) -> Finding {
+    let machine = Machine::here(isa);
+    let mut text = format!("{}, {} cores, {}", machine.cpu, machine.cores, machine.isa);
+    let mut state = State::Fine;
+    if machine.governor.as_deref() == Some("powersave") {
+        text += "; governor 'powersave' may slow it down: 'performance' is steadier";
+        state = State::Note;
+    }
+    if let Some(load) = machine.load.filter(|_| machine.is_disturbed()) {
+        text += &format!("; {load:.1} other processes run, which takes speed");
+        state = State::Note;
+    }
+    match isa {
+        Isa::Scalar => {
+            text += &format!("; {SCALAR_ONLY}");
+            state = State::Warning;
+        }
+        Isa::Sse41 => {
+            text += "; no AVX2, which the network is made for: expected a CPU of 2015 or later";
+            state = State::Warning;
+        }
+        _ => {}
+    }
+    Finding::new(PROCESSOR, state, text)
+}
+
+/// The bundled clip through every stage of `infer`.
+pub fn speed(engine: &EngineArgs) -> Finding {
+    let threads = engine.threads.map_or_else(
+        || std::thread::available_parallelism().map_or(1, usize::from),
+        usize::from,
+    );
+    match measured(engine, threads) {
+        Ok((seconds, people)) => judged(seconds, people, threads),
+        Err(e) => Finding::failed(SPEED, e),
+    }
+}
+
+/// Seconds a picture, and people in it.
+fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(f64, f64)> {
+    let (width, height) = DEFAULT_SIZE;
+    let mut pipeline = Pipeline::new(&PipelineOptions {
+        model: engine.model.as_deref(),
+        stage2: engine.stage2.as_deref(),
+        width,
+        height,
+        threads,
+        flip_test: false,
+    })?;
+    let camera = demo::camera();
+    let mut clip = capture::open_bytes("demo", demo::CLIP)?;
+    let mut frame = Frame::default();
+    let mut times = Vec::with_capacity(FRAMES);
+    let mut people = 0;
+    let began = Instant::now();
+    while times.len() < FRAMES
+        && (times.is_empty() || began.elapsed() < MEASURED_FOR)
+        && clip.next_into(&mut frame)?
+    {
+        let lens = camera.for_frame(frame.width, frame.height);
+        let lens = lens.map_err(anyhow::Error::msg)?;
+        let start = Instant::now();
+        let seen = pipeline.process(&frame, &lens)?;
+        people += seen.people.len();
+        times.push(start.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+    Ok((median, people as f64 / times.len() as f64))
+}
+
+fn judged(seconds: f64, people: f64, threads: usize) -> Finding {
+    let rate = 1.0 / seconds;
+    let mut text = format!(
+        "{:.0} ms a picture of {people:.1} people on {threads} of the cores: up to {rate:.*} a second",
+        1e3 * seconds,
+        usize::from(rate < 10.0)
+    );
+    let state = match rate {
+        r if r >= FLUENT => State::Fine,
+        r if r >= USABLE => State::Note,
+        _ => State::Warning,
+    };
+    if state != State::Fine {
+        text += "; --size 384x240 takes less, for people who stand near";
+    }
+    Finding::new(SPEED, state, text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_processor_without_fast_kernels_is_told_loudly() {
+        let scalar = processor_with(Isa::Scalar);
+        assert!(scalar.text.contains("only scalar kernels are left"));
+        assert!(scalar.to_string().starts_with("WARNING processor"));
+        assert_eq!(processor_with(Isa::Sse41).state, State::Warning);
+        for isa in Isa::available().filter(|isa| *isa > Isa::Sse41) {
+            assert_ne!(processor_with(isa).state, State::Warning);
+        }
+    }
+
+    #[test]
+    fn speed_is_judged_by_pictures_a_second() {
+        let states = [0.04, 0.2, 1.5].map(|s| judged(s, 1.0, 2).state);
+        assert_eq!(states, [State::Fine, State::Note, State::Warning]);
+    }
+}
