@@ -8,13 +8,16 @@
 pub mod assignment;
 pub mod body;
 pub mod bounded;
+pub mod bridge;
 pub mod camera;
 pub mod capture;
 pub mod commands;
 pub mod config;
 pub mod detect;
 pub mod engine;
+pub mod export;
 pub mod fit;
+pub mod http;
 pub mod lab;
 pub mod lift;
 pub mod machine;
@@ -26,6 +29,7 @@ pub mod record;
 pub mod sink;
 pub mod solve;
 pub mod supervise;
+pub mod view;
 
 pub use edgecap_client::{joints, message};
 

@@ -13,7 +13,17 @@ pub struct Array<'a> {
     /// Its shape.
     pub shape: &'a [usize],
     /// As many values as the shape says.
-    pub data: &'a [f32],
+    pub data: Values<'a>,
+}
+
+/// Values of an array.
+pub enum Values<'a> {
+    /// `float32`.
+    F32(&'a [f32]),
+    /// `float64`.
+    F64(&'a [f64]),
+    /// `int64`.
+    I64(&'a [i64]),
 }
 
 /// The bytes of an archive of `arrays`, not compressed; the same arrays give the same bytes.
@@ -28,15 +38,24 @@ pub fn write(arrays: &[Array<'_>]) -> io::Result<Vec<u8>> {
     for array in arrays {
         zip.start_file(npz::file_name_from_array_name(array.name), options)?;
         let shape: Vec<u64> = array.shape.iter().map(|&n| n as u64).collect();
-        let mut npy = npyz::WriteOptions::new()
-            .default_dtype()
-            .shape(&shape)
-            .writer(&mut zip)
-            .begin_nd()?;
-        npy.extend(array.data.iter().copied())?;
-        npy.finish()?;
+        match array.data {
+            Values::F32(all) => write_array(&mut zip, &shape, all)?,
+            Values::F64(all) => write_array(&mut zip, &shape, all)?,
+            Values::I64(all) => write_array(&mut zip, &shape, all)?,
+        }
     }
     Ok(zip.finish()?.into_inner())
+}
+
+fn write_array<T: npyz::AutoSerialize + Copy>(
+    out: impl io::Write,
+    shape: &[u64],
+    all: &[T],
+) -> io::Result<()> {
+    let options = npyz::WriteOptions::new().default_dtype();
+    let mut npy = options.shape(shape).writer(out).begin_nd()?;
+    npy.extend(all.iter().copied())?;
+    npy.finish()
 }
 
 /// Why an archive, or an array of it, cannot be read.
@@ -291,7 +310,7 @@ mod tests {
         let array = Array {
             name: "heat",
             shape: &[2, 3],
-            data: &[1.0, 2.5, -3.0, 4.0, 5.0, 6.0],
+            data: Values::F32(&[1.0, 2.5, -3.0, 4.0, 5.0, 6.0]),
         };
         let bytes = write(&[array]).unwrap();
         // DOS date and time of the first local header: 1980-01-01, midnight.
@@ -305,7 +324,7 @@ mod tests {
         let short = Array {
             name: "a",
             shape: &[2],
-            data: &[1.0],
+            data: Values::F32(&[1.0]),
         };
         assert!(write(&[short]).is_err(), "a value is missing");
     }

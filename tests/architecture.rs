@@ -12,6 +12,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("assignment", &[]),
     ("bounded", &[]),
     ("config", &[]),
+    ("http", &[]),
     ("machine", &[]),
     ("metrics", &[]),
     ("npz", &[]),
@@ -33,6 +34,9 @@ const ROOMS: &[(&str, &[&str])] = &[
         "sink",
         &["camera", "capture", "output", "overlay", "record"],
     ),
+    ("export", &["body", "npz", "record"]),
+    ("bridge", &["body", "camera", "http", "record", "sink"]),
+    ("view", &["http"]),
     ("supervise", &["output"]),
 ];
 /// Rooms that may name all others, the laboratory included for its own verbs.

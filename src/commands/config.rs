@@ -99,6 +99,10 @@ fn printed(effective: &Effective, settings: &Settings) -> anyhow::Result<String>
     table(&mut out, "metrics", &json(metrics)?, &|key| {
         origin(origins, key)
     });
+    let (bridges, origins) = &effective.bridges;
+    table(&mut out, "bridges", &json(bridges)?, &|key| {
+        origin(origins, key)
+    });
     Ok(out)
 }
 

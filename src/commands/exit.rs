@@ -6,6 +6,7 @@ use crate::camera::CameraError;
 use crate::capture::CaptureError;
 use crate::config::Mistake;
 use crate::engine::{EngineError, ModelError};
+use crate::export::ExportError;
 use crate::record::RecordError;
 use crate::sink::SinkError;
 
@@ -58,6 +59,14 @@ impl Failure {
         Self {
             code: CANNOT_CREATE,
             message,
+        }
+    }
+
+    /// A result would replace what is there.
+    pub fn exists(message: impl Into<String>) -> Self {
+        Self {
+            code: CANNOT_CREATE,
+            message: message.into(),
         }
     }
 
@@ -155,9 +164,13 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(model_code(e));
             }
             if let Some(e) = cause.downcast_ref::<RecordError>() {
+                return Some(record_code(e));
+            }
+            if let Some(e) = cause.downcast_ref::<ExportError>() {
                 return Some(match e {
-                    RecordError::Io { .. } => IO,
-                    RecordError::Line { .. } => DATA,
+                    ExportError::Extension(_) => USAGE,
+                    ExportError::Record(e) => record_code(e),
+                    _ => DATA,
                 });
             }
             if let Some(e) = cause.downcast_ref::<SinkError>() {
@@ -184,6 +197,13 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
     error
         .downcast_ref::<Failure>()
         .is_some_and(|f| f.message.is_empty())
+}
+
+fn record_code(error: &RecordError) -> u8 {
+    match error {
+        RecordError::Io { .. } => IO,
+        RecordError::Line { .. } => DATA,
+    }
 }
 
 fn link_code(error: &LinkError) -> u8 {

@@ -24,7 +24,7 @@ pub const DEFAULT_NAME: &str = "camera0";
 #[serde(default, deny_unknown_fields)]
 pub struct InputArgs {
     /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
-    /// [default: the first camera, else the bundled demo clip]
+    /// [default: the first camera, else the bundled demo clip, over and over]
     #[arg(long, value_name = "INPUT")]
     pub input: Option<String>,
     /// Name under which observations and bodies are published [default: camera0, or the file's name]
@@ -120,6 +120,8 @@ pub struct Chosen {
     pub name: String,
     is_camera: bool,
     plays_live: bool,
+    /// The bundled clip, because there is no camera.
+    pub stands_in: bool,
 }
 
 impl InputArgs {
@@ -136,6 +138,7 @@ impl InputArgs {
         Self {
             input: Some(chosen.spec.to_string()),
             name: Some(chosen.name.clone()),
+            live: chosen.plays_live,
             ..self.clone()
         }
     }
@@ -219,20 +222,23 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
         .into());
     }
     let name = args.name.clone().unwrap_or_else(|| match &spec {
-        InputSpec::Demo => "demo".to_owned(),
+        InputSpec::Demo if args.input.is_some() => "demo".to_owned(),
         InputSpec::Path(path) => path.file_stem().map_or_else(
             || DEFAULT_NAME.to_owned(),
             |s| service_name(&s.to_string_lossy()),
         ),
-        InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => {
+        // The clip in place of a camera is read as the camera would be.
+        InputSpec::Demo | InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => {
             DEFAULT_NAME.to_owned()
         }
     });
+    let stands_in = args.input.is_none() && spec == InputSpec::Demo;
     Ok(Chosen {
         spec,
         name,
         is_camera,
-        plays_live: args.live && !is_camera,
+        plays_live: (args.live || stands_in) && !is_camera,
+        stands_in,
     })
 }
 

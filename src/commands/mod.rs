@@ -7,10 +7,13 @@
 )]
 
 mod bench;
+mod bridge;
+mod bridges;
 mod config;
 mod doctor;
 mod eval;
 mod exit;
+mod export;
 mod fit;
 mod infer;
 mod input;
@@ -21,14 +24,18 @@ mod model;
 mod outputs;
 mod picture;
 mod pipeline;
+mod record;
+mod replay;
 mod run;
 mod say;
+mod serve;
 mod settings;
 mod status;
 mod stop;
 pub mod synth;
 mod table;
 mod tally;
+mod view;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -54,10 +61,20 @@ enum Verb {
     Run(Box<run::RunArgs>),
     /// Show the bodies that a running camera publishes
     Watch(watch::WatchArgs),
+    /// Show them in three dimensions on a page in the browser, and hand them on over WebSocket
+    View(view::ViewArgs),
     /// Pictures in, observations out
     Infer(infer::InferArgs),
     /// Observations in, bodies out
     Fit(fit::FitArgs),
+    /// Hand on the bodies of a running camera as OSC, as VMC, or over WebSocket
+    Bridge(bridge::BridgeVerb),
+    /// Record what a running camera publishes
+    Record(record::RecordVerb),
+    /// Publish a record as if its camera ran again
+    Replay(replay::ReplayArgs),
+    /// Write recorded bodies as BVH, glTF, TRC, CSV or NumPy arrays
+    Export(export::ExportArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
     /// Measure predictions against ground truth
@@ -97,8 +114,13 @@ pub fn main() -> u8 {
     let done = match cli.verb.unwrap_or(Verb::Run(Box::new(cli.run))) {
         Verb::Run(args) => run::run(*args),
         Verb::Watch(args) => watch::watch(args),
+        Verb::View(args) => view::view(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
+        Verb::Bridge(args) => bridge::bridge(args),
+        Verb::Record(args) => record::record(args),
+        Verb::Replay(args) => replay::replay(args),
+        Verb::Export(args) => export::export(args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

@@ -371,9 +371,11 @@ fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
         (array("pafs", &pafs), &pafs),
         (array("encodings", &encodings), &encodings),
     ];
-    let arrays = all
-        .each_ref()
-        .map(|((name, shape), data)| npz::Array { name, shape, data });
+    let arrays = all.each_ref().map(|((name, shape), data)| npz::Array {
+        name,
+        shape,
+        data: npz::Values::F32(data),
+    });
     npz::write(&arrays)
         .and_then(|bytes| output::write(path, &bytes))
         .with_context(|| format!("cannot write {}", path.display()))

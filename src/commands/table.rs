@@ -127,6 +127,11 @@ impl Table {
         }
     }
 
+    /// Whether somebody sees it.
+    pub fn is_on_terminal(&self) -> bool {
+        self.terminal.is_some()
+    }
+
     /// Prints a line above the table.
     pub fn say(&self, line: &str) {
         if self.terminal.is_some() {

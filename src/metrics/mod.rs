@@ -4,9 +4,7 @@
 mod exposition;
 mod histogram;
 mod meter;
-mod server;
 
 pub use exposition::exposition;
 pub use histogram::Histogram;
 pub use meter::{Meter, STAGES, Snapshot};
-pub use server::Server;

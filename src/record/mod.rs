@@ -7,15 +7,21 @@
 //! Readers tell the two apart by the first bytes. A file that was cut off plays to its last whole frame. Every finite number
 //! comes back with the same bits.
 
+mod append;
 mod binary;
 mod camera;
 mod error;
+mod kind;
 mod reader;
 pub mod rows;
+mod times;
 mod writer;
 
+pub use append::GrowingRecord;
 pub use camera::CameraSource;
 pub use error::RecordError;
+pub use kind::Kind;
 pub use reader::{ObservationReader, RowReader, lines};
 pub use rows::{BodiesRow, ObservationsRow, Row};
+pub use times::Times;
 pub use writer::{Format, RecordWriter};

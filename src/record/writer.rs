@@ -35,8 +35,7 @@ impl<T: Row> RecordWriter<T> {
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
         let mut file = AtomicFile::create(path)?;
         if format == Format::Binary {
-            file.write_all(MAGIC)?;
-            file.write_all(&[T::KIND])?;
+            file.write_all(&head::<T>(format))?;
             file.mark_whole();
         }
         Ok(Self {
@@ -58,18 +57,8 @@ impl<T: Row> RecordWriter<T> {
     /// # Errors
     /// Those of the file; the frames before are kept by [`finish`](Self::finish).
     pub fn write(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
-        let row = T::new(message, source);
         self.buffer.clear();
-        match self.format {
-            Format::Jsonl => {
-                serde_json::to_writer(&mut self.buffer, &row)?;
-                self.buffer.push(b'\n');
-            }
-            Format::Binary => {
-                let bytes = postcard::to_stdvec(&row).map_err(io::Error::other)?;
-                binary::put(&bytes, &mut self.buffer);
-            }
-        }
+        encode(&T::new(message, source), self.format, &mut self.buffer)?;
         self.file.write_all(&self.buffer)?;
         self.file.mark_whole();
         Ok(())
@@ -82,4 +71,27 @@ impl<T: Row> RecordWriter<T> {
     pub fn finish(self) -> io::Result<()> {
         self.file.finish()
     }
+}
+
+/// How a record begins.
+pub(super) fn head<T: Row>(format: Format) -> Vec<u8> {
+    match format {
+        Format::Jsonl => Vec::new(),
+        Format::Binary => [MAGIC.as_slice(), &[T::KIND]].concat(),
+    }
+}
+
+/// Appends a row.
+pub(super) fn encode<T: Row>(row: &T, format: Format, out: &mut Vec<u8>) -> io::Result<()> {
+    match format {
+        Format::Jsonl => {
+            serde_json::to_writer(&mut *out, row)?;
+            out.push(b'\n');
+        }
+        Format::Binary => {
+            let bytes = postcard::to_stdvec(row).map_err(io::Error::other)?;
+            binary::put(&bytes, out);
+        }
+    }
+    Ok(())
 }

@@ -8,7 +8,7 @@ mod shared_memory;
 pub use error::SinkError;
 pub use overlay::OverlaySink;
 pub use record::RecordSink;
-pub use shared_memory::SharedMemorySink;
+pub use shared_memory::{SharedMemorySink, Streamed};
 
 use crate::capture::Frame;
 

@@ -3,11 +3,12 @@
 use crate::scene::measure::{Report, is_finite, line, run};
 use crate::scene::people::{self, Activity, Person};
 use crate::scene::{Noise, Scene};
+use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
 use edgecap::message::{BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, ObservationFrame};
-use glam::Vec3;
+use glam::{DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
 const FPS: f64 = 30.0;
@@ -85,6 +86,38 @@ fn long_crossings() {
         switches.push(r.switches);
     }
     assert_eq!(switches, [0; 10]);
+}
+
+#[test]
+fn angles_and_bone_lengths_give_the_joints() {
+    let skeleton = Skeleton::builtin();
+    let mut scene = Scene::new(people::everyday(), Noise::REAL, FPS, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut bodies = 0;
+    for n in 0..90 {
+        let (frame, _) = scene.next();
+        fitter.update(&frame, &mut out);
+        if n % 3 == 2 {
+            fitter.predict(frame.capture_ns + 20_000_000, &mut out);
+        }
+        for body in out.bodies() {
+            bodies += 1;
+            let number = |k: usize| f64::from(body.angles[k]);
+            let pose = Pose {
+                position: DVec3::from_array([0, 1, 2].map(number)),
+                rotation: DQuat::from_scaled_axis(DVec3::from_array([3, 4, 5].map(number))),
+                angles: std::array::from_fn(|k| number(6 + k)),
+            };
+            let mut posed = Posed::default();
+            skeleton.pose(&pose, &body.bone_lengths.map(f64::from), &mut posed);
+            for (j, p) in posed.joints.iter().enumerate() {
+                let off = (p.as_vec3() - Vec3::from_array(body.joints3d[j])).length();
+                assert!(off < 1e-4, "frame {n}, joint {j}: {off} m off");
+            }
+        }
+    }
+    assert!(bodies > 300, "{bodies} bodies");
 }
 
 #[test]

@@ -4,9 +4,11 @@
 mod program;
 
 mod bad_input;
+mod bridges;
 mod camera_away;
 mod config;
 mod doctor;
+mod export;
 mod faults;
 mod flip_test;
 mod follow_people;
@@ -17,6 +19,8 @@ mod outcome;
 mod pace;
 mod privacy;
 mod record;
+mod replay;
 mod soak;
 mod supervisor;
+mod view;
 mod watch;

@@ -1,7 +1,7 @@
 //! The processes on the bundled clip: the way through, crashes, and what is left behind.
 
 use std::path::PathBuf;
-use std::process::Output;
+use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::{self, Running, eventually, signal, stream};
@@ -160,22 +160,35 @@ fn a_file_travels_through_one_process_and_none_of_it_is_lost() {
 }
 
 #[test]
-fn without_arguments_and_camera_the_bundled_clip_plays() {
+fn without_arguments_and_camera_the_bundled_clip_plays_until_it_is_stopped() {
     if edgecap::capture::list_cameras().is_ok() {
         eprintln!("skipped: this machine has a camera");
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
-    let out = crate::program::edgecap()
-        .current_dir(folder.path())
-        .args(["--name", &stream("bare")])
-        .output()
+    let place = tempfile::tempdir().unwrap();
+    let child = program::edgecap()
+        .env("EDGECAP_RUNTIME_DIR", place.path())
+        .args(["--size", "64x64", "--threads", "1"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
         .unwrap();
-    assert!(out.status.success(), "{}", crate::program::stderr(&out));
-    let result = folder
-        .path()
-        .join(format!("edgecap-out/{}.bodies.jsonl", stream("bare")));
-    assert!(!lines(&result).is_empty());
+    let run = Running(child);
+    // Under the name that every example reads.
+    let bodies = Subscriber::<BodyFrame>::open_at(place.path(), "camera0").unwrap();
+    let frame = eventually("a frame", || {
+        bodies.next(Duration::from_millis(500)).unwrap()
+    });
+    assert_eq!(frame.flags, 0, "it is live, and goes on");
+    drop((frame, bodies));
+    signal(run.pid(), "INT");
+    let out = run.wait(Duration::from_secs(30));
+    let said = program::stderr(&out);
+    assert!(out.status.success(), "{said}");
+    assert!(said.contains("edgecap.bodies('camera0')"), "{said}");
+    assert!(said.contains(" view --camera camera0"), "{said}");
+    let folder = format!("EDGECAP_RUNTIME_DIR={} ", place.path().display());
+    assert_eq!(said.matches(&folder).count(), 2, "{said}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Running the built program and looking at its processes.
 #![allow(dead_code, reason = "every test file uses its own part")]
 
+pub mod browser;
 pub mod place;
 pub mod stand_in;
 

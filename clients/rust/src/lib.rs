@@ -35,6 +35,6 @@ pub use error::LinkError;
 pub use link::MAX_SUBSCRIBERS;
 pub use publisher::Publisher;
 pub use ring::BUFFER;
-pub use stream::{Message, service_name};
+pub use stream::{Message, cameras, service_name};
 pub use subscriber::{Priority, Received, Subscriber};
 pub use world::WorldBody;

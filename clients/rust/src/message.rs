@@ -284,7 +284,8 @@ pub struct Body {
     pub confidence: [f32; BODY_JOINTS],
     /// Stature, metres.
     pub height: f32,
-    /// Length of the bone that ends in each joint, metres; 0 for the pelvis.
+    /// Length of the bone that ends in each joint, metres, as the pose was solved with; 0 for the pelvis. With `angles` they
+    /// give `joints3d`.
     pub bone_lengths: [f32; BODY_JOINTS],
     /// Local rotations for [`HUMANOID_BONES`], xyzw, from a T-pose with axes x left, y up, z front.
     pub bone_rotations: [[f32; 4]; HUMANOID_BONE_COUNT],

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 
 use super::*;
 use crate::body::model::BodyModel;
-use crate::npz::{Archive, Array, write};
+use crate::npz::{Archive, Array, Values, write};
 
 static REFERENCE: &[u8] = include_bytes!("../../../tests/reference/mesh_body.npz");
 
@@ -170,7 +170,11 @@ fn small(change: impl FnOnce(&mut Vec<(&'static str, Vec<usize>, Vec<f32>)>)) ->
     change(&mut arrays);
     let arrays: Vec<Array<'_>> = arrays
         .iter()
-        .map(|(name, shape, data)| Array { name, shape, data })
+        .map(|(name, shape, data)| Array {
+            name,
+            shape,
+            data: Values::F32(data),
+        })
         .collect();
     write(&arrays).unwrap()
 }

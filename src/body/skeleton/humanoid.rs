@@ -6,8 +6,8 @@
 
 use glam::{DQuat, DVec3};
 
-use super::Posed;
-use crate::joints::PELVIS;
+use super::{BoneLengths, Posed, Skeleton};
+use crate::joints::{PARENTS, PELVIS};
 use crate::message::HUMANOID_BONE_COUNT;
 
 /// For each humanoid bone: the body joint whose bone carries it, its humanoid parent, and the side of an arm (−1 right).
@@ -30,13 +30,66 @@ const BONES: [(usize, Option<usize>, f64); HUMANOID_BONE_COUNT] = [
     (20, Some(14), 0.0),
 ];
 
+/// The T-pose from which [`bone_rotations`] turn, hips at the origin, x to the person's left, y up, z to the front, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TPose {
+    /// The bone that carries each one; none carries the hips.
+    pub parents: [Option<usize>; HUMANOID_BONE_COUNT],
+    /// Where each bone starts, from where its parent starts.
+    pub offsets: [DVec3; HUMANOID_BONE_COUNT],
+    /// Where each bone ends, from where it starts; zero of the hips, which several bones leave.
+    pub ends: [DVec3; HUMANOID_BONE_COUNT],
+    /// The body joint in which each bone starts.
+    pub starts: [usize; HUMANOID_BONE_COUNT],
+}
+
+impl TPose {
+    /// Of somebody with these bones.
+    pub fn new(skeleton: &Skeleton, lengths: &BoneLengths) -> Self {
+        let starts = BONES.map(|(joint, _, _)| {
+            if joint == PELVIS {
+                joint
+            } else {
+                PARENTS[joint]
+            }
+        });
+        let vector = |bone: usize, joint: usize| {
+            let unturned = lower(BONES[bone].2).conjugate();
+            unturned * (skeleton.directions()[joint] * lengths[joint])
+        };
+        let offsets = std::array::from_fn(|b| {
+            let Some(parent) = BONES[b].1 else {
+                return DVec3::ZERO;
+            };
+            let mut offset = DVec3::ZERO;
+            let mut joint = starts[b];
+            while joint != starts[parent] {
+                offset += vector(parent, joint);
+                joint = PARENTS[joint];
+            }
+            offset
+        });
+        Self {
+            parents: BONES.map(|(_, parent, _)| parent),
+            offsets,
+            ends: std::array::from_fn(|b| match BONES[b].0 {
+                PELVIS => DVec3::ZERO,
+                joint => vector(b, joint),
+            }),
+            starts,
+        }
+    }
+}
+
+/// From a T-pose to hanging arms.
+fn lower(side: f64) -> DQuat {
+    DQuat::from_axis_angle(DVec3::Z, -side * std::f64::consts::FRAC_PI_2)
+}
+
 /// Local rotations in the order of [`HUMANOID_BONES`](crate::message::HUMANOID_BONES).
 pub fn bone_rotations(posed: &Posed) -> [DQuat; HUMANOID_BONE_COUNT] {
     let upright = DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
-    let global = BONES.map(|(joint, _, side)| {
-        let lower = DQuat::from_axis_angle(DVec3::Z, -side * std::f64::consts::FRAC_PI_2);
-        upright * posed.frames[joint] * lower
-    });
+    let global = BONES.map(|(joint, _, side)| upright * posed.frames[joint] * lower(side));
     std::array::from_fn(|b| {
         let local = match BONES[b].1 {
             Some(parent) => global[parent].conjugate() * global[b],
@@ -73,6 +126,34 @@ mod tests {
         ]);
         for (b, q) in t.iter().enumerate() {
             assert!(q.w > 1.0 - 1e-9, "bone {b}: {q}");
+        }
+    }
+
+    #[test]
+    fn rotations_and_the_t_pose_give_every_joint() {
+        let s = Skeleton::builtin();
+        let mut pose = Pose::facing_camera(3.0);
+        pose.rotation = DQuat::from_scaled_axis(DVec3::new(2.8, 0.4, -0.3));
+        for (k, angle) in pose.angles.iter_mut().enumerate() {
+            let [low, high] = s.angles()[k].limits;
+            *angle = low + (high - low) * ((k * 7) % 10) as f64 / 10.0;
+        }
+        let mut posed = Posed::default();
+        s.pose(&pose, s.lengths(), &mut posed);
+        let (t, local) = (TPose::new(s, s.lengths()), bone_rotations(&posed));
+        let upright = DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+        let (mut turn, mut at) = ([DQuat::IDENTITY; 16], [DVec3::ZERO; 16]);
+        for b in 0..HUMANOID_BONE_COUNT {
+            (turn[b], at[b]) = match t.parents[b] {
+                Some(p) => (turn[p] * local[b], at[p] + turn[p] * t.offsets[b]),
+                None => (local[b], upright * pose.position),
+            };
+            let near = |found: DVec3, joint: usize| {
+                let off = (upright * posed.joints[joint] - found).length();
+                assert!(off < 1e-9, "bone {b}, joint {joint}: {off}");
+            };
+            near(at[b], t.starts[b]);
+            near(at[b] + turn[b] * t.ends[b], BONES[b].0);
         }
     }
 

@@ -5,7 +5,7 @@ mod humanoid;
 mod limb;
 mod pose;
 
-pub use humanoid::bone_rotations;
+pub use humanoid::{TPose, bone_rotations};
 pub use limb::{LIMBS, Limb};
 pub use pose::{Pose, Posed, rotation_vector};
 

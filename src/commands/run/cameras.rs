@@ -6,11 +6,13 @@ use super::pulse::Pulse;
 use super::{RunArgs, live};
 use crate::commands::exit::{self, Failure};
 use crate::commands::input::{self, Chosen};
+use crate::commands::say;
 use crate::commands::settings::Loopback;
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
-use crate::metrics::{Meter, Server, exposition};
+use crate::http::{Answer, Server};
+use crate::metrics::{Meter, exposition};
 use crate::supervise::ServiceManager;
 
 /// The processes of a camera.
@@ -25,6 +27,14 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         .iter()
         .map(checked)
         .collect::<anyhow::Result<Vec<_>>>()?;
+    if let [first, _, ..] = runs
+        && first.bridges.vmc.is_some()
+    {
+        return Err(Failure::usage(
+            "--vmc has a port for each person: expected one camera; 'edgecap bridge --vmc' takes one of several",
+        )
+        .into());
+    }
     let meters: Vec<Arc<Meter>> = chosen
         .iter()
         .map(|c| Arc::new(Meter::new(&c.name, &c.spec.to_string(), &PROCESSES)))
@@ -33,11 +43,19 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         Some(address) => Some(serve(address, &meters)?),
         None => None,
     };
+    let page = match runs.first() {
+        Some(first) => first.bridges.serve()?,
+        None => None,
+    };
+    if let Some(page) = &page {
+        say::err(&format!("the page: {}", page.url()));
+    }
+    let hub = page.as_ref().map(|p| p.hub());
     let _status = StatusFile::keep(meters.clone());
     let manager = ServiceManager::from_env(chosen.iter().map(|c| c.name.as_str()));
     if let ([args], [chosen], [meter]) = (runs, &chosen[..], &meters[..]) {
         let (table, pulse) = (Table::new(args.table), Pulse::new(&manager, 0));
-        return live::run(args, chosen, table, meter, &pulse, stop);
+        return live::run(args, chosen, table, meter, &pulse, hub, stop);
     }
     std::thread::scope(|threads| {
         let started: Vec<_> = runs
@@ -49,7 +67,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                 let pulse = Pulse::new(&manager, place);
                 threads.spawn(move || {
                     let table = Table::of_several(&chosen.name);
-                    let ended = live::run(args, chosen, table, meter, &pulse, stop);
+                    let ended = live::run(args, chosen, table, meter, &pulse, hub, stop);
                     if let Err(e) = &ended {
                         meter.failed(format!("{e:#}"));
                         tracing::error!("{}: ended, the others go on: {e:#}", chosen.name);
@@ -92,7 +110,15 @@ fn checked(args: &RunArgs) -> anyhow::Result<Chosen> {
 
 fn serve(address: Loopback, meters: &[Arc<Meter>]) -> anyhow::Result<Server> {
     let meters = meters.to_vec();
-    let server = Server::start(address.0, move || exposition(crate::BUILD, &meters));
+    let server = Server::start(address.0, move |request| match &*request.path {
+        "/metrics" => Answer::Body {
+            status: "200 OK",
+            kind: "text/plain; version=0.0.4; charset=utf-8",
+            headers: &[],
+            body: exposition(crate::BUILD, &meters).into_bytes().into(),
+        },
+        _ => Answer::refusal("404 Not Found", "figures are at /metrics"),
+    });
     let server = server.map_err(|e| {
         Failure::unavailable(format!(
             "--metrics {address}: {e}; choose another port, or stop who has it"

@@ -12,6 +12,7 @@ use crate::commands::fit;
 use crate::commands::infer::{Limits, Observer, Step};
 use crate::commands::input::{self, Chosen};
 use crate::commands::outputs::finish;
+use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
@@ -39,6 +40,12 @@ pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
     let mut fitter = fit::fitter(args.fitting.fit.as_ref(), source.is_stills())?;
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
+    let page = args.bridges.serve()?;
+    if let Some(page) = &page {
+        say::err(&format!("the page: {}", page.url()));
+    }
+    let hub = page.as_ref().map(|p| p.hub());
+    args.bridges.add_to(&mut sinks, &chosen.name, hub)?;
     if let Some(folder) = &args.overlay {
         sinks.push(OverlaySink::create(folder)?);
     }

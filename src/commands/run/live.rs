@@ -8,7 +8,9 @@ use edgecap_client::{Priority, Subscriber, service_name};
 
 use super::RunArgs;
 use super::flow::{Flow, Remedy};
+use super::hints;
 use super::pulse::Pulse;
+use crate::bridge::websocket::Hub;
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
 use crate::commands::input::Chosen;
@@ -37,16 +39,27 @@ pub fn run(
     mut table: Table,
     meter: &Meter,
     pulse: &Pulse<'_>,
+    page: Option<&Hub>,
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
+    args.bridges.add_to(&mut sinks, &chosen.name, page)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&chosen.name, Priority::Reserved)?;
     let stream = service_name::<BodyFrame>(&chosen.name);
     table.say(&format!(
         "{} → shared memory {stream} (Ctrl-C stops)",
         chosen.spec
     ));
+
+    if chosen.stands_in {
+        table.say("there is no camera: the bundled clip plays over and over in its place");
+    }
+    if chosen.stands_in || table.is_on_terminal() {
+        for line in hints::lines(&chosen.name) {
+            table.say(&line);
+        }
+    }
 
     Stop::wake_when_children_end()?;
     let mut fit = Child::new(

@@ -5,11 +5,13 @@
 mod cameras;
 mod file;
 mod flow;
+mod hints;
 mod live;
 mod pulse;
 
 use std::path::PathBuf;
 
+use super::bridges::BridgeArgs;
 use super::infer::{EngineArgs, InferTask, PaceArgs};
 use super::input::{self, Chosen, InputArgs};
 use super::outputs::RecordArgs;
@@ -45,6 +47,8 @@ pub struct RunArgs {
     pub no_wait: bool,
     #[command(flatten)]
     pub metrics: MetricsArgs,
+    #[command(flatten)]
+    pub bridges: BridgeArgs,
     #[command(flatten)]
     pub table: TableArgs,
 }

@@ -5,6 +5,7 @@ use std::fs::File;
 
 use super::{CameraSettings, FittingArgs, MetricsArgs, Placed, Settings};
 use crate::camera::CameraFile;
+use crate::commands::bridges::BridgeArgs;
 use crate::commands::exit::Failure;
 use crate::commands::fit::read_config;
 use crate::commands::run::RunArgs;
@@ -25,6 +26,8 @@ pub struct Effective {
     pub fit: Placed<FitConfig>,
     /// Figures for whoever watches.
     pub metrics: (MetricsArgs, Origins),
+    /// Where bodies go besides shared memory.
+    pub bridges: (BridgeArgs, Origins),
 }
 
 impl Effective {
@@ -60,6 +63,7 @@ impl Effective {
                 Ok(RunArgs {
                     fitting,
                     metrics: self.metrics.0.clone(),
+                    bridges: self.bridges.0.clone(),
                     ..camera.args.clone()
                 })
             })
@@ -91,6 +95,11 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         &settings.metrics.value,
         &settings.metrics.places,
     )?;
+    let bridges = merge(
+        &typed.bridges,
+        &settings.bridges.value,
+        &settings.bridges.places,
+    )?;
     let cameras = chosen(typed, settings)?
         .into_iter()
         .map(|camera| {
@@ -117,6 +126,7 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         network,
         fit: settings.fit.clone(),
         metrics,
+        bridges,
     })
 }
 

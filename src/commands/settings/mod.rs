@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::bridges::BridgeArgs;
 use super::exit::Failure;
 use super::infer::{EngineArgs, PaceArgs};
 use super::input::InputArgs;
@@ -88,6 +89,8 @@ pub struct Settings {
     pub fit: Placed<FitConfig>,
     /// Figures for whoever watches.
     pub metrics: Placed<MetricsArgs>,
+    /// Where bodies go besides shared memory.
+    pub bridges: Placed<BridgeArgs>,
 }
 
 impl Settings {
@@ -163,6 +166,13 @@ impl Settings {
         let value = table.take()?;
         table.finish()?;
         let metrics = Placed { value, places };
+
+        let mut table = root.take_table("bridges")?;
+        let places = table.places();
+        let value: BridgeArgs = table.take()?;
+        check::ranges(&table, &places, &value)?;
+        table.finish()?;
+        let bridges = Placed { value, places };
         root.finish()?;
         Ok(Self {
             file: None,
@@ -170,6 +180,7 @@ impl Settings {
             network,
             fit,
             metrics,
+            bridges,
         })
     }
 

@@ -9,7 +9,7 @@ use crate::body::skeleton::{Pose, Skeleton, rotation_vector};
 use crate::fit::config::FitConfig;
 use crate::fit::energy::MotionModel;
 use crate::fit::track::Track;
-use crate::joints::{BODY_JOINTS, DOF, PELVIS};
+use crate::joints::{BODY_JOINTS, DOF, PARENTS};
 use crate::message::{Body, BodyState, Intrinsics, JointState};
 
 /// Writes somebody as they are expected `ahead` seconds after they were last looked at.
@@ -42,7 +42,6 @@ pub fn write_body(
     let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
     body.velocity = velocity.as_vec3().to_array();
     body.angles = flat_angles(&pose, scale);
-    let lengths = track.bones.lengths();
     let mut sum = 0.0;
     for j in 0..BODY_JOINTS {
         let p = (posed.joints[j] * scale).as_vec3();
@@ -51,11 +50,9 @@ pub fn write_body(
         let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
         body.confidence[j] = sure as f32;
         sum += sure;
-        body.bone_lengths[j] = if j == PELVIS {
-            0.0
-        } else {
-            (lengths[j] * scale) as f32
-        };
+        // Those that the pose was solved with: the estimate may have moved on since.
+        let bone = posed.joints[j] - posed.joints[PARENTS[j]];
+        body.bone_lengths[j] = (bone.length() * scale) as f32;
         body.joint_states[j] = if track.unseen > 0.0 {
             JointState::PREDICTED
         } else {

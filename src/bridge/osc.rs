@@ -1,0 +1,89 @@
+//! OSC over UDP: one bundle a body, with the time its pose is given for.
+//!
+//! | address | arguments |
+//! |---|---|
+//! | `/edgecap/<camera>/frame` | i number of the frame, i people, s `floor` or `camera`: the axes of what follows; a bundle of its own, first |
+//! | `/edgecap/<camera>/body/<id>/<joint>` | f x, f y, f z in metres, f confidence 0–1; 21 of them, named as the joints are |
+//! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more |
+//!
+//! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x right, y down,
+//! z forward).
+
+use std::io;
+use std::net::SocketAddr;
+
+use rosc::OscType::{Float, Int, String as Text};
+
+use super::udp::{Outlet, message, time_of};
+use crate::joints::JOINT_NAMES;
+use crate::message::{BodyFrame, FLAG_FILE_TIME};
+use crate::sink::{Packet, Sink, SinkError};
+
+/// Sends every frame.
+#[derive(Debug)]
+pub struct OscBridge {
+    outlet: Outlet,
+    camera: String,
+    present: Vec<u32>,
+}
+
+impl OscBridge {
+    /// Sends `camera`'s frames to `to`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn new(camera: &str, to: SocketAddr) -> io::Result<Self> {
+        Ok(Self {
+            outlet: Outlet::new(to)?,
+            camera: camera.to_owned(),
+            present: Vec::new(),
+        })
+    }
+
+    fn send(&mut self, frame: &BodyFrame) {
+        let (root, time) = (format!("/edgecap/{}", self.camera), time_of(frame));
+        let (bodies, world) = (frame.bodies(), frame.world);
+        let axes = if world.is_known() { "floor" } else { "camera" };
+        let head = vec![
+            Int(frame.sequence as i32),
+            Int(bodies.len() as i32),
+            Text(axes.to_owned()),
+        ];
+        let head = message(format!("{root}/frame"), head);
+        self.outlet.send(0, time, vec![head]);
+        for body in bodies {
+            let joints = JOINT_NAMES.iter().enumerate().map(|(j, name)| {
+                let [x, y, z] = match world.is_known() {
+                    true => world.point(body.joints3d[j]),
+                    false => body.joints3d[j],
+                };
+                let numbers = [x, y, z, body.confidence[j]];
+                let address = format!("{root}/body/{}/{name}", body.id);
+                message(address, numbers.map(Float).to_vec())
+            });
+            self.outlet.send(0, time, joints.collect());
+        }
+        let is_gone = |id: &&u32| !bodies.iter().any(|b| b.id == **id);
+        for id in self.present.iter().filter(is_gone) {
+            let gone = message(format!("{root}/body/{id}/gone"), Vec::new());
+            self.outlet.send(0, time, vec![gone]);
+        }
+        self.present = bodies.iter().map(|b| b.id).collect();
+    }
+}
+
+impl Sink<BodyFrame> for OscBridge {
+    fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
+        self.send(packet.message);
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<Option<String>, SinkError> {
+        // Nobody is there any more, as of now.
+        self.send(&BodyFrame {
+            flags: FLAG_FILE_TIME,
+            ..BodyFrame::default()
+        });
+        Ok(None)
+    }
+}

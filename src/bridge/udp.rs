@@ -1,0 +1,75 @@
+//! Datagrams to somebody who may be there or not.
+
+use std::io;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+
+use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
+
+use crate::camera::monotonic_ns;
+use crate::message::{BodyFrame, FLAG_FILE_TIME};
+
+/// Seconds from 1900, where OSC's time begins, to 1970.
+const FROM_1900: u64 = 2_208_988_800;
+
+/// Sends packets of OSC to one machine.
+#[derive(Debug)]
+pub struct Outlet {
+    socket: UdpSocket,
+    to: SocketAddr,
+}
+
+impl Outlet {
+    /// To `to`; nobody need be there.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn new(to: SocketAddr) -> io::Result<Self> {
+        let any: SocketAddr = match to {
+            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+        };
+        let socket = UdpSocket::bind(any)?;
+        // A full network loses a frame; the next one is newer.
+        socket.set_nonblocking(true)?;
+        Ok(Self { socket, to })
+    }
+
+    /// Where it sends to, `above` the first port.
+    pub fn to(&self, above: u16) -> SocketAddr {
+        SocketAddr::new(self.to.ip(), self.to.port().saturating_add(above))
+    }
+
+    /// Sends one bundle to the port so far `above` the first. Whether anybody takes it is not known.
+    pub fn send(&self, above: u16, timetag: OscTime, messages: Vec<OscMessage>) {
+        let content = messages.into_iter().map(OscPacket::Message).collect();
+        let bundle = OscPacket::Bundle(OscBundle { timetag, content });
+        if let Ok(bytes) = encoder::encode(&bundle) {
+            let _ = self.socket.send_to(&bytes, self.to(above));
+        }
+    }
+}
+
+/// A message.
+pub fn message(address: impl Into<String>, args: Vec<OscType>) -> OscMessage {
+    OscMessage {
+        addr: address.into(),
+        args,
+    }
+}
+
+/// When a frame's bodies are where they are said to be, in OSC's time. A file's clock is no clock: its frames are of now.
+pub fn time_of(frame: &BodyFrame) -> OscTime {
+    let since_1970 = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap_or_default();
+    let ago = match frame.flags & FLAG_FILE_TIME {
+        0 => monotonic_ns() as i128 - i128::from(frame.pose_ns),
+        _ => 0,
+    };
+    let ns = (since_1970.as_nanos() as i128 - ago).max(0) as u128;
+    let (seconds, rest) = ((ns / 1_000_000_000) as u64, ns % 1_000_000_000);
+    OscTime {
+        seconds: (seconds + FROM_1900) as u32,
+        fractional: ((rest << 32) / 1_000_000_000) as u32,
+    }
+}

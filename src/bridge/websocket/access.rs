@@ -1,0 +1,105 @@
+//! Who may read: everybody on this machine, or whoever has the token.
+//!
+//! A browser carries out what any page of the internet says. So without a token the request must name this machine itself (else
+//! a foreign name could be made to lead here), and must come of a page that was served here, or of a program.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::net::{IpAddr, SocketAddr};
+
+use crate::http::{Answer, Request};
+
+/// What a client must know.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Access {
+    token: Option<String>,
+}
+
+impl Access {
+    /// Whoever has the token; `None`: this machine.
+    pub fn new(token: Option<String>) -> Self {
+        Self { token }
+    }
+
+    /// A token that nobody guesses: 128 bits of the system's.
+    ///
+    /// # Errors
+    /// If the system has none.
+    pub fn random_token() -> io::Result<String> {
+        let mut random = [0; 16];
+        File::open("/dev/urandom")?.read_exact(&mut random)?;
+        Ok(format!("{:032x}", u128::from_ne_bytes(random)))
+    }
+
+    /// The answer for who may not.
+    pub fn refuse(&self, request: &Request) -> Option<Answer> {
+        let refused = |line: &str| Some(Answer::refusal("403 Forbidden", line));
+        if let Some(token) = &self.token {
+            let given = request.parameter("token").unwrap_or_default();
+            return match same(given.as_bytes(), token.as_bytes()) {
+                true => None,
+                false => refused("expected ?token= with the token that was shown at the start"),
+            };
+        }
+        let host = request.header("host").unwrap_or_default();
+        if !is_this_machine(host) {
+            return refused("expected the name localhost or 127.0.0.1 of this machine");
+        }
+        match request.header("origin") {
+            Some(origin) if origin.strip_prefix("http://") != Some(host) => refused(
+                "this page was not served here: give a token at the start and in the address",
+            ),
+            _ => None,
+        }
+    }
+}
+
+/// Whether a `Host` is a name that leads nowhere but here.
+fn is_this_machine(host: &str) -> bool {
+    let name = match host.parse::<SocketAddr>() {
+        Ok(address) => return address.ip().is_loopback(),
+        Err(_) => host.rsplit_once(':').map_or(host, |(name, _)| name),
+    };
+    let ip = host.parse::<IpAddr>();
+    name == "localhost" || ip.is_ok_and(|ip| ip.is_loopback())
+}
+
+/// Takes as long for a near miss as for a far one.
+fn same(a: &[u8], b: &[u8]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).fold(0, |all, (a, b)| all | (a ^ b)) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_this_machine() {
+        for own in [
+            "localhost",
+            "localhost:80",
+            "127.0.0.1:9",
+            "[::1]:9",
+            "127.0.0.1",
+        ] {
+            assert!(is_this_machine(own), "{own}");
+        }
+        for foreign in [
+            "",
+            "evil.example",
+            "evil.example:80",
+            "10.0.0.1:9",
+            "localhost.evil:1",
+        ] {
+            assert!(!is_this_machine(foreign), "{foreign}");
+        }
+    }
+
+    #[test]
+    fn tokens_differ_and_are_long() {
+        let token = || Access::random_token().unwrap();
+        let (a, b) = (token(), token());
+        assert!(a != b && a.len() == 32);
+        assert!(same(b"abc", b"abc") && !same(b"abc", b"abd") && !same(b"", b"abc"));
+    }
+}

@@ -1,0 +1,185 @@
+//! One client: what it wants, and its connection from the handshake to the end.
+
+use std::io::{ErrorKind, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use tungstenite::error::Error;
+use tungstenite::handshake::derive_accept_key;
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Bytes, Message, WebSocket};
+
+use super::mailbox::Mailbox;
+use crate::http::{Answer, Ends, Request};
+
+/// How often a client is listened to, and the end looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// A client that takes nothing for so long has gone.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// What the kernel may hold for a client: what lies there is old when it is read.
+const SEND_BUFFER: usize = 64 << 10;
+/// Clients have nothing to say.
+const MOST_HEARD: usize = 4096;
+
+/// What a client wants.
+#[derive(Debug)]
+pub struct Client {
+    /// One camera's frames only.
+    pub camera: Option<String>,
+    /// The kept past first.
+    pub wants_history: bool,
+    is_binary: bool,
+}
+
+impl Client {
+    /// By the request's parameters.
+    ///
+    /// # Errors
+    /// What cannot be had, as an answer.
+    pub fn of(request: &Request) -> Result<Self, Answer> {
+        let is_binary = match request.parameter("format") {
+            None | Some("json") => false,
+            Some("binary") => true,
+            Some(other) => {
+                let line = format!("format={other}: expected json or binary");
+                return Err(Answer::refusal("400 Bad Request", line));
+            }
+        };
+        let wants_history = request.parameter("history") == Some("1");
+        if wants_history && !is_binary {
+            let line = "history=1 is kept in binary: ask for format=binary";
+            return Err(Answer::refusal("400 Bad Request", line));
+        }
+        Ok(Self {
+            camera: request.parameter("camera").map(ToOwned::to_owned),
+            wants_history,
+            is_binary,
+        })
+    }
+
+    /// Sends what comes until the client leaves or the server ends.
+    pub fn serve(
+        &self,
+        mut stream: TcpStream,
+        answer: &str,
+        past: Vec<Bytes>,
+        mailbox: &Mailbox,
+        ends: &Ends,
+    ) {
+        // Small: an old frame in the kernel's buffer cannot be taken back any more.
+        let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
+        let _ = stream.set_nodelay(true);
+        if stream.write_all(answer.as_bytes()).is_err()
+            || stream.set_write_timeout(Some(LOOK_EVERY)).is_err()
+        {
+            return;
+        }
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MOST_HEARD))
+            .max_frame_size(Some(MOST_HEARD));
+        let socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
+        let mut line = Line { socket, ends };
+        for bytes in past {
+            if line.send(Message::Binary(bytes)).is_none() {
+                return;
+            }
+        }
+        let mut listened = Instant::now();
+        while !ends.now() {
+            if let Some(packet) = mailbox.take(LOOK_EVERY) {
+                let message = if self.is_binary {
+                    Message::Binary(packet.binary())
+                } else {
+                    Message::Text(packet.json())
+                };
+                if line.send(message).is_none() {
+                    break;
+                }
+            }
+            if listened.elapsed() >= LOOK_EVERY {
+                listened = Instant::now();
+                if line.listen().is_none() {
+                    break;
+                }
+            }
+        }
+        line.close();
+        if mailbox.replaced() > 0 {
+            tracing::debug!("a client was too slow for {} frames", mailbox.replaced());
+        }
+    }
+}
+
+/// The answer that makes a connection a WebSocket.
+///
+/// # Errors
+/// Where the request does not ask for one, as an answer.
+pub fn handshake(request: &Request) -> Result<String, Answer> {
+    let asks = request
+        .header("upgrade")
+        .is_some_and(|u| u.eq_ignore_ascii_case("websocket"));
+    let version = request.header("sec-websocket-version");
+    match request.header("sec-websocket-key") {
+        Some(key) if asks && version == Some("13") => Ok(format!(
+            "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+             Sec-WebSocket-Accept: {}\r\n\r\n",
+            derive_accept_key(key.as_bytes())
+        )),
+        _ => Err(Answer::refusal(
+            "426 Upgrade Required",
+            "expected a WebSocket of version 13: open ws:// instead of http://",
+        )),
+    }
+}
+
+/// A connection; `None` of its functions says that it is over.
+struct Line<'a> {
+    socket: WebSocket<TcpStream>,
+    ends: &'a Ends,
+}
+
+impl Line<'_> {
+    /// Sends, for as long as the client takes something now and then.
+    fn send(&mut self, message: Message) -> Option<()> {
+        let began = Instant::now();
+        let mut sent = self.socket.send(message);
+        loop {
+            match sent {
+                Ok(()) => return Some(()),
+                Err(Error::Io(e)) if waits(e.kind()) => {}
+                Err(_) => return None,
+            }
+            if self.ends.now() || began.elapsed() > PATIENCE {
+                return None;
+            }
+            sent = self.socket.flush();
+        }
+    }
+
+    /// Hears what the client has said: pings, and that it leaves.
+    fn listen(&mut self) -> Option<()> {
+        self.socket.get_ref().set_nonblocking(true).ok()?;
+        let heard = loop {
+            match self.socket.read() {
+                Ok(Message::Close(_)) => break None,
+                Ok(_) => {}
+                Err(Error::Io(e)) if waits(e.kind()) => break Some(()),
+                Err(_) => break None,
+            }
+        };
+        self.socket.get_ref().set_nonblocking(false).ok()?;
+        heard
+    }
+
+    fn close(&mut self) {
+        let _ = self.socket.close(None);
+        let _ = self.socket.flush();
+    }
+}
+
+fn waits(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+    )
+}

@@ -1,0 +1,18 @@
+//! Bodies over WebSocket, as JSON or compact binary.
+//!
+//! A client opens `/bodies` and gets every camera's frames as they are published, or only its newest where it is too slow: what
+//! it has not taken is replaced, never queued. Parameters: `format=json` (default) or `binary` ([`binary`]), `camera=NAME` for
+//! one camera, `history=1` for the kept past first (binary only), `token=` where the server wants one.
+
+mod access;
+pub mod binary;
+mod client;
+mod hub;
+mod mailbox;
+mod packet;
+mod sink;
+
+pub use access::Access;
+pub use hub::Hub;
+pub use packet::Packet;
+pub use sink::HubSink;

@@ -1,0 +1,66 @@
+//! `edgecap bridge`: hands on what a camera publishes that already runs elsewhere.
+
+use std::time::{Duration, Instant};
+
+use edgecap_client::Subscriber;
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+
+use super::bridges::BridgeArgs;
+use super::exit::Failure;
+use super::input::DEFAULT_NAME;
+use super::say;
+use super::stop::Stop;
+use crate::sink::{Packet, Sinks};
+
+/// How long to wait for a message before looking at the signals again.
+const LOOK_UP: Duration = Duration::from_millis(200);
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+
+/// Options of `edgecap bridge`.
+#[derive(Debug, clap::Args)]
+pub struct BridgeVerb {
+    /// The camera: the --name of the run that publishes
+    #[arg(long = "camera", visible_alias = "name", value_name = "NAME", default_value = DEFAULT_NAME)]
+    camera: String,
+    #[command(flatten)]
+    bridges: BridgeArgs,
+}
+
+/// Hands on frames until the user stops it; the camera may come and go.
+///
+/// # Errors
+/// Names that cannot be, no bridge named, addresses that are taken, and shared memory that fails.
+pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
+    let stop = Stop::on_signals()?;
+    if args.bridges.is_empty() {
+        return Err(Failure::usage("expected where to send bodies: --osc, --vmc or --view").into());
+    }
+    let bodies = Subscriber::<BodyFrame>::open(&args.camera)?;
+    let page = args.bridges.serve()?;
+    let mut sinks = Sinks::default();
+    let hub = page.as_ref().map(|p| p.hub());
+    args.bridges.add_to(&mut sinks, &args.camera, hub)?;
+    let at = page
+        .as_ref()
+        .map_or_else(String::new, |p| format!(" at {}", p.url()));
+    say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
+    let mut cleaned = Instant::now();
+    while !stop.requested() {
+        // Who is behind sends the newest.
+        if let Some(frame) = bodies.newest(LOOK_UP)?
+            && frame.flags & FLAG_END_OF_STREAM == 0
+        {
+            sinks.take(&Packet {
+                message: &*frame,
+                source: "",
+                picture: None,
+            })?;
+        }
+        if cleaned.elapsed() > CLEAN_UP_EVERY {
+            bodies.clean_up();
+            cleaned = Instant::now();
+        }
+    }
+    sinks.finish().1?;
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! `edgecap record`: writes what a running camera publishes to a file, until the user stops it or the input ends.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{BodyFrame, ObservationFrame};
+use edgecap_client::{Message, Subscriber};
+
+use super::exit::Failure;
+use super::input::DEFAULT_NAME;
+use super::say;
+use super::stop::Stop;
+use crate::record::{BodiesRow, Format, GrowingRecord, ObservationsRow, Row, Times};
+use crate::sink::SinkError;
+
+/// How long to wait for a message before looking at the signals again.
+const LOOK_UP: Duration = Duration::from_millis(200);
+/// How long an ended input may take to begin anew: a process that is started again ends its stream, too.
+const COMES_BACK: Duration = Duration::from_secs(3);
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+
+/// Options of `edgecap record`.
+#[derive(Debug, clap::Args)]
+pub struct RecordVerb {
+    /// The file to write, JSON lines where it ends in .jsonl, else binary; it must not be there yet. Whatever ends the recording,
+    /// it plays to its last whole frame
+    #[arg(value_name = "FILE")]
+    to: PathBuf,
+    /// The camera: the --name of the run that publishes
+    #[arg(long = "camera", visible_alias = "name", value_name = "NAME", default_value = DEFAULT_NAME)]
+    camera: String,
+    /// Record observations, from which 'fit' makes bodies, instead of bodies
+    #[arg(long)]
+    observations: bool,
+    /// Stop after so long
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..))]
+    seconds: Option<u32>,
+}
+
+/// Records; waits where nobody publishes yet.
+///
+/// # Errors
+/// Names that cannot be, files that cannot be written, and shared memory that fails. What was recorded before is kept.
+pub fn record(args: RecordVerb) -> anyhow::Result<()> {
+    if args.observations {
+        run::<ObservationsRow, ObservationFrame>(&args)
+    } else {
+        run::<BodiesRow, BodyFrame>(&args)
+    }
+}
+
+fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Result<()> {
+    let stop = Stop::on_signals()?;
+    let stream = Subscriber::<M>::open(&args.camera)?;
+    let mut file = create::<T>(&args.to)?;
+    say::err(&format!(
+        "recording {} (Ctrl-C stops)",
+        edgecap_client::service_name::<M>(&args.camera)
+    ));
+    let (mut frames, mut began, mut ended) = (0_u64, None, None);
+    let mut cleaned = Instant::now();
+    let is_over =
+        |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
+    let limit = args.seconds.map(|s| Duration::from_secs(s.into()));
+    while !stop.requested() && !is_over(ended, COMES_BACK) {
+        if limit.is_some_and(|limit| is_over(began, limit)) {
+            break;
+        }
+        if let Some(frame) = stream.next(LOOK_UP)? {
+            if frame.is_end() {
+                ended = Some(Instant::now());
+                continue;
+            }
+            (ended, began) = (None, began.or(Some(Instant::now())));
+            let written = file.write(&frame, &args.camera);
+            written.map_err(|cause| SinkError::Write {
+                path: args.to.clone(),
+                cause,
+            })?;
+            frames += 1;
+        }
+        if cleaned.elapsed() > CLEAN_UP_EVERY {
+            stream.clean_up();
+            cleaned = Instant::now();
+        }
+    }
+    let bytes = file.bytes();
+    file.finish().map_err(|cause| SinkError::Write {
+        path: args.to.clone(),
+        cause,
+    })?;
+    say::out(&format!(
+        "{frames} frames, {:.1} MB → {}",
+        bytes as f64 / 1e6,
+        args.to.display()
+    ));
+    Ok(())
+}
+
+fn create<T: Row>(path: &Path) -> anyhow::Result<GrowingRecord<T>> {
+    let format = match path.extension() {
+        Some(e) if e == "jsonl" => Format::Jsonl,
+        _ => Format::Binary,
+    };
+    GrowingRecord::create(path, format).map_err(|e| match e.kind() {
+        ErrorKind::AlreadyExists => {
+            let message = format!(
+                "{}: there is a file already; choose another name",
+                path.display()
+            );
+            Failure::exists(message).into()
+        }
+        _ => Failure::output(path, &e).into(),
+    })
+}

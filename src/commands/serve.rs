@@ -1,0 +1,105 @@
+//! The page and the WebSocket at one address, for the verbs that have bodies.
+
+use std::fmt::Write;
+use std::fs;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::exit::Failure;
+use crate::bridge::websocket::{Access, Hub};
+use crate::http::Server;
+use crate::view;
+
+/// Where the page is when nobody says otherwise.
+const ADDRESS: SocketAddr =
+    SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 9744);
+/// What the page can go back to.
+const HISTORY: Duration = Duration::from_secs(60);
+/// A shorter token is guessed.
+const SHORTEST_TOKEN: usize = 8;
+
+/// Options of the page.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PageArgs {
+    /// Serve at this address, such as 0.0.0.0:9744 for other machines, which then need the token [default: 127.0.0.1:9744]
+    #[arg(long, value_name = "ADDRESS")]
+    pub listen: Option<SocketAddr>,
+    /// What clients have to know: 8 or more letters, digits, '-', '_' [default: none on this machine, else a random one]
+    #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
+    pub token: Option<String>,
+}
+
+/// Reads a token.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn parse_token(text: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+    if text.len() < SHORTEST_TOKEN || !text.chars().all(plain) {
+        return Err(format!(
+            "expected {SHORTEST_TOKEN} or more letters, digits, '-' or '_'"
+        ));
+    }
+    Ok(text.to_owned())
+}
+
+/// Serves until it is dropped.
+#[derive(Debug)]
+pub struct PageServer {
+    server: Server,
+    hub: Hub,
+    token: Option<String>,
+}
+
+impl PageServer {
+    /// Serves what its hub is given.
+    ///
+    /// # Errors
+    /// Exit code 69 where the address cannot be had.
+    pub fn start(args: &PageArgs) -> anyhow::Result<Self> {
+        let address = args.listen.unwrap_or(ADDRESS);
+        let token = match &args.token {
+            None if !address.ip().is_loopback() => Some(Access::random_token()?),
+            given => given.clone(),
+        };
+        let (access, hub) = (Access::new(token.clone()), Hub::new(HISTORY));
+        let bodies = hub.clone();
+        let server = Server::start(address, move |request| {
+            // The page itself tells nothing of anybody.
+            view::answer(request)
+                .or_else(|| access.refuse(request))
+                .unwrap_or_else(|| bodies.answer(request))
+        });
+        let server = server.map_err(|e| {
+            Failure::unavailable(format!(
+                "--listen {address}: {e}; choose another address, or stop who has it"
+            ))
+        })?;
+        Ok(Self { server, hub, token })
+    }
+
+    /// What a browser opens.
+    pub fn url(&self) -> String {
+        let address = self.server.address();
+        let host = fs::read_to_string("/proc/sys/kernel/hostname");
+        let mut url = match host {
+            // Other machines reach it by this one's name.
+            Ok(host) if address.ip().is_unspecified() => {
+                format!("http://{}:{}/", host.trim(), address.port())
+            }
+            _ => format!("http://{address}/"),
+        };
+        if let Some(token) = &self.token {
+            let _ = write!(url, "?token={token}");
+        }
+        url
+    }
+
+    /// Where frames go.
+    pub fn hub(&self) -> &Hub {
+        &self.hub
+    }
+}

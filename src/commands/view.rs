@@ -1,0 +1,100 @@
+//! `edgecap view`: shows what running cameras publish on a page, and hands it on over WebSocket.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::{Subscriber, cameras};
+
+use super::exit::Failure;
+use super::say;
+use super::serve::{PageArgs, PageServer};
+use super::stop::Stop;
+use crate::bridge::websocket::Hub;
+
+/// How long to wait for a message before looking at the signals again.
+const LOOK_UP: Duration = Duration::from_millis(200);
+/// How often new cameras are looked for.
+const DISCOVER_EVERY: Duration = Duration::from_millis(500);
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+
+/// Options of `edgecap view`.
+#[derive(Debug, clap::Args)]
+pub struct ViewArgs {
+    /// Show this camera only, the --name of a run; may be given several times [default: every camera that runs]
+    #[arg(long = "camera", visible_alias = "name", value_name = "NAME")]
+    cameras: Vec<String>,
+    #[command(flatten)]
+    page: PageArgs,
+}
+
+/// Serves the page until the user stops it. Cameras may come and go meanwhile.
+///
+/// # Errors
+/// Names that cannot be, an address that is taken, and shared memory that fails.
+pub fn view(args: ViewArgs) -> anyhow::Result<()> {
+    let stop = Stop::on_signals()?;
+    for name in &args.cameras {
+        Subscriber::<BodyFrame>::open(name)?;
+    }
+    let server = PageServer::start(&args.page)?;
+    say::out(&format!("{} (Ctrl-C stops)", server.url()));
+    let mut followed: BTreeMap<String, JoinHandle<anyhow::Result<()>>> = BTreeMap::new();
+    let mut told = false;
+    while !stop.requested() {
+        let names = if args.cameras.is_empty() {
+            cameras::<BodyFrame>()
+        } else {
+            args.cameras.clone()
+        };
+        if names.is_empty() && !told {
+            say::err(
+                "nobody publishes yet: start 'edgecap'; 'edgecap doctor' says where this looks",
+            );
+            told = true;
+        }
+        for name in names {
+            if let Entry::Vacant(place) = followed.entry(name) {
+                let (hub, stop, camera) = (server.hub().clone(), stop.clone(), place.key().clone());
+                let thread = std::thread::Builder::new().name("camera".into());
+                place.insert(thread.spawn(move || follow(&camera, &hub, &stop))?);
+            }
+        }
+        let ended = followed.iter().find(|(_, t)| t.is_finished());
+        if let Some(name) = ended.map(|(name, _)| name.clone())
+            && let Some(thread) = followed.remove(&name)
+        {
+            joined(thread)?;
+        }
+        std::thread::sleep(DISCOVER_EVERY);
+    }
+    followed.into_values().try_for_each(joined)
+}
+
+fn joined(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {
+    thread
+        .join()
+        .unwrap_or_else(|_| Err(Failure::unavailable("a camera's thread ended").into()))
+}
+
+/// Hands on a camera's frames until the user stops it; the same camera may end and come back.
+fn follow(camera: &str, hub: &Hub, stop: &Stop) -> anyhow::Result<()> {
+    let bodies = Subscriber::<BodyFrame>::open(camera)?;
+    let mut cleaned = Instant::now();
+    while !stop.requested() {
+        // Every frame belongs into the last minute, not the newest only.
+        if let Some(frame) = bodies.next(LOOK_UP)? {
+            hub.publish(camera, &frame);
+            if frame.flags & FLAG_END_OF_STREAM != 0 {
+                tracing::info!("{camera}: the input has ended");
+            }
+        }
+        if cleaned.elapsed() > CLEAN_UP_EVERY {
+            bodies.clean_up();
+            cleaned = Instant::now();
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,39 @@
+//! Why a record cannot be exported.
+
+use std::path::PathBuf;
+
+use crate::record::RecordError;
+
+/// Why a record cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// No format has this extension.
+    #[error("{}: expected a name that ends in .bvh, .glb, .trc, .csv or .npz", .0.display())]
+    Extension(PathBuf),
+    /// There is nobody in the record.
+    #[error(
+        "{name}: expected recorded bodies, found nobody in {frames} frames; record while people are in view"
+    )]
+    Empty {
+        /// The record.
+        name: String,
+        /// Its frames.
+        frames: u64,
+    },
+    /// The one who was asked for is not in the record.
+    #[error("{name}: nobody in it has the id {id}; there are {there}")]
+    NoPerson {
+        /// The record.
+        name: String,
+        /// Who was asked for.
+        id: u32,
+        /// Who is there.
+        there: String,
+    },
+    /// The record cannot be read.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The format cannot hold it.
+    #[error("the record does not fit the format: {0}; export fewer frames or people")]
+    Format(String),
+}

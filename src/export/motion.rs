@@ -1,0 +1,153 @@
+//! Somebody's motion at even steps: what formats with a fixed rate hold.
+
+use glam::{DQuat, DVec3};
+
+use super::take::{Sample, Take};
+use crate::body::skeleton::{BoneLengths, Skeleton, TPose};
+use crate::joints::{BODY_JOINTS, PELVIS};
+use crate::message::{Body, HUMANOID_BONE_COUNT};
+
+/// One moment of a [`Motion`].
+#[derive(Debug, Clone, Copy)]
+pub struct Moment {
+    /// Where the hips are, metres.
+    pub position: DVec3,
+    /// Local rotations from the T-pose; of the hips in the axes of the export.
+    pub rotations: [DQuat; HUMANOID_BONE_COUNT],
+    /// Joints as they were published, metres.
+    pub joints: [DVec3; BODY_JOINTS],
+    /// Whether there is a sample within a step and a half.
+    pub is_there: bool,
+}
+
+/// Somebody's motion from the first to the last appearance.
+#[derive(Debug, Clone)]
+pub struct Motion {
+    /// Who.
+    pub id: u32,
+    /// Steps a second.
+    pub rate: f64,
+    /// The first moment, seconds after the record's first frame.
+    pub start: f64,
+    /// One a step.
+    pub moments: Vec<Moment>,
+    /// Medians over time, metres.
+    pub lengths: BoneLengths,
+    /// The rest pose with these lengths.
+    pub rest: TPose,
+}
+
+impl Motion {
+    pub(super) fn new(take: &Take, id: u32) -> Self {
+        let samples = take.people.get(&id).map_or(&[][..], Vec::as_slice);
+        let axes = Axes::of(take);
+        let time = |s: &Sample| take.frames[s.frame].time;
+        let lengths = std::array::from_fn(|j| {
+            median(samples.iter().map(|s| f64::from(s.body.bone_lengths[j])))
+        });
+        let rate = take.rate();
+        let (start, end) = match samples {
+            [first, .., last] => (time(first), time(last)),
+            [only] => (time(only), time(only)),
+            [] => (0.0, -1.0),
+        };
+        let steps = ((end - start) * rate + 1.0).round().max(0.0) as usize;
+        let mut next = 0;
+        let moments = (0..steps).map(|step| {
+            let now = start + step as f64 / rate;
+            while next + 1 < samples.len() && time(&samples[next + 1]) <= now {
+                next += 1;
+            }
+            let (before, after) = (&samples[next], samples.get(next + 1));
+            let from = axes.moment(&before.body);
+            let Some(after) = after else {
+                return from;
+            };
+            let gap = time(after) - time(before);
+            let share = ((now - time(before)) / gap).clamp(0.0, 1.0);
+            let is_there = gap * share.min(1.0 - share) * rate <= 1.5;
+            Moment {
+                is_there,
+                ..from.towards(&axes.moment(&after.body), share)
+            }
+        });
+        Self {
+            id,
+            rate,
+            start,
+            moments: moments.collect(),
+            lengths,
+            rest: TPose::new(Skeleton::builtin(), &lengths),
+        }
+    }
+}
+
+impl Moment {
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        Self {
+            position: self.position.lerp(other.position, share),
+            rotations: std::array::from_fn(|b| {
+                self.rotations[b]
+                    .slerp(other.rotations[b], share)
+                    .normalize()
+            }),
+            joints: std::array::from_fn(|j| self.joints[j].lerp(other.joints[j], share)),
+            is_there: true,
+        }
+    }
+}
+
+/// From camera axes to those of the export.
+#[derive(Debug, Clone, Copy)]
+pub struct Axes {
+    turn: DQuat,
+    origin: DVec3,
+}
+
+impl Axes {
+    /// Of a take.
+    pub fn of(take: &Take) -> Self {
+        if let Some(world) = take.floor() {
+            return Self {
+                turn: DQuat::from_array(world.rotation.map(f64::from)).normalize(),
+                origin: DVec3::from_array(world.translation.map(f64::from)),
+            };
+        }
+        let upright = Self {
+            turn: DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
+            origin: DVec3::ZERO,
+        };
+        let joints = take.people.values().flatten().flat_map(|s| s.body.joints3d);
+        let lowest = joints
+            .map(|j| upright.point(j).y)
+            .fold(f64::INFINITY, f64::min);
+        Self {
+            origin: DVec3::new(0.0, -lowest, 0.0),
+            ..upright
+        }
+    }
+
+    /// A point, metres.
+    pub fn point(&self, p: [f32; 3]) -> DVec3 {
+        self.turn * DVec3::from_array(p.map(f64::from)) + self.origin
+    }
+
+    fn moment(&self, body: &Body) -> Moment {
+        let quaternion = |q: [f32; 4]| DQuat::from_array(q.map(f64::from)).normalize();
+        let mut rotations = body.bone_rotations.map(quaternion);
+        rotations[0] = self.turn * quaternion(body.orientation);
+        let joints = body.joints3d.map(|j| self.point(j));
+        Moment {
+            position: joints[PELVIS],
+            rotations,
+            joints,
+            is_there: true,
+        }
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut all: Vec<f64> = values.collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,88 @@
+//! NumPy arrays over T frames and P people at the frames' own times; NaN where somebody is not in a frame. Metres and radians in
+//! camera axes, pixels, quaternions xyzw.
+
+use std::io;
+
+use super::take::Take;
+use crate::joints::{BODY_JOINTS, DOF};
+use crate::message::{Body, HUMANOID_BONE_COUNT};
+use crate::npz::{Array, Values, write};
+
+/// What an array takes of a body, and its shape for one.
+type Field = (&'static str, &'static [usize], fn(&Body) -> Vec<f32>);
+
+const FIELDS: [Field; 12] = [
+    ("score", &[], |b| vec![b.score]),
+    ("state", &[], |b| vec![b.state.code() as f32]),
+    ("height", &[], |b| vec![b.height]),
+    ("position", &[3], |b| b.position.to_vec()),
+    ("orientation", &[4], |b| b.orientation.to_vec()),
+    ("velocity", &[3], |b| b.velocity.to_vec()),
+    ("angles", &[DOF], |b| b.angles.to_vec()),
+    ("joints3d", &[BODY_JOINTS, 3], |b| b.joints3d.concat()),
+    ("joints2d", &[BODY_JOINTS, 2], |b| b.joints2d.concat()),
+    ("confidence", &[BODY_JOINTS], |b| b.confidence.to_vec()),
+    ("bone_lengths", &[BODY_JOINTS], |b| b.bone_lengths.to_vec()),
+    ("bone_rotations", &[HUMANOID_BONE_COUNT, 4], |b| {
+        b.bone_rotations.concat()
+    }),
+];
+
+/// The archive's bytes: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and `world_translation` (T × 3), NaN while no
+/// floor was known, and T × P × … of every field.
+pub fn encode(take: &Take) -> io::Result<Vec<u8>> {
+    let (frames, people) = (take.frames.len(), take.people.len());
+    let numbers: Vec<i64> = take.frames.iter().map(|f| f.sequence as i64).collect();
+    let times: Vec<f64> = take.frames.iter().map(|f| f.time).collect();
+    let ids: Vec<i64> = take.people.keys().map(|&id| i64::from(id)).collect();
+    let mut rotations = vec![f32::NAN; 4 * frames];
+    let mut translations = vec![f32::NAN; 3 * frames];
+    for (t, frame) in take.frames.iter().enumerate() {
+        if frame.world.is_known() {
+            rotations[4 * t..4 * t + 4].copy_from_slice(&frame.world.rotation);
+            translations[3 * t..3 * t + 3].copy_from_slice(&frame.world.translation);
+        }
+    }
+    let fields: Vec<(&str, Vec<usize>, Vec<f32>)> = FIELDS
+        .iter()
+        .map(|(name, of_one, value)| {
+            let size = of_one.iter().product::<usize>();
+            let mut data = vec![f32::NAN; frames * people * size];
+            for (p, samples) in take.people.values().enumerate() {
+                for sample in samples {
+                    let at = (sample.frame * people + p) * size;
+                    data[at..at + size].copy_from_slice(&value(&sample.body));
+                }
+            }
+            let shape = [&[frames, people], *of_one].concat();
+            (*name, shape, data)
+        })
+        .collect();
+    let (t, p) = ([frames], [people]);
+    let mut arrays = vec![
+        array("frame", &t, Values::I64(&numbers)),
+        array("time", &t, Values::F64(&times)),
+        array("person", &p, Values::I64(&ids)),
+    ];
+    let (of_rotation, of_translation) = ([frames, 4], [frames, 3]);
+    arrays.push(array(
+        "world_rotation",
+        &of_rotation,
+        Values::F32(&rotations),
+    ));
+    arrays.push(array(
+        "world_translation",
+        &of_translation,
+        Values::F32(&translations),
+    ));
+    arrays.extend(
+        fields
+            .iter()
+            .map(|(name, shape, data)| array(name, shape, Values::F32(data))),
+    );
+    write(&arrays)
+}
+
+fn array<'a>(name: &'a str, shape: &'a [usize], data: Values<'a>) -> Array<'a> {
+    Array { name, shape, data }
+}

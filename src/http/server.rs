@@ -1,0 +1,206 @@
+//! Listens, and gives every connection its thread.
+
+use std::borrow::Cow;
+use std::fmt::{self, Write as _};
+use std::io::{self, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::Request;
+
+/// How long a connection may take to ask, and to take what is written at once.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// How often the end is looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Connections at a time, streams among them. Who comes then is told to come later.
+const MOST: usize = 32;
+
+/// What a request gets.
+pub enum Answer {
+    /// A whole answer.
+    Body {
+        /// Such as `200 OK`.
+        status: &'static str,
+        /// Content type.
+        kind: &'static str,
+        /// Other headers.
+        headers: &'static [(&'static str, &'static str)],
+        /// What it holds.
+        body: Cow<'static, [u8]>,
+    },
+    /// The connection is another protocol's from now on; it ends with the function, which looks at [`Ends`].
+    Stream(Box<dyn FnOnce(TcpStream, Ends) + Send>),
+}
+
+impl fmt::Debug for Answer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Body { status, body, .. } => write!(f, "{status}, {} bytes", body.len()),
+            Self::Stream(_) => f.write_str("a stream"),
+        }
+    }
+}
+
+impl Answer {
+    /// A line that says why there is nothing.
+    pub fn refusal(status: &'static str, line: impl fmt::Display) -> Self {
+        Self::Body {
+            status,
+            kind: "text/plain; charset=utf-8",
+            headers: &[],
+            body: format!("{line}\n").into_bytes().into(),
+        }
+    }
+}
+
+/// Whether the server ends.
+#[derive(Debug, Clone, Default)]
+pub struct Ends(Arc<AtomicBool>);
+
+impl Ends {
+    /// Whether it does.
+    pub fn now(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Serves until it is dropped.
+#[derive(Debug)]
+pub struct Server {
+    address: SocketAddr,
+    ends: Ends,
+    connections: Arc<AtomicUsize>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Serves what `answer` says to each `GET`.
+    ///
+    /// # Errors
+    /// If the address cannot be had.
+    pub fn start(
+        address: SocketAddr,
+        answer: impl Fn(&Request) -> Answer + Send + Sync + 'static,
+    ) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        let (ends, connections) = (Ends::default(), Arc::<AtomicUsize>::default());
+        let (end, count) = (ends.clone(), Arc::clone(&connections));
+        let answer: Arc<dyn Fn(&Request) -> Answer + Send + Sync> = Arc::new(answer);
+        let serve = move || {
+            while !end.now() {
+                match listener.accept() {
+                    Ok((stream, _)) => connect(stream, &answer, &end, &count),
+                    Err(_) => std::thread::sleep(LOOK_EVERY),
+                }
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("http".into())
+            .spawn(serve)?;
+        Ok(Self {
+            address,
+            ends,
+            connections,
+            thread: Some(thread),
+        })
+    }
+
+    /// Where it serves; the port where 0 was asked for.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.ends.0.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        // Who does not end in time ends with the process.
+        let began = Instant::now();
+        while self.connections.load(Ordering::Relaxed) > 0 && began.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+fn connect(
+    mut stream: TcpStream,
+    answer: &Arc<dyn Fn(&Request) -> Answer + Send + Sync>,
+    ends: &Ends,
+    connections: &Arc<AtomicUsize>,
+) {
+    /// One fewer, whatever ends its thread.
+    struct Counted(Arc<AtomicUsize>);
+    impl Drop for Counted {
+        fn drop(&mut self) {
+            self.0.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+    let before = connections.fetch_add(1, Ordering::Relaxed);
+    let counted = Counted(Arc::clone(connections));
+    if before >= MOST {
+        let _ = stream.set_write_timeout(Some(LOOK_EVERY));
+        let busy = Answer::refusal("503 Service Unavailable", "too many connections: close one");
+        let _ = write(&mut stream, &busy);
+        return;
+    }
+    let (answer, ends) = (Arc::clone(answer), ends.clone());
+    let talk = move || {
+        let _counted = counted;
+        // Who left before the end of the answer does not need it.
+        let _ = talk(stream, &*answer, ends);
+    };
+    // Without a thread the connection is closed, and whoever asked asks again.
+    let _ = std::thread::Builder::new()
+        .name("http connection".into())
+        .spawn(talk);
+}
+
+fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let Some(request) = Request::read(&mut stream, PATIENCE)? else {
+        return Ok(());
+    };
+    let answer = match &*request.method {
+        "GET" => answer(&request),
+        _ => Answer::refusal("405 Method Not Allowed", "expected GET"),
+    };
+    match answer {
+        Answer::Stream(talk) => {
+            talk(stream, ends);
+            Ok(())
+        }
+        body => write(&mut stream, &body),
+    }
+}
+
+fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
+    let Answer::Body {
+        status,
+        kind,
+        headers,
+        body,
+    } = answer
+    else {
+        return Ok(());
+    };
+    let mut head = format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\n");
+    for (name, value) in *headers {
+        let _ = write!(head, "{name}: {value}\r\n");
+    }
+    let _ = write!(
+        head,
+        "Content-Length: {}\r\nConnection: close\r\n\r\n",
+        body.len()
+    );
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(body)
+}

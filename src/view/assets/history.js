@@ -1,0 +1,36 @@
+// The last minute of every camera: what came, and which frame is shown.
+
+const KEEP_NS = 60e9;
+
+export class History {
+  constructor() {
+    this.cameras = new Map();
+  }
+
+  /** Adds a frame. A camera that starts anew has no past. */
+  add(frame) {
+    let frames = this.cameras.get(frame.camera);
+    if (!frames) this.cameras.set(frame.camera, (frames = []));
+    if (frames.length > 0 && frame.publishNs < frames.at(-1).publishNs) frames.length = 0;
+    frames.push(frame);
+    let old = 0;
+    while (frame.publishNs - frames[old].publishNs > KEEP_NS) old++;
+    if (old > 0) frames.splice(0, old);
+  }
+
+  frames(camera) {
+    return this.cameras.get(camera) ?? [];
+  }
+
+  /** Index of the last frame at or before a time; 0 before the first. */
+  indexAt(camera, publishNs) {
+    const frames = this.frames(camera);
+    let [low, high] = [0, frames.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (frames[middle].publishNs <= publishNs) low = middle + 1;
+      else high = middle;
+    }
+    return Math.max(0, low - 1);
+  }
+}

@@ -1,0 +1,133 @@
+// Joins the stream, the last minute, and what is shown of it.
+
+import { decode } from './decode.js';
+import { History } from './history.js';
+import { Panel } from './panel.js';
+import { Space } from './space.js';
+
+const RETRY_MS = 1000;
+const QUIET_MS = 3000;
+const byId = (id) => document.getElementById(id);
+const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
+const [history, space, panel] = [new History(), new Space(byId('space')), new Panel()];
+
+/** `at` is the time that is shown, nanoseconds; null: the newest frame. */
+const state = { camera: null, at: null, connected: false, heard: 0, ended: new Set(), changed: true };
+
+function connect(first) {
+  const query = new URLSearchParams(location.search);
+  query.set('format', 'binary');
+  if (first) query.set('history', '1');
+  const socket = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/bodies?${query}`);
+  socket.binaryType = 'arraybuffer';
+  let opened = false;
+  socket.onopen = () => { opened = state.connected = true; };
+  socket.onmessage = ({ data }) => {
+    const frame = data instanceof ArrayBuffer ? decode(data) : null;
+    if (frame) take(frame);
+  };
+  socket.onclose = () => {
+    state.connected = false;
+    setTimeout(() => connect(first && !opened), RETRY_MS);
+  };
+}
+
+function take(frame) {
+  state.heard = performance.now();
+  if (frame.ended) {
+    state.ended.add(frame.camera);
+    return;
+  }
+  state.ended.delete(frame.camera);
+  history.add(frame);
+  if (![...select.options].some((o) => o.value === frame.camera)) {
+    select.append(new Option(frame.camera));
+    if (state.camera === null) choose(frame.camera);
+  }
+  if (frame.camera === state.camera) state.changed = true;
+}
+
+function choose(camera) {
+  state.camera = camera;
+  select.value = camera;
+  space.clear();
+  panel.clear();
+  seek(null);
+}
+
+/** Shows what was published at a time; null: the newest frame from now on. */
+function seek(publishNs) {
+  state.at = publishNs;
+  state.changed = true;
+  pause.textContent = publishNs === null ? 'pause' : 'live';
+}
+
+function newest() {
+  return history.frames(state.camera).at(-1);
+}
+
+function shownIndex() {
+  const frames = history.frames(state.camera);
+  return state.at === null ? frames.length - 1 : history.indexAt(state.camera, state.at);
+}
+
+function words() {
+  const quiet = performance.now() - state.heard > QUIET_MS;
+  if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
+  if (state.camera === null) return 'nobody publishes yet: start edgecap';
+  if (state.ended.has(state.camera)) return `${state.camera}: the input has ended`;
+  if (state.at !== null) return `${state.camera}: paused`;
+  return quiet ? `${state.camera}: no frames come` : `${state.camera}: live`;
+}
+
+function step(now) {
+  requestAnimationFrame(step);
+  const since = performance.now();
+  const frames = history.frames(state.camera);
+  if (state.changed && frames.length > 0) {
+    state.changed = false;
+    const index = shownIndex();
+    const frame = frames[index];
+    space.show(frame, frames.slice(Math.max(0, index - 600), index));
+    panel.show(frame, frames, index, now);
+    const ago = (frame.publishNs - newest().publishNs) / 1e9;
+    scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
+    if (document.activeElement !== scrub || state.at === null) scrub.value = ago;
+    when.textContent = state.at === null ? 'live' : `${ago.toFixed(2)} s`;
+  }
+  const text = words();
+  if (say.textContent !== text) say.textContent = text;
+  space.draw(since);
+}
+
+function stepFrames(count) {
+  const frames = history.frames(state.camera);
+  if (frames.length === 0) return;
+  const index = Math.min(frames.length - 1, Math.max(0, shownIndex() + count));
+  seek(frames[index].publishNs);
+}
+
+select.onchange = () => choose(select.value);
+pause.onclick = () => seek(state.at === null ? (newest()?.publishNs ?? null) : null);
+scrub.oninput = () => {
+  const seconds = scrub.valueAsNumber;
+  seek(seconds >= 0 || !newest() ? null : newest().publishNs + seconds * 1e9);
+};
+window.addEventListener('keydown', (e) => {
+  if (e.code === 'Space') pause.onclick();
+  else if (e.code === 'ArrowLeft') stepFrames(-1);
+  else if (e.code === 'ArrowRight') stepFrames(1);
+  else return;
+  e.preventDefault();
+});
+
+// For whoever drives the page by a program.
+window.edgecap = {
+  scene: () => ({ ...space.read(), state: say.textContent, frames: history.frames(state.camera).length }),
+  frames: () => history.frames(state.camera).map((f) => f.sequence),
+  choose,
+  seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
+};
+
+connect(true);
+requestAnimationFrame(step);

@@ -1,0 +1,69 @@
+// The tables beside the picture.
+
+import { PELVIS } from './decode.js';
+import { colourOf } from './space.js';
+
+const EVERY_MS = 150;
+const TIMES = [
+  ['letterbox', 'letterbox'], ['stage1', 'Stage I'], ['association', 'people'], ['stage2', 'Stage II'], ['fit', 'fit'],
+];
+
+export class Panel {
+  constructor() {
+    this.people = document.querySelector('#people tbody');
+    this.times = document.querySelector('#times tbody');
+    this.written = 0;
+  }
+
+  /** Writes the tables, a few times a second: nobody reads faster. */
+  show(frame, frames, index, now) {
+    if (now - this.written < EVERY_MS) return;
+    this.written = now;
+    rows(this.people, frame.bodies.map((body) => {
+      const joint = body.joints.subarray(3 * PELVIS, 3 * PELVIS + 3);
+      return [
+        [`#${body.id}`, `#${colourOf(body.id).getHexString()}`], [body.state], [`${Math.round(100 * body.score)} %`],
+        [`${Math.hypot(...joint).toFixed(2)} m`], [`${body.height.toFixed(2)} m`],
+        [`${Math.hypot(...body.velocity).toFixed(1)} m/s`],
+      ];
+    }));
+    const all = Object.values(frame.times).reduce((sum, us) => sum + us, 0);
+    const list = TIMES.map(([key, name]) => [[name], [ms(frame.times[key])]]);
+    list.push([['all stages'], [ms(all)]]);
+    if (!frame.isFile) list.push([['capture to publish'], [ms((frame.publishNs - frame.captureNs) / 1e3)]]);
+    list.push([['frames a second'], [rate(frames, index)]], [['frame'], [String(frame.sequence)]]);
+    const height = frame.world.translation[1].toFixed(2);
+    list.push([['floor'], [frame.world.known ? `${height} m below the camera` : 'not known yet']]);
+    rows(this.times, list);
+  }
+
+  clear() {
+    this.people.replaceChildren();
+    this.times.replaceChildren();
+  }
+}
+
+function ms(us) {
+  return `${(us / 1000).toFixed(1)} ms`;
+}
+
+/** Frames of the last two seconds before a frame. */
+function rate(frames, index) {
+  const last = frames[index].publishNs;
+  let first = index;
+  while (first > 0 && last - frames[first - 1].publishNs < 2e9) first--;
+  return first < index ? ((index - first) / ((last - frames[first].publishNs) / 1e9)).toFixed(1) : '–';
+}
+
+function rows(body, list) {
+  body.replaceChildren(...list.map((cells) => {
+    const row = document.createElement('tr');
+    row.append(...cells.map(([text, colour]) => {
+      const cell = document.createElement('td');
+      cell.textContent = text;
+      if (colour) cell.style.color = colour;
+      return cell;
+    }));
+    return row;
+  }));
+}

@@ -1,0 +1,270 @@
+//! OSC and VMC, read by decoders that share nothing with their writers.
+
+use std::collections::BTreeMap;
+use std::net::UdpSocket;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations};
+use edgecap::camera::monotonic_ns;
+use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
+use edgecap_client::Publisher;
+use edgecap_client::message::{Body, BodyFrame, BodyState, World, WorldState};
+use glam::{DQuat, DVec3};
+
+use crate::program::stand_in::{StandIn, Watched};
+use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+
+/// A message of OSC 1.0.
+#[derive(Debug, Clone, Default)]
+struct Osc {
+    address: String,
+    numbers: Vec<f32>,
+    words: Vec<String>,
+}
+
+/// Reads a bundle by the words of the specification: its time, seconds since 1970, and its messages.
+fn bundle(bytes: &[u8]) -> (f64, Vec<Osc>) {
+    assert_eq!(&bytes[..8], b"#bundle\0");
+    let word = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    let time = f64::from(word(8)) - 2_208_988_800.0 + f64::from(word(12)) / 4_294_967_296.0;
+    let mut messages = Vec::new();
+    let mut at = 16;
+    while at < bytes.len() {
+        let size = word(at) as usize;
+        assert_eq!(size % 4, 0);
+        messages.push(message(&bytes[at + 4..at + 4 + size]));
+        at += 4 + size;
+    }
+    (time, messages)
+}
+
+fn message(bytes: &[u8]) -> Osc {
+    let text = |at: &mut usize| {
+        let length = bytes[*at..].iter().position(|b| *b == 0).unwrap();
+        let text = String::from_utf8(bytes[*at..*at + length].to_vec()).unwrap();
+        // At least one zero, then up to the next multiple of four.
+        *at += (length / 4 + 1) * 4;
+        text
+    };
+    let mut at = 0;
+    let mut found = Osc {
+        address: text(&mut at),
+        ..Osc::default()
+    };
+    let types = text(&mut at);
+    for kind in types.strip_prefix(',').unwrap().chars() {
+        match kind {
+            's' => found.words.push(text(&mut at)),
+            'f' | 'i' => {
+                let raw = bytes[at..at + 4].try_into().unwrap();
+                let number = match kind {
+                    'f' => f32::from_be_bytes(raw),
+                    _ => i32::from_be_bytes(raw) as f32,
+                };
+                found.numbers.push(number);
+                at += 4;
+            }
+            other => panic!("type {other}"),
+        }
+    }
+    assert_eq!(at, bytes.len());
+    found
+}
+
+/// A port to listen at.
+fn listen() -> (UdpSocket, String) {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let wait = Some(Duration::from_millis(300));
+    socket.set_read_timeout(wait).unwrap();
+    let address = socket.local_addr().unwrap().to_string();
+    (socket, address)
+}
+
+fn receive(socket: &UdpSocket) -> Option<(f64, Vec<Osc>)> {
+    let mut bytes = [0; 65536];
+    let length = socket.recv(&mut bytes).ok()?;
+    Some(bundle(&bytes[..length]))
+}
+
+/// Somebody with a bent left elbow who has turned a quarter to the left, seen by a camera that looks down by 0.2 rad.
+fn pose() -> Pose {
+    let skeleton = Skeleton::builtin();
+    let mut pose = Pose::facing_camera(4.0);
+    pose.rotation = DQuat::from_rotation_x(0.2)
+        * pose.rotation
+        * DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2);
+    let angle = |name: &str| {
+        skeleton
+            .angles()
+            .iter()
+            .position(|a| a.name == name)
+            .unwrap()
+    };
+    pose.angles[angle("l_elbow_flexion")] = 1.2;
+    pose.angles[angle("r_shoulder_abduction")] = 1.0;
+    pose
+}
+
+fn frame(sequence: u64) -> BodyFrame {
+    let (skeleton, pose) = (Skeleton::builtin(), pose());
+    let mut posed = Posed::default();
+    skeleton.pose(&pose, skeleton.lengths(), &mut posed);
+    let now = monotonic_ns();
+    let mut frame = BodyFrame {
+        sequence,
+        capture_ns: now,
+        pose_ns: now,
+        count: 1,
+        world: World {
+            // Half a turn about x, and the camera's tilt taken back.
+            rotation: DQuat::from_rotation_x(std::f64::consts::PI - 0.2)
+                .as_quat()
+                .to_array(),
+            translation: [0.0, 1.8, 0.0],
+            state: WorldState::GIVEN,
+        },
+        ..BodyFrame::default()
+    };
+    frame.bodies[0] = Body {
+        id: 6,
+        state: BodyState::TRACKED,
+        position: pose.position.as_vec3().to_array(),
+        orientation: pose.rotation.as_quat().to_array(),
+        joints3d: posed.joints.map(|p| p.as_vec3().to_array()),
+        confidence: [0.8; BODY_JOINTS],
+        bone_lengths: skeleton.lengths().map(|l| l as f32),
+        bone_rotations: bone_rotations(&posed).map(|q| q.as_quat().to_array()),
+        ..Body::default()
+    };
+    frame
+}
+
+#[test]
+fn osc_names_every_joint_where_it_stands_and_when() {
+    let (socket, address) = listen();
+    let name = stream("osc");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let run = Running::start(&["bridge", "--camera", &name, "--osc", &address]);
+    let (time, joints) = eventually("a body", || {
+        publisher.publish(&frame(3)).unwrap();
+        receive(&socket).filter(|(_, m)| m.len() == BODY_JOINTS)
+    });
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap()
+        .as_secs_f64();
+    assert!((0.0..60.0).contains(&(now - time)), "{} s ago", now - time);
+    let published = frame(3);
+    for (j, (joint, found)) in JOINT_NAMES.iter().zip(&joints).enumerate() {
+        assert_eq!(found.address, format!("/edgecap/{name}/body/6/{joint}"));
+        let [x, y, z] = published.world.point(published.bodies[0].joints3d[j]);
+        assert_eq!(found.numbers, [x, y, z, 0.8]);
+    }
+    // Before a frame's bodies: how many, and in which axes.
+    let head = eventually("a head", || {
+        publisher.publish(&frame(4)).unwrap();
+        receive(&socket).filter(|(_, m)| m[0].address == format!("/edgecap/{name}/frame"))
+    });
+    assert_eq!(head.1[0].words, ["floor"]);
+    assert_eq!(head.1[0].numbers[1], 1.0);
+    let empty = BodyFrame {
+        sequence: 5,
+        pose_ns: monotonic_ns(),
+        ..BodyFrame::default()
+    };
+    eventually("the message that 6 is gone", || {
+        publisher.publish(&empty).unwrap();
+        receive(&socket).filter(|(_, m)| m[0].address == format!("/edgecap/{name}/body/6/gone"))
+    });
+    signal(run.pid(), "INT");
+    let out = run.wait(Duration::from_secs(20));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+/// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name.
+fn unity(bones: &BTreeMap<String, (DVec3, DQuat)>, bone: &str) -> (DVec3, DQuat) {
+    let parent = match bone {
+        "Hips" => return bones[bone],
+        "Spine" | "RightUpperLeg" | "LeftUpperLeg" => "Hips".to_owned(),
+        "Neck" | "RightUpperArm" | "LeftUpperArm" => "Spine".to_owned(),
+        "Head" => "Neck".to_owned(),
+        other => other
+            .replace("Hand", "LowerArm.")
+            .replace("LowerArm", "UpperArm")
+            .replace("UpperArm.", "LowerArm")
+            .replace("Foot", "LowerLeg.")
+            .replace("LowerLeg", "UpperLeg")
+            .replace("UpperLeg.", "LowerLeg"),
+    };
+    let ((at, turn), (place, own)) = (unity(bones, &parent), bones[bone]);
+    (at + turn * place, turn * own)
+}
+
+#[test]
+fn vmc_poses_an_avatar_as_the_body_is_posed() {
+    let (socket, address) = listen();
+    let name = stream("vmc");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let _run = Running::start(&["bridge", "--camera", &name, "--vmc", &address]);
+    let (_, messages) = eventually("an avatar", || {
+        publisher.publish(&frame(3)).unwrap();
+        receive(&socket)
+    });
+    assert_eq!(messages[0].address, "/VMC/Ext/OK");
+    assert_eq!(messages[0].numbers, [1.0]);
+    let mut bones = BTreeMap::new();
+    for m in messages.iter().filter(|m| m.address == "/VMC/Ext/Bone/Pos") {
+        let n: Vec<f64> = m.numbers.iter().map(|n| f64::from(*n)).collect();
+        let turn = DQuat::from_xyzw(n[3], n[4], n[5], n[6]);
+        bones.insert(m.words[0].clone(), (DVec3::from_slice(&n[..3]), turn));
+    }
+    assert_eq!(bones.len(), 16);
+    let published = frame(3);
+    for (bone, joint) in [
+        ("Hips", "pelvis"),
+        ("Neck", "neck"),
+        ("LeftUpperArm", "l_shoulder"),
+        ("LeftLowerArm", "l_elbow"),
+        ("LeftHand", "l_wrist"),
+        ("RightHand", "r_wrist"),
+        ("RightFoot", "r_ankle"),
+        ("LeftFoot", "l_ankle"),
+    ] {
+        let joint = JOINT_NAMES.iter().position(|n| *n == joint).unwrap();
+        let [x, y, z] = published.world.point(published.bodies[0].joints3d[joint]);
+        // Seen in a mirror: Unity's x goes the other way.
+        let wanted = DVec3::new(-f64::from(x), y.into(), z.into());
+        let off = (unity(&bones, bone).0 - wanted).length();
+        assert!(off < 1e-3, "{bone}: {off} m off");
+    }
+    // Upright on the floor, and turned by a quarter about the vertical alone.
+    let (place, turn) = bones["Hips"];
+    let up = turn * DVec3::Y;
+    assert!((up - DVec3::Y).length() < 1e-3, "{up}");
+    let front = turn * DVec3::Z;
+    assert!(front.x.abs() > 0.999, "{front}");
+    let height = published.world.point(published.bodies[0].joints3d[PELVIS])[1];
+    assert!((place.y - f64::from(height)).abs() < 1e-5);
+}
+
+#[test]
+fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
+    let (socket, address) = listen();
+    let camera = StandIn::new(10.0);
+    let more = ["--osc", &address, "--view", "127.0.0.1:0"];
+    let run = Watched::start("run-osc", &camera, &more);
+    let (_, head) = eventually("a frame", || receive(&socket));
+    assert_eq!(head[0].address, format!("/edgecap/{}/frame", run.name));
+    let out = run.stop();
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(
+        stderr(&out).contains("the page: http://127.0.0.1:"),
+        "{}",
+        stderr(&out)
+    );
+    assert_fails(&["bridge"], 64, &["--osc", "--vmc", "--view"]);
+    for flag in ["--osc", "--vmc"] {
+        let out = crate::program::output(&["bridge", flag, "nowhere"]);
+        assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
+    }
+}

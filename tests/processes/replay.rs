@@ -1,0 +1,242 @@
+//! `edgecap record` and `edgecap replay`: what was published comes again, and a client cannot tell.
+
+use std::io::{BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use edgecap::camera::monotonic_ns;
+use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, Row, RowReader};
+use edgecap_client::message::{
+    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame,
+};
+use edgecap_client::{Publisher, Subscriber};
+
+use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+
+const STEP: u64 = 20_000_000;
+
+fn frame(number: u64) -> BodyFrame {
+    let mut frame = BodyFrame {
+        sequence: 40 + number,
+        capture_ns: 7_000_000_000 + number * STEP,
+        pose_ns: 7_000_000_000 + number * STEP,
+        publish_ns: 7_015_000_000 + number * STEP,
+        width: 640,
+        height: 480,
+        count: 2,
+        ..BodyFrame::default()
+    };
+    for (n, body) in frame.bodies[..2].iter_mut().enumerate() {
+        *body = Body {
+            id: n as u32 + 1,
+            state: BodyState::TRACKED,
+            position: [n as f32, number as f32, 3.0],
+            ..Body::default()
+        };
+    }
+    frame
+}
+
+fn record<T: Row>(folder: &Path, frames: impl IntoIterator<Item = T::Message>) -> PathBuf {
+    let path = folder.join("take.record");
+    let mut writer = RecordWriter::<T>::create(&path, Format::Binary).unwrap();
+    for frame in frames {
+        writer.write(&frame, "").unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+fn rows(path: &Path) -> Vec<BodyFrame> {
+    let file = std::fs::File::open(path).unwrap();
+    let mut reader = RowReader::<_, BodiesRow>::new(BufReader::new(file), "test");
+    let mut all = Vec::new();
+    while let Some(row) = reader.read().unwrap() {
+        all.push(row.message());
+    }
+    all
+}
+
+/// Everything but the times and the number.
+fn content(frame: &BodyFrame) -> BodyFrame {
+    BodyFrame {
+        sequence: 0,
+        capture_ns: 0,
+        pose_ns: 0,
+        publish_ns: 0,
+        ..*frame
+    }
+}
+
+#[test]
+fn a_replay_is_what_was_published_with_its_latencies_in_its_own_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = record::<BodiesRow>(folder.path(), (0..30).map(frame));
+    let name = stream("replay");
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let before = monotonic_ns();
+    let args = [
+        "replay",
+        path.to_str().unwrap(),
+        "--name",
+        &name,
+        "--speed",
+        "2",
+    ];
+    let run = Running::start(&args);
+    let mut frames = Vec::new();
+    let end = eventually("the end", || {
+        let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
+        if frame.flags & FLAG_END_OF_STREAM != 0 {
+            return Some(*frame);
+        }
+        frames.push(*frame);
+        None
+    });
+    assert_eq!(end.count, 0);
+    assert_eq!(frames.len(), 30);
+    for (n, replayed) in frames.iter().enumerate() {
+        let recorded = frame(n as u64);
+        assert_eq!(content(replayed), content(&recorded));
+        assert_eq!(replayed.sequence, recorded.sequence);
+        // Stamped again as it is sent.
+        let latency = replayed.publish_ns - replayed.capture_ns;
+        assert!(latency >= 15_000_000, "{latency}");
+        assert!(replayed.capture_ns + 15_000_000 >= before);
+    }
+    let took = frames[29].publish_ns - frames[0].publish_ns;
+    assert!(took >= 29 * STEP / 2 - STEP, "twice as fast, not {took} ns");
+    assert!(run.wait(Duration::from_secs(20)).status.success());
+}
+
+#[test]
+fn a_replay_in_a_loop_goes_on_until_it_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = record::<BodiesRow>(folder.path(), (0..5).map(frame));
+    let name = stream("loop");
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let run = Running::start(&["replay", path.to_str().unwrap(), "--name", &name, "--loop"]);
+    let mut numbers = Vec::new();
+    eventually("three passes", || {
+        let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
+        numbers.push(frame.sequence);
+        (numbers.len() == 15).then_some(())
+    });
+    let first = numbers[0];
+    assert_eq!(numbers, (first..first + 15).collect::<Vec<_>>());
+    assert_fails(
+        &["replay", path.to_str().unwrap(), "--name", &name],
+        69,
+        &["--name"],
+    );
+    signal(run.pid(), "INT");
+    let out = run.wait(Duration::from_secs(20));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn observations_are_replayed_for_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = (0..3).map(|n| {
+        let mut frame = ObservationFrame {
+            sequence: n,
+            capture_ns: n * STEP,
+            flags: FLAG_FILE_TIME,
+            width: 64,
+            height: 48,
+            count: 1,
+            ..ObservationFrame::default()
+        };
+        frame.people[0] = Observation {
+            score: 0.5,
+            ..Observation::default()
+        };
+        frame
+    });
+    let path = record::<ObservationsRow>(folder.path(), frames);
+    let name = stream("replay-seen");
+    let seen = Subscriber::<ObservationFrame>::open(&name).unwrap();
+    let run = Running::start(&["replay", path.to_str().unwrap(), "--name", &name]);
+    let mut times = Vec::new();
+    eventually("three frames", || {
+        let frame = seen.next(Duration::from_secs(1)).unwrap()?;
+        times.push((frame.sequence, frame.capture_ns, frame.people().len()));
+        (times.len() == 3).then_some(())
+    });
+    assert_eq!(times, [(0, 0, 1), (1, STEP, 1), (2, 2 * STEP, 1)]);
+    assert!(run.wait(Duration::from_secs(20)).status.success());
+}
+
+#[test]
+fn a_recorder_that_is_killed_leaves_every_whole_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.record");
+    let name = stream("recorder");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let run = Running::start(&["record", path.to_str().unwrap(), "--camera", &name]);
+    let mut sent = 0;
+    eventually("frames in the file", || {
+        publisher.publish(&frame(sent)).unwrap();
+        sent += 1;
+        let size = std::fs::metadata(&path).map_or(0, |m| m.len());
+        (size > 50_000).then_some(())
+    });
+    signal(run.pid(), "KILL");
+    drop(run);
+    let recorded = rows(&path);
+    assert!(recorded.len() > 10, "{} frames", recorded.len());
+    let first = recorded[0].sequence - 40;
+    for (n, found) in recorded.iter().enumerate() {
+        assert_eq!(*found, frame(first + n as u64));
+    }
+    // As if the power had gone in the middle of a frame.
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 100]).unwrap();
+    assert_eq!(rows(&path), recorded[..recorded.len() - 1]);
+}
+
+#[test]
+fn a_recording_ends_with_its_input_and_what_cannot_be_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let name = stream("recording");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let (to, from) = (file("a.jsonl"), file("take.record"));
+    let run = Running::start(&["record", &to, "--name", &name]);
+    eventually("a line in the file", || {
+        publisher.publish(&frame(0)).unwrap();
+        std::fs::metadata(&to).ok().filter(|m| m.len() > 0)
+    });
+    let mut end = frame(1);
+    (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
+    publisher.publish(&end).unwrap();
+    let out = run.wait(Duration::from_secs(30));
+    assert!(out.status.success(), "{}", stderr(&out));
+    let recorded = rows(to.as_ref());
+    assert!(!recorded.is_empty() && recorded.iter().all(|f| f.count == 2));
+
+    assert_fails(
+        &["record", &to, "--name", &name],
+        73,
+        &["a.jsonl", "there is a file"],
+    );
+    assert_fails(
+        &["record", "/proc/x.record", "--name", &name],
+        73,
+        &["/proc/x.record"],
+    );
+    assert_fails(&["record", &file("b"), "--name", "a/b"], 64, &["a/b"]);
+    assert_fails(
+        &["replay", &file("absent"), "--name", &name],
+        66,
+        &["absent"],
+    );
+    let mut other = std::fs::File::create(&from).unwrap();
+    other.write_all(b"{\"x\": 1}\n").unwrap();
+    assert_fails(
+        &["replay", &from, "--name", &stream("other")],
+        65,
+        &["expected a record"],
+    );
+    assert_fails(&["replay", &from, "--speed", "0"], 64, &[]);
+}

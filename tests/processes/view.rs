@@ -1,0 +1,324 @@
+//! `edgecap view`: the page, and bodies over WebSocket.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+use edgecap_client::Publisher;
+use edgecap_client::joints::{BODY_JOINTS, PELVIS};
+use edgecap_client::message::{
+    Body, BodyFrame, BodyState, Intrinsics, JointState, World, WorldState,
+};
+use serde_json::Value;
+use tungstenite::{Message, WebSocket};
+
+use crate::program::browser::Browser;
+use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+
+/// `edgecap view` on a port of its own.
+struct View {
+    run: Running,
+    camera: String,
+    url: String,
+}
+
+impl View {
+    fn start(test: &str, more: &[&str]) -> Self {
+        let camera = stream(test);
+        let mut args = vec!["view", "--camera", &camera, "--listen", "127.0.0.1:0"];
+        args.extend(more);
+        let mut run = Running::start(&args);
+        let mut said = String::new();
+        let stdout = run.0.stdout.as_mut().unwrap();
+        BufReader::new(stdout).read_line(&mut said).unwrap();
+        let url = said.split(' ').next().unwrap().to_owned();
+        assert!(url.starts_with("http://127.0.0.1:"), "{said}");
+        Self { run, camera, url }
+    }
+
+    fn host(&self) -> &str {
+        self.url[7..].split('/').next().unwrap()
+    }
+
+    fn get(&self, path: &str, headers: &str) -> (String, Vec<u8>) {
+        let mut stream = TcpStream::connect(self.host()).unwrap();
+        write!(
+            stream,
+            "GET {path} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n",
+            self.host()
+        )
+        .unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").unwrap();
+        let head = String::from_utf8(answer[..end].to_vec()).unwrap();
+        (head, answer[end + 4..].to_vec())
+    }
+
+    fn connect(&self, query: &str) -> WebSocket<TcpStream> {
+        let stream = TcpStream::connect(self.host()).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(60)))
+            .unwrap();
+        let url = format!("ws://{}/bodies{query}", self.host());
+        tungstenite::client(url, stream).unwrap().0
+    }
+}
+
+/// People in a row, every number another one.
+fn crowd(people: u32, sequence: u64) -> BodyFrame {
+    let mut frame = BodyFrame {
+        sequence,
+        capture_ns: 1_000_000 + sequence,
+        pose_ns: 1_000_000 + sequence,
+        publish_ns: 2_000_000 + sequence * 33_000_000,
+        width: 1280,
+        height: 720,
+        intrinsics: Intrinsics::from_horizontal_fov(1280, 720, 60.0),
+        count: people,
+        world: World {
+            // Tilted down by 0.2 rad, 2.1 m up.
+            rotation: [0.1f32.cos(), 0.0, 0.0, 0.1f32.sin()],
+            translation: [0.0, 2.1, 0.0],
+            state: WorldState::ESTIMATED,
+        },
+        ..BodyFrame::default()
+    };
+    for (n, body) in frame.bodies[..people as usize].iter_mut().enumerate() {
+        *body = person(n as u32, sequence);
+    }
+    frame
+}
+
+fn person(n: u32, sequence: u64) -> Body {
+    let walked = 0.02 * (sequence % 100) as f32;
+    let place = [n as f32 * 0.9 - 1.5 + walked, 1.1, 4.0 + 0.3 * n as f32];
+    let skeleton = edgecap::body::skeleton::Skeleton::builtin();
+    let mut posed = edgecap::body::skeleton::Posed::default();
+    let mut pose = edgecap::body::skeleton::Pose::facing_camera(0.0);
+    pose.angles[3] = 0.3 * f64::from(n);
+    skeleton.pose(&pose, skeleton.lengths(), &mut posed);
+    let mut body = Body {
+        id: n + 1,
+        state: BodyState::TRACKED,
+        score: 0.5 + 0.01 * n as f32,
+        position: place,
+        orientation: pose.rotation.as_quat().to_array(),
+        height: 1.7,
+        confidence: [0.9; BODY_JOINTS],
+        joint_states: [JointState::OBSERVED; BODY_JOINTS],
+        ..Body::default()
+    };
+    for (joint, p) in body.joints3d.iter_mut().zip(posed.joints) {
+        let p = p.as_vec3().to_array();
+        *joint = std::array::from_fn(|i| p[i] + place[i]);
+    }
+    body
+}
+
+/// Publishes until a client has heard it: it may only just be connecting.
+fn heard(publisher: &mut Publisher<BodyFrame>, client: &mut WebSocket<TcpStream>) -> Message {
+    let socket = client.get_ref().try_clone().unwrap();
+    eventually("a frame", || {
+        publisher.publish(&crowd(3, 7)).unwrap();
+        socket
+            .set_read_timeout(Some(Duration::from_millis(200)))
+            .unwrap();
+        client.read().ok()
+    })
+}
+
+#[test]
+fn bodies_come_over_websocket_as_they_were_published() {
+    let view = View::start("websocket", &[]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let frame = crowd(3, 7);
+    let mut json = view.connect("");
+    let line = heard(&mut publisher, &mut json);
+    let line: Value = serde_json::from_str(line.to_text().unwrap()).unwrap();
+    assert_eq!(line["camera"], *view.camera);
+    assert_eq!(line["frame"], 7);
+    let people = line["people"].as_array().unwrap();
+    assert_eq!(people.len(), 3);
+    for (row, body) in people.iter().zip(frame.bodies()) {
+        assert_eq!(row["id"], body.id);
+        let joints: Vec<[f32; 3]> = serde_json::from_value(row["joints3d"].clone()).unwrap();
+        assert_eq!(joints, body.joints3d);
+    }
+
+    let mut binary = view.connect("?format=binary");
+    let bytes = heard(&mut publisher, &mut binary).into_data();
+    let name = view.camera.len().next_multiple_of(4);
+    assert_eq!(bytes.len(), 128 + name + 3 * 468);
+    let float = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    for (n, body) in frame.bodies().iter().enumerate() {
+        let at = 128 + name + n * 468;
+        for (j, joint) in body.joints3d.iter().enumerate() {
+            let read = [0, 4, 8].map(|k| float(at + 44 + 12 * j + k));
+            assert_eq!(read, *joint, "body {n}, joint {j}");
+        }
+    }
+    // Another camera's frames are not this client's.
+    let mut other = view.connect("?camera=another");
+    publisher.publish(&frame).unwrap();
+    let wait = Some(Duration::from_millis(600));
+    other.get_ref().set_read_timeout(wait).unwrap();
+    assert!(other.read().is_err());
+}
+
+#[test]
+fn a_client_that_is_too_slow_gets_the_newest() {
+    const FRAMES: u64 = 3000;
+    let view = View::start("slow", &[]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let (mut slow, mut quick) = (view.connect("?format=json"), view.connect("?format=binary"));
+    heard(&mut publisher, &mut slow);
+    heard(&mut publisher, &mut quick);
+    // 32 people: more than 100 MB of text in all, which fit nowhere on the way.
+    for sequence in 100..100 + FRAMES {
+        publisher.publish(&crowd(32, sequence)).unwrap();
+        std::thread::sleep(Duration::from_micros(300));
+    }
+    let last = 99 + FRAMES;
+    let long = Some(Duration::from_secs(60));
+    for client in [&slow, &quick] {
+        client.get_ref().set_read_timeout(long).unwrap();
+    }
+    // The other client has not waited for it.
+    let newest = loop {
+        let bytes = quick.read().unwrap().into_data();
+        let sequence = u64::from_le_bytes(bytes[8..16].try_into().unwrap());
+        if sequence == last {
+            break sequence;
+        }
+    };
+    assert_eq!(newest, last);
+    let mut received = 0;
+    loop {
+        let line = slow.read().unwrap();
+        let line: Value = serde_json::from_str(line.to_text().unwrap()).unwrap();
+        received += 1;
+        if line["frame"] == last {
+            break;
+        }
+    }
+    assert!(received < FRAMES / 2, "{received} frames waited for it");
+}
+
+#[test]
+fn the_page_is_in_the_program_and_strangers_are_refused() {
+    let view = View::start("page", &[]);
+    let (head, page) = view.get("/", "");
+    assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
+    assert!(head.contains("default-src 'self'"), "{head}");
+    let page = String::from_utf8(page).unwrap();
+    assert!(page.contains("main.js") && !page.contains("//"), "{page}");
+    let (head, packed) = view.get("/three.min.js", "");
+    assert!(head.contains("Content-Encoding: gzip") && packed.starts_with(&[0x1f, 0x8b]));
+    for (path, headers, status) in [
+        ("/nothing", "", "404"),
+        ("/bodies", "", "426"),
+        ("/bodies?format=xml", "", "400"),
+        ("/bodies", "Origin: http://evil.example\r\n", "403"),
+    ] {
+        let (head, line) = view.get(path, headers);
+        assert!(
+            head.starts_with(&format!("HTTP/1.1 {status}")),
+            "{path}: {head}"
+        );
+        assert_eq!(line.iter().filter(|b| **b == b'\n').count(), 1, "{path}");
+    }
+    assert_fails(
+        &["view", "--listen", view.host()],
+        69,
+        &["--listen", "choose another address"],
+    );
+    assert_fails(&["view", "--camera", "a/b"], 64, &["a/b"]);
+    signal(view.run.pid(), "INT");
+    let out = view.run.wait(Duration::from_secs(20));
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
+}
+
+#[test]
+fn with_a_token_only_who_knows_it_reads() {
+    let view = View::start("token", &["--token", "open-sesame"]);
+    assert!(view.url.ends_with("/?token=open-sesame"), "{}", view.url);
+    for path in ["/bodies", "/bodies?token=open-sesam", "/bodies?token="] {
+        assert!(view.get(path, "").0.starts_with("HTTP/1.1 403"), "{path}");
+    }
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut client = view.connect("?token=open-sesame");
+    heard(&mut publisher, &mut client);
+}
+
+/// Ten people cross the page: what is drawn is what was published. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_who_is_published() {
+    let view = View::start("browser", &[]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut browser = Browser::start(1280, 800);
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let name = format!("{:?}", view.camera);
+    for sequence in 0..150 {
+        publisher.publish(&crowd(10, sequence)).unwrap();
+        std::thread::sleep(Duration::from_millis(33));
+    }
+    browser.until(&format!(
+        "edgecap.scene().camera === {name} && edgecap.scene().sequence === 149"
+    ));
+    let scene = browser.value("edgecap.scene()");
+    shows(&scene, &crowd(10, 149));
+    assert!(
+        scene["state"].as_str().unwrap().ends_with(": live"),
+        "{scene}"
+    );
+    assert!(scene["trailPoints"].as_u64().unwrap() > 20, "{scene}");
+    assert_eq!(scene["frustum"].as_array().unwrap().len(), 4);
+    let work = scene["workMs"].as_f64().unwrap();
+    println!("the page's own work: {work:.1} ms a frame");
+    let rows = browser.value("document.querySelectorAll('#people tbody tr').length");
+    assert_eq!(rows, 10);
+
+    // Back to an earlier frame, and to the newest again.
+    let all = browser.value("edgecap.frames()");
+    let all: Vec<u64> = serde_json::from_value(all).unwrap();
+    assert!(all.len() > 100 && all.is_sorted(), "{} frames", all.len());
+    browser.value("edgecap.seek(-2.0)");
+    browser.until("edgecap.scene().sequence < 120");
+    let scene = browser.value("edgecap.scene()");
+    shows(&scene, &crowd(10, scene["sequence"].as_u64().unwrap()));
+    browser.value("edgecap.seek(0)");
+    browser.until("edgecap.scene().sequence === 149");
+    if let Some(path) = std::env::var_os("EDGECAP_SCREENSHOT") {
+        browser.screenshot(path.as_ref());
+    }
+    // Opened again it has the past that was there before it.
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.frames().length > 100");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+
+    drop(view);
+    browser.until("edgecap.scene().state.startsWith('not connected')");
+}
+
+/// Holds what the page drew against a frame: every joint in the floor's axes, every name.
+fn shows(scene: &Value, frame: &BodyFrame) {
+    let people = scene["people"].as_array().unwrap();
+    assert_eq!(people.len(), frame.bodies().len());
+    for (drawn, body) in people.iter().zip(frame.bodies()) {
+        assert_eq!(drawn["id"], body.id);
+        let label = format!("#{}  {:.0} %", body.id, body.score * 100.0);
+        assert_eq!(drawn["label"], *label);
+        let wanted = frame.in_world(body).unwrap();
+        let joints: Vec<[f32; 3]> = serde_json::from_value(drawn["joints"].clone()).unwrap();
+        for (j, (a, b)) in joints.iter().zip(wanted.joints3d).enumerate() {
+            let off = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-3, "body {}, joint {j}: {a:?}, not {b:?}", body.id);
+        }
+        assert_eq!(joints.len(), BODY_JOINTS);
+        let pelvis = joints[PELVIS];
+        assert!((pelvis[1] - wanted.position[1]).abs() < 1e-3);
+    }
+}
