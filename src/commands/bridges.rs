@@ -20,7 +20,7 @@ pub struct BridgeArgs {
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:9744")]
     pub view: Option<SocketAddr>,
     /// What clients of the page have to know [default: none on this machine, else a random one]
-    #[arg(long, value_name = "TOKEN", value_parser = parse_token, requires = "view")]
+    #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
     /// Send joints as OSC over UDP to this address, such as 127.0.0.1:9000
     #[arg(long, value_name = "ADDRESS")]

@@ -257,7 +257,10 @@ fn with_a_token_only_who_knows_it_reads() {
 fn long_a_browser_shows_who_is_published() {
     let view = View::start("browser", &[]);
     let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
-    let mut browser = Browser::start(1280, 800);
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
     browser.open(&view.url);
     browser.until("window.edgecap");
     let name = format!("{:?}", view.camera);

@@ -23,8 +23,8 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Starts `chromium`, which must be installed, with graphics computed in software.
-    pub fn start(width: u32, height: u32) -> Self {
+    /// Starts `chromium` with graphics computed in software; `None` where it is not installed.
+    pub fn start(width: u32, height: u32) -> Option<Self> {
         let profile = tempfile::tempdir().unwrap();
         let process = Command::new("chromium")
             .args(["--headless=new", "--no-sandbox", "--no-first-run"])
@@ -36,9 +36,12 @@ impl Browser {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
-            .spawn()
-            .expect("chromium is installed");
-        let process = Running(process);
+            .spawn();
+        let process = match process {
+            Ok(process) => Running(process),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return None,
+            Err(e) => panic!("chromium: {e}"),
+        };
         let port: u16 = eventually("the browser's port", || {
             let text = std::fs::read_to_string(profile.path().join("DevToolsActivePort")).ok()?;
             text.lines().next()?.parse().ok()
@@ -63,7 +66,7 @@ impl Browser {
         };
         browser.call("Runtime.enable", json!({}));
         browser.call("Page.enable", json!({}));
-        browser
+        Some(browser)
     }
 
     /// Opens a page.
