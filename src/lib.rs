@@ -15,6 +15,7 @@ pub mod commands;
 pub mod config;
 pub mod detect;
 pub mod engine;
+pub mod events;
 pub mod export;
 pub mod fit;
 pub mod http;

@@ -34,6 +34,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         "sink",
         &["camera", "capture", "output", "overlay", "record"],
     ),
+    ("events", &[]),
     ("export", &["body", "npz", "record"]),
     ("bridge", &["body", "camera", "http", "record", "sink"]),
     ("view", &["http"]),

@@ -33,28 +33,37 @@ pub struct BridgeVerb {
 pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     if args.bridges.is_empty() {
-        return Err(Failure::usage("expected where to send bodies: --osc, --vmc or --view").into());
+        return Err(
+            Failure::usage("expected where bodies go: --osc, --vmc, --view or --flight").into(),
+        );
     }
     let bodies = Subscriber::<BodyFrame>::open(&args.camera)?;
     let page = args.bridges.serve()?;
     let mut sinks = Sinks::default();
     let hub = page.as_ref().map(|p| p.hub());
-    args.bridges.add_to(&mut sinks, &args.camera, hub)?;
+    let flight = args.bridges.add_to(&mut sinks, &args.camera, hub)?;
     let at = page
         .as_ref()
         .map_or_else(String::new, |p| format!(" at {}", p.url()));
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
-    let mut cleaned = Instant::now();
+    let (mut cleaned, mut is_running) = (Instant::now(), false);
     while !stop.requested() {
         // Who is behind sends the newest.
-        if let Some(frame) = bodies.newest(LOOK_UP)?
-            && frame.flags & FLAG_END_OF_STREAM == 0
-        {
-            sinks.take(&Packet {
-                message: &*frame,
-                source: "",
-                picture: None,
-            })?;
+        if let Some(frame) = bodies.newest(LOOK_UP)? {
+            is_running = frame.flags & FLAG_END_OF_STREAM == 0;
+            if is_running {
+                sinks.take(&Packet {
+                    message: &*frame,
+                    source: "",
+                    picture: None,
+                })?;
+            }
+        }
+        // One that goes without saying so has crashed.
+        let crashed = is_running && bodies.publisher_count() == 0;
+        is_running &= !crashed;
+        if let Some(flight) = &flight {
+            flight.look(crashed);
         }
         if cleaned.elapsed() > CLEAN_UP_EVERY {
             bodies.clean_up();

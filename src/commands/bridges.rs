@@ -1,6 +1,9 @@
 //! Where bodies go besides shared memory while a camera runs: OSC, VMC, the page with its WebSocket.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +13,7 @@ use crate::bridge::osc::OscBridge;
 use crate::bridge::vmc::VmcBridge;
 use crate::bridge::websocket::Hub;
 use crate::message::BodyFrame;
-use crate::sink::Sinks;
+use crate::sink::{FlightSink, Sinks};
 
 /// Options of the bridges, all of them off when not given.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -28,6 +31,40 @@ pub struct BridgeArgs {
     /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to the next port
     #[arg(long, value_name = "ADDRESS")]
     pub vmc: Option<SocketAddr>,
+    /// Keep the last minute of a camera's bodies, and write it to this folder on SIGUSR1, or when a process has crashed
+    #[arg(long, value_name = "DIR")]
+    pub flight: Option<PathBuf>,
+}
+
+/// Saves the last minute: when this process gets SIGUSR1, and when it is told of a crash.
+#[derive(Debug)]
+pub struct Flight {
+    sink: FlightSink,
+    asked: Arc<AtomicBool>,
+}
+
+impl Flight {
+    fn new(sink: FlightSink) -> anyhow::Result<Self> {
+        let asked = Arc::new(AtomicBool::new(false));
+        signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&asked))?;
+        Ok(Self { sink, asked })
+    }
+
+    /// Saves if somebody has asked, or something `crashed`. A folder that cannot be written stops nothing.
+    pub fn look(&self, crashed: bool) {
+        let saved = if self.asked.swap(false, Ordering::Relaxed) {
+            self.sink.save()
+        } else if crashed {
+            self.sink.save_after_crash()
+        } else {
+            return;
+        };
+        match saved {
+            Ok(Some(path)) => tracing::warn!("the last minute → {}", path.display()),
+            Ok(None) => {}
+            Err(e) => tracing::error!("the last minute: {e}"),
+        }
+    }
 }
 
 impl BridgeArgs {
@@ -51,16 +88,16 @@ impl BridgeArgs {
         PageServer::start(&page).map(Some)
     }
 
-    /// Adds what `camera`'s bodies go to.
+    /// Adds what `camera`'s bodies go to; returns who saves the last minute, if somebody is to.
     ///
     /// # Errors
-    /// Exit code 69 where the system has no socket.
+    /// Exit code 69 where the system has no socket, 73 where the folder cannot be made.
     pub fn add_to(
         &self,
         sinks: &mut Sinks<BodyFrame>,
         camera: &str,
         page: Option<&Hub>,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<Flight>> {
         if let Some(hub) = page {
             sinks.push(hub.sink(camera));
         }
@@ -73,6 +110,11 @@ impl BridgeArgs {
         if let Some(to) = self.vmc {
             sinks.push(VmcBridge::new(to).map_err(|e| failed("vmc", to, e))?);
         }
-        Ok(())
+        let Some(folder) = &self.flight else {
+            return Ok(None);
+        };
+        let sink = FlightSink::create(folder, camera)?;
+        sinks.push(sink.clone());
+        Flight::new(sink).map(Some)
     }
 }

@@ -12,6 +12,7 @@ mod bridges;
 mod config;
 mod doctor;
 mod eval;
+mod events;
 mod exit;
 mod export;
 mod fit;
@@ -67,6 +68,8 @@ enum Verb {
     Infer(infer::InferArgs),
     /// Observations in, bodies out
     Fit(fit::FitArgs),
+    /// Say what happens in front of a camera: who enters and leaves, zones, raised and waving hands
+    Events(events::EventsArgs),
     /// Hand on the bodies of a running camera as OSC, as VMC, or over WebSocket
     Bridge(bridge::BridgeVerb),
     /// Record what a running camera publishes
@@ -117,6 +120,7 @@ pub fn main() -> u8 {
         Verb::View(args) => view::view(args),
         Verb::Infer(args) => infer::infer(args),
         Verb::Fit(args) => fit::fit(args),
+        Verb::Events(args) => events::events(args),
         Verb::Bridge(args) => bridge::bridge(args),
         Verb::Record(args) => record::record(args),
         Verb::Replay(args) => replay::replay(args),

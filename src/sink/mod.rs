@@ -1,11 +1,13 @@
 //! Where results go. A message goes to every sink of a list: shared memory, records, pictures with skeletons.
 
 mod error;
+mod flight;
 mod overlay;
 mod record;
 mod shared_memory;
 
 pub use error::SinkError;
+pub use flight::FlightSink;
 pub use overlay::OverlaySink;
 pub use record::RecordSink;
 pub use shared_memory::{SharedMemorySink, Streamed};

@@ -7,6 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations};
 use edgecap::camera::monotonic_ns;
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
+use edgecap::record::{BodiesRow, RowReader};
 use edgecap_client::Publisher;
 use edgecap_client::message::{Body, BodyFrame, BodyState, World, WorldState};
 use glam::{DQuat, DVec3};
@@ -267,4 +268,49 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
         let out = crate::program::output(&["bridge", flag, "nowhere"]);
         assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
     }
+}
+
+/// Whole frames of the records in a folder, by file.
+fn saved(folder: &std::path::Path) -> Vec<usize> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let records = files.filter(|f| f.path().extension().is_some_and(|e| e == "record"));
+    let frames = records.map(|file| {
+        let file = std::io::BufReader::new(std::fs::File::open(file.path()).unwrap());
+        let mut rows = RowReader::<_, BodiesRow>::new(file, "flight");
+        std::iter::from_fn(|| rows.read().unwrap()).count()
+    });
+    frames.collect()
+}
+
+#[test]
+fn the_last_minute_is_saved_when_asked_and_after_a_crash() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = StandIn::new(10.0);
+    let flight = folder.path().join("flight");
+    let run = Watched::start("flight", &camera, &["--flight", flight.to_str().unwrap()]);
+    let bodies = run.listen::<BodyFrame>();
+    let some = |n: usize| {
+        for _ in 0..n {
+            eventually("a frame", || {
+                bodies.next(Duration::from_secs(1)).unwrap().map(drop)
+            });
+        }
+    };
+    some(3);
+    signal(run.run.pid(), "USR1");
+    eventually("a record", || (saved(&flight).len() == 1).then_some(()));
+    let fit = eventually("fit", || run.run.child("fit"));
+    signal(fit, "KILL");
+    let all = eventually("another record", || {
+        Some(saved(&flight)).filter(|all| all.len() == 2)
+    });
+    assert!(all.iter().all(|frames| *frames >= 1), "{all:?}");
+    drop(bodies);
+    let out = run.stop();
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(
+        stderr(&out).contains("the last minute → "),
+        "{}",
+        stderr(&out)
+    );
 }

@@ -8,6 +8,7 @@ mod bridges;
 mod camera_away;
 mod config;
 mod doctor;
+mod events;
 mod export;
 mod faults;
 mod flip_test;

@@ -11,6 +11,7 @@ use super::flow::{Flow, Remedy};
 use super::hints;
 use super::pulse::Pulse;
 use crate::bridge::websocket::Hub;
+use crate::commands::bridges::Flight;
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
 use crate::commands::input::Chosen;
@@ -44,7 +45,7 @@ pub fn run(
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
-    args.bridges.add_to(&mut sinks, &chosen.name, page)?;
+    let flight = args.bridges.add_to(&mut sinks, &chosen.name, page)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&chosen.name, Priority::Reserved)?;
     let stream = service_name::<BodyFrame>(&chosen.name);
     table.say(&format!(
@@ -74,7 +75,11 @@ pub fn run(
     let mut infer = Child::new("infer", args.infer_task(chosen))?;
     let mut tally = Tally::default();
     let source = chosen.spec.to_string();
-    let told = Told { meter, pulse };
+    let told = Told {
+        meter,
+        pulse,
+        flight: flight.as_ref(),
+    };
     let outcome = watch(&bodies, stop, &mut infer, &mut fit, told, &mut |frame| {
         meter.published(frame);
         tally.count(frame);
@@ -99,6 +104,7 @@ pub fn run(
 struct Told<'a> {
     meter: &'a Meter,
     pulse: &'a Pulse<'a>,
+    flight: Option<&'a Flight>,
 }
 
 /// Hands every message to `take` until the input ends, the user stops, or a process fails for good.
@@ -107,13 +113,18 @@ fn watch(
     stop: &Stop,
     infer: &mut Child,
     fit: &mut Child,
-    Told { meter, pulse }: Told<'_>,
+    Told {
+        meter,
+        pulse,
+        flight,
+    }: Told<'_>,
     take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut infer_done: Option<Instant> = None;
     let mut end_seen = false;
     let mut cleaned = Instant::now();
     let mut flow = Flow::default();
+    let mut starts = 0;
     while !stop.requested() {
         let looked = Instant::now();
         let mut received = false;
@@ -142,6 +153,12 @@ fn watch(
         for child in [&*infer, &*fit] {
             meter.started(child.verb(), child.starts());
         }
+        let now = infer.starts() + fit.starts();
+        if let Some(flight) = flight {
+            // Each was started once; more is again.
+            flight.look(now > starts && now > 2);
+        }
+        starts = now;
         match infer.heard() {
             Some(Beat::Step) => meter.camera(true),
             Some(Beat::Waiting) => meter.camera(false),

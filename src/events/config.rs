@@ -1,0 +1,131 @@
+//! Settings of events.
+
+use serde::{Deserialize, Serialize};
+
+/// When something counts as having happened. Seconds, metres.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EventConfig {
+    /// How long somebody must be seen to have entered or come back, and a zone or another main person to hold.
+    pub confirm: f64,
+    /// How long somebody must be away to have left.
+    pub gone: f64,
+    /// How long a hand must be up or down.
+    pub hand: f64,
+    /// Least confidence of the joints that a gesture is read from.
+    pub confidence: f32,
+    /// How much nearer than the main person somebody must be to become it, as a share of the distance.
+    pub nearer: f64,
+    /// Changes of direction within two seconds that make a wave.
+    pub swings: usize,
+    /// Least way between two of them.
+    pub swing: f64,
+    /// Parts of the floor.
+    pub zone: Vec<Zone>,
+}
+
+/// A part of the floor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Zone {
+    /// What events call it.
+    pub name: String,
+    /// Its corners in order, x and z in the floor's axes: x to the camera's right, z towards the viewer, so negative in front of
+    /// the camera; the origin is below the camera.
+    pub corners: Vec<[f64; 2]>,
+    /// How long somebody must stay to have dwelt; none: no such event.
+    #[serde(default)]
+    pub dwell: Option<f64>,
+}
+
+impl Default for EventConfig {
+    fn default() -> Self {
+        Self {
+            confirm: 0.3,
+            gone: 1.0,
+            hand: 0.4,
+            confidence: 0.5,
+            nearer: 0.15,
+            swings: 3,
+            swing: 0.08,
+            zone: Vec::new(),
+        }
+    }
+}
+
+impl EventConfig {
+    /// What of it cannot be.
+    pub fn mistake(&self) -> Option<String> {
+        let times = [
+            ("confirm", self.confirm),
+            ("gone", self.gone),
+            ("hand", self.hand),
+            ("nearer", self.nearer),
+            ("swing", self.swing),
+        ];
+        if let Some((name, value)) = times.iter().find(|(_, v)| !(0.0..=3600.0).contains(v)) {
+            return Some(format!("{name}: expected 0 to 3600, found {value}"));
+        }
+        for (n, zone) in self.zone.iter().enumerate() {
+            let name = &zone.name;
+            if self.zone[..n].iter().any(|z| z.name == *name) {
+                return Some(format!(
+                    "another zone is called '{name}': give each its own name"
+                ));
+            }
+            if zone.corners.len() < 3 {
+                let found = zone.corners.len();
+                return Some(format!(
+                    "zone '{name}': expected 3 or more corners, found {found}"
+                ));
+            }
+            let numbers = zone.corners.iter().flatten().chain(&zone.dwell);
+            if numbers.into_iter().any(|c| !c.is_finite()) {
+                return Some(format!("zone '{name}': expected finite numbers"));
+            }
+        }
+        None
+    }
+}
+
+impl Zone {
+    /// Whether a place on the floor lies in it. Even-odd rule.
+    pub fn holds(&self, [x, z]: [f64; 2]) -> bool {
+        let next = self.corners.iter().cycle().skip(1);
+        let crossings = self
+            .corners
+            .iter()
+            .zip(next)
+            .filter(|([ax, az], [bx, bz])| {
+                (*az > z) != (*bz > z) && x < (bx - ax) * (z - az) / (bz - az) + ax
+            });
+        crossings.count() % 2 == 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_zone_holds_what_lies_between_its_corners() {
+        let zone = Zone {
+            name: "L".to_owned(),
+            corners: vec![
+                [0.0, 0.0],
+                [2.0, 0.0],
+                [2.0, -1.0],
+                [1.0, -1.0],
+                [1.0, -2.0],
+                [0.0, -2.0],
+            ],
+            dwell: None,
+        };
+        for inside in [[0.5, -0.5], [1.5, -0.5], [0.5, -1.5]] {
+            assert!(zone.holds(inside), "{inside:?}");
+        }
+        for outside in [[1.5, -1.5], [-0.1, -0.5], [0.5, 0.1], [3.0, -0.5]] {
+            assert!(!zone.holds(outside), "{outside:?}");
+        }
+    }
+}

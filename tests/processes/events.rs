@@ -1,0 +1,205 @@
+//! `edgecap events`: a scene with a script, whose events are known to the moment.
+
+use std::path::Path;
+
+use edgecap::body::skeleton::{Pose, Posed, Skeleton};
+use edgecap::joints::{BODY_JOINTS, JOINT_NAMES};
+use edgecap::message::{Body, BodyFrame, BodyState, JointState, World, WorldState};
+use edgecap::record::{BodiesRow, Format, RecordWriter};
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use crate::program::{assert_fails, output, stderr};
+
+const FPS: f64 = 30.0;
+const SETTINGS: &str = "\
+    [[zone]]\nname = \"door\"\ncorners = [[-0.5, -3.0], [0.5, -3.0], [0.5, -5.0], [-0.5, -5.0]]\n\
+    [[zone]]\nname = \"till\"\ncorners = [[0.9, -1.0], [3.0, -1.0], [3.0, -3.0], [0.9, -3.0]]\ndwell = 2.0\n";
+
+fn joint(name: &str) -> usize {
+    JOINT_NAMES.iter().position(|n| *n == name).unwrap()
+}
+
+/// Somebody who stands on the floor and faces a level camera 1.8 m above it.
+fn standing(id: u32, x: f64, away: f64) -> Body {
+    let skeleton = Skeleton::builtin();
+    let mut pose = Pose::facing_camera(away);
+    pose.position = DVec3::new(x, 0.9, away);
+    let mut posed = Posed::default();
+    skeleton.pose(&pose, skeleton.lengths(), &mut posed);
+    Body {
+        id,
+        state: BodyState::TRACKED,
+        position: pose.position.as_vec3().to_array(),
+        joints3d: posed.joints.map(|p| p.as_vec3().to_array()),
+        confidence: [0.9; BODY_JOINTS],
+        joint_states: [JointState::OBSERVED; BODY_JOINTS],
+        ..Body::default()
+    }
+}
+
+/// Puts a wrist beside and above the elbow, metres.
+fn hand(body: &mut Body, side: &str, beside: f64, above: f64) {
+    let elbow = body.joints3d[joint(&format!("{side}_elbow"))];
+    let wrist = &mut body.joints3d[joint(&format!("{side}_wrist"))];
+    *wrist = [elbow[0] + beside as f32, elbow[1] - above as f32, elbow[2]];
+}
+
+/// Who is where at a time.
+fn scene(t: f64) -> Vec<Body> {
+    let mut bodies = Vec::new();
+    // Walks through the door, leaves, comes back. Lost for three frames on the way, which is nothing.
+    if t < 6.0 && !(2.9..3.0).contains(&t) || (9.0..14.0).contains(&t) {
+        let x = if t < 6.0 { -2.0 + 0.7 * t } else { -2.0 };
+        bodies.push(standing(1, x, 4.0));
+    }
+    // Stands at the till, nearer to the camera; raises a hand, waves with the other.
+    if (9.5..14.0).contains(&t) {
+        let mut body = standing(2, 1.2, 2.0);
+        if (10.5..11.5).contains(&t) {
+            hand(&mut body, "r", 0.0, 1.0);
+        }
+        if (12.0..13.5).contains(&t) {
+            let swing = 0.2 * (std::f64::consts::TAU * 1.5 * (t - 12.0)).sin();
+            hand(&mut body, "l", swing, 0.45);
+        }
+        bodies.push(body);
+    }
+    // Somebody for two frames: nobody.
+    if (4.0..4.06).contains(&t) {
+        bodies.push(standing(9, 0.0, 1.0));
+    }
+    bodies
+}
+
+fn record(folder: &Path) -> String {
+    let path = folder.join("scene.record");
+    let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+    for n in 0..(16.0 * FPS) as u64 {
+        let bodies = scene(n as f64 / FPS);
+        let mut frame = BodyFrame {
+            sequence: n,
+            pose_ns: (n as f64 / FPS * 1e9) as u64,
+            count: bodies.len() as u32,
+            world: World {
+                rotation: [1.0, 0.0, 0.0, 0.0],
+                translation: [0.0, 1.8, 0.0],
+                state: WorldState::GIVEN,
+            },
+            ..BodyFrame::default()
+        };
+        frame.bodies[..bodies.len()].copy_from_slice(&bodies);
+        writer.write(&frame, "hall").unwrap();
+    }
+    writer.finish().unwrap();
+    path.display().to_string()
+}
+
+fn events(record: &str, settings: &str) -> Vec<Value> {
+    let out = output(&["events", "--input", record, "--settings", settings]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let lines = String::from_utf8(out.stdout).unwrap();
+    lines
+        .lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect()
+}
+
+#[test]
+fn a_scene_tells_what_happens_once_each_and_in_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("zones.toml");
+    std::fs::write(&settings, SETTINGS).unwrap();
+    let found = events(&record(folder.path()), settings.to_str().unwrap());
+    // When it began, and what is told within the time that it must hold.
+    let script = [
+        (0.0, json!({"person": 1, "event": "entered"})),
+        (0.3, json!({"person": 1, "event": "main_person"})),
+        (
+            2.14,
+            json!({"person": 1, "event": "zone_entered", "zone": "door"}),
+        ),
+        (
+            3.57,
+            json!({"person": 1, "event": "zone_left", "zone": "door"}),
+        ),
+        (6.7, json!({"person": 1, "event": "left"})),
+        (7.0, json!({"person": null, "event": "main_person"})),
+        (9.0, json!({"person": 1, "event": "came_back"})),
+        (9.3, json!({"person": 1, "event": "main_person"})),
+        (9.5, json!({"person": 2, "event": "entered"})),
+        (
+            9.8,
+            json!({"person": 2, "event": "zone_entered", "zone": "till"}),
+        ),
+        (9.8, json!({"person": 2, "event": "main_person"})),
+        (
+            10.5,
+            json!({"person": 2, "event": "hand_raised", "hand": "right"}),
+        ),
+        (11.7, json!({"person": 2, "event": "dwelt", "zone": "till"})),
+        (
+            11.5,
+            json!({"person": 2, "event": "hand_lowered", "hand": "right"}),
+        ),
+        (12.6, json!({"person": 2, "event": "waved", "hand": "left"})),
+        (14.7, json!({"person": 1, "event": "left"})),
+        (
+            14.7,
+            json!({"person": 2, "event": "zone_left", "zone": "till"}),
+        ),
+        (14.7, json!({"person": 2, "event": "left"})),
+        (15.0, json!({"person": null, "event": "main_person"})),
+    ];
+    let named: Vec<Value> = found
+        .iter()
+        .map(|e| {
+            let mut named = e.clone();
+            let fields = named.as_object_mut().unwrap();
+            for other in ["camera", "frame", "time_ns", "seconds"] {
+                fields.remove(other);
+            }
+            named
+        })
+        .collect();
+    let wanted: Vec<Value> = script.iter().map(|(_, e)| e.clone()).collect();
+    assert_eq!(named, wanted);
+    for ((began, wanted), event) in script.iter().zip(&found) {
+        let told = event["time_ns"].as_f64().unwrap() * 1e-9;
+        assert!(
+            (-0.1..0.75).contains(&(told - began)),
+            "{wanted} at {told} s"
+        );
+        assert_eq!(event["camera"], "hall");
+    }
+    let seconds = |n: usize| found[n]["seconds"].as_f64().unwrap();
+    assert!((seconds(3) - 1.43).abs() < 0.1, "in the door");
+    assert!((seconds(4) - 6.0).abs() < 0.1, "there");
+    assert!((seconds(6) - 3.0).abs() < 0.1, "away");
+}
+
+#[test]
+fn what_cannot_be_a_zone_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = record(folder.path());
+    let settings = folder.path().join("zones.toml");
+    for (text, word) in [
+        (
+            "[[zone]]\nname = \"a\"\ncorners = [[0, 0], [1, 1]]\n",
+            "3 or more corners",
+        ),
+        ("confirm = -1.0\n", "confirm"),
+        ("zones = 1\n", "zones"),
+    ] {
+        std::fs::write(&settings, text).unwrap();
+        let args = [
+            "events",
+            "--input",
+            &record,
+            "--settings",
+            settings.to_str().unwrap(),
+        ];
+        assert_fails(&args, 78, &[word]);
+    }
+    assert_fails(&["events", "--input", "/absent"], 66, &["/absent"]);
+}
