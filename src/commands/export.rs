@@ -15,12 +15,46 @@ pub struct ExportArgs {
     /// A record of bodies, of 'run --record' or 'run --jsonl'; '-' for standard input
     #[arg(value_name = "RECORD")]
     input: PathBuf,
-    /// The file to write: .bvh, .glb (glTF 2.0), .trc, .csv or .npz; .bvh and .trc hold one person each, so several get NAME.ID.bvh
+    /// The file to write: .bvh, .glb (glTF 2.0), .trc, .csv, .npz, or .svg with curves; .bvh and .trc hold one person each, so
+    /// several get NAME.ID.bvh
     #[arg(long, value_name = "FILE")]
     to: PathBuf,
     /// This person only
     #[arg(long, value_name = "ID")]
     person: Option<u32>,
+}
+
+/// Options of `edgecap plot`.
+#[derive(Debug, clap::Args)]
+pub struct PlotArgs {
+    /// A record of bodies, of 'run --record' or 'run --jsonl'; '-' for standard input
+    #[arg(value_name = "RECORD")]
+    input: PathBuf,
+    /// The SVG to write
+    #[arg(long, value_name = "FILE", default_value = "edgecap-out/plot.svg")]
+    to: PathBuf,
+    /// This person only
+    #[arg(long, value_name = "ID")]
+    person: Option<u32>,
+}
+
+/// Draws heights and angles of a record over time.
+///
+/// # Errors
+/// As [`export`].
+pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
+    if Format::of(&args.to)? != Format::Svg {
+        let message = format!(
+            "{}: expected a name that ends in .svg; 'edgecap export' writes other files",
+            args.to.display()
+        );
+        return Err(Failure::usage(message).into());
+    }
+    export(ExportArgs {
+        input: args.input,
+        to: args.to,
+        person: args.person,
+    })
 }
 
 /// Reads a whole record and writes it in the format of the file's extension.

@@ -78,6 +78,8 @@ enum Verb {
     Replay(replay::ReplayArgs),
     /// Write recorded bodies as BVH, glTF, TRC, CSV or NumPy arrays
     Export(export::ExportArgs),
+    /// Draw heights and angles of recorded bodies over time
+    Plot(export::PlotArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
     /// Measure predictions against ground truth
@@ -125,6 +127,7 @@ pub fn main() -> u8 {
         Verb::Record(args) => record::record(args),
         Verb::Replay(args) => replay::replay(args),
         Verb::Export(args) => export::export(args),
+        Verb::Plot(args) => export::plot(args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

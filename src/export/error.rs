@@ -8,7 +8,7 @@ use crate::record::RecordError;
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// No format has this extension.
-    #[error("{}: expected a name that ends in .bvh, .glb, .trc, .csv or .npz", .0.display())]
+    #[error("{}: expected a name that ends in .bvh, .glb, .trc, .csv, .npz or .svg", .0.display())]
     Extension(PathBuf),
     /// There is nobody in the record.
     #[error(

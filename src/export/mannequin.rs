@@ -125,7 +125,7 @@ impl Mannequin {
         for &(t, across, deep) in rings {
             let centre = start + along * t;
             // At its start a bone bends with the one that carries it.
-            let own = (0.5 + 4.0 * t).clamp(0.0, 1.0) as f32;
+            let own = (0.5 + 4.0 * t).clamp(0.2, 1.0) as f32;
             for k in 0..CORNERS {
                 let (sin, cos) = (std::f64::consts::TAU * k as f64 / CORNERS as f64).sin_cos();
                 let out = side * (cos * across * scale) + front * (sin * deep * scale);
@@ -142,7 +142,7 @@ impl Mannequin {
         }
         for (ring, outward) in [(0, -direction), (rings.len() - 1, direction)] {
             let (t, ..) = rings[ring];
-            let own = (0.5 + 4.0 * t).clamp(0.0, 1.0) as f32;
+            let own = (0.5 + 4.0 * t).clamp(0.2, 1.0) as f32;
             let pole = self.positions.len() as u16;
             self.vertex(start + along * t, outward, [bone, parent], own);
             for k in 0..CORNERS {

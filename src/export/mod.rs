@@ -10,6 +10,7 @@ mod gltf;
 mod mannequin;
 mod motion;
 mod npz;
+mod plot;
 mod take;
 mod trc;
 
@@ -32,6 +33,8 @@ pub enum Format {
     Csv,
     /// Arrays over frames and people: NumPy.
     Npz,
+    /// Heights and angles over time, to look at.
+    Svg,
 }
 
 impl Format {
@@ -47,6 +50,7 @@ impl Format {
             Some("trc") => Ok(Self::Trc),
             Some("csv") => Ok(Self::Csv),
             Some("npz") => Ok(Self::Npz),
+            Some("svg") => Ok(Self::Svg),
             _ => Err(ExportError::Extension(path.to_owned())),
         }
     }
@@ -71,6 +75,7 @@ pub fn encode(
     if !format.is_of_one() {
         let bytes = match format {
             Format::Glb => gltf::encode(take)?,
+            Format::Svg => plot::encode(take).into_bytes(),
             Format::Npz => npz::encode(take).map_err(|e| ExportError::Format(e.to_string()))?,
             _ => csv::encode(take).into_bytes(),
         };

@@ -442,6 +442,40 @@ fn trc_csv_and_npz_hold_the_joints() {
     assert!(PARENTS.len() == BODY_JOINTS);
 }
 
+#[test]
+fn a_plot_has_a_line_for_each_person_in_each_panel() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = record(folder.path(), Format::Binary);
+    let file = folder.path().join("curves.svg");
+    let out = output(&[
+        "plot",
+        record.to_str().unwrap(),
+        "--to",
+        file.to_str().unwrap(),
+    ]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let text = std::fs::read_to_string(&file).unwrap();
+    let svg = roxmltree::Document::parse(&text).unwrap();
+    let all = svg.descendants();
+    let curves: Vec<&str> = all
+        .filter(|n| n.attribute("stroke-width") == Some("1.5"))
+        .map(|n| n.attribute("d").unwrap())
+        .collect();
+    assert_eq!(curves.len(), 13 * PEOPLE.len());
+    let points = |d: &str| d.matches(['M', 'L']).count();
+    assert_eq!((points(curves[0]), points(curves[1])), (60, 21));
+    let words = |w: &str| svg.descendants().any(|n| n.text() == Some(w));
+    assert!(words("#3") && words("#7") && words("left knee flexion, degrees"));
+    let other = folder.path().join("curves.csv");
+    let args = [
+        "plot",
+        record.to_str().unwrap(),
+        "--to",
+        other.to_str().unwrap(),
+    ];
+    assert_fails(&args, 64, &[".svg"]);
+}
+
 /// The page on bodies says how joints come of angles and lengths: its Python does what it says.
 #[test]
 fn the_python_of_the_page_on_bodies_gives_the_joints() {

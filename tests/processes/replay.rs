@@ -7,7 +7,8 @@ use std::time::Duration;
 use edgecap::camera::monotonic_ns;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, Row, RowReader};
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame,
+    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Intrinsics, Observation,
+    ObservationFrame,
 };
 use edgecap_client::{Publisher, Subscriber};
 
@@ -144,6 +145,7 @@ fn observations_are_replayed_for_fit() {
             flags: FLAG_FILE_TIME,
             width: 64,
             height: 48,
+            intrinsics: Intrinsics::from_horizontal_fov(64, 48, 60.0),
             count: 1,
             ..ObservationFrame::default()
         };

@@ -1,0 +1,188 @@
+//! Curves of a record over time, as SVG: heights above the floor and joint angles, a line for each person.
+
+use std::fmt::Write;
+
+use super::motion::Axes;
+use super::take::{Sample, Take};
+use crate::joints::{JOINT_NAMES, PELVIS};
+
+const WIDTH: f64 = 960.0;
+const PANEL: f64 = 130.0;
+const LEFT: f64 = 64.0;
+const RIGHT: f64 = 16.0;
+const TOP: f64 = 44.0;
+/// Between two panels.
+const GAP: f64 = 34.0;
+/// A longer pause than this many frames breaks a line.
+const PAUSE: usize = 3;
+/// Fewer pixels show nothing more.
+const POINTS: usize = 2000;
+
+/// A panel: its title, and what it shows of a body.
+struct Panel {
+    title: String,
+    value: Box<dyn Fn(&Sample) -> f64>,
+}
+
+/// The file's text.
+pub fn encode(take: &Take) -> String {
+    let axes = Axes::of(take);
+    let mut panels = Vec::new();
+    for name in ["pelvis", "head_top", "r_wrist", "l_wrist"] {
+        let joint = JOINT_NAMES.iter().position(|n| *n == name);
+        let joint = joint.unwrap_or(PELVIS);
+        panels.push(Panel {
+            title: format!("{name}, metres above the floor"),
+            value: Box::new(move |s| axes.point(s.body.joints3d[joint]).y),
+        });
+    }
+    for (number, name) in [
+        (6, "spine flexion"),
+        (11, "right shoulder flexion"),
+        (15, "left shoulder flexion"),
+        (14, "right elbow flexion"),
+        (18, "left elbow flexion"),
+        (19, "right hip flexion"),
+        (24, "left hip flexion"),
+        (22, "right knee flexion"),
+        (27, "left knee flexion"),
+    ] {
+        panels.push(Panel {
+            title: format!("{name}, degrees"),
+            value: Box::new(move |s| f64::from(s.body.angles[number]).to_degrees()),
+        });
+    }
+    let height = TOP + panels.len() as f64 * (PANEL + GAP);
+    let mut out = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#fff\"/>\n"
+    );
+    legend(take, &mut out);
+    for (n, panel) in panels.iter().enumerate() {
+        draw(take, panel, TOP + n as f64 * (PANEL + GAP), &mut out);
+    }
+    out += "</svg>\n";
+    out
+}
+
+fn legend(take: &Take, out: &mut String) {
+    let step = ((WIDTH - LEFT - RIGHT) / take.people.len() as f64).min(60.0);
+    for (n, id) in take.people.keys().enumerate() {
+        let x = LEFT + n as f64 * step;
+        let _ = writeln!(
+            out,
+            "<text x=\"{x:.1}\" y=\"20\" fill=\"{}\" font-weight=\"bold\">#{id}</text>",
+            colour(*id)
+        );
+    }
+}
+
+fn draw(take: &Take, panel: &Panel, top: f64, out: &mut String) {
+    let values = take.people.values().flatten().map(&panel.value);
+    let finite = values.filter(|v| v.is_finite());
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
+        (a.min(v), b.max(v))
+    });
+    if low > high {
+        return;
+    }
+    let step = round_step((high - low).max(1e-3) / 3.0);
+    let (low, high) = ((low / step).floor() * step, (high / step).ceil() * step);
+    let high = if high > low { high } else { low + step };
+    let end = take.frames.last().map_or(1.0, |f| f.time).max(1e-3);
+    let x = |time: f64| LEFT + time / end * (WIDTH - LEFT - RIGHT);
+    let y = |value: f64| top + PANEL - (value - low) / (high - low) * PANEL;
+    let _ = writeln!(
+        out,
+        "<text x=\"{LEFT}\" y=\"{:.1}\" fill=\"#333\">{}</text>",
+        top - 6.0,
+        panel.title
+    );
+    let lines = ((high - low) / step).round() as usize;
+    for line in 0..=lines {
+        let value = low + line as f64 * step;
+        let _ = writeln!(
+            out,
+            "<path d=\"M{LEFT} {0:.1}H{1}\" stroke=\"#ddd\"/><text x=\"{2}\" y=\"{3:.1}\" text-anchor=\"end\" \
+             fill=\"#666\">{4}</text>",
+            y(value),
+            WIDTH - RIGHT,
+            LEFT - 6.0,
+            y(value) + 4.0,
+            number(value)
+        );
+    }
+    let tick = round_step(end / 8.0);
+    for n in 0..=(end / tick) as usize {
+        let time = n as f64 * tick;
+        let _ = writeln!(
+            out,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#666\">{} s</text>",
+            x(time),
+            top + PANEL + 14.0,
+            number(time)
+        );
+    }
+    for (id, samples) in &take.people {
+        let every = samples.len().div_ceil(POINTS);
+        let (mut path, mut before) = (String::new(), None);
+        for sample in samples.iter().step_by(every.max(1)) {
+            let value = (panel.value)(sample);
+            if !value.is_finite() {
+                continue;
+            }
+            let joined = before.is_some_and(|b: usize| sample.frame - b <= PAUSE.max(every));
+            let letter = if joined { 'L' } else { 'M' };
+            let (x, y) = (x(take.frames[sample.frame].time), y(value));
+            let _ = write!(path, "{letter}{x:.1} {y:.1}");
+            before = Some(sample.frame);
+        }
+        let _ = writeln!(
+            out,
+            "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" stroke-linejoin=\"round\"/>",
+            colour(*id)
+        );
+    }
+}
+
+/// The next of 1, 2, 5, 10, … times a power of ten.
+fn round_step(least: f64) -> f64 {
+    let power = 10f64.powf(least.log10().floor());
+    let of = [1.0, 2.0, 5.0].into_iter().map(|f| f * power);
+    of.into_iter().find(|s| *s >= least).unwrap_or(10.0 * power)
+}
+
+/// Without digits that say nothing.
+fn number(value: f64) -> String {
+    let text = format!("{value:.3}");
+    let short = text.trim_end_matches('0').trim_end_matches('.');
+    if short == "-0" { "0" } else { short }.to_owned()
+}
+
+/// As different as can be for neighbours; the page shows the same hues.
+fn colour(id: u32) -> String {
+    let hue = (f64::from(id) * 0.618_034).fract() * 360.0;
+    format!("hsl({hue:.0},70%,42%)")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_and_numbers_are_round() {
+        for (least, step) in [
+            (0.3, 0.5),
+            (1.0, 1.0),
+            (1.1, 2.0),
+            (60.0, 100.0),
+            (0.04, 0.05),
+        ] {
+            assert!((round_step(least) - step).abs() < 1e-9, "{least}");
+        }
+        assert_eq!(
+            [number(1.5), number(-0.0), number(20.0)],
+            ["1.5", "0", "20"]
+        );
+    }
+}
