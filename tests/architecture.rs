@@ -162,3 +162,55 @@ fn unsafe_code_stays_where_it_is_known() {
         }
     }
 }
+
+/// Lines of the log that hold no words of their own in the source, and words that they have.
+const MADE_ELSEWHERE: &[(&str, &str)] = &[
+    ("{SCALAR_ONLY}", "only scalar kernels are left"),
+    ("{}", "a picture takes"),
+    ("{}: {} ({}), {}x{} {format:?} at {} fps", "at 30 fps"),
+];
+
+/// The first words of a line of the log that are the same in every such line.
+fn fixed_words(template: &str) -> String {
+    if let Some((_, words)) = MADE_ELSEWHERE.iter().find(|(t, _)| *t == template) {
+        return (*words).to_owned();
+    }
+    let pieces = template
+        .split('{')
+        .map(|piece| piece.split_once('}').map_or(piece, |(_, rest)| rest));
+    let letters = |piece: &&str| piece.chars().filter(|c| c.is_alphabetic()).count() >= 6;
+    let piece = pieces.filter(letters).map(ToOwned::to_owned).next();
+    let piece =
+        piece.unwrap_or_else(|| panic!("'{template}': no words; give some in MADE_ELSEWHERE"));
+    let words = piece.trim_start_matches(|c: char| !c.is_alphabetic());
+    words
+        .split_whitespace()
+        .take(5)
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+#[test]
+fn every_line_of_the_log_is_explained() {
+    let manual = src().with_file_name("docs").join("operate.md");
+    let manual = fs::read_to_string(manual).unwrap();
+    let table = manual.split("## What the log says").nth(1).unwrap();
+    let table = table.split("\n## ").next().unwrap();
+    let mut lines = 0;
+    for file in files(&src()) {
+        let text = fs::read_to_string(&file).unwrap();
+        for level in ["error!(", "warn!(", "info!("] {
+            for call in text.split(level).skip(1) {
+                let template = call.split('"').nth(1).expect("a line of words");
+                let words = fixed_words(template);
+                assert!(
+                    table.contains(&words),
+                    "{}: docs/operate.md does not explain '{words}'",
+                    file.display()
+                );
+                lines += 1;
+            }
+        }
+    }
+    assert!(lines > 15, "{lines} lines of the log were found");
+}

@@ -8,6 +8,9 @@ const VARIABLE: &str = "EDGECAP_RUNTIME_DIR";
 /// Set where a test runs in its own place already.
 const INSIDE: &str = "EDGECAP_TEST_PLACE";
 
+/// Where a stream's file holds the number of its messages (clients/rust/src/ring).
+const COUNT_AT: u64 = 32;
+
 /// The runtime folder of this test, or `None` when the test was run again in a process of its own, with a folder of its own,
 /// and has passed there.
 pub fn own_place(test: &str) -> Option<PathBuf> {
@@ -51,6 +54,23 @@ fn files(folder: &Path, found: &mut Vec<String>) {
             found.push(path.display().to_string());
         }
     }
+}
+
+/// How many messages the publisher of a camera's stream has written into the stream's file.
+pub fn messages_written(folder: &Path, camera: &str, stream: &str) -> u64 {
+    use std::os::unix::fs::FileExt;
+    let start = format!("{camera}.{stream}.v");
+    let files = std::fs::read_dir(folder).unwrap().flatten();
+    let ours = |f: &std::fs::DirEntry| f.file_name().to_string_lossy().starts_with(&start);
+    let file = files
+        .filter(ours)
+        .map(|f| f.path())
+        .next()
+        .expect("a stream");
+    let mut count = [0; 8];
+    let file = std::fs::File::open(file).unwrap();
+    file.read_exact_at(&mut count, COUNT_AT).unwrap();
+    u64::from_ne_bytes(count)
 }
 
 /// Open descriptors of a process.
