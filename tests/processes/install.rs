@@ -98,6 +98,38 @@ fn the_machines_service_comes_once_stays_and_goes() {
     assert_eq!(files(root.path()), ["etc/edgecap/edgecap.toml"]);
 }
 
+/// Whatever an installation of a package has, the Debian package takes.
+#[test]
+fn the_debian_package_has_every_file() {
+    let manifest: toml::Table = include_str!("../../Cargo.toml").parse().unwrap();
+    let deb = &manifest["package"]["metadata"]["deb"];
+    let sources: Vec<String> = deb["assets"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|a| a[0].as_str()?.strip_prefix("target/package/"))
+        .map(|source| source.trim_end_matches('*').to_owned())
+        .collect();
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--system", "--prefix", "/usr"]);
+    let there = files(root.path());
+    for file in &there {
+        let folder = file.rsplit_once('/').unwrap().0.to_owned() + "/";
+        assert!(
+            sources.iter().any(|s| s == file || *s == folder),
+            "{file} in {sources:?}"
+        );
+    }
+    for source in &sources {
+        assert!(
+            there.iter().any(|f| f.starts_with(source)),
+            "{source} in {there:?}"
+        );
+    }
+    let settings = format!("/{}", there.iter().find(|f| f.ends_with(".toml")).unwrap());
+    assert_eq!(deb["conf-files"][0].as_str(), Some(&*settings));
+}
+
 #[test]
 fn a_persons_service_lies_in_that_persons_home() {
     let root = tempfile::tempdir().unwrap();

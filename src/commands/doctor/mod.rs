@@ -107,7 +107,7 @@ fn settled(args: ConfigArgs) -> (Finding, Vec<RunArgs>) {
     };
     match attempt(FILE_LIMIT, read) {
         Some(Ok((Some(file), runs))) => {
-            let text = format!("{}: right, {} cameras", file.display(), runs.len());
+            let text = format!("{}: right; cameras: {}", file.display(), runs.len());
             (Finding::new(SETTINGS, State::Fine, text), runs)
         }
         Some(Ok((None, runs))) => {
