@@ -113,7 +113,7 @@ impl fmt::Display for CaptureSize {
 
 /// An input, named.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Chosen {
+pub struct NamedInput {
     /// What to open.
     pub spec: InputSpec,
     /// Stream name.
@@ -134,7 +134,7 @@ impl InputArgs {
     }
 
     /// The arguments that name `chosen`, whatever the machine has when they are read.
-    pub fn resolved(&self, chosen: &Chosen) -> Self {
+    pub fn resolved(&self, chosen: &NamedInput) -> Self {
         Self {
             input: Some(chosen.spec.to_string()),
             name: Some(chosen.name.clone()),
@@ -154,7 +154,7 @@ impl InputArgs {
     }
 }
 
-impl Chosen {
+impl NamedInput {
     /// Whether pictures are lost when nobody asks for them: a camera, or a film played like one.
     pub fn is_live(&self) -> bool {
         self.is_camera || self.plays_live
@@ -196,7 +196,7 @@ impl Chosen {
 ///
 /// # Errors
 /// If a pipe is to be played like a camera: it has a pace of its own.
-pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
+pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
     let spec = match &args.input {
         Some(text) => text
             .parse()
@@ -233,7 +233,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
         }
     });
     let stands_in = args.input.is_none() && spec == InputSpec::Demo;
-    Ok(Chosen {
+    Ok(NamedInput {
         spec,
         name,
         is_camera,
@@ -246,7 +246,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<Chosen> {
 ///
 /// # Errors
 /// If its file is wrong.
-pub fn camera_file(args: &InputArgs, chosen: &Chosen) -> anyhow::Result<CameraFile> {
+pub fn camera_file(args: &InputArgs, chosen: &NamedInput) -> anyhow::Result<CameraFile> {
     Ok(match &args.lens {
         Some(Setting::File(path)) => CameraFile::read(path)?,
         Some(Setting::Given(lens)) => *lens,

@@ -46,7 +46,7 @@ pub struct Pipeline {
 
 /// Everyone seen in a frame.
 #[derive(Debug)]
-pub struct Seen<'a> {
+pub struct FrameObservations<'a> {
     /// The people, by falling score.
     pub people: &'a [Observation],
     /// People left out because their neck was not found.
@@ -122,7 +122,11 @@ impl Pipeline {
     ///
     /// # Errors
     /// If a kernel refuses its tensors, which would be a fault of this program.
-    pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
+    pub fn process(
+        &mut self,
+        frame: &Frame,
+        intrinsics: &Intrinsics,
+    ) -> anyhow::Result<FrameObservations<'_>> {
         let start = Instant::now();
         let letterbox = self.resizer.run(frame, &mut self.input);
         let letterboxed = Instant::now();
@@ -147,8 +151,8 @@ impl Pipeline {
     }
 
     /// Everyone in the last frame.
-    pub fn seen(&self) -> Seen<'_> {
-        Seen {
+    pub fn seen(&self) -> FrameObservations<'_> {
+        FrameObservations {
             people: self.lifter.lifted(),
             without_neck: self.associator.without_neck(),
             times: self.times,

@@ -50,7 +50,7 @@ pub struct FitCounters {
 }
 
 /// One person of a frame: geometry and looks.
-type Seen = (Evidence, Option<Appearance>);
+type PersonEvidence = (Evidence, Option<Appearance>);
 
 #[derive(Debug, Clone)]
 struct Gone {
@@ -190,7 +190,7 @@ impl Fitter {
         }
         self.header = Some(header);
         let camera = header.intrinsics;
-        let seen: Vec<Seen> = frame
+        let seen: Vec<PersonEvidence> = frame
             .people()
             .iter()
             .filter_map(|person| {
@@ -275,7 +275,7 @@ impl Fitter {
 
     /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation from
     /// somebody known because it fits a little better.
-    fn match_people(&mut self, seen: &[Seen], dt: f64) -> Vec<Option<usize>> {
+    fn match_people(&mut self, seen: &[PersonEvidence], dt: f64) -> Vec<Option<usize>> {
         let cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -318,7 +318,7 @@ impl Fitter {
     }
 
     /// Fits everyone who was seen, lets the others coast.
-    fn advance(&mut self, seen: &[Seen], matches: &[Option<usize>], dt: f64) {
+    fn advance(&mut self, seen: &[PersonEvidence], matches: &[Option<usize>], dt: f64) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,
@@ -342,7 +342,7 @@ impl Fitter {
     }
 
     /// Starts a track for everyone whom nobody owns.
-    fn start_people(&mut self, seen: &[Seen], matches: &[Option<usize>]) {
+    fn start_people(&mut self, seen: &[PersonEvidence], matches: &[Option<usize>]) {
         let mut cx = Context {
             skeleton: Skeleton::builtin(),
             config: &self.config,

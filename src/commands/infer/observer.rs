@@ -11,7 +11,7 @@ use super::pipelines::Pipelines;
 use crate::camera::{CameraFile, monotonic_ns};
 use crate::capture::{Brightness, CaptureError, Frame, Mounting, Source};
 use crate::commands::exit::Failure;
-use crate::commands::pipeline::Seen;
+use crate::commands::pipeline::FrameObservations;
 
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.2;
@@ -206,7 +206,7 @@ impl<'a> Observer<'a> {
 }
 
 /// What was seen in a picture, as a message.
-fn fill(message: &mut ObservationFrame, picture: &Frame, seen: &Seen<'_>) {
+fn fill(message: &mut ObservationFrame, picture: &Frame, seen: &FrameObservations<'_>) {
     message.sequence = picture.sequence;
     message.capture_ns = picture.time_ns;
     message.width = picture.width;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pace::Limits;
 use crate::commands::exit::Failure;
-use crate::commands::input::Chosen;
+use crate::commands::input::NamedInput;
 
 /// Options of the pace, shared by the verbs that run the network on a camera.
 #[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ impl PaceArgs {
     ///
     /// # Errors
     /// For a rate that a file, of which no picture is left out, cannot have.
-    pub fn limits(&self, chosen: &Chosen, drawn_on: bool) -> anyhow::Result<Limits> {
+    pub fn limits(&self, chosen: &NamedInput, drawn_on: bool) -> anyhow::Result<Limits> {
         if self.max_fps.is_some() && !chosen.is_live() {
             return Err(Failure::usage(
                 "--max-fps leaves pictures of a camera out: expected a camera or --live, found a file, of which none is left out",

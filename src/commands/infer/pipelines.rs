@@ -9,7 +9,7 @@ use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
-use crate::commands::pipeline::{Pipeline, Seen};
+use crate::commands::pipeline::{FrameObservations, Pipeline};
 
 /// The stages for every input that pictures may ask for, made before the first of them: people in an upright picture would be
 /// small in a network input that lies. All share one set of packed weights and one team of threads.
@@ -63,7 +63,11 @@ impl<'a> Pipelines<'a> {
     ///
     /// # Errors
     /// As [`Pipeline::process`].
-    pub fn process(&mut self, frame: &Frame, intrinsics: &Intrinsics) -> anyhow::Result<Seen<'_>> {
+    pub fn process(
+        &mut self,
+        frame: &Frame,
+        intrinsics: &Intrinsics,
+    ) -> anyhow::Result<FrameObservations<'_>> {
         let upright = frame.height > frame.width && !self.engine.is_fixed();
         let built = &mut self.built[usize::from(upright)];
         let Some(Following {
@@ -104,7 +108,7 @@ impl<'a> Pipelines<'a> {
         frame: &Frame,
         intrinsics: &Intrinsics,
         large: bool,
-    ) -> anyhow::Result<Seen<'_>> {
+    ) -> anyhow::Result<FrameObservations<'_>> {
         let upright = frame.height > frame.width && !self.engine.is_fixed();
         let built = &mut self.built[usize::from(upright)];
         let smallest = built.len() - 1;

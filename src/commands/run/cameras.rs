@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::pulse::Pulse;
 use super::{RunArgs, live};
 use crate::commands::exit::{self, Failure};
-use crate::commands::input::{self, Chosen};
+use crate::commands::input::{self, NamedInput};
 use crate::commands::say;
 use crate::commands::settings::Loopback;
 use crate::commands::status::StatusFile;
@@ -90,7 +90,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
 }
 
 /// A run that is one of a camera.
-fn checked(args: &RunArgs) -> anyhow::Result<Chosen> {
+fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
     let chosen = input::choose(&args.input)?;
     if !chosen.is_live() {
         return Err(Failure::usage(format!(

@@ -10,7 +10,7 @@ use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::fit;
 use crate::commands::infer::{Limits, Observer, Step};
-use crate::commands::input::{self, Chosen};
+use crate::commands::input::{self, NamedInput};
 use crate::commands::outputs::finish;
 use crate::commands::say;
 use crate::commands::stop::Stop;
@@ -34,7 +34,7 @@ struct Observed {
 ///
 /// # Errors
 /// As [`run`](super::run).
-pub fn run(args: &RunArgs, chosen: &Chosen, stop: &Stop) -> anyhow::Result<()> {
+pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<()> {
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;
     let mut fitter = fit::fitter(args.fitting.fit.as_ref(), source.is_stills())?;

@@ -14,7 +14,7 @@ use crate::bridge::websocket::Hub;
 use crate::commands::bridges::Flight;
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
-use crate::commands::input::Chosen;
+use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
@@ -36,7 +36,7 @@ const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
 /// As [`run`](super::run).
 pub fn run(
     args: &RunArgs,
-    chosen: &Chosen,
+    chosen: &NamedInput,
     mut table: Table,
     meter: &Meter,
     pulse: &Pulse<'_>,

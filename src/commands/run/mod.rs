@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use super::bridges::BridgeArgs;
 use super::infer::{EngineArgs, InferTask, PaceArgs};
-use super::input::{self, Chosen, InputArgs};
+use super::input::{self, InputArgs, NamedInput};
 use super::outputs::RecordArgs;
 use super::say;
 use super::settings::{self, ConfigArgs, FittingArgs, MetricsArgs, Settings};
@@ -94,7 +94,7 @@ impl RunArgs {
         }
     }
 
-    fn infer_task(&self, chosen: &Chosen) -> InferTask {
+    fn infer_task(&self, chosen: &NamedInput) -> InferTask {
         InferTask {
             input: self.input.resolved(chosen),
             engine: self.engine.clone(),
