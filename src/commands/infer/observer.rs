@@ -36,6 +36,8 @@ pub struct Observer<'a> {
     picture: Frame,
     /// Whether `picture` is the one that was observed last.
     has_picture: bool,
+    /// Pictures of a file that could not be decoded: how many, and what was wrong with the first.
+    damage: Option<(u64, CaptureError)>,
     picture_name: String,
 }
 
@@ -89,6 +91,7 @@ impl<'a> Observer<'a> {
             busy: 0.0,
             picture: Frame::default(),
             has_picture: false,
+            damage: None,
         })
     }
 
@@ -102,10 +105,11 @@ impl<'a> Observer<'a> {
         &self.picture_name
     }
 
-    /// Observes the next picture. Damaged ones among many are skipped.
+    /// Observes the next picture. Damaged ones among many are skipped, and those of a file told at its end.
     ///
     /// # Errors
-    /// When the source has ended in the middle, when the lens does not fit the picture; what was observed before stands.
+    /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture; what was
+    /// observed before stands.
     pub fn step(&mut self, message: &mut ObservationFrame) -> anyhow::Result<Step> {
         if !self.feed.is_pending() {
             self.order(Duration::ZERO);
@@ -113,7 +117,13 @@ impl<'a> Observer<'a> {
         match self.feed.receive()? {
             None => Ok(Step::Silent),
             Some(Delivery::NotDue) => Ok(Step::Idle),
-            Some(Delivery::Ended) => Ok(Step::Ended),
+            Some(Delivery::Ended) => match self.damage.take() {
+                None => Ok(Step::Ended),
+                Some((1, e)) => Err(anyhow::Error::from(e).context("left out")),
+                Some((n, e)) => {
+                    Err(anyhow::Error::from(e).context(format!("left out {n} pictures, the first")))
+                }
+            },
             Some(Delivery::Failed(e)) => match e {
                 // The source has logged what is wrong and looks for the camera again.
                 CaptureError::NoPictureYet { .. } => Ok(Step::Nothing),
@@ -122,6 +132,8 @@ impl<'a> Observer<'a> {
                         tracing::debug!("{e}");
                     } else {
                         tracing::warn!("{e}; skipped");
+                        let (count, first) = self.damage.take().unwrap_or((0, e));
+                        self.damage = Some((count + 1, first));
                     }
                     Ok(Step::Nothing)
                 }
