@@ -79,7 +79,10 @@ fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
         .unwrap();
     assert_eq!(out.status.code(), Some(65), "{}", stderr(&out));
     let last = stderr(&out).lines().last().unwrap().to_owned();
-    assert!(last.contains("left out") && last.contains("2.jpg"), "{last}");
+    assert!(
+        last.contains("left out") && last.contains("2.jpg"),
+        "{last}"
+    );
     assert_eq!(count(&lines), 2);
     let mut names: Vec<_> = std::fs::read_dir(drawn)
         .unwrap()
