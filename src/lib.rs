@@ -23,6 +23,7 @@ pub mod lab;
 pub mod lift;
 pub mod machine;
 pub mod metrics;
+pub mod multiview;
 pub mod npz;
 pub mod output;
 pub mod overlay;

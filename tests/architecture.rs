@@ -29,6 +29,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("overlay", &["capture", "output"]),
     // After shared memory: these never do.
     ("fit", &["assignment", "body", "camera", "solve"]),
+    (
+        "multiview",
+        &["assignment", "body", "camera", "npz", "solve"],
+    ),
     ("record", &["output"]),
     (
         "sink",

@@ -22,6 +22,7 @@ mod install;
 mod job;
 mod log;
 mod model;
+mod multiview;
 mod outputs;
 mod picture;
 mod pipeline;
@@ -80,6 +81,8 @@ enum Verb {
     Export(export::ExportArgs),
     /// Draw heights and angles of recorded bodies over time
     Plot(export::PlotArgs),
+    /// What several calibrated cameras saw in, bodies with shape and mesh out
+    Multiview(Box<multiview::MultiviewArgs>),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
     /// Measure predictions against ground truth
@@ -128,6 +131,7 @@ pub fn main() -> u8 {
         Verb::Replay(args) => replay::replay(args),
         Verb::Export(args) => export::export(args),
         Verb::Plot(args) => export::plot(args),
+        Verb::Multiview(args) => multiview::multiview(*args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

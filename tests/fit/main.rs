@@ -7,6 +7,7 @@ mod scene;
 mod ablation;
 mod demo;
 mod fitter;
+mod many_views;
 mod multiview;
 mod noise;
 mod place;

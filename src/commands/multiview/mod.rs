@@ -1,0 +1,113 @@
+//! `edgecap multiview`: several calibrated views of the same people in, bodies with shape, pose and mesh out.
+
+mod read;
+mod write;
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use indicatif::ProgressBar;
+
+use super::exit::Failure;
+use super::say;
+use crate::body::mesh::MeshBody;
+use crate::bounded;
+use crate::camera::calibration;
+use crate::multiview::{MultiviewOptions, fit, nearest_sight, report};
+
+/// Options of `edgecap multiview`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct MultiviewArgs {
+    /// Calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, OpenCV's .yml, or a folder of EasyMocap, COLMAP or one
+    /// OpenCV file a camera
+    #[arg(long, value_name = "FILE")]
+    pub calibration: PathBuf,
+    /// What a camera saw: the JSON lines or record of 'infer', or a film; once for every camera. Files are called like their
+    /// camera, or CAMERA=FILE says which it is, or they come in the calibration's order
+    #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
+    pub view: Vec<String>,
+    /// Body model in SMPL's format (.npz) in place of the program's own
+    #[arg(long, value_name = "FILE")]
+    pub body: Option<PathBuf>,
+    /// Do not smooth: every frame stands for itself
+    #[arg(long)]
+    pub no_dct: bool,
+    /// Measure a camera against the bodies that the others give, without using it; may be given several times
+    #[arg(long, value_name = "CAMERA")]
+    pub hold_out: Vec<String>,
+    /// Frames whose meshes are written as OBJ, such as 0,25,50 or 'all'
+    #[arg(long, value_name = "FRAMES")]
+    pub obj: Option<String>,
+    /// Frames a second [default: by the times in the files]
+    #[arg(long, value_name = "RATE", value_parser = rate)]
+    pub fps: Option<f64>,
+    /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text
+        .parse()
+        .map_err(|_| "expected frames a second, such as 30".to_owned())?;
+    if (0.1..=10_000.0).contains(&rate) {
+        Ok(rate)
+    } else {
+        Err("expected 0.1 to 10000 frames a second".into())
+    }
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// When calibration, views or body cannot be read or do not go together, or when the folder cannot be written.
+pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
+    write::expect_empty(&args.out)?;
+    let chosen = write::frames(args.obj.as_deref())?;
+    let own;
+    let body = match &args.body {
+        None => MeshBody::shipped(),
+        Some(path) => {
+            let bytes =
+                bounded::read(path, bounded::DATA).map_err(|e| Failure::no_input(path, &e))?;
+            let read = MeshBody::read(std::io::Cursor::new(bytes));
+            own = read.map_err(|e| Failure::data(format!("{}: {e}", path.display())))?;
+            &own
+        }
+    };
+    let calibration = calibration::read(&args.calibration)?;
+    let scene = read::scene(&args, calibration)?;
+    for note in &scene.notes {
+        say::err(note);
+    }
+    let (views, frames) = (&scene.views, &scene.frames);
+    let used: Vec<bool> = views
+        .iter()
+        .map(|v| !args.hold_out.contains(&v.name))
+        .collect();
+    let options = MultiviewOptions {
+        rate: scene.rate,
+        paths: !args.no_dct,
+    };
+    let bar = ProgressBar::new(1);
+    let total = AtomicUsize::new(0);
+    let progress = |found: usize| match found {
+        0 => bar.inc(1),
+        n => bar.set_length(total.fetch_add(n, Ordering::Relaxed) as u64 + n as u64),
+    };
+    let fitted = fit(body, views, &used, frames, options, &progress);
+    bar.finish_and_clear();
+    if fitted.people.is_empty() {
+        return Err(Failure::data(format!(
+            "expected somebody whom two cameras see in the same place, found nobody in {} frames; check that views are of one moment and the calibration is theirs",
+            frames.len()
+        ))
+        .into());
+    }
+    let other = |v: usize, f: usize, joints: &_| nearest_sight(&views[v], &frames[f][v], joints);
+    let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
+    report.notes = scene.notes.clone();
+    write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
+    say::out(write::table(&report).trim_end());
+    Ok(())
+}

@@ -1,0 +1,249 @@
+//! What a run leaves: bodies as arrays, as lines, as joints over time, as meshes, and the report.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::read::Scene;
+use crate::body::mesh::{MeshBody, Skin};
+use crate::commands::exit::Failure;
+use crate::joints::JOINT_NAMES;
+use crate::message::{Body, BodyFrame, MAX_PEOPLE, WorldState};
+use crate::multiview::{MultiviewFit, MultiviewReport, PersonFit, bodies, body_joints};
+use crate::npz::{self, Array};
+use crate::output::AtomicFolder;
+use crate::record::{BodiesRow, Row};
+
+/// Which frames get meshes.
+pub enum Chosen {
+    /// These.
+    Some(Vec<usize>),
+    /// Every one.
+    All,
+}
+
+/// Reads `--obj`.
+///
+/// # Errors
+/// For anything but numbers and 'all'.
+pub fn frames(text: Option<&str>) -> anyhow::Result<Chosen> {
+    match text {
+        None => Ok(Chosen::Some(Vec::new())),
+        Some("all") => Ok(Chosen::All),
+        Some(list) => {
+            let each: Result<Vec<usize>, _> = list.split(',').map(|n| n.trim().parse()).collect();
+            let wrong = || {
+                Failure::usage(format!(
+                    "expected frames such as 0,25,50 or 'all' for --obj, found {list}"
+                ))
+            };
+            Ok(Chosen::Some(each.map_err(|_| wrong())?))
+        }
+    }
+}
+
+/// Refuses a folder that holds files, before any work is done.
+///
+/// # Errors
+/// When it does.
+pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
+    if out.is_dir()
+        && std::fs::read_dir(out)
+            .map_err(|e| Failure::output(out, &e))?
+            .next()
+            .is_some()
+    {
+        let found = format!(
+            "expected a new or empty folder, but {} holds files; choose another --out",
+            out.display()
+        );
+        return Err(Failure::usage(found).into());
+    }
+    Ok(())
+}
+
+/// Writes everything; the folder appears when it is complete.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn run(
+    out: &Path,
+    body: &MeshBody,
+    scene: &Scene,
+    fit: &MultiviewFit,
+    report: &MultiviewReport,
+    chosen: &Chosen,
+) -> anyhow::Result<()> {
+    let folder = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
+    let put = |name: &str, bytes: &[u8]| -> anyhow::Result<()> {
+        let path = folder.beside().join(name);
+        std::fs::write(&path, bytes).map_err(|e| Failure::output(&out.join(name), &e).into())
+    };
+    put("bodies.npz", &arrays(fit)?)?;
+    put("bodies.jsonl", &lines(body, scene, fit, report)?)?;
+    for person in &fit.people {
+        let name = if fit.people.len() == 1 {
+            "joints.trc".to_owned()
+        } else {
+            format!("joints_{}.trc", person.id)
+        };
+        put(&name, trc(body, person, scene.rate, &name).as_bytes())?;
+        for f in &person.frames {
+            let wanted = match chosen {
+                Chosen::All => true,
+                Chosen::Some(all) => all.contains(&f.frame),
+            };
+            if wanted {
+                put(
+                    &format!("person{}_{:06}.obj", person.id, f.frame),
+                    obj(body, f).as_bytes(),
+                )?;
+            }
+        }
+    }
+    let mut text = serde_json::to_string_pretty(report)?;
+    text.push('\n');
+    put("report.json", text.as_bytes())?;
+    folder.finish().map_err(|e| Failure::output(out, &e))?;
+    Ok(())
+}
+
+/// SMPL's names, a row a frame of a person: `poses` [n, 72], `trans` [n, 3], `betas` [n, 10], and whose frame it is.
+fn arrays(fit: &MultiviewFit) -> std::io::Result<Vec<u8>> {
+    let (mut poses, mut trans, mut betas, mut ids, mut frames) =
+        (vec![], vec![], vec![], vec![], vec![]);
+    let mut width = 0;
+    for person in &fit.people {
+        for f in &person.frames {
+            for q in f.body.pose.rotations {
+                let q = if q.w < 0.0 { -q } else { q };
+                poses.extend(q.to_scaled_axis().as_vec3().to_array());
+            }
+            // SMPL turns a body about its pelvis at rest and then moves it.
+            let moved = f.body.pose.pelvis - f.body.person.joints()[0];
+            trans.extend(moved.as_vec3().to_array());
+            width = person.betas.len();
+            betas.extend(person.betas.iter().map(|b| *b as f32));
+            ids.push(person.id as f32);
+            frames.push(f.frame as f32);
+        }
+    }
+    let n = ids.len();
+    let array = |name, shape, data| Array { name, shape, data };
+    npz::write(&[
+        array("poses", &[n, 72], &poses),
+        array("trans", &[n, 3], &trans),
+        array("betas", &[n, width], &betas),
+        array("ids", &[n], &ids),
+        array("frames", &[n], &frames),
+    ])
+}
+
+fn lines(
+    body: &MeshBody,
+    scene: &Scene,
+    fit: &MultiviewFit,
+    report: &MultiviewReport,
+) -> anyhow::Result<Vec<u8>> {
+    let mut by_frame: Vec<Vec<Body>> = vec![Vec::new(); scene.frames.len()];
+    for (person, line) in fit.people.iter().zip(&report.people) {
+        for (frame, b) in bodies(body, person, line.stature_m, scene.rate) {
+            by_frame[frame].push(b);
+        }
+    }
+    let mut out = Vec::new();
+    for (k, people) in by_frame.iter().enumerate() {
+        let mut frame = BodyFrame {
+            sequence: k as u64,
+            capture_ns: scene.times[k],
+            pose_ns: scene.times[k],
+            publish_ns: scene.times[k],
+            count: people.len().min(MAX_PEOPLE) as u32,
+            frame_total: scene.frames.len() as u32,
+            ..BodyFrame::default()
+        };
+        // What is told is in the world already.
+        frame.world.state = WorldState::GIVEN;
+        for (slot, b) in frame.bodies.iter_mut().zip(people) {
+            *slot = *b;
+        }
+        serde_json::to_writer(&mut out, &BodiesRow::new(&frame, ""))?;
+        out.push(b'\n');
+    }
+    Ok(out)
+}
+
+/// Joints over time as biomechanics programs read them: millimetres, the calibration's axes.
+fn trc(body: &MeshBody, person: &PersonFit, rate: f64, name: &str) -> String {
+    let count = JOINT_NAMES.len();
+    let first = person.frames.first().map_or(0, |f| f.frame);
+    let mut text = format!(
+        "PathFileType\t4\t(X/Y/Z)\t{name}\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
+         {rate}\t{rate}\t{0}\t{count}\tmm\t{rate}\t{1}\t{0}\nFrame#\tTime\t",
+        person.frames.len(),
+        first + 1
+    );
+    for joint in JOINT_NAMES {
+        let _ = write!(text, "{joint}\t\t\t");
+    }
+    text.push_str("\n\t\t");
+    for k in 1..=count {
+        let _ = write!(text, "X{k}\tY{k}\tZ{k}\t");
+    }
+    text.push_str("\n\n");
+    for f in &person.frames {
+        let _ = write!(text, "{}\t{:.6}", f.frame + 1, f.frame as f64 / rate);
+        for p in body_joints(body, &f.body.posed) {
+            let p = p * 1e3;
+            let _ = write!(text, "\t{:.2}\t{:.2}\t{:.2}", p.x, p.y, p.z);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {
+    let mut skin = Skin::new(body, &f.body.person);
+    let mut vertices = Vec::new();
+    skin.pose(body, &f.body.pose, &f.body.posed, &mut vertices);
+    let mut text = String::new();
+    for v in vertices {
+        let _ = writeln!(text, "v {:.5} {:.5} {:.5}", v.x, v.y, v.z);
+    }
+    for [a, b, c] in body.faces() {
+        let _ = writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1);
+    }
+    text
+}
+
+/// The report for people.
+pub fn table(report: &MultiviewReport) -> String {
+    let mut text =
+        "camera              weight  sights  median px  mean px  median %  mean %\n".to_owned();
+    let number = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+    for v in &report.views {
+        let _ = writeln!(
+            text,
+            "{:<18}  {:>6.2}  {:>6}  {:>9}  {:>7}  {:>8}  {:>6}{}",
+            v.name,
+            v.weight,
+            v.sights,
+            number(v.median_px),
+            number(v.mean_px),
+            number(v.median_percent),
+            number(v.mean_percent),
+            match v.weight {
+                0.0 => "  held out",
+                w if w < 1.0 => "  disagrees with the others and counts less",
+                _ => "",
+            }
+        );
+    }
+    for p in &report.people {
+        let _ = writeln!(
+            text,
+            "person {}: frames {}-{} ({} filled in), stature {:.2} m, {} exchanged limbs healed",
+            p.id, p.first, p.last, p.filled, p.stature_m, p.exchanges_healed
+        );
+    }
+    text
+}

@@ -1,0 +1,267 @@
+//! The energy of one body in one frame: joints in the views (Geman–McClure), joints in space, the priors of pose and shape.
+//!
+//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017), section 3. Residuals in a
+//! view are metres at the person's depth, so that views near and far count alike.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::points;
+use super::prior::PosePrior;
+use super::sight::Sight;
+use super::triangulate::{robust, robust_weight};
+use crate::body::BodyModel;
+use crate::body::mesh::{FREEDOM, MeshBody, MeshPose, Person, PosedTree};
+use crate::camera::View;
+use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use crate::solve::{LeastSquares, NormalEquations};
+
+/// Shape coefficients that are fitted.
+pub const SHAPES: usize = 10;
+/// Expected error of a joint in a view, metres at the person: 5 pixels of a person 690 pixels high.
+const NOISE: f64 = 0.0123;
+/// Weight of a squared metre.
+const DATA: f64 = 1.0 / (NOISE * NOISE);
+/// No joint turns further in one step.
+const LONGEST_STEP: f64 = 0.6;
+/// Nearer to a camera nothing is seen.
+const NEAREST: f64 = 0.1;
+/// Weight of all rotations' lengths: holds what neither views nor prior see.
+const RIGID: f64 = 1e-3;
+
+/// One view's part.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// What it saw.
+    pub sight: &'a Sight,
+    /// About how far the person is from it, metres.
+    pub depth: f64,
+    /// How much it counts.
+    pub weight: f64,
+}
+
+/// Where joints should be in space: place and weight of a squared metre in units of [`DATA`].
+pub type Targets = [Option<(DVec3, f64)>; BODY_JOINTS];
+
+/// What may move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Free {
+    /// Place and direction of the whole body.
+    Root,
+    /// The pose.
+    Pose,
+    /// Pose and shape.
+    All,
+}
+
+impl Free {
+    fn size(self, body: &MeshBody) -> usize {
+        match self {
+            Self::Root => 6,
+            Self::Pose => FREEDOM,
+            Self::All => FREEDOM + SHAPES.min(body.components()),
+        }
+    }
+}
+
+/// A body that is being fitted.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// The pose.
+    pub pose: MeshPose,
+    /// The person.
+    pub person: Person,
+    /// Where that puts the joints.
+    pub posed: PosedTree,
+}
+
+impl Fitted {
+    /// A body of this pose and shape.
+    pub fn new(body: &MeshBody, pose: MeshPose, betas: &[f64]) -> Self {
+        let person = body.person(betas);
+        let mut posed = PosedTree::default();
+        body.kinematics(&pose, &person, &mut posed);
+        Self {
+            pose,
+            person,
+            posed,
+        }
+    }
+}
+
+/// The energy.
+#[derive(Debug)]
+pub struct Energy<'a> {
+    /// The model.
+    pub body: &'a MeshBody,
+    /// What views saw.
+    pub seen: &'a [Seen<'a>],
+    /// Distance beyond which a view's joint counts little, metres.
+    pub sigma: f64,
+    /// Where joints should be.
+    pub targets: Option<&'a Targets>,
+    /// Distance beyond which a target counts little, metres.
+    pub target_sigma: f64,
+    /// Weight of the pose prior.
+    pub prior: f64,
+    /// Weight of the shape prior.
+    pub shape: f64,
+    /// What may move.
+    pub free: Free,
+}
+
+const DENSE: [usize; FREEDOM + SHAPES] = [0; FREEDOM + SHAPES];
+
+impl Energy<'_> {
+    fn shapes(&self) -> usize {
+        self.free.size(self.body).saturating_sub(FREEDOM)
+    }
+
+    /// A joint's part: cost, and of the point in space gradient and Gauss–Newton matrix.
+    fn joint(&self, j: usize, at: DVec3) -> (f64, DVec3, DMat3) {
+        let (mut cost, mut pull, mut matrix) = (0.0, DVec3::ZERO, DMat3::ZERO);
+        if let Some((target, weight)) = self.targets.and_then(|t| t[j]) {
+            let r = at - target;
+            let e2 = r.length_squared();
+            let weight = DATA * weight;
+            cost += weight * robust(e2, self.target_sigma);
+            let weight = weight * robust_weight(e2, self.target_sigma);
+            pull += weight * r;
+            matrix += weight * DMat3::IDENTITY;
+        }
+        if j >= EVIDENCE_JOINTS {
+            return (cost, pull, matrix);
+        }
+        for seen in self.seen {
+            let Some(ray) = seen.sight.rays[j] else {
+                continue;
+            };
+            let weight = DATA * seen.weight * ray.confidence;
+            let p = seen.view.to_camera(at);
+            let z = p.z.max(NEAREST);
+            let r = (DVec2::new(p.x, p.y) / z - ray.plane) * seen.depth;
+            let e2 = r.length_squared();
+            cost += weight * robust(e2, self.sigma);
+            if p.z < NEAREST {
+                continue;
+            }
+            let weight = weight * robust_weight(e2, self.sigma);
+            // Rows of the derivative of r by the point in the world.
+            let turn = seen.view.rotation.transpose();
+            let scale = seen.depth / z;
+            let x = turn * DVec3::new(scale, 0.0, -scale * p.x / z);
+            let y = turn * DVec3::new(0.0, scale, -scale * p.y / z);
+            pull += weight * (r.x * x + r.y * y);
+            matrix += weight * (outer(x) + outer(y));
+        }
+        (cost, pull, matrix)
+    }
+
+    fn counts(&self) -> usize {
+        if self.targets.is_some() {
+            BODY_JOINTS
+        } else {
+            EVIDENCE_JOINTS
+        }
+    }
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+impl LeastSquares for Energy<'_> {
+    type State = Fitted;
+
+    fn envelope(&self) -> &[usize] {
+        &DENSE[..self.free.size(self.body)]
+    }
+
+    fn cost(&self, at: &Fitted) -> f64 {
+        let joints = (0..self.counts())
+            .filter_map(|j| Some(self.joint(j, points::point(self.body, &at.posed, j)?).0));
+        let mut cost: f64 = joints.sum();
+        if self.free != Free::Root {
+            cost += self.prior * PosePrior::shipped().cost(&at.pose.rotations);
+            cost += RIGID
+                * at.pose.rotations[1..]
+                    .iter()
+                    .map(|q| vector(*q).length_squared())
+                    .sum::<f64>();
+        }
+        cost + self.shape * at.person.betas().iter().map(|b| b * b).sum::<f64>()
+    }
+
+    fn linearise(&self, at: &Fitted, out: &mut NormalEquations) {
+        let size = self.free.size(self.body);
+        let mut columns: Vec<(usize, DVec3)> = Vec::with_capacity(size);
+        for j in 0..self.counts() {
+            let Some(point) = points::point(self.body, &at.posed, j) else {
+                continue;
+            };
+            let (cost, pull, matrix) = self.joint(j, point);
+            if cost == 0.0 {
+                continue;
+            }
+            columns.clear();
+            points::jacobian(self.body, &at.posed, j, (FREEDOM, self.shapes()), |k, c| {
+                if k < size {
+                    columns.push((k, c));
+                }
+            });
+            for (a, &(k, ck)) in columns.iter().enumerate() {
+                out.pull(k, ck.dot(pull));
+                let row = matrix * ck;
+                for &(l, cl) in &columns[..=a] {
+                    out.add(k, l, row.dot(cl));
+                }
+            }
+        }
+        if self.free != Free::Root {
+            PosePrior::shipped().add(&at.pose.rotations, self.prior, out);
+            for (j, q) in at.pose.rotations.iter().enumerate().skip(1) {
+                let v = vector(*q);
+                for k in 0..3 {
+                    out.add(3 + 3 * j + k, 3 + 3 * j + k, RIGID);
+                    out.pull(3 + 3 * j + k, RIGID * v[k]);
+                }
+            }
+        }
+        for (c, beta) in at.person.betas().iter().enumerate().take(self.shapes()) {
+            out.add(FREEDOM + c, FREEDOM + c, self.shape);
+            out.pull(FREEDOM + c, self.shape * beta);
+        }
+    }
+
+    fn step(&self, from: &Fitted, descent: &[f64], to: &mut Fitted) {
+        let mut step = [0.0; FREEDOM];
+        let pose = descent.len().min(FREEDOM);
+        for (k, (s, d)) in step.iter_mut().zip(&descent[..pose]).enumerate() {
+            *s = if k < 3 {
+                -d
+            } else {
+                (-d).clamp(-LONGEST_STEP, LONGEST_STEP)
+            };
+        }
+        to.pose = self.body.moved(&from.pose, &step);
+        if self.free == Free::All {
+            let betas: Vec<f64> = from
+                .person
+                .betas()
+                .iter()
+                .enumerate()
+                .map(|(c, b)| b - descent.get(FREEDOM + c).copied().unwrap_or(0.0))
+                .collect();
+            to.person = self.body.person(&betas);
+        } else {
+            to.person.clone_from(&from.person);
+        }
+        self.body.kinematics(&to.pose, &to.person, &mut to.posed);
+    }
+}
+
+fn vector(q: glam::DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    q.to_scaled_axis()
+}

@@ -1,0 +1,276 @@
+//! Everyone, from all views: identities, stage one, the weights of the views, stage two.
+
+use rayon::prelude::*;
+
+use super::energy::Fitted;
+use super::people::{Detections, Track, track};
+use super::points;
+use super::sight::distance;
+use super::stage_one::{Moment, StageOne, between};
+use super::stage_two::{median_shape, refit};
+use crate::body::mesh::MeshBody;
+use crate::camera::View;
+use crate::joints::EVIDENCE_JOINTS;
+
+/// A pause in which nobody saw a person, seconds, that is filled in; a longer one parts their paths.
+const BRIDGED: f64 = 0.35;
+/// By what factor a view's residual exceeds the others' before it counts less.
+const WORSE: f64 = 3.0;
+/// By what factor a frame's cost exceeds its neighbours' before it is fitted again from there.
+const DOUBT: f64 = 1.5;
+
+/// Choices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MultiviewOptions {
+    /// Frames a second.
+    pub rate: f64,
+    /// Whether paths are smoothed by windows of few cosines.
+    pub paths: bool,
+}
+
+/// One frame of one person.
+#[derive(Debug, Clone)]
+pub struct PersonFrame {
+    /// Which frame.
+    pub frame: usize,
+    /// The body.
+    pub body: Fitted,
+    /// What views saw, exchanged limbs healed.
+    pub moment: Moment,
+}
+
+/// One person over time.
+#[derive(Debug, Clone)]
+pub struct PersonFit {
+    /// Identity, from 1.
+    pub id: u32,
+    /// Shape coefficients.
+    pub betas: Vec<f64>,
+    /// Rising frames.
+    pub frames: Vec<PersonFrame>,
+}
+
+/// Everyone, and how much every view counted.
+#[derive(Debug, Clone)]
+pub struct MultiviewFit {
+    /// By rising identity.
+    pub people: Vec<PersonFit>,
+    /// 1, or less for a view that disagrees with the others.
+    pub weights: Vec<f64>,
+}
+
+/// Fits everyone. `frames`: per frame, per view, who is seen there; `used`: which views count, the others are only measured.
+/// `progress` hears of every fitted frame, out of how many.
+pub fn fit(
+    body: &MeshBody,
+    views: &[View],
+    used: &[bool],
+    frames: &[Vec<Detections>],
+    options: MultiviewOptions,
+    progress: &(dyn Fn(usize) + Sync),
+) -> MultiviewFit {
+    let chosen: Vec<Vec<Detections>> = frames
+        .iter()
+        .map(|f| {
+            f.iter()
+                .zip(used)
+                .map(|(d, u)| if *u { d.clone() } else { Vec::new() })
+                .collect()
+        })
+        .collect();
+    let tracks = track(views, &chosen, options.rate);
+    progress(tracks.iter().map(|t| t.moments.len()).sum());
+    let mut weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
+    let mut people: Vec<PersonFit> = tracks
+        .into_iter()
+        .filter_map(|t| stage_one(body, views, &weights, t, progress))
+        .collect();
+    weights = weigh(views, &weights, &people);
+    let bridged = (BRIDGED * options.rate).round() as usize;
+    for person in &mut people {
+        let bodies: Vec<&Fitted> = person.frames.iter().map(|f| &f.body).collect();
+        person.betas = median_shape(&bodies);
+        let pieces = pieces(
+            std::mem::take(&mut person.frames),
+            bridged,
+            body,
+            views.len(),
+        );
+        for mut piece in pieces {
+            for f in &mut piece {
+                f.body = Fitted::new(body, f.body.pose, &person.betas);
+            }
+            let (numbers, mut moments, mut fits) = parts(piece);
+            refit(
+                body,
+                views,
+                &weights,
+                &mut moments,
+                &mut fits,
+                options.paths,
+            );
+            let joined = numbers.into_iter().zip(fits).zip(moments);
+            person
+                .frames
+                .extend(joined.map(|((frame, body), moment)| PersonFrame {
+                    frame,
+                    body,
+                    moment,
+                }));
+        }
+    }
+    MultiviewFit { people, weights }
+}
+
+fn parts(piece: Vec<PersonFrame>) -> (Vec<usize>, Vec<Moment>, Vec<Fitted>) {
+    let (mut numbers, mut moments, mut fits) = (Vec::new(), Vec::new(), Vec::new());
+    for f in piece {
+        numbers.push(f.frame);
+        moments.push(f.moment);
+        fits.push(f.body);
+    }
+    (numbers, moments, fits)
+}
+
+fn stage_one(
+    body: &MeshBody,
+    views: &[View],
+    weights: &[f64],
+    track: Track,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Option<PersonFit> {
+    let mut moments = track.moments;
+    let solve = |stage: &mut StageOne, moment: &mut Moment, near: Option<&Fitted>| {
+        stage.fit(body, views, weights, moment, near)
+    };
+    let mut fits: Vec<Option<(Fitted, f64)>> = moments
+        .par_iter_mut()
+        .map_init(StageOne::default, |stage, (_, moment)| {
+            let fitted = solve(stage, moment, None);
+            progress(0);
+            fitted
+        })
+        .collect();
+    // From the neighbours, forth and back: what ended in a bad place, or had no place to start.
+    let mut stage = StageOne::default();
+    let count = fits.len();
+    for (k, from) in (1..count)
+        .map(|k| (k, k - 1))
+        .chain((0..count.saturating_sub(1)).rev().map(|k| (k, k + 1)))
+    {
+        let Some((near, cost)) = fits[from].clone() else {
+            continue;
+        };
+        if fits[k].as_ref().is_none_or(|(_, own)| *own > DOUBT * cost) {
+            let again = solve(&mut stage, &mut moments[k].1, Some(&near));
+            if again
+                .as_ref()
+                .is_some_and(|(_, c)| fits[k].as_ref().is_none_or(|(_, own)| c < own))
+            {
+                fits[k] = again;
+            }
+        }
+    }
+    let frames: Vec<PersonFrame> = moments
+        .into_iter()
+        .zip(fits)
+        .filter_map(|((frame, mut moment), fitted)| {
+            let (fitted, _) = fitted?;
+            // Where one view alone saw them, the body tells how far away they are.
+            let joints = points::evidence(body, &fitted.posed);
+            for (known, joint) in moment.joints.iter_mut().zip(joints) {
+                *known = known.or(Some(joint));
+            }
+            Some(PersonFrame {
+                frame,
+                body: fitted,
+                moment,
+            })
+        })
+        .collect();
+    (!frames.is_empty()).then_some(PersonFit {
+        id: track.id,
+        betas: Vec::new(),
+        frames,
+    })
+}
+
+/// Parts a person's frames at long pauses and fills in short ones.
+fn pieces(
+    frames: Vec<PersonFrame>,
+    bridged: usize,
+    body: &MeshBody,
+    views: usize,
+) -> Vec<Vec<PersonFrame>> {
+    let mut pieces: Vec<Vec<PersonFrame>> = Vec::new();
+    for f in frames {
+        match pieces.last_mut() {
+            Some(piece)
+                if piece
+                    .last()
+                    .is_some_and(|l| f.frame - l.frame <= bridged.max(1)) =>
+            {
+                let last = piece[piece.len() - 1].clone();
+                let gap = f.frame - last.frame;
+                for k in 1..gap {
+                    let filled = between(body, &last.body, &f.body, k as f64 / gap as f64);
+                    let joints = points::evidence(body, &filled.posed).map(Some);
+                    let moment = Moment {
+                        sights: vec![None; views],
+                        joints,
+                        healed: 0,
+                    };
+                    piece.push(PersonFrame {
+                        frame: last.frame + k,
+                        body: filled,
+                        moment,
+                    });
+                }
+                piece.push(f);
+            }
+            _ => pieces.push(vec![f]),
+        }
+    }
+    pieces
+}
+
+/// Views that lie much further from the bodies than the others count less.
+fn weigh(views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
+    let median = |v: usize| -> Option<f64> {
+        let mut each: Vec<f64> = people
+            .iter()
+            .flat_map(|p| &p.frames)
+            .flat_map(|f| {
+                let rays = f.moment.sights[v].as_ref().map(|s| s.rays);
+                let known = f.moment.joints;
+                (0..EVIDENCE_JOINTS).filter_map(move |j| {
+                    Some(distance(
+                        views[v].position,
+                        rays.as_ref()?[j]?.direction,
+                        known[j]?,
+                    ))
+                })
+            })
+            .collect();
+        each.sort_by(f64::total_cmp);
+        (!each.is_empty()).then(|| each[each.len() / 2])
+    };
+    let medians: Vec<Option<f64>> = (0..views.len())
+        .map(|v| if weights[v] > 0.0 { median(v) } else { None })
+        .collect();
+    let mut out = weights.to_vec();
+    for v in 0..views.len() {
+        let mut others: Vec<f64> = (0..views.len())
+            .filter(|&o| o != v)
+            .filter_map(|o| medians[o])
+            .collect();
+        others.sort_by(f64::total_cmp);
+        if let (Some(own), [.., _]) = (medians[v], &others[..]) {
+            let typical = others[others.len() / 2];
+            if own > WORSE * typical {
+                out[v] *= (typical / own).powi(2).max(0.01);
+            }
+        }
+    }
+    out
+}

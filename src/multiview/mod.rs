@@ -1,0 +1,31 @@
+//! Several calibrated views go in, bodies with a shape, a pose and a mesh come out, frame by frame and smooth over time.
+//!
+//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): [`people`] tells who is who,
+//! [`stage_one`] fits every frame, [`stage_two`] holds the shape and makes paths of few cosines. World axes are those of the
+//! calibration, metres.
+
+mod agreement;
+mod dct;
+mod energy;
+mod exchange;
+mod fit;
+mod people;
+mod points;
+mod prior;
+mod publish;
+mod report;
+mod sight;
+mod stage_one;
+mod stage_two;
+mod triangulate;
+
+pub use agreement::agreement;
+pub use energy::Fitted;
+pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit};
+pub use people::{Detections, Track, nearest_sight, track};
+pub use points::{all as body_joints, evidence as evidence_joints};
+pub use prior::PosePrior;
+pub use publish::bodies;
+pub use report::{MultiviewReport, Observed, PersonReport, ViewReport, report, stature};
+pub use sight::{Ray, Sight};
+pub use stage_one::Moment;

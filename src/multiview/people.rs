@@ -1,0 +1,370 @@
+//! Who is who: detections of several views go in frame by frame, people with one detection a view and an identity over time
+//! come out.
+//!
+//! Known people take the detections whose rays pass near their joints; what is left is grouped so that within a group every view
+//! agrees with every other. Somebody new must persist and be built like a body: two views alone see ghosts.
+
+use glam::DVec3;
+
+use super::exchange;
+use super::sight::{LIMB_PAIRS, Sight, between, distance};
+use super::stage_one::Moment;
+use super::triangulate::{Joints3d, triangulate};
+use crate::assignment::Matcher;
+use crate::camera::View;
+use crate::joints::EVIDENCE_JOINTS;
+
+/// Mean distance of a person's rays from their joints beyond which they are somebody else's, metres.
+const REACH: f64 = 0.35;
+/// How much further a person may have gone for every frame that they were away, metres, and at most.
+const ROAM: [f64; 2] = [0.05, 0.4];
+/// Median distance between the rays of two views' joints of one person, metres.
+const AGREE: f64 = 0.15;
+/// Shared joints under which two detections cannot be compared.
+const LEAST_SHARED: usize = 5;
+/// Seconds without two views after which somebody is gone.
+const MEMORY: f64 = 1.0;
+/// Frames after which somebody counts who is seen by three views or more, and by two.
+const PROOF: [usize; 2] = [3, 10];
+/// Neck to middle of the hips, metres: no body is outside of this.
+const TRUNK: [f64; 2] = [0.25, 0.85];
+/// The longest bones that are nobody's, metres: upper arm, forearm, thigh, shank.
+const BONES: [(usize, usize, f64); 8] = [
+    (2, 3, 0.5),
+    (5, 6, 0.5),
+    (3, 4, 0.45),
+    (6, 7, 0.45),
+    (8, 9, 0.7),
+    (11, 12, 0.7),
+    (9, 10, 0.7),
+    (12, 13, 0.7),
+];
+
+/// Everyone one view sees in one frame.
+pub type Detections = Vec<Sight>;
+
+/// One person over time.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// From 1, by first frame.
+    pub id: u32,
+    /// Frames with at least one view, rising.
+    pub moments: Vec<(usize, Moment)>,
+}
+
+struct Live {
+    moments: Vec<(usize, Moment)>,
+    /// Exchanged limbs of every moment.
+    states: Vec<exchange::States>,
+    joints: [Option<DVec3>; EVIDENCE_JOINTS],
+    /// Last frame in which two views saw them.
+    met: usize,
+    /// Frames with three views, and with two.
+    proof: [usize; 2],
+}
+
+impl Live {
+    /// In a sequence of so many frames; of one frame nobody can ask for more.
+    fn is_proven(&self, frames: usize) -> bool {
+        let [three, two] = PROOF.map(|p| p.min(frames));
+        self.proof[0] >= three || self.proof[0] + self.proof[1] >= two
+    }
+}
+
+/// Finds everyone in `frames`: per frame, per view, who is seen there. `rate` is frames a second.
+pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track> {
+    let patience = (MEMORY * rate).round().max(1.0) as usize;
+    let (mut live, mut done): (Vec<Live>, Vec<Live>) = (Vec::new(), Vec::new());
+    let mut matcher = Matcher::default();
+    for (f, frame) in frames.iter().enumerate() {
+        let mut gone = Vec::new();
+        live.retain_mut(|t| {
+            let stays = f - t.met <= patience;
+            if !stays {
+                gone.push(std::mem::replace(t, empty()));
+            }
+            stays
+        });
+        done.extend(gone);
+        let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
+        let mut taken: Vec<Vec<Option<usize>>> = vec![vec![None; views.len()]; live.len()];
+        for (v, detections) in frame.iter().enumerate() {
+            let scores: Vec<f32> = live
+                .iter()
+                .flat_map(|t| {
+                    detections
+                        .iter()
+                        .map(move |d| closeness(&views[v], d, t, f))
+                })
+                .collect();
+            for (t, d) in matcher
+                .solve(live.len(), detections.len(), &scores)
+                .iter()
+                .enumerate()
+            {
+                if let Some(d) = *d {
+                    (taken[t][v], free[v][d]) = (Some(d), false);
+                }
+            }
+        }
+        for (t, chosen) in live.iter_mut().zip(&taken) {
+            advance(views, frame, f, chosen, t);
+        }
+        for chosen in groups(views, frame, &free) {
+            let mut t = empty();
+            advance(views, frame, f, &chosen, &mut t);
+            if is_body(&t.joints) {
+                live.push(t);
+            }
+        }
+    }
+    done.extend(live);
+    done.retain(|t| t.is_proven(frames.len()));
+    done.sort_by_key(|t| t.moments[0].0);
+    let number = |(k, t): (usize, Live)| Track {
+        id: k as u32 + 1,
+        moments: settled(t),
+    };
+    done.into_iter().enumerate().map(number).collect()
+}
+
+/// A person's frames with left and right as they are.
+fn settled(mut t: Live) -> Vec<(usize, Moment)> {
+    let mut moments: Vec<&mut Moment> = t.moments.iter_mut().map(|(_, m)| m).collect();
+    exchange::settle(&mut moments, &mut t.states);
+    for (moment, states) in moments.into_iter().zip(&t.states) {
+        moment.healed = states.iter().map(|s| s.count_ones() as usize).sum();
+    }
+    t.moments
+}
+
+fn empty() -> Live {
+    Live {
+        moments: Vec::new(),
+        states: Vec::new(),
+        joints: [None; EVIDENCE_JOINTS],
+        met: 0,
+        proof: [0; 2],
+    }
+}
+
+/// Adds a frame to somebody: joints from all views, exchanged limbs healed, a view that is about somebody else left out.
+fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usize>], t: &mut Live) {
+    let mut sights: Vec<Option<Sight>> = chosen
+        .iter()
+        .enumerate()
+        .map(|(v, d)| Some(frame[v][(*d)?].clone()))
+        .collect();
+    let count = sights.iter().flatten().count();
+    if count == 0 {
+        return;
+    }
+    let states = exchange::agree(views, &mut sights);
+    let mut joints = solve(views, &sights);
+    if count > 2 {
+        let off = |v: usize| {
+            sights[v].as_ref().map_or(0.0, |s| {
+                mean_distance(&views[v], s, &joints.points).unwrap_or(0.0)
+            })
+        };
+        let worst = (0..views.len())
+            .map(|v| (v, off(v)))
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((v, _)) = worst.filter(|(_, off)| *off > REACH) {
+            sights[v] = None;
+            joints = solve(views, &sights);
+        }
+    }
+    let known = joints.points.iter().flatten().count();
+    if count >= 2 && known >= LEAST_SHARED {
+        t.met = f;
+        for (was, now) in t.joints.iter_mut().zip(joints.points) {
+            *was = now.or(*was);
+        }
+        if is_body(&joints.points) {
+            t.proof[usize::from(count < 3)] += 1;
+        }
+    }
+    let points = if known >= LEAST_SHARED {
+        joints.points
+    } else {
+        [None; EVIDENCE_JOINTS]
+    };
+    t.moments.push((
+        f,
+        Moment {
+            sights,
+            joints: points,
+            healed: 0,
+        },
+    ));
+    t.states.push(states);
+}
+
+fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
+    let all: Vec<_> = sights.iter().map(Option::as_ref).collect();
+    triangulate(views, &all)
+}
+
+/// How well a detection goes with somebody known, above 0; 0 where it does not.
+fn closeness(view: &View, sight: &Sight, t: &Live, f: usize) -> f32 {
+    let reach = REACH + (ROAM[0] * (f - t.met).saturating_sub(1) as f64).min(ROAM[1]);
+    // A detector may have exchanged all sides.
+    let readings = [
+        mean_distance(view, sight, &t.joints),
+        mean_distance(view, &mirrored(sight), &t.joints),
+    ];
+    let least = readings.into_iter().flatten().fold(f64::INFINITY, f64::min);
+    (1.0 - least / reach).max(0.0) as f32
+}
+
+fn mirrored(sight: &Sight) -> Sight {
+    sight.exchanged(LIMB_PAIRS[0]).exchanged(LIMB_PAIRS[1])
+}
+
+/// Mean distance of a view's rays from joints; `None` where too few are shared.
+fn mean_distance(
+    view: &View,
+    sight: &Sight,
+    joints: &[Option<DVec3>; EVIDENCE_JOINTS],
+) -> Option<f64> {
+    let each: Vec<f64> = sight
+        .rays
+        .iter()
+        .zip(joints)
+        .filter_map(|(ray, joint)| {
+            Some(distance(view.position, ray.as_ref()?.direction, (*joint)?).min(2.0 * REACH))
+        })
+        .collect();
+    (each.len() >= LEAST_SHARED).then(|| each.iter().sum::<f64>() / each.len() as f64)
+}
+
+/// Groups detections that nobody known took: pairs by rising distance are joined while all pairs of a group agree and every
+/// view is in it once. Groups of two views at least, as one detection a view.
+fn groups(views: &[View], frame: &[Detections], free: &[Vec<bool>]) -> Vec<Vec<Option<usize>>> {
+    let all: Vec<(usize, usize)> = free
+        .iter()
+        .enumerate()
+        .flat_map(|(v, f)| {
+            f.iter()
+                .enumerate()
+                .filter(|(_, f)| **f)
+                .map(move |(d, _)| (v, d))
+        })
+        .collect();
+    let apart = |a: (usize, usize), b: (usize, usize)| {
+        ray_distance(
+            (&views[a.0], &frame[a.0][a.1]),
+            (&views[b.0], &frame[b.0][b.1]),
+        )
+    };
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for i in 0..all.len() {
+        for j in 0..i {
+            if all[i].0 != all[j].0
+                && let Some(d) = apart(all[i], all[j]).filter(|d| *d < AGREE)
+            {
+                pairs.push((d, i, j));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let linked = |i: usize, j: usize| {
+        pairs
+            .iter()
+            .any(|&(_, a, b)| (a, b) == (i.max(j), i.min(j)))
+    };
+    let mut group: Vec<usize> = (0..all.len()).collect();
+    for &(_, i, j) in &pairs {
+        let (a, b) = (group[i], group[j]);
+        if a == b {
+            continue;
+        }
+        let members = |g: usize| -> Vec<usize> {
+            let all = group.iter().enumerate();
+            all.filter(|&(_, own)| *own == g).map(|(k, _)| k).collect()
+        };
+        let (left, right) = (members(a), members(b));
+        if left
+            .iter()
+            .all(|&x| right.iter().all(|&y| all[x].0 != all[y].0 && linked(x, y)))
+        {
+            for k in right {
+                group[k] = a;
+            }
+        }
+    }
+    let mut out = Vec::new();
+    for g in 0..all.len() {
+        let members: Vec<_> = (0..all.len()).filter(|&k| group[k] == g).collect();
+        if members.len() >= 2 {
+            let mut chosen = vec![None; views.len()];
+            for k in members {
+                chosen[all[k].0] = Some(all[k].1);
+            }
+            out.push(chosen);
+        }
+    }
+    out
+}
+
+/// Median distance between the rays of two detections' joints, sides exchanged where that is nearer.
+fn ray_distance((va, a): (&View, &Sight), (vb, b): (&View, &Sight)) -> Option<f64> {
+    let of = |b: &Sight| {
+        let mut each: Vec<f64> = a
+            .rays
+            .iter()
+            .zip(&b.rays)
+            .filter_map(|(p, q)| {
+                Some(between(
+                    va.position,
+                    p.as_ref()?.direction,
+                    vb.position,
+                    q.as_ref()?.direction,
+                ))
+            })
+            .collect();
+        if each.len() < LEAST_SHARED {
+            return None;
+        }
+        each.sort_by(f64::total_cmp);
+        Some(each[each.len() / 2])
+    };
+    match (of(b), of(&mirrored(b))) {
+        (Some(x), Some(y)) => Some(x.min(y)),
+        (x, _) => x,
+    }
+}
+
+/// Whether joints are as far from each other as a body's.
+fn is_body(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> bool {
+    let (Some(neck), Some(r), Some(l)) = (joints[1], joints[8], joints[11]) else {
+        return false;
+    };
+    let trunk = neck.distance((r + l) / 2.0);
+    let lengths = BONES
+        .iter()
+        .filter_map(|&(a, b, most)| Some((joints[a]?.distance(joints[b]?), most)));
+    let (mut known, mut long) = (0, 0);
+    for (length, most) in lengths {
+        known += 1;
+        long += usize::from(length > most);
+    }
+    (TRUNK[0]..TRUNK[1]).contains(&trunk) && known >= 3 && 2 * long < known
+}
+
+/// The detection whose rays pass nearest to joints, sides exchanged where that is nearer; `None` where none is within reach.
+pub fn nearest_sight(
+    view: &View,
+    detections: &[Sight],
+    joints: &[DVec3; EVIDENCE_JOINTS],
+) -> Option<Sight> {
+    let known = joints.map(Some);
+    let each = detections.iter().filter_map(|sight| {
+        let mut sight = sight.clone();
+        exchange::follow(view, &mut sight, joints);
+        Some((mean_distance(view, &sight, &known)?, sight))
+    });
+    let near = each.filter(|(d, _)| *d < REACH);
+    near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, s)| s)
+}

@@ -1,0 +1,91 @@
+//! What one view saw of one person, as rays in the world.
+
+use glam::{DVec2, DVec3};
+
+use crate::camera::View;
+use crate::joints::{EVIDENCE_JOINTS, MIRROR};
+use crate::message::Observation;
+
+/// Confidence under which a joint is not seen.
+const LEAST_CONFIDENCE: f32 = 0.1;
+
+/// One joint in one view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Where it was seen, pixels of the picture as it is.
+    pub pixel: DVec2,
+    /// On the plane z = 1 in camera axes, the lens undone.
+    pub plane: DVec2,
+    /// Direction in the world.
+    pub direction: DVec3,
+    /// Confidence, 0–1.
+    pub confidence: f64,
+}
+
+/// One person in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sight {
+    /// The evidence joints; none where they were not seen.
+    pub rays: [Option<Ray>; EVIDENCE_JOINTS],
+}
+
+/// Limbs whose sides a detector exchanges: pairs of evidence joints, the right one first.
+pub const LIMB_PAIRS: [&[usize]; 4] = [&[2, 3, 4], &[8, 9, 10], &[3, 4], &[9, 10]];
+
+impl Sight {
+    /// An observation in `view`.
+    pub fn new(view: &View, seen: &Observation) -> Self {
+        let rays = seen.joints2d.map(|[u, v, confidence]| {
+            (confidence >= LEAST_CONFIDENCE).then(|| {
+                let pixel = DVec2::new(u.into(), v.into());
+                let plane = view
+                    .distortion
+                    .undistort((pixel - view.centre) / view.focal);
+                Ray {
+                    pixel,
+                    plane,
+                    direction: (view.rotation.transpose() * plane.extend(1.0)).normalize(),
+                    confidence: confidence.into(),
+                }
+            })
+        });
+        Self {
+            rays: rays.map(|r| r.filter(|r| r.plane.is_finite() && r.direction.is_finite())),
+        }
+    }
+
+    /// The same with the sides of some joints exchanged; `right` names the right ones.
+    pub fn exchanged(&self, right: &[usize]) -> Self {
+        let mut other = self.clone();
+        for &j in right {
+            other.rays.swap(j, MIRROR[j]);
+        }
+        other
+    }
+}
+
+/// Distance of a point from a ray, metres, the point's depth along it being positive.
+pub fn distance(origin: DVec3, direction: DVec3, point: DVec3) -> f64 {
+    let to = point - origin;
+    let along = to.dot(direction);
+    if along <= 0.0 {
+        to.length()
+    } else {
+        (to - along * direction).length()
+    }
+}
+
+/// Shortest distance between two rays, metres; behind either camera as far as the cameras are apart.
+pub fn between(a: DVec3, da: DVec3, b: DVec3, db: DVec3) -> f64 {
+    let (w, c) = (b - a, da.dot(db));
+    let scale = 1.0 - c * c;
+    if scale < 1e-9 {
+        return (w - w.dot(da) * da).length();
+    }
+    let s = (w.dot(da) - c * w.dot(db)) / scale;
+    let t = (c * w.dot(da) - w.dot(db)) / scale;
+    if s <= 0.0 || t <= 0.0 {
+        return w.length();
+    }
+    (a + s * da - b - t * db).length()
+}
