@@ -6,10 +6,10 @@ use std::path::Path;
 use super::read::Scene;
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
-use crate::joints::JOINT_NAMES;
+use crate::export::{Format, Take, encode};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, WorldState};
-use crate::multiview::{MultiviewFit, MultiviewReport, PersonFit, bodies, body_joints};
-use crate::npz::{self, Array};
+use crate::multiview::{MultiviewFit, MultiviewReport, bodies};
+use crate::npz::{self, Array, Values};
 use crate::output::AtomicFolder;
 use crate::record::{BodiesRow, Row};
 
@@ -79,14 +79,13 @@ pub fn run(
         std::fs::write(&path, bytes).map_err(|e| Failure::output(&out.join(name), &e).into())
     };
     put("bodies.npz", &arrays(fit)?)?;
-    put("bodies.jsonl", &lines(body, scene, fit, report)?)?;
+    let lines = lines(body, scene, fit, report)?;
+    put("bodies.jsonl", &lines)?;
+    let take = Take::read(&lines[..], "bodies.jsonl")?;
+    for (path, bytes) in encode(&take, Format::Trc, Path::new("joints.trc"))? {
+        put(&path.display().to_string(), &bytes)?;
+    }
     for person in &fit.people {
-        let name = if fit.people.len() == 1 {
-            "joints.trc".to_owned()
-        } else {
-            format!("joints_{}.trc", person.id)
-        };
-        put(&name, trc(body, person, scene.rate, &name).as_bytes())?;
         for f in &person.frames {
             let wanted = match chosen {
                 Chosen::All => true,
@@ -123,18 +122,19 @@ fn arrays(fit: &MultiviewFit) -> std::io::Result<Vec<u8>> {
             trans.extend(moved.as_vec3().to_array());
             width = person.betas.len();
             betas.extend(person.betas.iter().map(|b| *b as f32));
-            ids.push(person.id as f32);
-            frames.push(f.frame as f32);
+            ids.push(i64::from(person.id));
+            frames.push(f.frame as i64);
         }
     }
     let n = ids.len();
     let array = |name, shape, data| Array { name, shape, data };
+    let row = [n];
     npz::write(&[
-        array("poses", &[n, 72], &poses),
-        array("trans", &[n, 3], &trans),
-        array("betas", &[n, width], &betas),
-        array("ids", &[n], &ids),
-        array("frames", &[n], &frames),
+        array("poses", &[n, 72], Values::F32(&poses)),
+        array("trans", &[n, 3], Values::F32(&trans)),
+        array("betas", &[n, width], Values::F32(&betas)),
+        array("ids", &row, Values::I64(&ids)),
+        array("frames", &row, Values::I64(&frames)),
     ])
 }
 
@@ -170,35 +170,6 @@ fn lines(
         out.push(b'\n');
     }
     Ok(out)
-}
-
-/// Joints over time as biomechanics programs read them: millimetres, the calibration's axes.
-fn trc(body: &MeshBody, person: &PersonFit, rate: f64, name: &str) -> String {
-    let count = JOINT_NAMES.len();
-    let first = person.frames.first().map_or(0, |f| f.frame);
-    let mut text = format!(
-        "PathFileType\t4\t(X/Y/Z)\t{name}\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n\
-         {rate}\t{rate}\t{0}\t{count}\tmm\t{rate}\t{1}\t{0}\nFrame#\tTime\t",
-        person.frames.len(),
-        first + 1
-    );
-    for joint in JOINT_NAMES {
-        let _ = write!(text, "{joint}\t\t\t");
-    }
-    text.push_str("\n\t\t");
-    for k in 1..=count {
-        let _ = write!(text, "X{k}\tY{k}\tZ{k}\t");
-    }
-    text.push_str("\n\n");
-    for f in &person.frames {
-        let _ = write!(text, "{}\t{:.6}", f.frame + 1, f.frame as f64 / rate);
-        for p in body_joints(body, &f.body.posed) {
-            let p = p * 1e3;
-            let _ = write!(text, "\t{:.2}\t{:.2}\t{:.2}", p.x, p.y, p.z);
-        }
-        text.push('\n');
-    }
-    text
 }
 
 fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {
