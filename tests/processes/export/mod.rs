@@ -1,15 +1,18 @@
 //! `edgecap export`: every format is read back by a reader that shares nothing with its writer.
 
+mod bvh;
+
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations, rotation_vector};
-use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PARENTS, PELVIS};
+use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::message::{Body, BodyFrame, BodyState, Intrinsics, JointState, World, WorldState};
 use edgecap::record::{BodiesRow, Format, RecordWriter};
 use glam::{DQuat, DVec3};
 
+use self::bvh::Bvh;
 use crate::program::{assert_fails, output, stderr};
 
 const FRAMES: usize = 60;
@@ -143,102 +146,6 @@ fn joint_of(name: &str) -> usize {
         other => panic!("a node {other}"),
     };
     JOINT_NAMES.iter().position(|n| *n == joint).unwrap()
-}
-
-/// A BVH file, read by the format's description: matrices multiplied in the order of the channels.
-struct Bvh {
-    nodes: Vec<BvhNode>,
-    step: f64,
-    rows: Vec<Vec<f64>>,
-}
-
-struct BvhNode {
-    name: String,
-    parent: Option<usize>,
-    offset: DVec3,
-    channels: Vec<String>,
-}
-
-impl Bvh {
-    fn read(text: &str) -> Self {
-        let (hierarchy, motion) = text.split_once("MOTION").unwrap();
-        let mut nodes: Vec<BvhNode> = Vec::new();
-        let mut open: Vec<usize> = Vec::new();
-        let mut words = hierarchy.split_whitespace();
-        assert_eq!(words.next(), Some("HIERARCHY"));
-        while let Some(word) = words.next() {
-            match word {
-                "ROOT" | "JOINT" | "End" => {
-                    let mut name = words.next().unwrap().to_owned();
-                    if word == "End" {
-                        name = format!("{} end", nodes[*open.last().unwrap()].name);
-                    }
-                    nodes.push(BvhNode {
-                        name,
-                        parent: open.last().copied(),
-                        offset: DVec3::ZERO,
-                        channels: Vec::new(),
-                    });
-                }
-                "{" => open.push(nodes.len() - 1),
-                "}" => drop(open.pop().unwrap()),
-                "OFFSET" => {
-                    let node = nodes.last_mut().unwrap();
-                    node.offset = DVec3::from_array([(); 3].map(|()| number(&mut words)));
-                }
-                "CHANNELS" => {
-                    let n = words.next().unwrap().parse().unwrap();
-                    let node = nodes.last_mut().unwrap();
-                    node.channels = words.by_ref().take(n).map(ToOwned::to_owned).collect();
-                }
-                other => panic!("{other} in the hierarchy"),
-            }
-        }
-        assert!(open.is_empty());
-        let mut lines = motion.trim().lines();
-        let value = |line: &str| line.rsplit(' ').next().unwrap().parse::<f64>().unwrap();
-        let frames = value(lines.next().unwrap()) as usize;
-        let step = value(lines.next().unwrap());
-        let rows: Vec<Vec<f64>> = lines
-            .map(|l| l.split(' ').map(|n| n.parse().unwrap()).collect())
-            .collect();
-        assert_eq!(rows.len(), frames);
-        Self { nodes, step, rows }
-    }
-
-    /// Every node's place in a frame, metres.
-    fn places(&self, frame: usize) -> Vec<(String, DVec3)> {
-        let mut values = self.rows[frame].iter().copied();
-        let mut found: Vec<(DQuat, DVec3)> = Vec::new();
-        for node in &self.nodes {
-            let (turn, at) = match node.parent {
-                Some(p) => found[p],
-                None => (DQuat::IDENTITY, DVec3::ZERO),
-            };
-            let (mut own, mut moved) = (DQuat::IDENTITY, node.offset);
-            for channel in &node.channels {
-                let value = values.next().unwrap();
-                let angle = value.to_radians();
-                match channel.as_str() {
-                    "Xposition" => moved.x += value,
-                    "Yposition" => moved.y += value,
-                    "Zposition" => moved.z += value,
-                    "Xrotation" => own *= DQuat::from_rotation_x(angle),
-                    "Yrotation" => own *= DQuat::from_rotation_y(angle),
-                    "Zrotation" => own *= DQuat::from_rotation_z(angle),
-                    other => panic!("a channel {other}"),
-                }
-            }
-            found.push((turn * own, at + turn * moved));
-        }
-        assert_eq!(values.next(), None);
-        let names = self.nodes.iter().map(|n| n.name.clone());
-        names.zip(found.iter().map(|(_, at)| *at / 100.0)).collect()
-    }
-}
-
-fn number<'a>(words: &mut impl Iterator<Item = &'a str>) -> f64 {
-    words.next().unwrap().parse().unwrap()
 }
 
 /// Holds named places against the truth: all 21 joints, each within a millimetre.
@@ -439,7 +346,6 @@ fn trc_csv_and_npz_hold_the_joints() {
     let frames = archive.numbers("frame").unwrap().unwrap();
     assert_eq!(frames.data[59], 159.0);
     assert_eq!(archive.numbers("person").unwrap().unwrap().data, [3.0, 7.0]);
-    assert!(PARENTS.len() == BODY_JOINTS);
 }
 
 #[test]
@@ -479,7 +385,7 @@ fn a_plot_has_a_line_for_each_person_in_each_panel() {
 /// The page on bodies says how joints come of angles and lengths: its Python does what it says.
 #[test]
 fn the_python_of_the_page_on_bodies_gives_the_joints() {
-    let page = include_str!("../../docs/body.md");
+    let page = include_str!("../../../docs/body.md");
     let code = page.split("```python\n").nth(1).unwrap();
     let code = code.split("```").next().unwrap();
     let body = body(3, 42);
