@@ -60,6 +60,7 @@ impl StatusFile {
             let pid = std::process::id();
             let path = place::runtime_dir().join(format!("status-{pid}.json"));
             let started = started(pid).unwrap_or(0);
+            remove_dead(&place::runtime_dir());
             loop {
                 let status = Status {
                     pid,
@@ -198,6 +199,16 @@ fn running() -> Vec<Status> {
     all
 }
 
+/// Removes the files of runs that were killed.
+fn remove_dead(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if read(&path).is_some_and(|status| started(status.pid) != Some(status.started)) {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
 /// Where runs that this user may see have their files.
 fn folders() -> Vec<PathBuf> {
     place::reading_dirs()
@@ -234,4 +245,31 @@ fn now() -> f64 {
     SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
         .map_or(0.0, |t| t.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_killed_runs_are_removed_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let pid = std::process::id();
+        let mut status = Status {
+            pid,
+            started: started(pid).unwrap(),
+            build: String::new(),
+            written: 0.0,
+            cameras: Vec::new(),
+        };
+        let [alive, dead, other] =
+            ["status-1.json", "status-2.json", "other.json"].map(|name| folder.path().join(name));
+        fs::write(&alive, serde_json::to_vec(&status).unwrap()).unwrap();
+        status.started += 1;
+        fs::write(&dead, serde_json::to_vec(&status).unwrap()).unwrap();
+        fs::write(&other, "{}").unwrap();
+        remove_dead(folder.path());
+        assert!(alive.exists() && other.exists());
+        assert!(!dead.exists());
+    }
 }
