@@ -1,7 +1,7 @@
 //! Several calibrated views go in, bodies with a shape, a pose and a mesh come out, frame by frame and smooth over time.
 //!
-//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): [`people`] tells who is who,
-//! [`stage_one`] fits every frame, [`stage_two`] holds the shape and makes paths of few cosines. World axes are those of the
+//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): `people` tells who is who,
+//! `stage_one` fits every frame, `stage_two` holds the shape and makes paths of few cosines. World axes are those of the
 //! calibration, metres.
 
 mod agreement;

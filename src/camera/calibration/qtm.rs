@@ -3,12 +3,12 @@
 //! Pixels are counted in 1/64, positions in millimetres; the rows of the rotation are the camera's axes in the world, x right,
 //! y up, z backward. Distortion coefficients are unscaled and those of OpenCV.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 use roxmltree::{Document, Node};
 
 use super::SUBPIXELS;
-use super::parts::proper;
-use crate::camera::{Brown, CameraError, View};
+use super::parts::{Parts, proper};
+use crate::camera::{CameraError, View};
 
 /// Reads the text of a calibration; `name` is for errors.
 ///
@@ -53,8 +53,8 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
         part("transform")?,
         part("fov_video_max")?,
     );
-    let lens = |u: &str, v: &str| -> Result<DVec2, String> {
-        Ok(DVec2::new(number(inner, u)?, number(inner, v)?) / SUBPIXELS)
+    let lens = |u: &str, v: &str| -> Result<[f64; 2], String> {
+        Ok([number(inner, u)? / SUBPIXELS, number(inner, v)? / SUBPIXELS])
     };
     let row = |k: usize| -> Result<DVec3, String> {
         Ok(DVec3::new(
@@ -70,37 +70,35 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
             "camera {name} turned by viewrotation=\"{turned}\": its numbers are those of pictures lying on their side; export the calibration with views not turned"
         ));
     }
-    let pixels = |first: &str, last: &str| -> Result<u32, String> {
-        Ok((number(picture, last)? - number(picture, first)? + 1.0) as u32)
+    let pixels = |first: &str, last: &str| -> Result<f64, String> {
+        Ok(number(picture, last)? - number(picture, first)? + 1.0)
     };
     let millimetres = DVec3::new(
         number(outer, "x")?,
         number(outer, "y")?,
         number(outer, "z")?,
     );
-    Ok(View {
-        name: name.to_owned(),
+    Parts {
+        name,
         size: [pixels("left", "right")?, pixels("top", "bottom")?],
         focal: lens("focalLengthU", "focalLengthV")?,
         centre: lens("centerPointU", "centerPointV")?,
-        distortion: Brown {
-            radial: [
-                number(inner, "radialDistortion1")?,
-                number(inner, "radialDistortion2")?,
-                0.0,
-            ],
-            tangential: [
-                number(inner, "tangentalDistortion1")?,
-                number(inner, "tangentalDistortion2")?,
-            ],
-        },
+        distortion: &[
+            number(inner, "radialDistortion1")?,
+            number(inner, "radialDistortion2")?,
+            number(inner, "tangentalDistortion1")?,
+            number(inner, "tangentalDistortion2")?,
+        ],
         rotation,
-        position: millimetres * 1e-3,
-    })
+        translation: -(rotation * millimetres) * 1e-3,
+    }
+    .view()
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
 
     const ONE: &str = r#"<?xml version='1.0' encoding='ASCII'?><calibration><cameras>
@@ -110,6 +108,21 @@ mod tests {
         <intrinsic centerPointU="34816" centerPointV="61440" focalLengthU="107520" focalLengthV="107520"
           radialDistortion1="0" radialDistortion2="0" tangentalDistortion1="0" tangentalDistortion2="0"/>
         </camera></cameras></calibration>"#;
+
+    #[test]
+    fn pictures_that_no_camera_takes_are_refused() {
+        let wide = ONE.replace("right=\"1087\"", "right=\"214748364879\"");
+        let e = read_qtm(&wide, "one").unwrap_err().to_string();
+        assert!(
+            e.contains("cam01 with pictures of 214748364880x1920"),
+            "{e}"
+        );
+        let e = read_qtm(
+            &ONE.replace("focalLengthU=\"107520\"", "focalLengthU=\"-1\""),
+            "one",
+        );
+        assert!(e.unwrap_err().to_string().contains("focal lengths"));
+    }
 
     #[test]
     fn a_camera_looks_at_what_is_in_front_of_it() {
