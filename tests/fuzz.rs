@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use rand::rngs::SmallRng;
 use rand::seq::IndexedRandom;
 use rand::{Rng, SeedableRng};
+use rayon::prelude::*;
 use targets::TARGETS;
 
 /// Damaged inputs per seed.
@@ -123,7 +124,7 @@ each!(mp4);
 #[test]
 #[ignore = "long: half a minute a target"]
 fn long_damage() {
-    for (name, target) in TARGETS {
+    TARGETS.par_iter().for_each(|(name, target)| {
         let whole = seeds::seeds(name);
         let start = std::time::Instant::now();
         for k in DAMAGED.. {
@@ -135,7 +136,7 @@ fn long_damage() {
             damage(&mut bytes, &mut rng);
             check(*target, &format!("{name}, damage {k}"), &bytes);
         }
-    }
+    });
 }
 
 /// Seeds that are refused at once would test nothing.
