@@ -24,7 +24,7 @@ use edgecap::message::BodyFrame;
 use edgecap_client::Subscriber;
 
 /// How long the next body may take on any machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(20);
 /// Beyond this a kill counts as late.
 const LATE: Duration = Duration::from_secs(2);
 

@@ -122,12 +122,15 @@ fn long_frames_without_end() {
             after.1 * 100 <= before.1 * 101 + 100 * 512,
             "memory grows by more than 1 % (and half a megabyte): {before:?}, {after:?}"
         );
-        // One more may be open for a moment: a file that is read, a client that asks.
-        assert!(
-            after.2 <= before.2 + 4,
-            "descriptors: {before:?}, {after:?}"
-        );
     }
+    // For a moment one more may be open: a leak stays.
+    let more = |held: &[(u32, u64, usize)]| held.iter().zip(&before).any(|(a, b)| a.2 > b.2);
+    let (resting, mut held) = (Instant::now(), after);
+    while more(&held) && resting.elapsed() < Duration::from_secs(10) {
+        std::thread::sleep(Duration::from_millis(100));
+        held = measure();
+    }
+    assert!(!more(&held), "descriptors: {before:?}, {held:?}");
     // Every picture was observed or is a gap, every observation has a body: but for those on their way, and what waited for
     // more than 16 messages while others had the machine.
     assert!(written <= observed.span() + 32, "{written} of {observed:?}");
