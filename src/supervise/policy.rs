@@ -29,7 +29,7 @@ const OWN_STOP: Duration = Duration::from_millis(500);
 
 /// One death is forgotten for so long a life.
 const FORGOTTEN_AFTER: Duration = Duration::from_millis(500);
-/// So many deaths at once are no reason to wait.
+/// So many deaths at once are no reason to wait, and more are not held against a child that has worked since.
 const FREE_DEATHS: f64 = 2.0;
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
@@ -114,6 +114,9 @@ impl Policy {
             ..
         } = &mut self.state
         {
+            if kind == Beat::Step {
+                self.deaths = self.deaths.min(FREE_DEATHS);
+            }
             if !*opening {
                 *longest = (*longest).max(now - *beat);
             }
@@ -124,7 +127,7 @@ impl Policy {
     }
 
     /// It has ended, and is to be started again: at once where it lived, after a pause that doubles where it dies again and
-    /// again within half a second.
+    /// again within half a second without any work done, and after the first pause at most where it worked.
     pub fn restart(&mut self, now: Instant) {
         if let State::Running { since, .. } = self.state {
             let lived = (now - since).div_duration_f64(FORGOTTEN_AFTER);
@@ -329,6 +332,26 @@ mod tests {
             policy.restart(now);
             let again = watch(&mut policy, now, 20_000, None, Activity::Busy);
             assert_eq!(again, Some((Verdict::Start, 0)));
+        }
+    }
+
+    #[test]
+    fn who_works_for_a_moment_and_dies_again_and_again_is_back_at_once() {
+        let mut now = Instant::now();
+        let mut policy = Policy::new(now);
+        for _ in 0..100 {
+            for (lived, works) in [(250, true), (50, false)] {
+                policy.started(now);
+                now += ms(lived);
+                if works {
+                    policy.beat(now, Beat::Step);
+                }
+                policy.restart(now);
+                let (verdict, pause) = watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
+                assert_eq!(verdict, Verdict::Start);
+                assert!(pause <= 200, "{pause} ms");
+                now += ms(pause);
+            }
         }
     }
 
