@@ -9,6 +9,7 @@ pub mod assignment;
 pub mod body;
 pub mod bounded;
 pub mod bridge;
+pub mod calibrate;
 pub mod camera;
 pub mod capture;
 pub mod commands;

@@ -33,6 +33,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         "multiview",
         &["assignment", "body", "camera", "npz", "solve"],
     ),
+    ("calibrate", &["body", "camera", "multiview"]),
     ("record", &["output"]),
     (
         "sink",

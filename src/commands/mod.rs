@@ -9,6 +9,7 @@
 mod bench;
 mod bridge;
 mod bridges;
+mod calibrate;
 mod config;
 mod doctor;
 mod eval;
@@ -38,6 +39,7 @@ pub mod synth;
 mod table;
 mod tally;
 mod view;
+mod view_file;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -83,6 +85,8 @@ enum Verb {
     Plot(export::PlotArgs),
     /// What several calibrated cameras saw in, bodies with shape and mesh out
     Multiview(Box<multiview::MultiviewArgs>),
+    /// Find where several cameras stand by people who walk before them
+    Calibrate(calibrate::CalibrateArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
     /// Measure predictions against ground truth
@@ -132,6 +136,7 @@ pub fn main() -> u8 {
         Verb::Export(args) => export::export(args),
         Verb::Plot(args) => export::plot(args),
         Verb::Multiview(args) => multiview::multiview(*args),
+        Verb::Calibrate(args) => calibrate::calibrate(args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

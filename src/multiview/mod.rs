@@ -27,5 +27,6 @@ pub use points::{all as body_joints, evidence as evidence_joints};
 pub use prior::PosePrior;
 pub use publish::bodies;
 pub use report::{MultiviewReport, Observed, PersonReport, ViewReport, report, stature};
-pub use sight::{Ray, Sight};
+pub use sight::{Ray, Sight, distance};
 pub use stage_one::Moment;
+pub use triangulate::{Joints3d, triangulate};

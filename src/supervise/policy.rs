@@ -347,7 +347,8 @@ mod tests {
                     policy.beat(now, Beat::Step);
                 }
                 policy.restart(now);
-                let (verdict, pause) = watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
+                let (verdict, pause) =
+                    watch(&mut policy, now, 20_000, None, Activity::Busy).unwrap();
                 assert_eq!(verdict, Verdict::Start);
                 assert!(pause <= 200, "{pause} ms");
                 now += ms(pause);

@@ -24,7 +24,7 @@ use crate::scene::gauss;
 const RATE: f64 = 30.0;
 
 /// Cameras round the origin, 4.2 m away and 1.6 m high; the world's y points up.
-fn ring(count: usize) -> Vec<View> {
+pub fn ring(count: usize) -> Vec<View> {
     [0.0, 120.0, 240.0, 60.0, 300.0, 180.0f64][..count]
         .iter()
         .map(|degrees| {
@@ -312,7 +312,7 @@ fn everyone_keeps_their_identity() {
 }
 
 /// Calibration and records of `frames` frames of one person, as files.
-fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
+pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
     let (views, truth) = (ring(count), person(frames, 5, DVec3::ZERO));
     std::fs::write(folder.join("Calib.toml"), write_pose2sim(&views)).unwrap();
     let seen = observe(&views, std::slice::from_ref(&truth), DETECTOR, 5);

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::program::{self, edgecap};
+use crate::program::{self, edgecap, stdout};
 
 const SAMPLE: &str = include_str!("../../deploy/edgecap.toml");
 
@@ -14,10 +14,6 @@ fn config(verb: &str, text: &str, more: &[&str]) -> Output {
     std::fs::write(&file, text).unwrap();
     let config = ["config", verb, "--config", file.to_str().unwrap()];
     edgecap().args(config).args(more).output().unwrap()
-}
-
-fn stdout(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stdout).into_owned()
 }
 
 /// The sample with everything that is commented out switched on.

@@ -159,7 +159,9 @@ fn long_whatever_dies_is_back() {
         }
         let body = next_body(&bodies, from, began);
         if body > LATE {
-            println!("kill {kill}: {victim:?} {how}, early {early}, after {wait:.0?}: next body after {body:.2?}");
+            println!(
+                "kill {kill}: {victim:?} {how}, early {early}, after {wait:.0?}: next body after {body:.2?}"
+            );
         }
         times.entry((victim, how)).or_default().push(body);
         let run = watched.run.pid();

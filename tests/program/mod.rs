@@ -35,6 +35,11 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// What it wrote to standard output.
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
 /// Asserts one clear line and the exit code.
 pub fn assert_fails(args: &[&str], code: i32, words: &[&str]) {
     let out = output(args);

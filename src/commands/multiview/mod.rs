@@ -46,7 +46,11 @@ pub struct MultiviewArgs {
     pub out: PathBuf,
 }
 
-fn rate(text: &str) -> Result<f64, String> {
+/// Reads a rate.
+///
+/// # Errors
+/// One line for anything that is none.
+pub(super) fn rate(text: &str) -> Result<f64, String> {
     let rate = text
         .parse()
         .map_err(|_| "expected frames a second, such as 30".to_owned())?;

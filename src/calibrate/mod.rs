@@ -1,0 +1,344 @@
+//! Cameras that nobody measured: lenses and what every view saw of people who walk about go in, the cameras' places and
+//! directions come out, in metres, on the floor.
+//!
+//! `relative` tells two views' places from points that both saw, `resect` adds a view to points in known places, `bundle` moves
+//! all together, `world` finds size and floor by the people themselves. Sides that a detector exchanged are healed by
+//! [`track`] in between.
+
+mod bundle;
+mod pose;
+mod relative;
+mod resect;
+mod rig;
+mod world;
+
+use crate::camera::View;
+use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS};
+use crate::multiview::{Detections, Sight, Track, distance, track, triangulate};
+use bundle::{Seen, bundle};
+use pose::Pose;
+
+/// Every so many moments one is kept apart, to measure by.
+const HELD_OUT: usize = 5;
+/// How far a view may be off before it counts little, metres at the person, from round to round.
+const SIGMAS: [f64; 4] = [0.15, 0.1, 0.06, 0.06];
+/// What is further off than this is another joint, or another person; metres.
+const FAR: f64 = 0.2;
+/// A ray so far from its joint agrees by half, metres.
+const CLOSE: f64 = 0.05;
+/// Frames in which two views saw somebody, at least.
+const LEAST_FRAMES: usize = 20;
+
+/// What gives the room its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// Height of the tallest of those who are seen often, metres.
+    Stature(f64),
+    /// Distance between two cameras, by number, metres.
+    Distance(usize, usize, f64),
+}
+
+/// How well one view agrees.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct ViewQuality {
+    /// The camera.
+    pub name: String,
+    /// Frames of people in which it took part.
+    pub sights: usize,
+    /// Root mean square of what joints are off, pixels; frames that were used.
+    pub rms_px: f64,
+    /// The same in frames that were not used.
+    pub held_out_rms_px: f64,
+    /// Joints left out of both because they were further off than 0.2 m at the person, %.
+    pub far_percent: f64,
+    /// Height of the camera above the floor, metres.
+    pub height_m: f64,
+}
+
+/// A calibrated room.
+#[derive(Debug, Clone)]
+pub struct Room {
+    /// The cameras. World axes: z up, the floor at 0, the origin below where people were, y towards the first camera; metres.
+    pub views: Vec<View>,
+    /// How well each agrees.
+    pub quality: Vec<ViewQuality>,
+    /// Height of the tallest of those who are seen often, metres.
+    pub stature: f64,
+    /// Whether feet told the floor's slope; else it is level as people hold themselves upright.
+    pub floor_by_feet: bool,
+}
+
+/// Why there is no room.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum CalibrateError {
+    /// Too little was seen.
+    #[error(
+        "expected a person in at least {LEAST_FRAMES} frames of two views, found {0}; let one person walk through what all cameras see"
+    )]
+    Nobody(usize),
+    /// No two views agree.
+    #[error(
+        "expected two views whose sights of a person go together, found none; check that the files are of one moment and the lenses theirs"
+    )]
+    NoPair,
+    /// A view cannot be placed.
+    #[error(
+        "expected camera {0} to see somebody whom two placed cameras see at the same time, found too little; leave the view out, or record again"
+    )]
+    NotLinked(String),
+    /// Cameras came out below the floor.
+    #[error(
+        "expected cameras above the floor, found {0} {1:.2} m below it; people must stand or walk, feet in view"
+    )]
+    UnderFloor(String, f64),
+    /// People's size cannot be told.
+    #[error(
+        "expected people seen from head to ankles, found none; step back, or lower the cameras"
+    )]
+    NoSize,
+}
+
+/// Finds the cameras. `lenses` are views whose place and direction say nothing yet; `frames` what each saw, frame by frame, made
+/// by [`Sight::new`] with any pose; `rate` frames a second.
+///
+/// # Errors
+/// [`CalibrateError`]: what was missing.
+pub fn calibrate(
+    lenses: &[View],
+    frames: &[Vec<Detections>],
+    rate: f64,
+    scale: Scale,
+) -> Result<Room, CalibrateError> {
+    let settle = |mut cameras: Vec<Pose>| {
+        for sigma in SIGMAS {
+            let tracks = people(lenses, &cameras, frames, rate)?;
+            refine(&mut cameras, &tracks, sigma);
+            let size = size(lenses, &cameras, &tracks)?;
+            rescale(&mut cameras, 1.0 / size);
+        }
+        let tracks = people(lenses, &cameras, frames, rate)?;
+        let worth = agreement(&placed(lenses, &cameras), &tracks);
+        Ok((worth, cameras, tracks))
+    };
+    let mut failure = None;
+    let mut answers = Vec::new();
+    for start in rig::assemble(lenses, frames, rate)? {
+        match settle(start) {
+            Ok(answer) => answers.push(answer),
+            Err(e) => failure = Some(e),
+        }
+    }
+    answers.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // An answer that stands on its head is none, however well rays meet.
+    let mut first = failure;
+    for (k, (_, cameras, tracks)) in answers.into_iter().enumerate() {
+        match stand(lenses, cameras, &tracks, scale) {
+            Ok(room) => return Ok(room),
+            Err(e) if k == 0 => first = Some(e),
+            Err(_) => {}
+        }
+    }
+    Err(first.unwrap_or(CalibrateError::NoPair))
+}
+
+/// Brings cameras to the floor and to the room's size.
+fn stand(
+    lenses: &[View],
+    mut cameras: Vec<Pose>,
+    tracks: &[Track],
+    scale: Scale,
+) -> Result<Room, CalibrateError> {
+    let factor = match scale {
+        Scale::Stature(s) => s / f64::from(CANONICAL_STATURE),
+        Scale::Distance(a, b, apart) => {
+            apart / cameras[a].position.distance(cameras[b].position).max(1e-9)
+        }
+    };
+    rescale(&mut cameras, factor);
+    let stature = factor * f64::from(CANONICAL_STATURE);
+    let joints: Vec<world::Joints> = tracks
+        .iter()
+        .flat_map(|t| joints(lenses, &cameras, t))
+        .collect();
+    let floor = world::floor(&joints, stature).ok_or(CalibrateError::NoSize)?;
+    let cameras = world::upright(&cameras, &floor).ok_or(CalibrateError::NoSize)?;
+    let views = placed(lenses, &cameras);
+    if let Some(v) = views.iter().find(|v| v.position.z < 0.0) {
+        return Err(CalibrateError::UnderFloor(v.name.clone(), -v.position.z));
+    }
+    let quality = quality(&views, tracks);
+    Ok(Room {
+        views,
+        quality,
+        stature,
+        floor_by_feet: floor.by_feet,
+    })
+}
+
+fn placed(lenses: &[View], cameras: &[Pose]) -> Vec<View> {
+    let each = lenses.iter().zip(cameras);
+    each.map(|(lens, pose)| View {
+        rotation: pose.rotation,
+        position: pose.position,
+        ..lens.clone()
+    })
+    .collect()
+}
+
+fn turned(view: &View, sight: &Sight) -> Sight {
+    let mut sight = sight.clone();
+    for ray in sight.rays.iter_mut().flatten() {
+        ray.direction = (view.rotation.transpose() * ray.plane.extend(1.0)).normalize();
+    }
+    sight
+}
+
+/// Who is who, by cameras that are about right; whoever is seen most first.
+fn people(
+    lenses: &[View],
+    cameras: &[Pose],
+    frames: &[Vec<Detections>],
+    rate: f64,
+) -> Result<Vec<Track>, CalibrateError> {
+    let views = placed(lenses, cameras);
+    let one = |(view, all): (&View, &Detections)| all.iter().map(|s| turned(view, s)).collect();
+    let frames: Vec<Vec<Detections>> = frames
+        .iter()
+        .map(|frame| views.iter().zip(frame).map(one).collect())
+        .collect();
+    let mut tracks = track(&views, &frames, rate);
+    tracks.sort_by_key(|t| std::cmp::Reverse(t.moments.len()));
+    let seen: usize = tracks.iter().map(|t| t.moments.len()).sum();
+    if seen < LEAST_FRAMES {
+        return Err(CalibrateError::Nobody(seen));
+    }
+    Ok(tracks)
+}
+
+/// Joints of one person by these cameras, frame by frame.
+fn joints(lenses: &[View], cameras: &[Pose], track: &Track) -> Vec<world::Joints> {
+    let views = placed(lenses, cameras);
+    let all = track.moments.iter().map(|(_, moment)| {
+        let sights: Vec<Option<Sight>> = views
+            .iter()
+            .zip(&moment.sights)
+            .map(|(view, s)| s.as_ref().map(|s| turned(view, s)))
+            .collect();
+        triangulate(
+            &views,
+            &sights.iter().map(Option::as_ref).collect::<Vec<_>>(),
+        )
+        .points
+    });
+    all.collect()
+}
+
+/// Size of the tallest of those who are seen often, as a share of the canonical one.
+fn size(lenses: &[View], cameras: &[Pose], tracks: &[Track]) -> Result<f64, CalibrateError> {
+    let most = tracks.iter().map(|t| t.moments.len()).max().unwrap_or(0);
+    let often = tracks.iter().filter(|t| 2 * t.moments.len() >= most);
+    let sizes = often.filter_map(|t| world::size(&joints(lenses, cameras, t)));
+    sizes.max_by(f64::total_cmp).ok_or(CalibrateError::NoSize)
+}
+
+fn rescale(cameras: &mut [Pose], factor: f64) {
+    let first = cameras[0].position;
+    for c in cameras {
+        c.position = first + factor * (c.position - first);
+    }
+}
+
+/// Moves the cameras so that views agree on everyone's joints.
+fn refine(cameras: &mut Vec<Pose>, tracks: &[Track], sigma: f64) {
+    let (mut seen, mut points) = (Vec::new(), Vec::new());
+    let moments = tracks.iter().flat_map(|t| t.moments.iter().enumerate());
+    for (_, (_, moment)) in moments.filter(|(k, _)| k % HELD_OUT != 0) {
+        for j in 0..EVIDENCE_JOINTS {
+            let rays = moment.sights.iter().enumerate();
+            let of_joint = rays.filter_map(|(camera, s)| {
+                let ray = s.as_ref()?.rays[j]?;
+                Some(Seen {
+                    camera,
+                    point: points.len(),
+                    plane: ray.plane,
+                    weight: ray.confidence,
+                })
+            });
+            let of_joint: Vec<Seen> = of_joint.collect();
+            let start = moment.joints[j].or_else(|| bundle::meeting(cameras, &of_joint));
+            if let Some(start) = start.filter(|_| of_joint.len() > 1) {
+                points.push(start);
+                seen.extend(of_joint);
+            }
+        }
+    }
+    bundle(cameras, &mut points, &seen, sigma);
+}
+
+/// How many rays go through the joints that they are of, each from 0 to 1.
+fn agreement(views: &[View], tracks: &[Track]) -> f64 {
+    let mut sum = 0.0;
+    for (_, moment) in tracks.iter().flat_map(|t| &t.moments) {
+        for (view, sight) in views.iter().zip(&moment.sights) {
+            let rays = sight.iter().flat_map(|s| s.rays.iter().zip(&moment.joints));
+            for (ray, joint) in rays {
+                if let (Some(ray), Some(joint)) = (ray, joint) {
+                    let direction = view.rotation.transpose() * ray.plane.extend(1.0).normalize();
+                    let off = distance(view.position, direction, *joint) / CLOSE;
+                    sum += 1.0 / (1.0 + off * off);
+                }
+            }
+        }
+    }
+    sum
+}
+
+fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
+    let mut sums = vec![[(0.0, 0.0); 2]; views.len()];
+    let (mut far, mut sights) = (vec![0.0; views.len()], vec![0; views.len()]);
+    for (k, (_, moment)) in tracks.iter().flat_map(|t| t.moments.iter().enumerate()) {
+        let turned: Vec<Option<Sight>> = views
+            .iter()
+            .zip(&moment.sights)
+            .map(|(view, s)| s.as_ref().map(|s| turned(view, s)))
+            .collect();
+        let refs: Vec<Option<&Sight>> = turned.iter().map(Option::as_ref).collect();
+        let found = triangulate(views, &refs);
+        for (v, (view, sight)) in views.iter().zip(&turned).enumerate() {
+            let Some(sight) = sight else { continue };
+            sights[v] += 1;
+            for (ray, point) in sight.rays.iter().zip(found.points) {
+                let (Some(ray), Some(point)) = (ray, point) else {
+                    continue;
+                };
+                let Some(pixel) = view.project(point) else {
+                    continue;
+                };
+                let off = pixel.distance(ray.pixel);
+                if off * view.to_camera(point).z / view.focal.y > FAR {
+                    far[v] += 1.0;
+                } else {
+                    let (sum, count) = &mut sums[v][usize::from(k % HELD_OUT == 0)];
+                    *sum += off * off;
+                    *count += 1.0;
+                }
+            }
+        }
+    }
+    let one = |(v, view): (usize, &View)| {
+        let [used, held] = sums[v].map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt());
+        let count = sums[v].iter().map(|s| s.1).sum::<f64>() + far[v];
+        ViewQuality {
+            name: view.name.clone(),
+            sights: sights[v],
+            rms_px: used,
+            held_out_rms_px: held,
+            far_percent: 100.0 * far[v] / count.max(1.0),
+            height_m: view.position.z,
+        }
+    };
+    views.iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,238 @@
+//! Two views without known places: points that both saw go in, the second camera's direction and place relative to the first
+//! come out, up to scale. Eight-point algorithm (Hartley 1997) on random samples, outliers among them or not.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen};
+use rand::Rng;
+use rand::rngs::SmallRng;
+
+use super::pose::Pose;
+
+const SAMPLES: usize = 800;
+const SAMPLE: usize = 8;
+/// Groups that a sample is taken of.
+const GROUPS: usize = 3;
+/// Guesses that are refined.
+const FINALISTS: usize = 40;
+/// Answers that are kept, and how far they are from each other, radians.
+const MOST_ANSWERS: usize = 3;
+const DIFFERENT: f64 = 0.3;
+/// Rounds in which all points are weighed and used.
+const REFINEMENTS: usize = 5;
+/// Points of either view in front of both cameras that a reading must have.
+const IN_FRONT: f64 = 0.75;
+
+/// The second of two cameras, the first being at the origin along its axes.
+#[derive(Debug, Clone)]
+pub struct Relative {
+    /// Its place, one unit away.
+    pub pose: Pose,
+    /// Share of the points that agree.
+    pub agreeing: f64,
+    /// Median angle between the rays of points that agree, radians.
+    pub angle: f64,
+}
+
+/// A point on the planes z = 1 of both.
+pub type Pair = (DVec2, DVec2);
+
+/// Finds it from what both saw, one group of points for every two figures that may be the same person; `sigma` is how exact
+/// points are. People far away look alike from the front and from behind, so there may be several answers: the best first,
+/// none where too few points agree.
+pub fn relative(groups: &[Vec<Pair>], sigma: f64, random: &mut SmallRng) -> Vec<Relative> {
+    let pairs: Vec<Pair> = groups.iter().flatten().copied().collect();
+    if pairs.len() < 4 * SAMPLE {
+        return Vec::new();
+    }
+    let cost = |e: &DMat3| -> f64 {
+        let each = pairs
+            .iter()
+            .map(|p| (sampson(e, p) / (sigma * sigma)).min(1.0));
+        each.sum()
+    };
+    let mut all: Vec<(f64, DMat3)> = (0..SAMPLES)
+        .filter_map(|_| {
+            let sample = sample::<_, SAMPLE>(groups, random);
+            let e = eight_points(sample.iter().map(|p| (p, 1.0)))?;
+            Some((cost(&e), e))
+        })
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.truncate(FINALISTS);
+    let mut found: Vec<(f64, Relative)> = Vec::new();
+    for (_, mut e) in all {
+        let mut least = cost(&e);
+        for _ in 0..REFINEMENTS {
+            let weight = |p: &Pair| {
+                let w = 1.0 / (1.0 + sampson(&e, p) / (sigma * sigma));
+                w * w
+            };
+            match eight_points(pairs.iter().map(|p| (p, weight(p)))) {
+                Some(better) if cost(&better) < least => (least, e) = (cost(&better), better),
+                _ => break,
+            }
+        }
+        found.extend(told(&e, &pairs, sigma).map(|r| (least, r)));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut kept: Vec<Relative> = Vec::new();
+    for (_, r) in found {
+        if kept.len() < MOST_ANSWERS && kept.iter().all(|k| apart(&k.pose, &r.pose) > DIFFERENT) {
+            kept.push(r);
+        }
+    }
+    kept
+}
+
+/// What an essential matrix says, where most points lie in front of both cameras.
+fn told(e: &DMat3, pairs: &[Pair], sigma: f64) -> Option<Relative> {
+    let agreeing: Vec<Pair> = pairs
+        .iter()
+        .copied()
+        .filter(|p| sampson(e, p) < 4.0 * sigma * sigma)
+        .collect();
+    let (pose, in_front) = readings(e)
+        .into_iter()
+        .map(|pose| (pose, in_front(&pose, &agreeing)))
+        .max_by_key(|(_, n)| *n)?;
+    if (in_front as f64) < IN_FRONT * agreeing.len() as f64 {
+        return None;
+    }
+    let mut angles: Vec<f64> = agreeing
+        .iter()
+        .map(|(a, b)| pose.direction(*b).angle_between(a.extend(1.0)))
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    Some(Relative {
+        pose,
+        agreeing: agreeing.len() as f64 / pairs.len() as f64,
+        angle: *angles.get(angles.len() / 2)?,
+    })
+}
+
+/// Angle between two cameras' directions, or between their places seen from the first, whichever is more; radians.
+fn apart(a: &Pose, b: &Pose) -> f64 {
+    let turn = DQuat::from_mat3(&(a.rotation * b.rotation.transpose()));
+    let turn = 2.0 * turn.w.abs().min(1.0).acos();
+    turn.max(a.position.angle_between(b.position))
+}
+
+/// Points of few groups: who is who is right or wrong for a whole group.
+pub(super) fn sample<T: Copy, const N: usize>(groups: &[Vec<T>], random: &mut SmallRng) -> [T; N] {
+    let chosen: [&Vec<T>; GROUPS] =
+        std::array::from_fn(|_| &groups[random.random_range(0..groups.len())]);
+    std::array::from_fn(|k| {
+        let group = chosen[k % GROUPS];
+        group[random.random_range(0..group.len())]
+    })
+}
+
+/// How far a pair is from the epipolar geometry of a pose, on the plane z = 1.
+pub fn off(pose: &Pose, pair: &Pair) -> f64 {
+    let t = -(pose.rotation * pose.position);
+    let cross = DMat3::from_cols(
+        DVec3::new(0.0, t.z, -t.y),
+        DVec3::new(-t.z, 0.0, t.x),
+        DVec3::new(t.y, -t.x, 0.0),
+    );
+    sampson(&(cross * pose.rotation), pair).sqrt()
+}
+
+/// Squared distance of a pair from the epipolar geometry, to first order (Sampson).
+fn sampson(e: &DMat3, (a, b): &Pair) -> f64 {
+    let (a, b) = (a.extend(1.0), b.extend(1.0));
+    let (ea, eb) = (*e * a, e.transpose() * b);
+    let scale = ea.truncate().length_squared() + eb.truncate().length_squared();
+    b.dot(ea).powi(2) / scale.max(1e-30)
+}
+
+/// The essential matrix of least algebraic error: b · E a = 0.
+fn eight_points<'a>(pairs: impl Iterator<Item = (&'a Pair, f64)> + Clone) -> Option<DMat3> {
+    let (ta, tb) = (
+        normaliser(pairs.clone().map(|((a, _), w)| (*a, w)))?,
+        normaliser(pairs.clone().map(|((_, b), w)| (*b, w)))?,
+    );
+    let mut normal = SMatrix::<f64, 9, 9>::zeros();
+    for ((a, b), w) in pairs {
+        let (a, b) = (ta * a.extend(1.0), tb * b.extend(1.0));
+        let row = SVector::<f64, 9>::from_fn(|k, _| b[k / 3] * a[k % 3]);
+        normal.ger(w, &row, &row, 1.0);
+    }
+    let eigen = SymmetricEigen::new(normal);
+    let least = eigen.eigenvalues.imin();
+    let v = eigen.eigenvectors.column(least);
+    // Row-major in v.
+    let f = DMat3::from_cols_array(&std::array::from_fn(|k| v[3 * (k % 3) + k / 3]));
+    let e = tb.transpose() * f * ta;
+    let svd = to_nalgebra(&e).try_svd(true, true, 1e-14, 200)?;
+    let (u, vt) = (svd.u?, svd.v_t?);
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| svd.singular_values[*b].total_cmp(&svd.singular_values[*a]));
+    let mut sizes = Matrix3::zeros();
+    (sizes[(order[0], order[0])], sizes[(order[1], order[1])]) = (1.0, 1.0);
+    let e = to_glam(&(u * sizes * vt));
+    e.is_finite().then_some(e)
+}
+
+/// Moves points to the origin and to a mean distance of 1 (Hartley).
+fn normaliser(points: impl Iterator<Item = (DVec2, f64)> + Clone) -> Option<DMat3> {
+    let total: f64 = points.clone().map(|(_, w)| w).sum();
+    let mean = points.clone().map(|(p, w)| w * p).sum::<DVec2>() / total;
+    let apart = points.map(|(p, w)| w * p.distance(mean)).sum::<f64>() / total;
+    (apart > 1e-9).then(|| {
+        let s = 1.0 / apart;
+        DMat3::from_cols(
+            DVec3::new(s, 0.0, 0.0),
+            DVec3::new(0.0, s, 0.0),
+            DVec3::new(-s * mean.x, -s * mean.y, 1.0),
+        )
+    })
+}
+
+/// The four cameras that an essential matrix may mean.
+fn readings(e: &DMat3) -> Vec<Pose> {
+    let svd = to_nalgebra(e).svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else {
+        return Vec::new();
+    };
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| svd.singular_values[*b].total_cmp(&svd.singular_values[*a]));
+    let pick = |m: &Matrix3<f64>| Matrix3::from_columns(&order.map(|k| m.column(k).into_owned()));
+    let (u, v) = (pick(&u), pick(&vt.transpose()));
+    let w = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+    let t = DVec3::new(u[(0, 2)], u[(1, 2)], u[(2, 2)]);
+    let mut all = Vec::new();
+    for w in [w, w.transpose()] {
+        let r = to_glam(&(u * w * v.transpose()));
+        let rotation = r * r.determinant().signum();
+        for t in [t, -t] {
+            all.push(Pose {
+                rotation,
+                position: -(rotation.transpose() * t),
+            });
+        }
+    }
+    all
+}
+
+fn in_front(pose: &Pose, pairs: &[Pair]) -> usize {
+    pairs
+        .iter()
+        .filter(|(a, b)| {
+            // Depths where the two rays are nearest to each other.
+            let (da, db) = (a.extend(1.0).normalize(), pose.direction(*b));
+            let (w, c) = (-pose.position, da.dot(db));
+            let scale = 1.0 - c * c;
+            let (s, t) = (c * w.dot(db) - w.dot(da), w.dot(db) - c * w.dot(da));
+            scale > 1e-9 && s > 0.0 && t > 0.0
+        })
+        .count()
+}
+
+pub(super) fn to_nalgebra(m: &DMat3) -> Matrix3<f64> {
+    Matrix3::from_column_slice(&m.to_cols_array())
+}
+
+pub(super) fn to_glam(m: &Matrix3<f64>) -> DMat3 {
+    DMat3::from_cols_slice(m.as_slice())
+}

@@ -1,0 +1,280 @@
+//! All cameras, from nothing: the pair that tells most, then one view after the other.
+
+use glam::{DMat3, DVec2, DVec3};
+use rand::SeedableRng;
+use rand::rngs::SmallRng;
+
+use super::pose::Pose;
+use super::relative::{Pair, Relative, off, relative};
+use super::resect::{Seen, resect};
+use super::{CalibrateError, LEAST_FRAMES, people, refine, rescale, size, world};
+use crate::camera::View;
+use crate::joints::EVIDENCE_JOINTS;
+use crate::multiview::{Detections, Sight, Track};
+
+/// How exact a detector is, as a share of a person's height in the picture.
+const EXACTNESS: f64 = 0.02;
+/// More figures than these tell nothing new to the first guesses.
+const MOST_GROUPS: usize = 300;
+/// Rays of a pair must meet under such an angle, radians: nearly parallel ones tell no depth.
+const ANGLES: std::ops::RangeInclusive<f64> = 0.15..=2.95;
+/// Pairs that are tried as a start.
+const MOST_STARTS: usize = 8;
+/// Share of a figure's joints that agree where two figures are one person.
+const SAME: f64 = 0.6;
+/// Joints by which a view is placed, at least.
+const LEAST_SHARED: usize = 60;
+/// How far a view may be off while the room takes shape, metres at the person.
+const SIGMA: f64 = 0.15;
+
+/// Places every camera, the first of a pair at its own origin; people are of canonical stature. Several answers, each from
+/// another start, in no order.
+pub fn assemble(
+    lenses: &[View],
+    frames: &[Vec<Detections>],
+    rate: f64,
+) -> Result<Vec<Vec<Pose>>, CalibrateError> {
+    let shared = frames
+        .iter()
+        .filter(|f| f.iter().filter(|all| !all.is_empty()).count() > 1)
+        .count();
+    if shared < LEAST_FRAMES {
+        return Err(CalibrateError::Nobody(shared));
+    }
+    let mut heights: Vec<f64> = frames
+        .iter()
+        .flatten()
+        .flatten()
+        .filter_map(height)
+        .collect();
+    heights.sort_by(f64::total_cmp);
+    let sigma = EXACTNESS
+        * heights
+            .get(heights.len() / 2)
+            .ok_or(CalibrateError::NoSize)?;
+    // The same guesses every time: who calibrates twice gets the same.
+    let mut random = SmallRng::seed_from_u64(1);
+    let mut pairs = pairs(frames, lenses.len(), sigma, &mut random);
+    pairs.sort_by(|a, b| b.worth().total_cmp(&a.worth()));
+    let starts = pairs
+        .iter()
+        .filter(|p| ANGLES.contains(&p.found.angle))
+        .take(MOST_STARTS);
+    let mut failure = CalibrateError::NoPair;
+    let mut answers = Vec::new();
+    for start in starts {
+        let placed = start.metric(sigma).and_then(|pose| {
+            let placed = Placed {
+                lenses,
+                frames,
+                rate,
+                order: vec![start.a, start.b],
+                poses: vec![Pose::ORIGIN, pose],
+            };
+            placed.all(&pairs, sigma, &mut random)
+        });
+        match placed {
+            Ok(poses) => answers.push(poses),
+            Err(e) => failure = e,
+        }
+    }
+    if answers.is_empty() {
+        return Err(failure);
+    }
+    Ok(answers)
+}
+
+/// A figure's longer extent on the plane z = 1.
+fn height(sight: &Sight) -> Option<f64> {
+    let known: Vec<DVec2> = sight.rays.iter().flatten().map(|r| r.plane).collect();
+    let low = known.iter().copied().reduce(DVec2::min)?;
+    let high = known.iter().copied().reduce(DVec2::max)?;
+    (known.len() >= EVIDENCE_JOINTS / 2).then(|| (high - low).max_element())
+}
+
+/// Two views, and what they are to each other.
+struct TwoViews {
+    a: usize,
+    b: usize,
+    found: Relative,
+    /// Joints that both saw of every two figures, numbered by joint.
+    figures: Vec<Vec<(usize, Pair)>>,
+}
+
+impl TwoViews {
+    /// Joints that agree, the more so the better they tell depth.
+    fn worth(&self) -> f64 {
+        let joints: usize = self.figures.iter().map(Vec::len).sum();
+        joints as f64 * self.found.agreeing.powi(2) * self.found.angle.sin().max(0.05)
+    }
+
+    /// The second camera where people are of canonical stature.
+    fn metric(&self, sigma: f64) -> Result<Pose, CalibrateError> {
+        let pose = self.found.pose;
+        let agrees = |(_, pair): &&(usize, Pair)| off(&pose, pair) < 2.0 * sigma;
+        let same = self
+            .figures
+            .iter()
+            .filter(|f| f.iter().filter(agrees).count() as f64 >= SAME * f.len() as f64);
+        let people: Vec<world::Joints> = same
+            .map(|figure| {
+                let mut joints = [None; EVIDENCE_JOINTS];
+                for (j, (p, q)) in figure.iter().filter(agrees).copied() {
+                    joints[j] = meeting(&pose, p, q);
+                }
+                joints
+            })
+            .collect();
+        let size = world::size(&people).ok_or(CalibrateError::NoSize)?;
+        Ok(Pose {
+            position: pose.position / size,
+            ..pose
+        })
+    }
+}
+
+/// Where rays of a camera at the origin and of another are nearest to each other, on the first.
+fn meeting(pose: &Pose, p: DVec2, q: DVec2) -> Option<DVec3> {
+    let (a, b) = (p.extend(1.0).normalize(), pose.direction(q));
+    let (w, c) = (-pose.position, a.dot(b));
+    let scale = 1.0 - c * c;
+    let along = (c * w.dot(b) - w.dot(a)) / scale;
+    (scale > 1e-6 && along > 0.0).then(|| along * a)
+}
+
+fn pairs(
+    frames: &[Vec<Detections>],
+    views: usize,
+    sigma: f64,
+    random: &mut SmallRng,
+) -> Vec<TwoViews> {
+    let mut all = Vec::new();
+    for b in 0..views {
+        for a in 0..b {
+            let both = frames.iter().flat_map(|f| {
+                let each = f[a].iter();
+                each.flat_map(|p| f[b].iter().map(move |q| (p, q)))
+            });
+            let figures: Vec<Vec<(usize, Pair)>> = both
+                .map(|(p, q)| {
+                    let joints = p.rays.iter().zip(&q.rays).enumerate();
+                    joints
+                        .filter_map(|(j, (p, q))| Some((j, (p.as_ref()?.plane, q.as_ref()?.plane))))
+                        .collect()
+                })
+                .filter(|joints: &Vec<_>| joints.len() >= EVIDENCE_JOINTS / 2)
+                .collect();
+            let every = figures.len().div_ceil(MOST_GROUPS).max(1);
+            let figures: Vec<Vec<(usize, Pair)>> = figures.into_iter().step_by(every).collect();
+            let groups: Vec<Vec<Pair>> = figures
+                .iter()
+                .map(|f| f.iter().map(|(_, pair)| *pair).collect())
+                .collect();
+            all.extend(relative(&groups, sigma, random).into_iter().map(|found| {
+                let figures = figures.clone();
+                TwoViews {
+                    a,
+                    b,
+                    found,
+                    figures,
+                }
+            }));
+        }
+    }
+    all
+}
+
+/// Cameras so far, in the order in which they came.
+struct Placed<'a> {
+    lenses: &'a [View],
+    frames: &'a [Vec<Detections>],
+    rate: f64,
+    order: Vec<usize>,
+    poses: Vec<Pose>,
+}
+
+impl Placed<'_> {
+    /// Places one view after the other, the one of which most agrees first.
+    fn all(
+        mut self,
+        pairs: &[TwoViews],
+        sigma: f64,
+        random: &mut SmallRng,
+    ) -> Result<Vec<Pose>, CalibrateError> {
+        loop {
+            let tracks = self.settle()?;
+            if self.order.len() == self.lenses.len() {
+                return Ok(self.in_order());
+            }
+            let next = (0..self.lenses.len()).filter(|v| !self.order.contains(v));
+            let best = next.filter_map(|v| {
+                let groups = self.groups(&tracks, v);
+                let guesses = self.directions(v, pairs);
+                let (pose, agreeing) = resect(&groups, &guesses, sigma, random)?;
+                (agreeing >= LEAST_SHARED).then_some((v, pose, agreeing))
+            });
+            let Some((v, pose, _)) = best.max_by_key(|b| b.2) else {
+                let missing = (0..self.lenses.len()).find(|v| !self.order.contains(v));
+                let name = missing.map_or_else(String::new, |v| self.lenses[v].name.clone());
+                return Err(CalibrateError::NotLinked(name));
+            };
+            self.order.push(v);
+            self.poses.push(pose);
+        }
+    }
+
+    /// Moves the placed cameras to agree about everyone, and tells who is there.
+    fn settle(&mut self) -> Result<Vec<Track>, CalibrateError> {
+        let lenses: Vec<View> = self.order.iter().map(|v| self.lenses[*v].clone()).collect();
+        let of_frame = |f: &Vec<Detections>| self.order.iter().map(|v| f[*v].clone()).collect();
+        let frames: Vec<Vec<Detections>> = self.frames.iter().map(of_frame).collect();
+        for _ in 0..2 {
+            let tracks = people(&lenses, &self.poses, &frames, self.rate)?;
+            refine(&mut self.poses, &tracks, SIGMA);
+            let size = size(&lenses, &self.poses, &tracks)?;
+            rescale(&mut self.poses, 1.0 / size);
+        }
+        people(&lenses, &self.poses, &frames, self.rate)
+    }
+
+    /// Known people's joints and every figure that a view not placed yet saw at that time.
+    fn groups(&self, tracks: &[Track], v: usize) -> Vec<Vec<Seen>> {
+        let moments = tracks.iter().flat_map(|t| &t.moments);
+        let figures = moments.flat_map(|(f, moment)| {
+            let each = self.frames[*f][v].iter();
+            each.map(|sight| {
+                let joints = moment.joints.iter().zip(&sight.rays);
+                let seen = joints.filter_map(|(p, ray)| Some(((*p)?, ray.as_ref()?.plane)));
+                seen.collect::<Vec<Seen>>()
+            })
+        });
+        let figures: Vec<_> = figures.filter(|g| g.len() >= EVIDENCE_JOINTS / 2).collect();
+        let every = figures.len().div_ceil(MOST_GROUPS).max(1);
+        figures.into_iter().step_by(every).collect()
+    }
+
+    /// Directions that pairs with placed views suggest.
+    fn directions(&self, v: usize, pairs: &[TwoViews]) -> Vec<DMat3> {
+        let known = |c: usize| self.order.iter().position(|o| *o == c);
+        let suggest = |p: &TwoViews| {
+            let turn = p.found.pose.rotation;
+            if p.b == v {
+                Some(turn * self.poses[known(p.a)?].rotation)
+            } else if p.a == v {
+                Some(turn.transpose() * self.poses[known(p.b)?].rotation)
+            } else {
+                None
+            }
+        };
+        pairs.iter().filter_map(suggest).collect()
+    }
+
+    /// The poses by camera.
+    fn in_order(&self) -> Vec<Pose> {
+        let mut all = vec![Pose::ORIGIN; self.order.len()];
+        for (v, pose) in self.order.iter().zip(&self.poses) {
+            all[*v] = *pose;
+        }
+        all
+    }
+}

@@ -1,0 +1,231 @@
+//! Rooms whose cameras are known exactly.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec2, DVec3};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+
+use super::*;
+use crate::body::skeleton::Skeleton;
+use crate::camera::Brown;
+use crate::message::Observation;
+
+/// A camera that stands at `position` and looks at `target`; the world's z is up.
+fn looking(name: &str, position: DVec3, target: DVec3) -> View {
+    let z = (target - position).normalize();
+    let x = z.cross(DVec3::Z).normalize();
+    View {
+        name: name.to_owned(),
+        size: [1280, 720],
+        focal: DVec2::splat(1000.0),
+        centre: DVec2::new(640.0, 360.0),
+        distortion: Brown {
+            radial: [-0.05, 0.02, 0.0],
+            tangential: [0.0; 2],
+        },
+        rotation: DMat3::from_cols(x, z.cross(x), z).transpose(),
+        position,
+    }
+}
+
+fn room() -> Vec<View> {
+    let target = DVec3::new(0.3, 0.2, 0.9);
+    [
+        ("north", DVec3::new(0.0, 4.5, 2.2)),
+        ("east", DVec3::new(4.0, 0.5, 1.6)),
+        ("south", DVec3::new(-0.8, -4.2, 2.6)),
+        ("west", DVec3::new(-4.4, -0.4, 1.9)),
+    ]
+    .map(|(name, at)| looking(name, at, target))
+    .to_vec()
+}
+
+/// Somebody of `stature` who walks an eight over the floor z = 0, arms and legs swinging.
+fn walker(t: f64, stature: f64) -> world::Joints {
+    let rest = world::rest_joints(Skeleton::builtin()).map(Option::unwrap);
+    let floor = (rest[10].y + rest[13].y) / 2.0 - 0.08;
+    let phase = TAU * t / 8.0;
+    let place = DVec3::new(1.1 * phase.sin(), 1.0 * (2.0 * phase).sin(), 0.0);
+    let heading = (2.0 * (2.0 * phase).cos()).atan2(1.1 * phase.cos());
+    let swing = (TAU * t / 1.1).sin();
+    std::array::from_fn(|j| {
+        let mut p = rest[j];
+        // Joints swing about hip or shoulder like one piece: bones keep their lengths.
+        let pivot = match j {
+            3 | 4 => Some((2, swing)),
+            6 | 7 => Some((5, -swing)),
+            9 | 10 => Some((8, -swing)),
+            12 | 13 => Some((11, swing)),
+            _ => None,
+        };
+        if let Some((about, angle)) = pivot {
+            p = rest[about] + DMat3::from_rotation_x(0.5 * angle) * (p - rest[about]);
+        }
+        // The skeleton's y is up.
+        let p = DVec3::new(p.x, -p.z, p.y - floor) * stature / 1.7;
+        Some(DMat3::from_rotation_z(heading) * p + place)
+    })
+}
+
+struct Noise {
+    /// Pixels.
+    jitter: f64,
+    /// Share of frames of one view in which arms and legs change sides.
+    exchanged: f64,
+}
+
+fn seen(
+    views: &[View],
+    people: &[world::Joints],
+    noise: &Noise,
+    random: &mut SmallRng,
+) -> Vec<Detections> {
+    let gauss = |random: &mut SmallRng| {
+        let (a, b): (f64, f64) = (
+            random.random_range(1e-9..1.0),
+            random.random_range(0.0..TAU),
+        );
+        (-2.0 * a.ln()).sqrt() * b.cos()
+    };
+    let mut all = Vec::new();
+    for (v, view) in views.iter().enumerate() {
+        let mut detections = Vec::new();
+        for joints in people {
+            let mut seen = Observation::default();
+            for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
+                let Some(pixel) = view.project(joint.unwrap()) else {
+                    continue;
+                };
+                let off = DVec2::new(gauss(random), gauss(random)) * noise.jitter;
+                let p = pixel + off;
+                if p.x > 0.0 && p.y > 0.0 && p.x < 1280.0 && p.y < 720.0 {
+                    *out = [p.x as f32, p.y as f32, 0.9];
+                }
+            }
+            if v == 1 && random.random_bool(noise.exchanged) {
+                for j in [2, 3, 4, 8, 9, 10] {
+                    seen.joints2d.swap(j, crate::joints::MIRROR[j]);
+                }
+            }
+            detections.push(Sight::new(&without_place(view.clone()), &seen));
+        }
+        all.push(detections);
+    }
+    all
+}
+
+/// Greatest errors of direction (degrees) and place (metres) after the rigid motion that brings the first camera's direction and
+/// all places together best; here the world's axes differ only by a turn about z and a shift.
+fn errors(found: &[View], truth: &[View]) -> (f64, f64) {
+    let mean = |v: &[View]| v.iter().map(|v| v.position).sum::<DVec3>() / v.len() as f64;
+    let (a, b) = (mean(found), mean(truth));
+    let (mut sin, mut cos) = (0.0, 0.0);
+    for (f, t) in found.iter().zip(truth) {
+        let (p, q) = (f.position - a, t.position - b);
+        sin += p.x * q.y - p.y * q.x;
+        cos += p.x * q.x + p.y * q.y;
+    }
+    let turn = DMat3::from_rotation_z(sin.atan2(cos));
+    let each = found.iter().zip(truth).map(|(f, t)| {
+        let off = turn * (f.position - a) - (t.position - b);
+        let between = f.rotation * turn.transpose() * t.rotation.transpose();
+        let trace = between.x_axis.x + between.y_axis.y + between.z_axis.z;
+        let angle = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos();
+        (angle.to_degrees(), off.length())
+    });
+    each.fold((0.0, 0.0), |m, e| (f64::max(m.0, e.0), f64::max(m.1, e.1)))
+}
+
+fn film(views: &[View], statures: &[f64], noise: &Noise) -> Vec<Vec<Detections>> {
+    let mut random = SmallRng::seed_from_u64(5);
+    let frame = |k: usize| {
+        let people: Vec<_> = statures
+            .iter()
+            .enumerate()
+            .map(|(n, s)| walker(k as f64 / 10.0 + 3.1 * n as f64, *s))
+            .collect();
+        seen(views, &people, noise, &mut random)
+    };
+    (0..80).map(frame).collect()
+}
+
+fn without_place(view: View) -> View {
+    View {
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+        ..view
+    }
+}
+
+fn lenses(views: &[View]) -> Vec<View> {
+    views.iter().cloned().map(without_place).collect()
+}
+
+#[test]
+fn exact_sights_give_the_room() {
+    let views = room();
+    let exact = Noise {
+        jitter: 0.0,
+        exchanged: 0.0,
+    };
+    let frames = film(&views, &[1.8], &exact);
+    let room = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.8)).unwrap();
+    let (degrees, metres) = errors(&room.views, &views);
+    assert!(degrees < 0.5 && metres < 0.03, "{degrees}° {metres} m");
+    for (found, truth) in room.views.iter().zip(&views) {
+        let off = found.position.z - truth.position.z;
+        assert!(off.abs() < 0.05, "{}: height {off} m off", found.name);
+    }
+    for q in &room.quality {
+        assert!(q.held_out_rms_px < 1.0, "{q:?}");
+    }
+    let apart = views[0].position.distance(views[1].position);
+    let scale = Scale::Distance(0, 1, apart);
+    let measured = calibrate(&lenses(&views), &frames, 10.0, scale).unwrap();
+    assert!(
+        (measured.stature - 1.8).abs() < 0.02,
+        "{}",
+        measured.stature
+    );
+}
+
+#[test]
+fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
+    let views = room();
+    let noise = Noise {
+        jitter: 5.0,
+        exchanged: 0.4,
+    };
+    for statures in [&[1.7][..], &[1.75, 1.6]] {
+        let frames = film(&views, statures, &noise);
+        let scale = Scale::Stature(statures[0]);
+        let room = calibrate(&lenses(&views), &frames, 10.0, scale).unwrap();
+        let (degrees, metres) = errors(&room.views, &views);
+        assert!(
+            degrees < 1.0 && metres < 0.08,
+            "{statures:?}: {degrees}° {metres} m"
+        );
+    }
+}
+
+#[test]
+fn too_little_is_said() {
+    let views = room();
+    let exact = Noise {
+        jitter: 0.0,
+        exchanged: 0.0,
+    };
+    let frames = film(&views, &[1.7], &exact);
+    let few = calibrate(&lenses(&views), &frames[..9], 10.0, Scale::Stature(1.7));
+    assert_eq!(few.unwrap_err(), CalibrateError::Nobody(9));
+    let mut blind = frames.clone();
+    for frame in &mut blind {
+        frame[2].clear();
+    }
+    let unlinked = calibrate(&lenses(&views), &blind, 10.0, Scale::Stature(1.7));
+    assert_eq!(
+        unlinked.unwrap_err(),
+        CalibrateError::NotLinked("south".into())
+    );
+}

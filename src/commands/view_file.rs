@@ -1,0 +1,179 @@
+//! One view's file: a record, JSON lines, or a film that is looked at first.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use super::exit::Failure;
+use crate::message::{Intrinsics, Observation, ObservationFrame};
+use crate::record::{CameraSource, ObservationReader};
+
+/// Seconds that views may differ in length: who stops cameras one after the other.
+const SPARE: f64 = 0.5;
+/// How much rates may differ.
+const RATE_TOLERANCE: f64 = 0.03;
+/// Rate of views whose files tell no times.
+const USUAL_RATE: f64 = 30.0;
+
+/// One view over time.
+pub struct ViewFile {
+    /// The camera.
+    pub name: String,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Everyone seen, by frame.
+    pub frames: Vec<Vec<Observation>>,
+    /// When every frame was taken, nanoseconds.
+    pub times: Vec<u64>,
+}
+
+impl ViewFile {
+    /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells the camera of
+    /// pictures by their width and height.
+    ///
+    /// # Errors
+    /// When the file cannot be read, its pictures change size, or nobody is in it.
+    pub fn read(
+        camera: &str,
+        lens: &dyn Fn(u32, u32) -> Result<Intrinsics, String>,
+        path: &Path,
+    ) -> anyhow::Result<Self> {
+        let folder;
+        let mut record = path.to_owned();
+        if is_film(path) {
+            folder = tempfile::tempdir()?;
+            record = folder.path().join("observations");
+            look(path, camera, &record)?;
+        }
+        let file = File::open(&record).map_err(|e| Failure::no_input(path, &e))?;
+        let name = path.display().to_string();
+        let mut reader =
+            ObservationReader::new(BufReader::new(file), &name, CameraSource::Given(lens));
+        let mut seen = Self {
+            name: camera.to_owned(),
+            size: [0; 2],
+            frames: Vec::new(),
+            times: Vec::new(),
+        };
+        let mut frame = ObservationFrame::default();
+        while reader.read(&mut frame)? {
+            let size = [frame.width, frame.height];
+            if seen.frames.is_empty() {
+                seen.size = size;
+            } else if seen.size != size {
+                return Err(Failure::data(format!(
+                    "{name}: expected pictures of one size, found {}x{} and {}x{}",
+                    seen.size[0], seen.size[1], size[0], size[1]
+                ))
+                .into());
+            }
+            seen.frames.push(frame.people().to_vec());
+            seen.times.push(frame.capture_ns);
+        }
+        if seen.frames.is_empty() {
+            return Err(Failure::data(format!(
+                "{name}: expected the frames of camera {}, found none",
+                camera
+            ))
+            .into());
+        }
+        if seen.frames.iter().all(Vec::is_empty) {
+            return Err(Failure::data(format!(
+                "{name}: expected people in the view of camera {}, found nobody in {} frames; leave the view out",
+                camera,
+                seen.frames.len()
+            ))
+            .into());
+        }
+        Ok(seen)
+    }
+
+    fn rate(&self) -> Option<f64> {
+        let span = self.times.last()?.checked_sub(*self.times.first()?)? as f64 * 1e-9;
+        (span > 0.0).then(|| (self.times.len() - 1) as f64 / span)
+    }
+}
+
+fn is_film(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
+}
+
+/// Runs a film through `edgecap infer`.
+fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command
+        .arg("infer")
+        .arg("--input")
+        .arg(film)
+        .arg("--record")
+        .arg(record);
+    command.args([
+        "--name",
+        &format!("multiview-{camera}-{}", std::process::id()),
+    ]);
+    let status = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .status()?;
+    match status.code() {
+        Some(0) => Ok(()),
+        // It has said why.
+        code => Err(Failure::silent(
+            code.and_then(|c| u8::try_from(c).ok())
+                .unwrap_or(super::exit::SOFTWARE),
+        )
+        .into()),
+    }
+}
+
+/// Rate and number of frames that all views have; `given` is the user's word for the rate.
+///
+/// # Errors
+/// When views differ in rate or length.
+pub fn together(
+    given: Option<f64>,
+    seen: &[ViewFile],
+    notes: &mut Vec<String>,
+) -> anyhow::Result<(f64, usize)> {
+    let name = |k: usize| &seen[k].name;
+    let rates: Vec<Option<f64>> = seen.iter().map(ViewFile::rate).collect();
+    let rate = given.or(rates[0]).unwrap_or(USUAL_RATE);
+    if given.is_none()
+        && let Some(k) = rates
+            .iter()
+            .position(|r| r.is_some_and(|r| (r / rate - 1.0).abs() > RATE_TOLERANCE))
+    {
+        return Err(Failure::data(format!(
+            "expected views of one rate, found {:.2} frames a second of camera {} and {:.2} of {}; bring them to one rate, or give --fps if they are",
+            rate,
+            name(0),
+            rates[k].unwrap_or(rate),
+            name(k)
+        ))
+        .into());
+    }
+    let lengths: Vec<usize> = seen.iter().map(|s| s.frames.len()).collect();
+    let least = (0..lengths.len()).min_by_key(|k| lengths[*k]).unwrap_or(0);
+    let most = (0..lengths.len()).max_by_key(|k| lengths[*k]).unwrap_or(0);
+    let difference = lengths[most] - lengths[least];
+    if difference as f64 > SPARE * rate {
+        return Err(Failure::data(format!(
+            "expected views of one length, found {} frames of camera {} and {} of {}; cut them to the same time",
+            lengths[most],
+            name(most),
+            lengths[least],
+            name(least)
+        ))
+        .into());
+    }
+    if difference > 0 {
+        notes.push(format!(
+            "camera {} has {difference} frames less than {}; these are left out",
+            name(least),
+            name(most)
+        ));
+    }
+    Ok((rate, lengths[least]))
+}

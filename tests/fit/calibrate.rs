@@ -1,0 +1,95 @@
+//! `edgecap calibrate` from files to a file: places found by people, and what it says when it cannot.
+
+use edgecap::camera::View;
+use edgecap::camera::calibration;
+use glam::DVec3;
+
+use crate::many_views::files;
+use crate::program::{assert_fails, output, stderr, stdout};
+
+/// Distances between all cameras: the same in any axes.
+fn distances(views: &[View]) -> Vec<f64> {
+    let pairs = views.iter().enumerate();
+    let apart = |a: DVec3, b: DVec3| a.distance(b);
+    pairs
+        .flat_map(|(k, a)| {
+            views[..k]
+                .iter()
+                .map(move |b| apart(a.position, b.position))
+        })
+        .collect()
+}
+
+#[test]
+fn a_walk_gives_the_calibration_that_multiview_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let truth = files(folder.path(), 3, 90);
+    let (lens, out, run) = (at("Calib.toml"), at("found.toml"), at("run"));
+    let views = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let given = |verb: &'static str, more: &[&'static str]| -> Vec<String> {
+        let views = views.iter().flat_map(|v| ["--view", v]);
+        let all = std::iter::once(verb)
+            .chain(views)
+            .chain(more.iter().copied());
+        all.map(ToOwned::to_owned).collect()
+    };
+    let mut args = given("calibrate", &["--distance", "0,120=7.274613"]);
+    args.extend(["--lens", &lens, "--out", &out].map(ToOwned::to_owned));
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let done = output(&args);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(stdout(&done).contains("held out px"), "{}", stdout(&done));
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    for (found, truth) in distances(&found).iter().zip(distances(&truth)) {
+        assert!((found - truth).abs() < 0.15, "{found} for {truth}");
+    }
+    for view in &found {
+        let height = view.position.z;
+        assert!((height - 1.6).abs() < 0.3, "{}: {height} m", view.name);
+    }
+    let mut args = given("multiview", &[]);
+    args.extend(["--calibration", &out, "--out", &run].map(ToOwned::to_owned));
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let done = output(&args);
+    assert!(done.status.success(), "{}", stderr(&done));
+}
+
+#[test]
+fn what_cannot_be_calibrated_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    files(folder.path(), 2, 12);
+    let (lens, first, second, out) = (
+        at("Calib.toml"),
+        at("0.jsonl"),
+        at("120.jsonl"),
+        at("found.toml"),
+    );
+    let refused = |more: &[&str], code: i32, words: &[&str]| {
+        let args = [&["calibrate", "--view", &first, "--out", &out], more].concat();
+        assert_fails(&args, code, words);
+        assert!(!std::path::Path::new(&out).exists());
+    };
+    refused(&[], 64, &["at least two --view, found 1"]);
+    let two = ["--view", &second, "--lens", &lens];
+    refused(&two, 65, &["at least 20 frames", "found 12"]);
+    refused(&["--view", &first], 64, &["every camera once", "0"]);
+    let more = |extra: [&'static str; 2]| [&two[..], &extra].concat();
+    refused(
+        &more(["--distance", "0,7=3"]),
+        64,
+        &["0,120=3.2", "--distance 0,7=3"],
+    );
+    refused(
+        &more(["--lens", "north=x.toml"]),
+        64,
+        &["one of the cameras", "north"],
+    );
+    let nowhere = at("nowhere.toml");
+    refused(
+        &["--view", &second, "--lens", &nowhere],
+        66,
+        &["nowhere.toml"],
+    );
+}
