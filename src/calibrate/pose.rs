@@ -19,23 +19,23 @@ impl Pose {
     };
 
     /// A world point in camera axes.
-    pub fn to_camera(&self, point: DVec3) -> DVec3 {
+    pub fn to_camera(self, point: DVec3) -> DVec3 {
         self.rotation * (point - self.position)
     }
 
     /// A world point on the plane z = 1; `None` behind the camera.
-    pub fn plane(&self, point: DVec3) -> Option<DVec2> {
+    pub fn plane(self, point: DVec3) -> Option<DVec2> {
         let p = self.to_camera(point);
         (p.z > 1e-6).then(|| p.truncate() / p.z)
     }
 
     /// Direction in the world of a point on the plane z = 1, a unit vector.
-    pub fn direction(&self, plane: DVec2) -> DVec3 {
+    pub fn direction(self, plane: DVec2) -> DVec3 {
         (self.rotation.transpose() * plane.extend(1.0)).normalize()
     }
 
     /// Turned by a rotation vector in camera axes and moved.
-    pub fn moved(&self, turn: DVec3, by: DVec3) -> Self {
+    pub fn moved(self, turn: DVec3, by: DVec3) -> Self {
         let rotation = DMat3::from_quat(DQuat::from_scaled_axis(turn)) * self.rotation;
         Self {
             // Many small steps must not bend the axes.

@@ -38,7 +38,7 @@ pub fn size(people: &[Joints]) -> Option<f64> {
         seen += median(&mut all)?;
         canonical += between(&rest, sides[0])?;
     }
-    seen += median(&mut people.iter().filter_map(trunk).collect())?;
+    seen += median(&mut people.iter().filter_map(trunk).collect::<Vec<_>>())?;
     canonical += trunk(&rest)?;
     Some(seen / canonical)
 }
@@ -59,7 +59,7 @@ pub(super) fn rest_joints(skeleton: &Skeleton) -> Joints {
 /// Height of a standing ankle above the floor at canonical stature, metres.
 const ANKLE: f64 = 0.08;
 
-fn median(values: &mut Vec<f64>) -> Option<f64> {
+fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
