@@ -296,7 +296,8 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
 /// Writes a Motion-JPEG AVI file.
 ///
 /// The headers hold the number of frames, so that the file is complete only after [`finish`](Self::finish): write beside, then
-/// rename.
+/// rename. What was cut off before plays to its last whole picture.
+#[derive(Debug)]
 pub struct AviWriter<W> {
     writer: W,
     width: u32,
@@ -312,13 +313,16 @@ pub struct AviWriter<W> {
 
 /// Bytes before the first chunk of `movi`: RIFF 12, hdrl 12 + avih 64 + strl 12 + strh 64 + strf 48, movi 12.
 const HEADER_BYTES: u32 = 224;
+/// Where the lengths of the file and of the pictures lie; 0 while nobody knows them, which readers take for "to the end".
+const RIFF_LENGTH: usize = 4;
+const MOVI_LENGTH: usize = HEADER_BYTES as usize - 8;
 
 impl<W: Write + Seek> AviWriter<W> {
     /// Starts a file of `width` × `height` pictures at `rate.0 / rate.1` frames a second.
     ///
     /// # Errors
     /// The system's own, from writing. `InvalidInput` for a size or rate of 0 or a side over 65535.
-    pub fn new(mut writer: W, width: u32, height: u32, rate: (u32, u32)) -> std::io::Result<Self> {
+    pub fn new(writer: W, width: u32, height: u32, rate: (u32, u32)) -> std::io::Result<Self> {
         let side = 1..=u32::from(u16::MAX);
         if !side.contains(&width) || !side.contains(&height) || rate.0 == 0 || rate.1 == 0 {
             return Err(std::io::Error::new(
@@ -329,8 +333,7 @@ impl<W: Write + Seek> AviWriter<W> {
                 ),
             ));
         }
-        writer.write_all(&[0; HEADER_BYTES as usize])?;
-        Ok(Self {
+        let mut file = Self {
             writer,
             width,
             height,
@@ -339,7 +342,18 @@ impl<W: Write + Seek> AviWriter<W> {
             movi_bytes: 0,
             largest: 0,
             jpeg: Vec::new(),
-        })
+        };
+        let mut header = file.header();
+        for length in [RIFF_LENGTH, MOVI_LENGTH] {
+            header[length..length + 4].fill(0);
+        }
+        file.writer.write_all(&header)?;
+        Ok(file)
+    }
+
+    /// The writer.
+    pub fn get_mut(&mut self) -> &mut W {
+        &mut self.writer
     }
 
     /// Appends a picture that is a JPEG already.
@@ -482,7 +496,10 @@ impl<W: Write + Seek> AviWriter<W> {
         h.extend_from_slice(b"strf");
         push(&mut h, &[40, 40, width, height, 1 | 24 << 16]);
         h.extend_from_slice(b"MJPG");
-        push(&mut h, &[3 * width * height, 0, 0, 0, 0]);
+        push(
+            &mut h,
+            &[width.saturating_mul(height).saturating_mul(3), 0, 0, 0, 0],
+        );
         h.extend_from_slice(b"LIST");
         push(&mut h, &[4 + movi]);
         h.extend_from_slice(b"movi");

@@ -1,41 +1,58 @@
-//! Pictures with the skeletons drawn, as a sink.
+//! Pictures with the skeletons drawn, as a sink: a folder of them, or a film.
 
-use std::path::{Path, PathBuf};
+mod film;
+mod pictures;
 
+use std::path::Path;
+
+use self::film::Film;
+use self::pictures::Pictures;
 use super::{Packet, Sink, SinkError};
 use crate::capture::Frame;
 use crate::message::{BodyFrame, ObservationFrame};
-use crate::overlay::{Person, draw, write_png};
+use crate::overlay::{Person, draw};
 
-/// Writes `<folder>/<frame>.png` for every result that comes with its picture.
+/// How many pictures a second an input without a rate gets as a film.
+const USUAL_RATE: f64 = 30.0;
+
+/// Draws into every picture that comes with its result, and writes it.
 #[derive(Debug)]
 pub struct OverlaySink {
-    folder: PathBuf,
     canvas: Frame,
-    written: u64,
+    target: Target,
+}
+
+#[derive(Debug)]
+enum Target {
+    Pictures(Pictures),
+    Film(Film),
 }
 
 impl OverlaySink {
-    /// Makes the folder.
+    /// A film where `path` ends in `.avi`, with `rate` pictures a second; else a folder, which is made. Pictures in a folder are
+    /// called like the photo that they are of, or by their number in a film (`is_stills` tells which).
     ///
     /// # Errors
     /// [`SinkError::Create`].
-    pub fn create(folder: &Path) -> Result<Self, SinkError> {
-        std::fs::create_dir_all(folder).map_err(|cause| SinkError::Create {
-            path: folder.to_owned(),
-            cause,
-        })?;
+    pub fn create(path: &Path, rate: Option<f64>, is_stills: bool) -> Result<Self, SinkError> {
+        let is_film = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("avi"));
+        let target = if is_film {
+            Target::Film(Film::create(path, rate.unwrap_or(USUAL_RATE))?)
+        } else {
+            Target::Pictures(Pictures::create(path, is_stills)?)
+        };
         Ok(Self {
-            folder: folder.to_owned(),
             canvas: Frame::default(),
-            written: 0,
+            target,
         })
     }
 
     fn write<P: Person>(
         &mut self,
         picture: Option<&Frame>,
-        sequence: u64,
+        (sequence, source): (u64, &str),
         people: &[P],
     ) -> Result<(), SinkError> {
         let Some(picture) = picture else {
@@ -43,41 +60,40 @@ impl OverlaySink {
         };
         self.canvas.clone_from(picture);
         draw(&mut self.canvas, people);
-        write_png(
-            &self.canvas,
-            &self.folder.join(format!("{sequence:06}.png")),
-        )?;
-        self.written += 1;
-        Ok(())
+        match &mut self.target {
+            Target::Pictures(all) => all.write(&self.canvas, sequence, source),
+            Target::Film(film) => film.write(&self.canvas),
+        }
     }
 
-    fn words(&self) -> Option<String> {
-        Some(format!(
-            "{} pictures → {}",
-            self.written,
-            self.folder.display()
-        ))
+    fn end(self) -> Result<Option<String>, SinkError> {
+        match self.target {
+            Target::Pictures(all) => Ok(Some(all.words())),
+            Target::Film(film) => film.finish(),
+        }
     }
 }
 
 impl Sink<ObservationFrame> for OverlaySink {
     fn take(&mut self, packet: &Packet<'_, ObservationFrame>) -> Result<(), SinkError> {
         let message = packet.message;
-        self.write(packet.picture, message.sequence, message.people())
+        let which = (message.sequence, packet.source);
+        self.write(packet.picture, which, message.people())
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
-        Ok(self.words())
+        self.end()
     }
 }
 
 impl Sink<BodyFrame> for OverlaySink {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
         let message = packet.message;
-        self.write(packet.picture, message.sequence, message.bodies())
+        let which = (message.sequence, packet.source);
+        self.write(packet.picture, which, message.bodies())
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
-        Ok(self.words())
+        self.end()
     }
 }

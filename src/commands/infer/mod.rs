@@ -41,8 +41,8 @@ pub struct InferArgs {
     task: InferTask,
     #[command(flatten)]
     record: RecordArgs,
-    /// Write pictures with the detected skeletons drawn to this folder
-    #[arg(long, value_name = "DIR")]
+    /// Write pictures with the detected skeletons drawn to this folder, or a film where it ends in .avi
+    #[arg(long, value_name = "DIR|FILM.avi")]
     overlay: Option<PathBuf>,
     /// Say what can be set on the camera by --control, and end
     #[arg(long)]
@@ -89,8 +89,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     let lens = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
     args.record.add_to::<ObservationsRow>(&mut sinks)?;
-    if let Some(folder) = &args.overlay {
-        sinks.push(OverlaySink::create(folder)?);
+    if let Some(path) = &args.overlay {
+        sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
     }
     if task.input.name.is_some() || sinks.is_empty() {
         sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);

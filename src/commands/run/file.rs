@@ -46,8 +46,8 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     }
     let hub = page.as_ref().map(|p| p.hub());
     args.bridges.add_to(&mut sinks, &chosen.name, hub)?;
-    if let Some(folder) = &args.overlay {
-        sinks.push(OverlaySink::create(folder)?);
+    if let Some(path) = &args.overlay {
+        sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
     }
     let mut table = Table::new(args.table);
     match SharedMemorySink::<BodyFrame>::open(&chosen.name) {

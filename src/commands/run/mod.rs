@@ -39,8 +39,8 @@ pub struct RunArgs {
     pub fitting: FittingArgs,
     #[command(flatten)]
     pub record: RecordArgs,
-    /// Write pictures with the fitted skeletons drawn to this folder (files only)
-    #[arg(long, value_name = "DIR")]
+    /// Write pictures with the fitted skeletons drawn to this folder, or a film where it ends in .avi (files only)
+    #[arg(long, value_name = "DIR|FILM.avi")]
     pub overlay: Option<PathBuf>,
     /// End where the camera is missing or in use at the start, instead of waiting for it
     #[arg(long)]

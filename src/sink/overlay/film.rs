@@ -1,0 +1,203 @@
+//! A film of pictures: Motion-JPEG in AVI, which any player opens.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::capture::{AviWriter, Frame};
+use crate::output::AtomicFile;
+use crate::sink::SinkError;
+
+/// Fine enough that lines of skeletons stay sharp.
+const QUALITY: u8 = 85;
+/// Rates are kept as so many parts of a frame a second.
+const PARTS: u32 = 1000;
+
+/// Writes a film; where one file is full, it goes on in `name-2.avi`, `name-3.avi` and so on.
+#[derive(Debug)]
+pub struct Film {
+    path: PathBuf,
+    rate: f64,
+    part: Part,
+    parts: u32,
+    written: u64,
+    /// Size of the first picture: a film has one.
+    size: Option<(u32, u32)>,
+}
+
+/// The file that is being written.
+#[derive(Debug)]
+enum Part {
+    /// It waits for its first picture, which tells the size.
+    Waiting(AtomicFile),
+    Open(AviWriter<AtomicFile>),
+    /// It failed, or is being replaced by the next.
+    None,
+}
+
+impl Film {
+    /// Starts a film of `rate` pictures a second.
+    ///
+    /// # Errors
+    /// [`SinkError::Create`].
+    pub fn create(path: &Path, rate: f64) -> Result<Self, SinkError> {
+        let file = AtomicFile::create(path).map_err(|cause| SinkError::Create {
+            path: path.to_owned(),
+            cause,
+        })?;
+        Ok(Self {
+            path: path.to_owned(),
+            rate,
+            part: Part::Waiting(file),
+            parts: 1,
+            written: 0,
+            size: None,
+        })
+    }
+
+    /// Appends a picture.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`]; `InvalidInput` where its size is not that of the first.
+    pub fn write(&mut self, picture: &Frame) -> Result<(), SinkError> {
+        let written = match self.append(picture) {
+            Err(e) if e.kind() == io::ErrorKind::FileTooLarge => {
+                self.next_part().and_then(|()| self.append(picture))
+            }
+            other => other,
+        };
+        written.map_err(|e| self.failed(e))?;
+        self.written += 1;
+        Ok(())
+    }
+
+    fn append(&mut self, picture: &Frame) -> io::Result<()> {
+        let size = (picture.width, picture.height);
+        let (width, height) = *self.size.get_or_insert(size);
+        if size != (width, height) {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                format!(
+                    "a film has one size, expected {width}x{height}, found {}x{}; give a folder for photos",
+                    size.0, size.1
+                ),
+            ));
+        }
+        if let Part::Waiting(_) = self.part
+            && let Part::Waiting(file) = std::mem::replace(&mut self.part, Part::None)
+        {
+            let rate = (self.rate * f64::from(PARTS)).round().max(1.0) as u32;
+            self.part = Part::Open(AviWriter::new(file, width, height, (rate, PARTS))?);
+        }
+        let Part::Open(film) = &mut self.part else {
+            return Err(io::ErrorKind::NotConnected.into());
+        };
+        film.write_frame(picture, QUALITY)?;
+        film.get_mut().mark_whole();
+        Ok(())
+    }
+
+    fn next_part(&mut self) -> io::Result<()> {
+        self.end_part()?;
+        self.parts += 1;
+        self.part = Part::Waiting(AtomicFile::create(&self.part_path())?);
+        Ok(())
+    }
+
+    fn part_path(&self) -> PathBuf {
+        if self.parts == 1 {
+            return self.path.clone();
+        }
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        self.path
+            .with_file_name(format!("{stem}-{}.avi", self.parts))
+    }
+
+    fn end_part(&mut self) -> io::Result<()> {
+        match std::mem::replace(&mut self.part, Part::None) {
+            Part::Open(film) => film.finish()?.finish(),
+            // Without a picture there is no film.
+            Part::Waiting(_) | Part::None => Ok(()),
+        }
+    }
+
+    fn failed(&self, cause: io::Error) -> SinkError {
+        SinkError::Write {
+            path: self.part_path(),
+            cause,
+        }
+    }
+
+    /// Completes the film; what there is.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`].
+    pub fn finish(mut self) -> Result<Option<String>, SinkError> {
+        self.end_part().map_err(|e| self.failed(e))?;
+        let parts = match self.parts {
+            1 => String::new(),
+            n => format!(" and {} more files", n - 1),
+        };
+        Ok((self.written > 0).then(|| {
+            format!(
+                "a film of {} pictures → {}{parts}",
+                self.written,
+                self.path.display()
+            )
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{AviReader, Source};
+
+    fn picture(width: u32, height: u32) -> Frame {
+        Frame {
+            width,
+            height,
+            rgb: vec![90; 3 * (width * height) as usize],
+            ..Frame::default()
+        }
+    }
+
+    #[test]
+    fn a_film_plays_with_its_rate_and_has_one_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.avi");
+        let mut film = Film::create(&path, 29.97).unwrap();
+        for _ in 0..5 {
+            film.write(&picture(64, 48)).unwrap();
+        }
+        let other = film.write(&picture(48, 64)).unwrap_err().to_string();
+        assert!(
+            other.contains("64x48") && other.contains("48x64"),
+            "{other}"
+        );
+        assert!(!path.exists(), "a film appears whole");
+        assert!(film.finish().unwrap().unwrap().contains("5 pictures"));
+        let mut reader = AviReader::new(std::fs::File::open(&path).unwrap(), "film").unwrap();
+        assert!((reader.fps().unwrap() - 29.97).abs() < 1e-9);
+        let (mut frame, mut count) = (Frame::default(), 0);
+        while reader.next_into(&mut frame).unwrap() {
+            count += 1;
+        }
+        assert_eq!((count, frame.width, frame.height), (5, 64, 48));
+    }
+
+    #[test]
+    fn a_full_file_is_followed_by_another_and_an_empty_one_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.avi");
+        let mut film = Film::create(&path, 30.0).unwrap();
+        film.write(&picture(64, 48)).unwrap();
+        film.next_part().unwrap();
+        film.write(&picture(64, 48)).unwrap();
+        let said = film.finish().unwrap().unwrap();
+        assert!(said.contains("1 more files"), "{said}");
+        assert!(path.exists() && folder.path().join("film-2.avi").exists());
+        let none = folder.path().join("none.avi");
+        assert_eq!(Film::create(&none, 30.0).unwrap().finish().unwrap(), None);
+        assert!(!none.exists());
+    }
+}
