@@ -25,7 +25,7 @@ pub struct OverlaySink {
 #[derive(Debug)]
 enum Target {
     Pictures(Pictures),
-    Film(Film),
+    Film(Box<Film>),
 }
 
 impl OverlaySink {
@@ -39,7 +39,7 @@ impl OverlaySink {
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("avi"));
         let target = if is_film {
-            Target::Film(Film::create(path, rate.unwrap_or(USUAL_RATE))?)
+            Target::Film(Box::new(Film::create(path, rate.unwrap_or(USUAL_RATE))?))
         } else {
             Target::Pictures(Pictures::create(path, is_stills)?)
         };
