@@ -4,6 +4,7 @@
 mod program;
 
 mod bad_input;
+mod body_page;
 mod bridges;
 mod camera_away;
 mod config;
@@ -14,6 +15,7 @@ mod faults;
 mod flip_test;
 mod follow_people;
 mod hangs;
+mod hints;
 mod install;
 mod metrics;
 mod outcome;

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod place;
 pub mod stand_in;
+pub mod tools;
 
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};

@@ -1,4 +1,6 @@
-/* Prints where everybody's right wrist is: cc bodies.c -I../include -L../../../target/release -ledgecap_c -o bodies */
+/* Prints where everybody's right wrist is. In this folder, after `cargo build --release -p edgecap-c`:
+ * cc bodies.c -I../include -L../../../target/release -ledgecap_c -Wl,-rpath,$PWD/../../../target/release -o bodies
+ */
 #include <edgecap.h>
 #include <stdio.h>
 

@@ -1,4 +1,5 @@
-/* Read edgecap's bodies from shared memory in C99 or C++11; clients/c/examples/bodies.c is a whole program.
+/* Read edgecap's bodies from shared memory in C99 or C++11; clients/c/examples/bodies.c is a whole program, edgecap.hpp
+ * wraps this for C++.
  *
  * Camera frame: x right, y down, z forward, metres; pixels are those of the original picture, pixel centres on integers;
  * quaternions are xyzw; times are CLOCK_MONOTONIC nanoseconds.  The structures mirror clients/rust/src/message.rs, whose
@@ -90,7 +91,7 @@ typedef struct edgecap_body {
     float position[3];    /* pelvis in camera space, metres */
     float orientation[4]; /* of the pelvis, from rest axes (x to the person's left, y up, z front) to camera axes, xyzw */
     float velocity[3];    /* of the pelvis, metres per second */
-    float angles[EDGECAP_DOF]; /* root translation (m) and rotation vector (rad), 23 joint angles (rad): models/skeleton.toml */
+    float angles[EDGECAP_DOF]; /* root translation (m) and rotation vector (rad), 23 joint angles (rad); edgecap_angle_name */
     float joints3d[EDGECAP_BODY_JOINTS][3];    /* camera space, metres */
     float joints2d[EDGECAP_BODY_JOINTS][2];    /* the same in the original picture, pixels */
     float confidence[EDGECAP_BODY_JOINTS];     /* probability that a joint is within 150 mm of the truth */
@@ -161,9 +162,15 @@ void edgecap_bodies_close(edgecap_bodies *reader);
 /* Takes a body of a frame to the floor-aligned world: 1 when `there` was written, 0 while no floor is known, -1 when it failed. */
 int edgecap_in_world(const edgecap_body_frame *frame, const edgecap_body *body, edgecap_world_body *there);
 
-/* Names, such as "r_wrist" and VRM's "rightLowerArm"; NULL for numbers that are none. */
+/* Names, such as "r_wrist", "r_elbow_flexion" and VRM's "rightLowerArm"; NULL for numbers that are none. */
 const char *edgecap_joint_name(uint32_t joint);
+const char *edgecap_angle_name(uint32_t angle);
 const char *edgecap_bone_name(uint32_t bone);
+
+/* The joint that a joint's bone starts in (the pelvis is its own parent), and the bone that carries a bone (the hips carry
+ * themselves); -1 for numbers that are none. */
+int edgecap_joint_parent(uint32_t joint);
+int edgecap_bone_parent(uint32_t bone);
 
 /* Why this thread's last call with a reader or a frame failed, one line; "" when it did not.  Valid until the next such call. */
 const char *edgecap_error(void);

@@ -18,5 +18,8 @@ pub use bodies::{
     edgecap_bodies_next, edgecap_bodies_open, edgecap_bodies_publishers,
 };
 pub use error::edgecap_error;
-pub use names::{edgecap_bone_name, edgecap_joint_name};
+pub use names::{
+    edgecap_angle_name, edgecap_bone_name, edgecap_bone_parent, edgecap_joint_name,
+    edgecap_joint_parent,
+};
 pub use world::{edgecap_in_world, edgecap_world_body};

@@ -1,19 +1,41 @@
-//! Names of joints and bones.
+//! Names of joints, angles and bones, and what carries what.
 
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_int};
 use std::ptr::null;
 use std::sync::LazyLock;
 
-use edgecap_client::joints::JOINT_NAMES;
-use edgecap_client::message::HUMANOID_BONES;
+use edgecap_client::joints::{ANGLE_NAMES, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES, PARENTS};
 
 static JOINTS: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&JOINT_NAMES));
+static ANGLES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&ANGLE_NAMES));
 static BONES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&HUMANOID_BONES));
 
 /// Name of a joint, such as `r_wrist`; null for numbers that are none.
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_joint_name(joint: u32) -> *const c_char {
     JOINTS.get(joint as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// Name of a degree of freedom, such as `r_elbow_flexion`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_angle_name(angle: u32) -> *const c_char {
+    ANGLES.get(angle as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// The joint that a joint's bone starts in, the pelvis for itself; −1 for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_joint_parent(joint: u32) -> c_int {
+    parent(&PARENTS, joint)
+}
+
+/// The bone that carries a bone, the hips for themselves; −1 for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_bone_parent(bone: u32) -> c_int {
+    parent(&HUMANOID_PARENTS, bone)
+}
+
+fn parent(parents: &[usize], of: u32) -> c_int {
+    parents.get(of as usize).map_or(-1, |&p| p as c_int)
 }
 
 /// VRM / Unity name of a bone, such as `rightLowerArm`; null for numbers that are none.

@@ -78,3 +78,63 @@ pub const MIRROR_BODY: [usize; BODY_JOINTS] = [
 /// Stature, metres, of the person that Stage I and Stage II describe: one view cannot tell size from distance, so the
 /// networks speak of a person rescaled to this height and the fit restores the true one.
 pub const CANONICAL_STATURE: f32 = 1.70;
+
+/// Names of the degrees of freedom, in the order of [`Body::angles`](crate::message::Body::angles): the pelvis' place (m) and
+/// rotation vector (rad), then 23 joint angles (rad).
+pub const ANGLE_NAMES: [&str; DOF] = [
+    "pelvis_tx",
+    "pelvis_ty",
+    "pelvis_tz",
+    "pelvis_rx",
+    "pelvis_ry",
+    "pelvis_rz",
+    "spine_flexion",
+    "spine_lateral",
+    "spine_twist",
+    "neck_flexion",
+    "neck_yaw",
+    "r_shoulder_flexion",
+    "r_shoulder_abduction",
+    "r_shoulder_rotation",
+    "r_elbow_flexion",
+    "l_shoulder_flexion",
+    "l_shoulder_abduction",
+    "l_shoulder_rotation",
+    "l_elbow_flexion",
+    "r_hip_flexion",
+    "r_hip_abduction",
+    "r_hip_rotation",
+    "r_knee_flexion",
+    "r_ankle_flexion",
+    "l_hip_flexion",
+    "l_hip_abduction",
+    "l_hip_rotation",
+    "l_knee_flexion",
+    "l_ankle_flexion",
+];
+
+/// Bones whose local rotations a [`Body`](crate::message::Body) carries, in the order of [`HUMANOID_BONES`].
+pub const HUMANOID_BONE_COUNT: usize = 16;
+/// VRM / Unity humanoid names of [`Body::bone_rotations`](crate::message::Body::bone_rotations).
+pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
+    "hips",
+    "spine",
+    "neck",
+    "head",
+    "rightUpperArm",
+    "rightLowerArm",
+    "rightHand",
+    "leftUpperArm",
+    "leftLowerArm",
+    "leftHand",
+    "rightUpperLeg",
+    "rightLowerLeg",
+    "rightFoot",
+    "leftUpperLeg",
+    "leftLowerLeg",
+    "leftFoot",
+];
+
+/// The bone that carries each of [`HUMANOID_BONES`]; the hips carry themselves.
+pub const HUMANOID_PARENTS: [usize; HUMANOID_BONE_COUNT] =
+    [0, 0, 1, 2, 1, 4, 5, 1, 7, 8, 0, 10, 11, 0, 13, 14];

@@ -3,15 +3,16 @@
 //! ```no_run
 //! use edgecap_client::{message::BodyFrame, Subscriber};
 //! let bodies = Subscriber::<BodyFrame>::open("camera0")?;
-//! loop {
-//!     if let Some(frame) = bodies.newest(std::time::Duration::from_secs(1))? {
-//!         for body in frame.bodies() {
-//!             println!("{} stands at {:?} m", body.id, body.position);
-//!         }
+//! for frame in bodies.messages() {
+//!     for body in frame?.bodies() {
+//!         println!("{body}, right wrist at {:?}", body.joint("r_wrist"));
 //!     }
 //! }
 //! # Ok::<(), edgecap_client::LinkError>(())
 //! ```
+//!
+//! [`Subscriber::next`] and [`Subscriber::newest`] take one message and wait no longer than they are told;
+//! [`Subscriber::publisher_count`] says whether anybody publishes.
 //!
 //! iceoryx2 logs to stderr as `IOX2_LOG_LEVEL` says; the level is the program's and never changed here.
 
@@ -23,6 +24,7 @@ mod error;
 pub mod joints;
 mod link;
 pub mod message;
+mod named;
 pub mod place;
 mod publisher;
 mod ring;

@@ -8,33 +8,12 @@ use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS};
+pub use crate::joints::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
 
 /// Most people in one message; further ones, lowest scores first, are left out.
 pub const MAX_PEOPLE: usize = 32;
 /// Bins of each appearance histogram (hue, saturation). XNect §5.1.
 pub const APPEARANCE_BINS: usize = 30;
-/// Bones whose local rotations a [`Body`] carries, in the order of [`HUMANOID_BONES`].
-pub const HUMANOID_BONE_COUNT: usize = 16;
-/// VRM / Unity humanoid names of [`Body::bone_rotations`].
-pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
-    "hips",
-    "spine",
-    "neck",
-    "head",
-    "rightUpperArm",
-    "rightLowerArm",
-    "rightHand",
-    "leftUpperArm",
-    "leftLowerArm",
-    "leftHand",
-    "rightUpperLeg",
-    "rightLowerLeg",
-    "rightFoot",
-    "leftUpperLeg",
-    "leftLowerLeg",
-    "leftFoot",
-];
-
 /// Bit of [`ObservationFrame::flags`] and [`BodyFrame::flags`]: the input has ended, this message holds no new people.
 pub const FLAG_END_OF_STREAM: u32 = 1;
 /// Bit of the flags: `capture_ns` is a file's presentation time, not CLOCK_MONOTONIC.

@@ -17,16 +17,29 @@ pub trait Message:
     const STREAM: &'static str;
     /// Version of its layout; part of the service's name, so that readers of another version never see it.
     const VERSION: u32;
+
+    /// Its `FLAG_*` bits; none of a message that has none.
+    fn flags(&self) -> u32 {
+        0
+    }
 }
 
 impl Message for ObservationFrame {
     const STREAM: &'static str = "observations";
     const VERSION: u32 = 1;
+
+    fn flags(&self) -> u32 {
+        self.flags
+    }
 }
 
 impl Message for BodyFrame {
     const STREAM: &'static str = "bodies";
     const VERSION: u32 = 2;
+
+    fn flags(&self) -> u32 {
+        self.flags
+    }
 }
 
 /// Name of a camera's stream of `M`.

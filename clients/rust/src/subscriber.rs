@@ -18,6 +18,7 @@ use iceoryx2::sample::Sample;
 use crate::domain::Domain;
 use crate::error::LinkError;
 use crate::link::{Link, MAX_SUBSCRIBERS, Side};
+use crate::message::FLAG_END_OF_STREAM;
 use crate::place;
 use crate::ring::{BUFFER, LOOK_EVERY, RingReader};
 use crate::service::FileService;
@@ -169,6 +170,28 @@ impl<M: Message> Subscriber<M> {
             newest = Some(m);
         }
         Ok(newest)
+    }
+
+    /// Every message, oldest unread first, until the input ends; waits where nobody publishes. Drop each before taking the
+    /// third one.
+    ///
+    /// # Errors
+    /// As [`next`](Self::next).
+    pub fn messages(&self) -> impl Iterator<Item = Result<Received<M>, LinkError>> + '_ {
+        let mut has_ended = false;
+        std::iter::from_fn(move || {
+            while !has_ended {
+                let message = self.next(LOOK_EVERY).transpose();
+                if let Some(message) = message {
+                    has_ended = match &message {
+                        Ok(m) => m.flags() & FLAG_END_OF_STREAM != 0,
+                        Err(_) => true,
+                    };
+                    return Some(message);
+                }
+            }
+            None
+        })
     }
 
     /// Writers there are now: 0 or 1. One that died is gone within a second.

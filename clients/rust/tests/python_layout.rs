@@ -1,23 +1,33 @@
-//! The Python client's structures must lie in memory as ours do, and its world be ours.
+//! The Python client's structures must lie in memory as ours do, and its world be ours; README's Python works as printed.
+
+#[path = "../../../tests/program/tools.rs"]
+mod tools;
 
 use std::fmt::Debug;
+use std::io::{BufRead, BufReader};
 use std::mem::{offset_of, size_of};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::str::FromStr;
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
-use edgecap_client::message::{Body, BodyFrame, Observation, ObservationFrame, World, WorldState};
+use edgecap_client::Publisher;
+use edgecap_client::message::{
+    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Observation, ObservationFrame, World,
+    WorldState,
+};
 
 /// The numbers that a Python script prints; `None` without Python.
 fn python<T: FromStr<Err: Debug>>(script: &str) -> Option<Vec<T>> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../python");
+    if !tools::has("python3") {
+        return None;
+    }
     let run = Command::new("python3")
         .args(["-B", "-c", script])
         .env("PYTHONPATH", folder)
         .output();
-    let Ok(output) = run else {
-        eprintln!("skipped: no python3 on this machine");
-        return None;
-    };
+    let output = run.unwrap();
     assert!(
         output.status.success(),
         "{}",
@@ -103,4 +113,70 @@ fn python_takes_bodies_to_the_same_world() {
     for (a, b) in found.iter().zip(&expected) {
         assert!((a - b).abs() < 1e-5, "{found:?} is not {expected:?}");
     }
+}
+
+#[test]
+fn the_python_of_the_readme_works_as_printed() {
+    if !tools::has("python3") {
+        return;
+    }
+    let readme = include_str!("../../../README.md");
+    assert!(readme.contains("`export PYTHONPATH=clients/python`"));
+    let code = readme.split("```python\n").nth(1).unwrap();
+    let code = code.split("```").next().unwrap();
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("edgecap");
+    let mut python = Command::new("python3")
+        .args(["-B", "-u", "-c", code])
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+        .env("PYTHONPATH", "clients/python")
+        .env("EDGECAP_RUNTIME_DIR", &folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let output = BufReader::new(python.stdout.take().unwrap());
+    let (send, lines) = mpsc::channel();
+    std::thread::spawn(move || {
+        for line in output.lines() {
+            let _ = send.send(line.unwrap());
+        }
+    });
+    // It was started first and waits.
+    let mut publisher = Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap();
+    let mut frame = BodyFrame {
+        count: 1,
+        world: World {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0, 2.0, 0.0],
+            state: WorldState::GIVEN,
+        },
+        ..BodyFrame::default()
+    };
+    frame.bodies[0] = Body {
+        id: 3,
+        state: BodyState::TRACKED,
+        position: [0.5, 1.0, 4.0],
+        ..Body::default()
+    };
+    frame.bodies[0].joints3d[4] = [0.25, 0.5, 3.5];
+    let start = Instant::now();
+    let first = loop {
+        publisher.publish(&frame).unwrap();
+        if let Ok(line) = lines.recv_timeout(Duration::from_millis(50)) {
+            break line;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it says nothing");
+    };
+    frame.count = 0;
+    frame.flags = FLAG_END_OF_STREAM;
+    publisher.publish(&frame).unwrap();
+    let said: Vec<String> = std::iter::once(first).chain(lines).collect();
+    assert!(python.wait().unwrap().success());
+    assert_eq!(
+        said[..2],
+        [
+            "#3 tracked: 4.00 m away, right wrist at [0.25, 0.5, 3.5]",
+            "   pelvis 1.00 m above the floor"
+        ]
+    );
 }

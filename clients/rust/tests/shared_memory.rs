@@ -34,6 +34,24 @@ fn messages_arrive_in_order_and_whole() {
 }
 
 #[test]
+fn messages_end_with_the_input() {
+    let camera = camera("end");
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
+    for (sequence, flags) in [(0, 0), (1, 0), (2, FLAG_END_OF_STREAM), (3, 0)] {
+        let message = BodyFrame {
+            sequence,
+            flags,
+            ..BodyFrame::default()
+        };
+        publisher.publish(&message).unwrap();
+    }
+    let read: Vec<u64> = subscriber.messages().map(|m| m.unwrap().sequence).collect();
+    assert_eq!(read, [0, 1, 2]);
+    assert_eq!(subscriber.next(PATIENCE).unwrap().unwrap().sequence, 3);
+}
+
+#[test]
 fn no_patience_is_no_wait() {
     let camera = camera("impatient");
     let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();

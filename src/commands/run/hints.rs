@@ -1,6 +1,6 @@
 //! What whoever starts a run by hand may do next, with the names of this run.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use edgecap_client::place::RUNTIME_DIR_VARIABLE;
 
@@ -10,14 +10,11 @@ pub fn lines(camera: &str) -> [String; 2] {
     if let Some(folder) = std::env::var_os(RUNTIME_DIR_VARIABLE) {
         before += &format!("{RUNTIME_DIR_VARIABLE}={} ", quoted(folder.as_ref()));
     }
-    let mut path = String::new();
-    if let Some(client) = client() {
-        path = format!("PYTHONPATH={} ", quoted(&client));
-    }
     let program = std::env::current_exe().unwrap_or_else(|_| "edgecap".into());
+    let python = python(&program);
     [
         format!(
-            "read it:    {before}{path}python3 -c \"import edgecap; [print(b.id, b.joint('r_wrist')) \
+            "read it:    {before}{python} -c \"import edgecap; [print(b.id, b.joint('r_wrist')) \
              for f in edgecap.bodies('{camera}') for b in f.people()]\""
         ),
         format!(
@@ -27,11 +24,20 @@ pub fn lines(camera: &str) -> [String; 2] {
     ]
 }
 
-/// The folder of the Python client, where this program lies in the repository that it was built in.
-fn client() -> Option<PathBuf> {
-    let program = std::env::current_exe().ok()?;
-    let found = program.ancestors().map(|a| a.join("clients/python"));
-    found.into_iter().find(|c| c.join("edgecap.py").is_file())
+/// The Python that has the client: of the environment that this program was installed into with it, else any, with the folder
+/// of the client where this program lies in the repository that it was built in.
+fn python(program: &Path) -> String {
+    if let Some(environment) = program.parent().and_then(Path::parent)
+        && environment.join("pyvenv.cfg").is_file()
+        && program.with_file_name("python3").exists()
+    {
+        return quoted(&program.with_file_name("python3"));
+    }
+    let mut folders = program.ancestors().map(|a| a.join("clients/python"));
+    match folders.find(|c| c.join("edgecap/__init__.py").is_file()) {
+        Some(client) => format!("PYTHONPATH={} python3", quoted(&client)),
+        None => "python3".into(),
+    }
 }
 
 /// As a shell takes it for one word.
@@ -46,7 +52,31 @@ fn quoted(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
+
+    #[test]
+    fn the_python_that_has_the_client() {
+        let place = tempfile::tempdir().unwrap();
+        let file = |path: &str| -> PathBuf {
+            let path = place.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, "").unwrap();
+            path
+        };
+        let clone = file("clone/target/release/edgecap");
+        assert_eq!(python(&clone), "python3");
+        file("clone/clients/python/edgecap/__init__.py");
+        let client = place.path().join("clone/clients/python");
+        let expected = format!("PYTHONPATH={} python3", client.display());
+        assert_eq!(python(&clone), expected);
+        let installed = file("venv/bin/edgecap");
+        let own = file("venv/bin/python3");
+        assert_eq!(python(&installed), "python3", "it is no environment");
+        file("venv/pyvenv.cfg");
+        assert_eq!(python(&installed), own.display().to_string());
+    }
 
     #[test]
     fn words_of_a_shell() {

@@ -382,36 +382,6 @@ fn a_plot_has_a_line_for_each_person_in_each_panel() {
     assert_fails(&args, 64, &[".svg"]);
 }
 
-/// The page on bodies says how joints come of angles and lengths: its Python does what it says.
-#[test]
-fn the_python_of_the_page_on_bodies_gives_the_joints() {
-    let page = include_str!("../../../docs/body.md");
-    let code = page.split("```python\n").nth(1).unwrap();
-    let code = code.split("```").next().unwrap();
-    let body = body(3, 42);
-    let script = format!(
-        "{code}\nimport json\nnames = {JOINT_NAMES:?}\n\
-         found = joints({:?}, {:?}, names)\nprint(json.dumps([found[n] for n in names]))",
-        body.angles, body.bone_lengths
-    );
-    let Ok(out) = std::process::Command::new("python3")
-        .args(["-c", &script])
-        .output()
-    else {
-        eprintln!("skipped: no python3 on this machine");
-        return;
-    };
-    assert!(out.status.success(), "{}", stderr(&out));
-    let found: Vec<[f32; 3]> = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!(found.len(), BODY_JOINTS);
-    for (j, (found, wanted)) in found.iter().zip(body.joints3d).enumerate() {
-        let off = (0..3)
-            .map(|k| (found[k] - wanted[k]).abs())
-            .fold(0.0, f32::max);
-        assert!(off < 1e-4, "{}: {found:?}, not {wanted:?}", JOINT_NAMES[j]);
-    }
-}
-
 #[test]
 fn what_cannot_be_exported_is_said_in_a_line() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,64 +1,25 @@
 //! Programs in C and C++, compiled against the header and the library, read what we publish.
 
+mod compile;
+mod conformance;
+mod examples;
+#[path = "../../../../tests/program/tools.rs"]
+mod tools;
+
 use std::io::{BufRead, BufReader};
 use std::mem::{offset_of, size_of};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use edgecap_c::edgecap_world_body;
 use edgecap_client::Publisher;
-use edgecap_client::message::{Body, BodyFrame, FLAG_END_OF_STREAM, Intrinsics, StageTimes, World};
+use edgecap_client::message::{Body, BodyFrame, Intrinsics, StageTimes, World};
 
-const HERE: &str = env!("CARGO_MANIFEST_DIR");
-const C: [&str; 3] = ["cc", "-std=c99", "-xc"];
-const CPP: [&str; 3] = ["c++", "-std=c++11", "-xc++"];
-
-/// Compiles a source with all warnings as errors and links it with the library; `None` without the compiler.
-fn compile([compiler, standard, language]: [&str; 3], source: &Path) -> Option<PathBuf> {
-    // Cargo puts the library beside the tests.
-    let test = std::env::current_exe().unwrap();
-    let libraries = test.parent().unwrap();
-    let program = source.with_extension(compiler);
-    let out = Command::new(compiler)
-        .args([
-            standard,
-            "-Wall",
-            "-Wextra",
-            "-Wpedantic",
-            "-Werror",
-            language,
-        ])
-        .arg(source)
-        .arg("-o")
-        .arg(&program)
-        .args([&format!("-I{HERE}/include"), "-ledgecap_c"])
-        .arg(format!("-L{}", libraries.display()))
-        .arg(format!("-Wl,-rpath,{}", libraries.display()))
-        .output();
-    let Ok(out) = out else {
-        eprintln!("skipped: no {compiler} on this machine");
-        return None;
-    };
-    assert!(
-        out.status.success(),
-        "{}",
-        String::from_utf8_lossy(&out.stderr)
-    );
-    Some(program)
-}
-
-/// Writes a source into `folder` and compiles it.
-fn program(folder: &Path, name: &str, how: [&str; 3], text: &str) -> Option<PathBuf> {
-    let source = folder.join(name);
-    std::fs::write(&source, text).unwrap();
-    compile(how, &source)
-}
+use compile::{C, CPP, program, run};
 
 fn stdout(program: &Path) -> String {
-    let out = Command::new(program).output().unwrap();
-    assert!(out.status.success(), "{out:?}");
-    String::from_utf8(out.stdout).unwrap()
+    run(&mut Command::new(program))
 }
 
 macro_rules! layout {
@@ -108,8 +69,10 @@ fn structures_have_the_same_layout() {
 
 #[test]
 fn names_and_numbers_agree() {
-    use edgecap_client::joints::{BODY_JOINTS, DOF, JOINT_NAMES};
-    use edgecap_client::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES, MAX_PEOPLE};
+    use edgecap_client::joints::{
+        ANGLE_NAMES, BODY_JOINTS, DOF, HUMANOID_BONE_COUNT, HUMANOID_BONES, JOINT_NAMES,
+    };
+    use edgecap_client::message::MAX_PEOPLE;
     let joints: String = JOINT_NAMES
         .iter()
         .map(|n| format!("printf(\"%d \", (int)EDGECAP_{});\n", n.to_uppercase()))
@@ -118,66 +81,24 @@ fn names_and_numbers_agree() {
         "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {{\nuint32_t i;\n{joints}\
          printf(\"%d %d %d %d\\n\", EDGECAP_BODY_JOINTS, EDGECAP_DOF, EDGECAP_BONES, EDGECAP_MAX_PEOPLE);\n\
          for (i = 0; edgecap_joint_name(i); i++) printf(\"%s\\n\", edgecap_joint_name(i));\n\
+         for (i = 0; edgecap_angle_name(i); i++) printf(\"%s\\n\", edgecap_angle_name(i));\n\
          for (i = 0; edgecap_bone_name(i); i++) printf(\"%s\\n\", edgecap_bone_name(i));\n\
          return 0;\n}}\n"
     );
     let folder = tempfile::tempdir().unwrap();
-    let program = program(folder.path(), "names.c", C, &text).expect("a C compiler");
+    let Some(program) = program(folder.path(), "names.c", C, &text) else {
+        return;
+    };
     let mut expected: String = (0..BODY_JOINTS).map(|i| format!("{i} ")).collect();
     expected += &format!("{BODY_JOINTS} {DOF} {HUMANOID_BONE_COUNT} {MAX_PEOPLE}\n");
-    for name in JOINT_NAMES.iter().chain(&HUMANOID_BONES) {
+    for name in JOINT_NAMES
+        .iter()
+        .chain(&ANGLE_NAMES)
+        .chain(&HUMANOID_BONES)
+    {
         expected += &format!("{name}\n");
     }
     assert_eq!(stdout(&program), expected);
-}
-
-#[test]
-fn the_example_reads_every_frame_to_the_end() {
-    let folder = tempfile::tempdir().unwrap();
-    let source = folder.path().join("bodies.c");
-    std::fs::copy(Path::new(HERE).join("examples/bodies.c"), &source).unwrap();
-    let camera = format!("test-c-{}", std::process::id());
-    for how in [C, CPP] {
-        let Some(program) = compile(how, &source) else {
-            continue;
-        };
-        let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
-        let reader = Command::new(&program)
-            .arg(&camera)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let start = Instant::now();
-        while publisher.subscriber_count() == 0 {
-            assert!(start.elapsed() < Duration::from_secs(30), "it never came");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        let mut frame = BodyFrame {
-            count: 2,
-            ..BodyFrame::default()
-        };
-        let mut expected = String::new();
-        for sequence in 0..5 {
-            frame.sequence = sequence;
-            for (i, id) in [3, 7].into_iter().enumerate() {
-                frame.bodies[i].id = id;
-                let wrist = [0.25 * sequence as f32, -0.5, 2.0 + id as f32];
-                frame.bodies[i].joints3d[4] = wrist;
-                expected += &format!(
-                    "{sequence} #{id} {:.2} {:.2} {:.2} m\n",
-                    wrist[0], wrist[1], wrist[2]
-                );
-            }
-            publisher.publish(&frame).unwrap();
-        }
-        frame.count = 0;
-        frame.flags = FLAG_END_OF_STREAM;
-        publisher.publish(&frame).unwrap();
-        let out = reader.wait_with_output().unwrap();
-        assert!(out.status.success(), "{out:?}");
-        assert_eq!(String::from_utf8(out.stdout).unwrap(), expected);
-    }
 }
 
 const ROLE: &str = "EDGECAP_TEST_ROLE";

@@ -1,0 +1,160 @@
+//! The examples, built as their own comments say, and by users' build systems.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use edgecap_client::Publisher;
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+
+use crate::compile::{HERE, libraries, run};
+use crate::tools;
+
+/// What an example says of five frames of two people that are published while it runs.
+fn reads_every_frame_to_the_end(program: &Path, camera: &str) {
+    let camera = format!("test-{camera}-{}", std::process::id());
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let reader = Command::new(program)
+        .arg(&camera)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while publisher.subscriber_count() == 0 {
+        assert!(start.elapsed() < Duration::from_secs(30), "it never came");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let mut frame = BodyFrame {
+        count: 2,
+        ..BodyFrame::default()
+    };
+    let mut expected = Vec::new();
+    for sequence in 0..5 {
+        frame.sequence = sequence;
+        for (i, id) in [3, 7].into_iter().enumerate() {
+            frame.bodies[i].id = id;
+            let wrist = [0.25 * sequence as f32, -0.5, 2.0 + id as f32];
+            frame.bodies[i].joints3d[4] = wrist;
+            expected.push((sequence, id, wrist));
+        }
+        publisher.publish(&frame).unwrap();
+    }
+    frame.count = 0;
+    frame.flags = FLAG_END_OF_STREAM;
+    publisher.publish(&frame).unwrap();
+    let out = reader.wait_with_output().unwrap();
+    assert!(out.status.success(), "{out:?}");
+    let said = String::from_utf8(out.stdout).unwrap();
+    let found: Vec<(u64, u32, [f32; 3])> = said
+        .lines()
+        .map(|line| {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let wrist = std::array::from_fn(|k| words[2 + k].parse().unwrap());
+            assert_eq!(words[5..], ["m"], "{line}");
+            (
+                words[0].parse().unwrap(),
+                words[1][1..].parse().unwrap(),
+                wrist,
+            )
+        })
+        .collect();
+    assert_eq!(found, expected);
+}
+
+/// Builds an example by the command in its first lines, with warnings as errors.
+fn by_its_own_comment(source: &str, compiler: &str, folder: &Path) -> Option<PathBuf> {
+    if !tools::has(compiler) {
+        return None;
+    }
+    let examples = Path::new(HERE).join("examples");
+    let text = std::fs::read_to_string(examples.join(source)).unwrap();
+    let (begin, program) = (format!("{compiler} "), folder.join(compiler));
+    let command = text
+        .lines()
+        .take(4)
+        .filter_map(|l| l.find(&begin).map(|at| l[at..].to_owned()))
+        .find(|l| l.contains(source))
+        .expect("a command");
+    let built = libraries().display().to_string();
+    let command = command
+        .replace("$PWD/../../../target/release", &built)
+        .replace("../../../target/release", &built)
+        .replace("-o bodies", &format!("-o {}", program.display()));
+    let command = format!("{command} -Wall -Wextra -Wpedantic -Werror");
+    run(Command::new("sh")
+        .args(["-c", &command])
+        .current_dir(examples));
+    Some(program)
+}
+
+#[test]
+fn examples_are_built_by_their_own_comments() {
+    let folder = tempfile::tempdir().unwrap();
+    for (source, compiler) in [("bodies.c", "cc"), ("bodies.cpp", "c++")] {
+        if let Some(program) = by_its_own_comment(source, compiler, folder.path()) {
+            reads_every_frame_to_the_end(&program, compiler.trim_end_matches("++"));
+        }
+    }
+}
+
+/// Installs into a folder what this build made.
+fn installed(prefix: &Path) {
+    let said = run(Command::new(format!("{HERE}/install"))
+        .arg(prefix)
+        .env("EDGECAP_LIBRARIES", libraries()));
+    assert!(said.contains(env!("CARGO_PKG_VERSION")), "{said}");
+}
+
+#[test]
+fn pkg_config_finds_what_is_installed() {
+    if !tools::has("pkg-config") || !tools::has("cc") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    installed(folder.path());
+    let ask = |what: &[&str]| {
+        let mut command = Command::new("pkg-config");
+        command.args(what).arg("edgecap");
+        run(command.env("PKG_CONFIG_PATH", folder.path().join("lib/pkgconfig")))
+    };
+    assert_eq!(ask(&["--modversion"]).trim(), env!("CARGO_PKG_VERSION"));
+    let program = folder.path().join("program");
+    let mut cc = Command::new("cc");
+    cc.arg(Path::new(HERE).join("examples/bodies.c"));
+    cc.args(ask(&["--cflags", "--libs"]).split_whitespace());
+    cc.arg(format!(
+        "-Wl,-rpath,{}",
+        folder.path().join("lib").display()
+    ));
+    run(cc.arg("-o").arg(&program));
+    reads_every_frame_to_the_end(&program, "pkg-config");
+}
+
+#[test]
+fn cmake_finds_what_is_installed() {
+    if !tools::has("cmake") || !tools::has("c++") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    installed(folder.path());
+    let (source, build) = (folder.path().join("source"), folder.path().join("build"));
+    std::fs::create_dir(&source).unwrap();
+    let version = env!("CARGO_PKG_VERSION");
+    let text = format!(
+        "cmake_minimum_required(VERSION 3.13)\nproject(user C CXX)\nset(CMAKE_CXX_STANDARD 11)\n\
+         find_package(edgecap {version} REQUIRED)\n\
+         add_executable(shared {HERE}/examples/bodies.cpp)\ntarget_link_libraries(shared PRIVATE edgecap::edgecap)\n\
+         add_executable(alone {HERE}/examples/bodies.c)\ntarget_link_libraries(alone PRIVATE edgecap::static)\n"
+    );
+    std::fs::write(source.join("CMakeLists.txt"), text).unwrap();
+    let prefix = format!("-DCMAKE_PREFIX_PATH={}", folder.path().display());
+    let mut configure = Command::new("cmake");
+    configure.arg("-S").arg(&source).arg("-B").arg(&build);
+    run(configure.arg(prefix));
+    run(Command::new("cmake").arg("--build").arg(&build));
+    reads_every_frame_to_the_end(&build.join("shared"), "cmake");
+    // It carries the library: what is installed may go.
+    std::fs::remove_dir_all(folder.path().join("lib")).unwrap();
+    reads_every_frame_to_the_end(&build.join("alone"), "cmake-static");
+}

@@ -1,0 +1,119 @@
+// The reader in C++ of the conformance test: every field of every frame.
+#include <edgecap.hpp>
+
+#include <cstring>
+#include <iomanip>
+#include <iostream>
+#include <string>
+
+namespace {
+
+template <typename T> void line(const std::string &label, std::initializer_list<T> values) {
+    std::cout << label;
+    for (const T &v : values)
+        std::cout << ' ' << v;
+    std::cout << '\n';
+}
+
+std::string bits(float v) {
+    uint32_t b;
+    std::memcpy(&b, &v, sizeof b);
+    char text[10];
+    std::snprintf(text, sizeof text, " %08x", static_cast<unsigned>(b));
+    return text;
+}
+
+// Numbers, and tables of them.
+void put(float v) { std::cout << bits(v); }
+template <typename T, std::size_t N> void put(const T (&values)[N]) {
+    for (const T &v : values)
+        put(v);
+}
+template <typename T> void bits_of(const std::string &label, const T &field) {
+    std::cout << label;
+    put(field);
+    std::cout << '\n';
+}
+
+void more(float v) { std::cout << ' ' << v; }
+template <typename T, std::size_t N> void more(const T (&values)[N]) {
+    for (const T &v : values)
+        more(v);
+}
+
+template <typename F> void names(const std::string &label, uint32_t count, F name) {
+    std::cout << label;
+    for (uint32_t i = 0; i < count; i++)
+        std::cout << ' ' << name(i);
+    std::cout << '\n';
+}
+
+void print(const edgecap_body_frame &frame, const edgecap::Body &b) {
+    line("id", {b.id});
+    line("state", {b.state});
+    bits_of("score", b.score);
+    bits_of("position", b.position);
+    bits_of("orientation", b.orientation);
+    bits_of("velocity", b.velocity);
+    bits_of("angles", b.angles);
+    bits_of("joints3d", b.joints3d);
+    bits_of("joints2d", b.joints2d);
+    bits_of("confidence", b.confidence);
+    bits_of("height", b.height);
+    bits_of("bone_lengths", b.bone_lengths);
+    bits_of("bone_rotations", b.bone_rotations);
+    std::cout << "joint_states";
+    for (const uint8_t state : b.joint_states)
+        std::cout << ' ' << unsigned(state);
+    std::cout << '\n';
+    edgecap::WorldBody there;
+    if (edgecap::in_world(frame, b, there)) {
+        std::cout << "~there";
+        more(there.position);
+        more(there.orientation);
+        more(there.velocity);
+        more(there.joints3d);
+        std::cout << '\n';
+    }
+}
+
+void print(const edgecap_body_frame &f) {
+    line("sequence", {f.sequence});
+    line("times", {f.capture_ns, f.pose_ns, f.publish_ns});
+    line("size", {f.width, f.height});
+    const float intrinsics[] = {f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy};
+    bits_of("intrinsics", intrinsics);
+    const edgecap_stage_times &t = f.stage_times;
+    line("stages", {t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us, f.fit_us});
+    line("flags", {f.flags});
+    line("count", {f.count, f.frame_total});
+    std::cout << "world";
+    put(f.world.rotation);
+    put(f.world.translation);
+    std::cout << '\n';
+    line("floor", {f.world.state});
+    for (const edgecap::Body &body : edgecap::people(f))
+        print(f, body);
+}
+
+} // namespace
+
+int main(int argc, char **argv) try {
+    edgecap::Bodies reader(argc > 1 ? argv[1] : "camera0");
+    std::cout << "ready" << std::endl << std::setprecision(9);
+    names("joints", EDGECAP_BODY_JOINTS, edgecap_joint_name);
+    names("parents", EDGECAP_BODY_JOINTS, edgecap_joint_parent);
+    names("angles", EDGECAP_DOF, edgecap_angle_name);
+    names("bones", EDGECAP_BONES, edgecap_bone_name);
+    names("carriers", EDGECAP_BONES, edgecap_bone_parent);
+    for (bool is_last = false; !is_last;) {
+        if (const edgecap_body_frame *frame = reader.next()) {
+            print(*frame);
+            is_last = edgecap::is_last(*frame);
+        }
+    }
+    return 0;
+} catch (const edgecap::Error &error) {
+    std::cerr << "print: " << error.what() << std::endl;
+    return 1;
+}

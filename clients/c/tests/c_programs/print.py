@@ -1,0 +1,64 @@
+"""The reader in Python of the conformance test: every field of every frame."""
+
+import struct
+import sys
+
+import edgecap
+
+
+def flat(values):
+    for v in values if hasattr(values, "__len__") else [values]:
+        if hasattr(v, "__len__"):
+            yield from flat(v)
+        else:
+            yield v
+
+
+def line(label, *values):
+    print(label, *values)
+
+
+def bits(label, *fields):
+    line(label, *(f"{struct.unpack('=I', struct.pack('=f', v))[0]:08x}" for field in fields for v in flat(field)))
+
+
+def body(frame, b):
+    line("id", b.id)
+    line("state", edgecap.STATES.index(b.state))
+    bits("score", b.score)
+    bits("position", b.position)
+    bits("orientation", b.orientation)
+    bits("velocity", b.velocity)
+    bits("angles", [b.angle(name) for name in edgecap.ANGLE_NAMES])
+    bits("joints3d", [b.joint(name) for name in edgecap.JOINT_NAMES])
+    bits("joints2d", [b.joint2d(name) for name in edgecap.JOINT_NAMES])
+    bits("confidence", [b.joint_confidence(name) for name in edgecap.JOINT_NAMES])
+    bits("height", b.height)
+    bits("bone_lengths", [b.bone_length(name) for name in edgecap.JOINT_NAMES])
+    bits("bone_rotations", [b.bone_rotation(name) for name in edgecap.HUMANOID_BONES])
+    line("joint_states", *(edgecap.JOINT_STATES.index(b.joint_state(name)) for name in edgecap.JOINT_NAMES))
+    there = frame.in_world(b)
+    if there is not None:
+        line("~there", *there.position, *there.orientation, *there.velocity, *flat(there.joints3d))
+
+
+stream = edgecap.bodies(sys.argv[1])
+print("ready", flush=True)
+line("joints", *edgecap.JOINT_NAMES)
+line("parents", *edgecap.PARENTS)
+line("angles", *edgecap.ANGLE_NAMES)
+line("bones", *edgecap.HUMANOID_BONES)
+line("carriers", *edgecap.HUMANOID_PARENTS)
+for f in stream:
+    line("sequence", f.sequence)
+    line("times", f.capture_ns, f.pose_ns, f.publish_ns)
+    line("size", f.width, f.height)
+    bits("intrinsics", f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy)
+    t = f.stage_times
+    line("stages", t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us, f.fit_us)
+    line("flags", f.flags)
+    line("count", f.count, f.frame_total)
+    bits("world", f.world.rotation, f.world.translation)
+    line("floor", edgecap.WORLD_STATES.index(f.world.state))
+    for b in f.people():
+        body(f, b)

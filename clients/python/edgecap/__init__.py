@@ -1,0 +1,90 @@
+"""Read edgecap's bodies from shared memory, in pure Python:
+
+    import edgecap
+    for frame in edgecap.bodies("camera0"):
+        for body in frame.people():
+            print(body.id, list(body.position), body.joint("r_wrist"), body.angle("r_elbow_flexion"))
+
+The loop waits for a run that is not there yet, says on the logger `edgecap` when it goes and when it comes back, and
+ends with the input.  Where frames may fail to come, take them one by one:
+
+    stream = edgecap.bodies("camera0")
+    frame = stream.next(timeout_s=0.1)      # the oldest frame not yet read, or None
+    frame = stream.newest(timeout_s=0.1)    # the newest one; older ones are left out
+    stream.publishers()                     # 0 within a second of the publisher's death, 1 once it is back
+
+`frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
+With NumPy, `body.array("joints3d")` and `frame.array("joints3d")` are views of the message, not copies; NumPy is needed
+for nothing else.
+
+Camera frame: x right, y down, z forward, metres; pixels of the original picture; quaternions xyzw; times
+CLOCK_MONOTONIC nanoseconds.  All errors are `EdgecapError` and say what to do.
+"""
+
+from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
+from .message import (
+    APPEARANCE_BINS,
+    FLAG_END_OF_STREAM,
+    FLAG_FILE_TIME,
+    JOINT_STATES,
+    MAX_PEOPLE,
+    STATES,
+    Body,
+    BodyFrame,
+    Intrinsics,
+    Observation,
+    ObservationFrame,
+    StageTimes,
+)
+from .names import (
+    ANGLE_NAMES,
+    BODY_JOINTS,
+    DOF,
+    EVIDENCE_JOINTS,
+    HUMANOID_BONES,
+    HUMANOID_PARENTS,
+    JOINT_NAMES,
+    PARENTS,
+)
+from .place import cameras, reading_dirs, runtime_dir
+from .stream import Stream, bodies, observations
+from .world import WORLD_STATES, World, WorldBody
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ANGLE_NAMES",
+    "APPEARANCE_BINS",
+    "BODY_JOINTS",
+    "DOF",
+    "EVIDENCE_JOINTS",
+    "FLAG_END_OF_STREAM",
+    "FLAG_FILE_TIME",
+    "HUMANOID_BONES",
+    "HUMANOID_PARENTS",
+    "JOINT_NAMES",
+    "JOINT_STATES",
+    "MAX_PEOPLE",
+    "PARENTS",
+    "STATES",
+    "WORLD_STATES",
+    "AccessError",
+    "Body",
+    "BodyFrame",
+    "EdgecapError",
+    "Intrinsics",
+    "NoFrame",
+    "Observation",
+    "ObservationFrame",
+    "StageTimes",
+    "Stream",
+    "UnknownName",
+    "VersionError",
+    "World",
+    "WorldBody",
+    "bodies",
+    "cameras",
+    "observations",
+    "reading_dirs",
+    "runtime_dir",
+]

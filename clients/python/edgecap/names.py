@@ -1,0 +1,62 @@
+"""Joints, angles and bones by name, in the order in which messages hold them; `docs/body.md` explains each."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Final
+
+from .errors import UnknownName
+
+EVIDENCE_JOINTS: Final = 14
+"""Joints that Stage I sees: the first of the body joints."""
+BODY_JOINTS: Final = 21
+DOF: Final = 29
+
+JOINT_NAMES: Final[tuple[str, ...]] = tuple(
+    (
+        "head_top neck r_shoulder r_elbow r_wrist l_shoulder l_elbow l_wrist r_hip r_knee r_ankle l_hip l_knee l_ankle "
+        "pelvis spine head r_hand l_hand r_foot_tip l_foot_tip"
+    ).split()
+)
+PARENTS: Final[tuple[int, ...]] = (16, 15, 1, 2, 3, 1, 5, 6, 14, 8, 9, 14, 11, 12, 14, 14, 1, 4, 7, 10, 13)
+"""Parent of every body joint; the pelvis is its own parent."""
+
+ANGLE_NAMES: Final[tuple[str, ...]] = tuple(
+    (
+        "pelvis_tx pelvis_ty pelvis_tz pelvis_rx pelvis_ry pelvis_rz "
+        "spine_flexion spine_lateral spine_twist neck_flexion neck_yaw "
+        "r_shoulder_flexion r_shoulder_abduction r_shoulder_rotation r_elbow_flexion "
+        "l_shoulder_flexion l_shoulder_abduction l_shoulder_rotation l_elbow_flexion "
+        "r_hip_flexion r_hip_abduction r_hip_rotation r_knee_flexion r_ankle_flexion "
+        "l_hip_flexion l_hip_abduction l_hip_rotation l_knee_flexion l_ankle_flexion"
+    ).split()
+)
+"""The pelvis' place (metres) and rotation vector (radians), then 23 joint angles (radians)."""
+
+HUMANOID_BONES: Final[tuple[str, ...]] = tuple(
+    (
+        "hips spine neck head rightUpperArm rightLowerArm rightHand leftUpperArm leftLowerArm leftHand "
+        "rightUpperLeg rightLowerLeg rightFoot leftUpperLeg leftLowerLeg leftFoot"
+    ).split()
+)
+"""VRM's and Unity's names."""
+HUMANOID_PARENTS: Final[tuple[int, ...]] = (0, 0, 1, 2, 1, 4, 5, 1, 7, 8, 0, 10, 11, 0, 13, 14)
+"""The bone that carries each bone; the hips carry themselves."""
+
+
+def unknown(what: str, name: str, known: tuple[str, ...]) -> UnknownName:
+    """The error for a name that is none of `known`."""
+    near = difflib.get_close_matches(name, known, n=1)
+    meant = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(known)}"
+    return UnknownName(f"{what} {name!r}: there is none of that name; {meant}")
+
+
+def index(what: str, name: str, known: tuple[str, ...]) -> int:
+    """Where a name stands among `known`.
+
+    Raises `UnknownName`.
+    """
+    try:
+        return known.index(name)
+    except ValueError:
+        raise unknown(what, name, known) from None

@@ -1,0 +1,58 @@
+"""Where the shared memory of an installation lies: the same search as in `clients/rust/src/place.rs`."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import Final
+
+SERVICE_DIR: Final = "/run/edgecap"
+
+
+def runtime_dir() -> str:
+    """The folder that this user's processes publish in."""
+    if named := os.environ.get("EDGECAP_RUNTIME_DIR"):
+        return named
+    if _is_own(SERVICE_DIR):
+        return SERVICE_DIR
+    user = os.geteuid()
+    for session in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{user}"):
+        if session and _is_own(session):
+            return os.path.join(session, "edgecap")
+    memory, home = f"/dev/shm/edgecap-{user}", os.path.expanduser("~")
+    is_taken = os.path.lexists(memory) and os.lstat(memory).st_uid != user
+    return os.path.join(home, ".cache/edgecap/run") if is_taken and _is_own(home) else memory
+
+
+def reading_dirs() -> list[str]:
+    """The folders that a reader looks in, this user's own first; the service's where it may be read."""
+    dirs = [runtime_dir()]
+    is_named = bool(os.environ.get("EDGECAP_RUNTIME_DIR"))
+    if not is_named and dirs[0] != SERVICE_DIR and os.access(SERVICE_DIR, os.R_OK | os.X_OK):
+        dirs.append(SERVICE_DIR)
+    return dirs
+
+
+def cameras() -> list[str]:
+    """The cameras whose bodies this user may read, by name.  One whose publisher was killed is among them; ask
+    `publishers()` of its stream."""
+    found = set()
+    for folder in reading_dirs():
+        for name in _names(folder):
+            if camera := re.fullmatch(r"([a-zA-Z0-9_-]{1,64})\.bodies\.v\d+", name):
+                found.add(camera[1])
+    return sorted(found)
+
+
+def _names(folder: str) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
+
+
+def _is_own(folder: str) -> bool:
+    try:
+        return os.path.isdir(folder) and os.stat(folder).st_uid == os.geteuid()
+    except OSError:
+        return False

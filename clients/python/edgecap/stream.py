@@ -1,0 +1,252 @@
+"""Reading a stream: waits in the kernel for the next message, follows publishers that go and come back."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import re
+import time
+from collections.abc import Iterator
+from typing import Any, Final, Generic
+
+from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
+from .message import FLAG_END_OF_STREAM, BodyFrame, ObservationFrame
+from .place import cameras, reading_dirs
+from .ring import SLOTS, Kind, M, Ring, open_in
+from .wake import Wake
+
+_LOOK_EVERY_S: Final = 0.2
+_SEARCH_EVERY_S: Final = 0.02
+_SILENT_FOR_S: Final = 1.0
+"""How long nobody may publish before a loop says that it waits."""
+
+log = logging.getLogger("edgecap")
+
+
+class Stream(Generic[M]):
+    """A reader of one camera's stream, which need not be there yet: an iterator that ends with the input.
+
+    Raises `AccessError` where the stream may not be read, `VersionError` where it has messages of another version.
+    """
+
+    def __init__(
+        self, camera: str, stream: str, version: int, message: type[M], timeout_s: float | None = None
+    ) -> None:
+        self._ring: Ring | None = None
+        self._wake: Wake | None = None
+        self._alive = False
+        if not re.fullmatch(r"[a-zA-Z0-9_-]{1,64}", camera):
+            raise UnknownName(
+                f"camera name {camera!r}: expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_', as given to `edgecap run --name`"
+            )
+        self._kind = Kind(camera, stream, version, ctypes.sizeof(message))
+        self._message, self._timeout_s = message, timeout_s
+        self._wake = Wake()
+        self._next, self._looked = 0, 0.0
+        self._search(first=True)
+
+    @property
+    def camera(self) -> str:
+        """The camera's name."""
+        return self._kind.camera
+
+    def next(self, timeout_s: float | None = 1.0) -> M | None:
+        """The oldest message not yet read, waiting up to `timeout_s` (None: for ever) for one; None when none came.
+
+        A reader that is more than 16 messages behind loses the oldest.
+        """
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            message = self._read()
+            if message is None:
+                self._look()
+                message = self._read()
+            every = self._every()
+            left = every if deadline is None else deadline - time.monotonic()
+            if message is not None or left <= 0:
+                return message
+            self._open_wake().wait(min(left, every))
+
+    def newest(self, timeout_s: float | None = 1.0) -> M | None:
+        """The newest message, leaving out older ones; waits up to `timeout_s` (None: for ever) where all are read."""
+        self._look()
+        self._skip()
+        newest = self.next(timeout_s)
+        while newest is not None:
+            self._skip()
+            newer = self._read()
+            if newer is None:
+                break
+            newest = newer
+        return newest
+
+    def publishers(self) -> int:
+        """Processes that publish this stream now, 0 or 1.  One that died is gone within a second."""
+        self._look()
+        return int(self._alive)
+
+    def __iter__(self) -> Iterator[M]:
+        """Every message until the input ends.  Says on the logger `edgecap` whom it waits for.
+
+        Raises `NoFrame` after `timeout_s` without a message, if the stream was opened with one.
+        """
+        watch = _Watch(self._kind, self._timeout_s)
+        while True:
+            message = self.next(watch.patience())
+            watch.saw(self.publishers() > 0, self._ring.life if self._ring else None, message is not None)
+            if message is None:
+                continue
+            yield message
+            watch.begin()
+            if getattr(message, "flags", 0) & FLAG_END_OF_STREAM:
+                return
+
+    def close(self) -> None:
+        """Lets go of everything; a stream that is let go of does it itself."""
+        if self._ring:
+            self._ring.close()
+            self._ring = None
+        if self._wake:
+            self._wake.close()
+            self._wake = None
+        self._alive = False
+
+    def __enter__(self) -> Stream[M]:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        how = "published now" if self._alive else "nobody publishes it"
+        return f"Stream({self._kind.service}: {'closed' if self._wake is None else how}, at message {self._next})"
+
+    def _open_wake(self) -> Wake:
+        if self._wake is None:
+            raise EdgecapError(f"{self._kind.service}: this stream was closed; open another one")
+        return self._wake
+
+    def _every(self) -> float:
+        return _LOOK_EVERY_S if self._ring else _SEARCH_EVERY_S
+
+    def _look(self) -> None:
+        if time.monotonic() - self._looked < self._every():
+            return
+        self._looked = time.monotonic()
+        if self._ring:
+            self._alive = self._ring.is_published()
+            if self._alive or self._ring.count(self._next) > self._next:
+                return
+        self._search(first=False)
+
+    def _search(self, first: bool) -> None:
+        """Opens the first file whose publisher is alive, else the first that is there."""
+        found: Ring | None = None
+        refused: EdgecapError | None = None
+        self._open_wake()
+        for folder in reading_dirs():
+            try:
+                ring = open_in(folder, self._kind)
+            except (AccessError, VersionError) as e:
+                refused = e
+                continue
+            if ring and found and not ring.was_alive:
+                ring.close()
+            elif ring:
+                if found:
+                    found.close()
+                found = ring
+            if found and found.was_alive:
+                break
+        if found is None:
+            if refused and self._ring is None:
+                raise refused
+        elif self._ring and found.life == self._ring.life:
+            self._alive = found.was_alive
+            found.close()
+        else:
+            self._follow(found, first)
+
+    def _follow(self, ring: Ring, first: bool) -> None:
+        if self._ring:
+            self._ring.close()
+        self._ring, self._alive = ring, ring.was_alive
+        # The last words of the dead are old; a publisher that was waited for is read from its first message.
+        behind = 0 if not ring.was_alive else 1 if first else SLOTS - 1
+        self._next = max(0, ring.first_count - behind)
+        self._open_wake().watch(ring.path)
+
+    def _skip(self) -> None:
+        """Goes over to the newest message."""
+        if self._ring:
+            self._next = max(self._next, self._ring.count(self._next) - 1)
+
+    def _read(self) -> M | None:
+        while self._ring:
+            count = self._ring.count(self._next)
+            if self._next >= count:
+                return None
+            self._next = max(self._next, count - (SLOTS - 1))
+            message = self._message()
+            try:
+                if self._ring.read(self._next, message):
+                    self._next += 1
+                    return message
+            except EOFError:
+                return None
+        return None
+
+
+class _Watch:
+    """What a loop over a stream has to say about its publisher, and how long it goes on without messages."""
+
+    def __init__(self, kind: Kind, timeout_s: float | None):
+        self._kind, self._timeout_s = kind, timeout_s
+        self._life: int | None = None
+        self._waits = False
+        self.begin()
+
+    def begin(self) -> None:
+        """From here on a message is waited for."""
+        self._since = time.monotonic()
+
+    def patience(self) -> float:
+        """How long to wait before looking who is there."""
+        if self._timeout_s is None:
+            return _SILENT_FOR_S
+        return max(0.0, min(_SILENT_FOR_S, self._since + self._timeout_s - time.monotonic()))
+
+    def saw(self, is_alive: bool, life: int | None, got: bool) -> None:
+        """What came of the wait."""
+        service, was = self._kind.service, self._life
+        if not got and self._timeout_s is not None and time.monotonic() - self._since >= self._timeout_s:
+            others = [c for c in cameras() if c != self._kind.camera]
+            others_too = f"; there are bodies of {', '.join(others)}" if others else ""
+            raise NoFrame(
+                f"{service}: no frame came within {self._timeout_s:g} s; start `edgecap run --name {self._kind.camera}`, "
+                f"or look with `edgecap status`{others_too}"
+            )
+        if is_alive or got:
+            if self._waits or (was is not None and life != was):
+                log.warning("%s is published%s", service, "" if was is None else " again")
+            self._life, self._waits = life, False
+        elif not self._waits:
+            gone = "nobody publishes it yet" if was is None else "its publisher has gone"
+            log.warning("%s: %s; waiting for `edgecap run --name %s`", service, gone, self._kind.camera)
+            self._waits = True
+
+
+def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[BodyFrame]:
+    """Every body frame, oldest unread first, until the input ends.
+
+    A loop over it waits where nobody publishes; with `timeout_s` it raises `NoFrame` after so long without a frame.
+    """
+    return Stream(camera, "bodies", 2, BodyFrame, timeout_s)
+
+
+def observations(camera: str = "camera0", timeout_s: float | None = None) -> Stream[ObservationFrame]:
+    """Every observation frame, oldest unread first, until the input ends; otherwise as `bodies`."""
+    return Stream(camera, "observations", 1, ObservationFrame, timeout_s)

@@ -1,0 +1,206 @@
+"""Streams that come, go and come back, and what messages say by name."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tomllib
+import unittest
+from unittest import mock
+
+from writer import Writer, edgecap, frame
+
+CLIENT = pathlib.Path(__file__).parents[1]
+REPOSITORY = CLIENT.parents[1]
+
+
+class InPlace(unittest.TestCase):
+    """A test with a runtime folder of its own."""
+
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        env = mock.patch.dict(os.environ, EDGECAP_RUNTIME_DIR=folder.name)
+        env.start()
+        self.addCleanup(env.stop)
+
+
+class Streams(InPlace):
+    def test_frames_come_oldest_first_and_newest_leaves_older_ones_out(self) -> None:
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            for n in range(5):
+                writer.publish(frame(n))
+            self.assertEqual([stream.next(0).sequence for _ in range(2)], [0, 1])
+            self.assertEqual(stream.newest(0).sequence, 4)
+            self.assertIsNone(stream.next(0))
+            self.assertIsNone(stream.newest(0.05))
+            for n in range(40):
+                writer.publish(frame(n))
+            # Seventeen slots, one of which is being written.
+            self.assertEqual(stream.next(0).sequence, 24)
+        writer.close()
+
+    def test_waits_no_longer_than_it_was_told(self) -> None:
+        stream = edgecap.bodies()
+        begin = time.monotonic()
+        self.assertIsNone(stream.next(0.1))
+        self.assertGreaterEqual(time.monotonic() - begin, 0.1)
+        with self.assertRaises(edgecap.NoFrame) as failed:
+            next(iter(edgecap.bodies("hall", timeout_s=0.1)))
+        said = str(failed.exception)
+        self.assertIn("within 0.1 s", said)
+        self.assertIn("edgecap run --name hall", said)
+        self.assertIsInstance(failed.exception, TimeoutError)
+
+    def test_an_error_names_the_cameras_that_there_are(self) -> None:
+        writer = Writer(self.folder, "door")
+        self.assertEqual(edgecap.cameras(), ["door"])
+        with self.assertRaisesRegex(edgecap.NoFrame, "there are bodies of door"):
+            next(iter(edgecap.bodies("hall", timeout_s=0.1)))
+        writer.close()
+
+    def test_a_publisher_that_comes_later_goes_and_comes_back_is_followed(self) -> None:
+        stream, got = edgecap.bodies(), []
+        with self.assertLogs("edgecap", logging.WARNING) as log:
+            loop = threading.Thread(target=lambda: got.extend(f.sequence for f in stream))
+            loop.start()
+            self._until(lambda: any("nobody publishes it yet" in m for m in log.output))
+            writer = Writer(self.folder)
+            writer.publish(frame(1))
+            self._until(lambda: got == [1])
+            writer.kill()
+            self._until(lambda: any("its publisher has gone" in m for m in log.output))
+            writer = Writer(self.folder)
+            writer.publish(frame(2))
+            writer.publish(frame(3, (), edgecap.FLAG_END_OF_STREAM))
+            loop.join(30)
+            writer.close()
+        self.assertEqual(got, [1, 2, 3], "it ends with the input")
+        told = [m.split(": ", 1)[-1].removeprefix("edgecap:") for m in log.output]
+        self.assertEqual(len(told), 4, log.output)
+        self.assertTrue(log.output[1].endswith("is published"), log.output)
+        self.assertTrue(log.output[3].endswith("is published again"), log.output)
+
+    def _until(self, done) -> None:
+        begin = time.monotonic()
+        while not done():
+            self.assertLess(time.monotonic() - begin, 30)
+            time.sleep(0.01)
+
+    def test_publishers_are_counted(self) -> None:
+        stream = edgecap.bodies()
+        self.assertEqual(stream.publishers(), 0)
+        writer = Writer(self.folder)
+        self._until(lambda: stream.publishers() == 1)
+        self.assertIn("published now", repr(stream))
+        writer.kill()
+        self._until(lambda: stream.publishers() == 0)
+        self.assertIn("edgecap/v2/camera0/bodies: nobody publishes it", repr(stream))
+        stream.close()
+        with self.assertRaisesRegex(edgecap.EdgecapError, "closed; open another"):
+            stream.next(0.01)
+
+    def test_messages_of_another_version_are_refused(self) -> None:
+        writer = Writer(self.folder, version=3)
+        with self.assertRaisesRegex(edgecap.VersionError, "expected messages of version 2, found version 3; use"):
+            edgecap.bodies()
+        writer.close()
+
+    def test_a_folder_that_others_may_write_is_refused(self) -> None:
+        self.folder.chmod(0o777)
+        with self.assertRaisesRegex(edgecap.AccessError, "chmod 700"):
+            edgecap.bodies()
+
+    def test_a_file_that_is_cut_short_is_no_frame(self) -> None:
+        writer = Writer(self.folder)
+        stream = edgecap.bodies()
+        writer.publish(frame(0))
+        os.truncate(writer.path, 1000)
+        self.assertIsNone(stream.next(0.05))
+        writer.close()
+
+    def test_the_module_prints_a_line_a_frame(self) -> None:
+        writer = Writer(self.folder)
+        run = [sys.executable, "-m", "edgecap"]
+        child = subprocess.Popen(run, env=os.environ | {"PYTHONPATH": str(CLIENT)}, stdout=subprocess.PIPE, text=True)
+        assert child.stdout
+        # It begins with the newest frame: one is there before it comes.
+        writer.publish(frame(7))
+        line = child.stdout.readline()
+        writer.publish(frame(8, (), edgecap.FLAG_END_OF_STREAM))
+        self.assertEqual(child.wait(30), 0)
+        child.stdout.close()
+        writer.close()
+        self.assertIn("7 Body(id=3, tracked, score=0.88", line)
+
+
+class Messages(unittest.TestCase):
+    def test_fields_by_name(self) -> None:
+        body = frame(2, (3, 9)).people()[1]
+        self.assertEqual(body.joint("r_elbow"), (9.0, 3.0, 2.0))
+        self.assertEqual(body.joint2d("r_elbow"), (3.0, 9.0))
+        self.assertEqual(body.joint_state("r_elbow"), "predicted")
+        self.assertEqual(body.joint_states[:3], ("predicted", "occluded", "observed"))
+        self.assertEqual(body.joint_confidence("l_foot_tip"), 20 / 32)
+        self.assertEqual(body.bone_length("r_shoulder"), 2 / 64)
+        self.assertEqual(body.bone_rotation("rightLowerArm"), (5.0, 0.0, 0.0, 1.0))
+        self.assertEqual(body.angle("r_elbow_flexion"), 14 / 16)
+        self.assertEqual(body.named_angles()["l_ankle_flexion"], 28 / 16)
+        self.assertEqual(len(body.named_angles()), edgecap.DOF)
+
+    def test_a_name_that_is_none_is_told_with_the_nearest(self) -> None:
+        body = frame(0).people()[0]
+        for what, call in [
+            ("joint 'r_wirst': there is none of that name; did you mean 'r_wrist'?", lambda: body.joint("r_wirst")),
+            ("did you mean 'r_knee_flexion'?", lambda: body.angle("r_knee_flex")),
+            ("did you mean 'leftHand'?", lambda: body.bone_rotation("LeftHand")),
+            ("expected one of head_top, neck", lambda: body.joint_state("?")),
+            ("expected 1 to 64 of", lambda: edgecap.bodies("a/b")),
+        ]:
+            with self.assertRaises(edgecap.UnknownName) as failed:
+                call()
+            self.assertIn(what, str(failed.exception))
+
+    def test_unknown_codes_are_the_first_and_counts_are_held_to_what_there_is(self) -> None:
+        made = frame(0)
+        made._bodies[0]._state, made._bodies[0]._joint_states[0], made.world._state = 9, 200, 77
+        made.count = 1000
+        body = made.people()[0]
+        self.assertEqual((body.state, body.joint_state("head_top"), made.world.state), ("tentative", "predicted", "none"))
+        self.assertEqual(len(made.people()), edgecap.MAX_PEOPLE)
+
+    def test_what_is_printed_tells_what_it_is(self) -> None:
+        made = frame(12, (3, 9))
+        made.world._state, made.world.translation[1], made.world.rotation[3] = 1, 1.5, 1
+        self.assertEqual(repr(made.people()[0]), "Body(id=3, tracked, score=0.88, pelvis at (0.50, -0.25, 3.00) m, height 1.75 m)")
+        self.assertEqual(
+            repr(made), "BodyFrame(sequence=12, #3, #9, 1280x720, World(estimated, camera 1.50 m above the floor))"
+        )
+        self.assertEqual(repr(made.in_world(made.people()[0])), "WorldBody(pelvis at (0.50, 1.25, 3.00) m)")
+        self.assertEqual(repr(frame(1, ())), "BodyFrame(sequence=1, nobody, 1280x720, World(no floor is known))")
+
+    def test_names_are_those_of_the_skeleton(self) -> None:
+        skeleton = tomllib.loads((REPOSITORY / "models/skeleton.toml").read_text())
+        self.assertEqual(edgecap.ANGLE_NAMES[6:], tuple(d["name"] for d in skeleton["dof"]))
+        parents = {b["joint"]: b["parent"] for b in skeleton["bone"]} | {"pelvis": "pelvis"}
+        names = edgecap.JOINT_NAMES
+        self.assertEqual({n: names[p] for n, p in zip(names, edgecap.PARENTS)}, parents)
+        carried = dict(zip(edgecap.HUMANOID_BONES, (edgecap.HUMANOID_BONES[p] for p in edgecap.HUMANOID_PARENTS)))
+        self.assertEqual((carried["rightUpperArm"], carried["leftFoot"]), ("spine", "leftLowerLeg"))
+
+    def test_the_version_is_that_of_the_program(self) -> None:
+        cargo = (REPOSITORY / "Cargo.toml").read_text()
+        self.assertEqual(edgecap.__version__, re.search(r'^version = "(.+)"', cargo, re.M)[1])
+
+
+if __name__ == "__main__":
+    unittest.main()

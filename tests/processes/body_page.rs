@@ -1,0 +1,133 @@
+//! `docs/body.md` says how joints come of angles and lengths: its code does what it says.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use edgecap::body::skeleton::{Pose, Posed, Skeleton, rotation_vector};
+use edgecap::joints::{ANGLE_NAMES, BODY_JOINTS, DOF, JOINT_NAMES};
+use glam::DQuat;
+
+use crate::program::{stderr, tools};
+
+const PAGE: &str = include_str!("../../docs/body.md");
+
+/// The first piece of the page's code in a language.
+fn code(language: &str) -> &'static str {
+    let code = PAGE.split(&format!("```{language}\n")).nth(1).unwrap();
+    code.split("```").next().unwrap()
+}
+
+/// Angles, lengths and joints of somebody with bones of their own who bends every joint.
+fn somebody() -> ([f32; DOF], [f32; BODY_JOINTS], [[f32; 3]; BODY_JOINTS]) {
+    let skeleton = Skeleton::builtin();
+    let mut pose = Pose::facing_camera(4.5);
+    pose.position.x = -0.4;
+    pose.rotation = DQuat::from_rotation_y(2.0) * pose.rotation;
+    for (k, angle) in pose.angles.iter_mut().enumerate() {
+        let [low, high] = skeleton.angles()[k].limits;
+        *angle = 0.5 * (low + high) + 0.45 * (high - low) * (k as f64).sin();
+    }
+    let mut lengths = *skeleton.lengths();
+    for (j, length) in lengths.iter_mut().enumerate() {
+        *length *= 0.9 + 0.01 * j as f64;
+    }
+    let mut posed = Posed::default();
+    skeleton.pose(&pose, &lengths, &mut posed);
+    let joints = posed.joints;
+    let root = [
+        pose.position.to_array(),
+        rotation_vector(pose.rotation).to_array(),
+    ]
+    .concat();
+    let mut angles = [0.0; DOF];
+    for (to, from) in angles.iter_mut().zip(root.iter().chain(&pose.angles)) {
+        *to = *from as f32;
+    }
+    (
+        angles,
+        lengths.map(|l| l as f32),
+        joints.map(|j| j.as_vec3().to_array()),
+    )
+}
+
+/// The joints that a program prints are those of [`somebody`].
+fn are_the_joints(out: &Output) {
+    assert!(out.status.success(), "{}", stderr(out));
+    let found: Vec<[f32; 3]> = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(found.len(), BODY_JOINTS);
+    for (j, (found, wanted)) in found.iter().zip(somebody().2).enumerate() {
+        let off = (0..3).map(|k| (found[k] - wanted[k]).abs());
+        let off = off.fold(0.0, f32::max);
+        assert!(off < 1e-4, "{}: {found:?}, not {wanted:?}", JOINT_NAMES[j]);
+    }
+}
+
+#[test]
+fn its_python_gives_the_joints() {
+    if !tools::has("python3") {
+        return;
+    }
+    let (angles, lengths, _) = somebody();
+    let script = format!(
+        "{}\nimport json\nnames = {JOINT_NAMES:?}\n\
+         found = joints({angles:?}, {lengths:?}, names)\nprint(json.dumps([found[n] for n in names]))",
+        code("python")
+    );
+    let out = Command::new("python3").args(["-c", &script]).output();
+    are_the_joints(&out.unwrap());
+}
+
+#[test]
+fn its_cpp_gives_the_joints() {
+    if !tools::has("c++") {
+        return;
+    }
+    let (angles, lengths, _) = somebody();
+    let row = |values: &[f32]| format!("{values:?}").replace(['[', ']'], "");
+    let text = format!(
+        "{}\n#include <cstdio>\nint main() {{\n\
+         const float angles[29] = {{{}}};\nconst float lengths[21] = {{{}}};\n\
+         const char *before = \"[[\";\n\
+         for (const Point &p : joints(angles, lengths)) {{\n\
+         std::printf(\"%s%.9g, %.9g, %.9g]\", before, p[0], p[1], p[2]);\nbefore = \", [\";\n}}\n\
+         std::puts(\"]\");\n}}\n",
+        code("cpp"),
+        row(&angles),
+        row(&lengths)
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("joints.cpp"), text).unwrap();
+    let run = |program: &Path, args: &[&str]| Command::new(program).args(args).output().unwrap();
+    let (source, program) = (path("joints.cpp"), path("joints"));
+    let out = run(
+        "c++".as_ref(),
+        &[
+            "-std=c++11",
+            "-Wall",
+            "-Wextra",
+            "-Wpedantic",
+            "-Werror",
+            source.to_str().unwrap(),
+            concat!("-I", env!("CARGO_MANIFEST_DIR"), "/clients/c/include"),
+            "-o",
+            program.to_str().unwrap(),
+        ],
+    );
+    assert!(out.status.success(), "{}", stderr(&out));
+    are_the_joints(&run(&program, &[]));
+}
+
+#[test]
+fn the_names_of_clients_are_those_of_the_skeleton() {
+    let names = Skeleton::builtin().angles().iter().map(|a| a.name.as_str());
+    assert_eq!(names.collect::<Vec<_>>(), ANGLE_NAMES[6..]);
+    for name in ANGLE_NAMES {
+        // The page writes "…_rotation" for what begins as the row before.
+        let (_, end) = name.rsplit_once('_').unwrap();
+        assert!(
+            PAGE.contains(&format!("`{name}`")) || PAGE.contains(&format!("`…_{end}`")),
+            "{name}"
+        );
+    }
+}
