@@ -22,10 +22,10 @@ from typing import TextIO
 import torch
 from torch import Tensor, nn
 
+import backbone
 import checkpoint
 import quant
 import targets
-import weights
 from augment import photometric
 from distil import Teachers
 from everyday import Everyday
@@ -165,7 +165,7 @@ class Trainer:
         self.out.mkdir(parents=True, exist_ok=True)
         self.net = SelecSLSNet().to(self.dev, memory_format=torch.channels_last)
         if a.init:
-            weights.load_into(self.net, a.init)
+            backbone.start(self.net, a.init)
         self.ema = copy.deepcopy(self.net).requires_grad_(False)
         self._freeze()
         self.meta = dict(step=0, images=0, elapsed=0.0, quant=False, lr_scale=1.0)
@@ -471,7 +471,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--steps", type=int, default=0, help="length of the whole schedule in steps, instead of --total")
     ap.add_argument("--resume", action="store_true")
     ap.add_argument("--lr", type=float, default=2e-3)
-    ap.add_argument("--init", type=pathlib.Path, help="safetensors file to start from")
+    ap.add_argument("--init", type=pathlib.Path, help="weights to start from: safetensors, or a public SelecSLS-60 backbone (backbone.py)")
     ap.add_argument("--sizes-from", type=float, default=0.0, help="share of the schedule of tile sizes to leave out: a trained network needs no small tiles")
     ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")

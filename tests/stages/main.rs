@@ -8,3 +8,4 @@ mod model_file;
 mod overlay;
 mod overlay_characters;
 mod tiny_network;
+mod weights;

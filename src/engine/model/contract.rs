@@ -8,6 +8,7 @@ use edgecap_client::joints::{
 use serde::{Deserialize, Serialize};
 
 use super::ModelError;
+use super::completed::completed;
 use crate::engine::Maps;
 use crate::engine::network::Network;
 
@@ -17,6 +18,12 @@ const CELL_CENTRE: &str = "px = 8*c + 3.5 (pixel centres are integers)";
 const FORMULA: &str = "x/255-0.5";
 const STAGE2_INPUT: &str = "14 x (u, v, confidence, 63 encodings), joint after joint; all zero where a joint is not seen. (u, v): pixels relative to the neck, divided by the RMS distance of the seen joints from it";
 const STAGE2_OUTPUT: &str = "21 x (x, y, z) metres";
+const HEAD2D: &str =
+    "0..13 heatmaps (peak 1), then 13 x (dx, dy): unit vector child -> parent, of `limbs`";
+const HEAD3D: &str =
+    "21 x (x, y, z): joint minus its parent, metres, read at the joints in bones_at";
+/// In a template, for whoever trained the weights.
+const ORIGIN: &str = "say here on what, and under which terms";
 /// Steps of a 7-bit activation.
 pub const ACTIVATION_LEVELS: u32 = 127;
 
@@ -119,60 +126,51 @@ fn yes() -> bool {
     true
 }
 
-fn expect<T: PartialEq + std::fmt::Debug>(
-    key: &str,
-    expected: &T,
-    found: &T,
-) -> Result<(), ModelError> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(ModelError::Contract {
+/// A mismatch, unless both are the same.
+fn expect<T: PartialEq + std::fmt::Debug>(key: &str, expected: T, found: &T) -> Option<ModelError> {
+    (expected != *found).then(|| ModelError::Contract {
         key: key.into(),
         expected: format!("{expected:?}"),
         found: format!("{found:?}"),
     })
 }
 
-fn none_unknown(unknown: &BTreeMap<String, serde_json::Value>) -> Result<(), ModelError> {
-    match unknown.iter().next() {
-        None => Ok(()),
-        Some((key, value)) => Err(ModelError::Contract {
-            key: key.clone(),
-            expected: "no such key".into(),
-            found: value.to_string().chars().take(80).collect(),
-        }),
-    }
-}
-
-fn parse<T: for<'a> Deserialize<'a>>(json: &str) -> Result<T, ModelError> {
-    serde_json::from_str(json).map_err(|e| ModelError::Contract {
-        key: "contract".into(),
-        expected: "the keys that the training recipe exports".into(),
-        found: e.to_string(),
+fn unknown_keys(
+    unknown: &BTreeMap<String, serde_json::Value>,
+) -> impl Iterator<Item = ModelError> + '_ {
+    unknown.iter().map(|(key, value)| ModelError::Contract {
+        key: key.clone(),
+        expected: "no such key".into(),
+        found: value.to_string().chars().take(80).collect(),
     })
 }
 
+fn first(mismatches: Vec<ModelError>) -> Result<(), ModelError> {
+    mismatches.into_iter().next().map_or(Ok(()), Err)
+}
+
 impl Common {
-    fn check(&self) -> Result<(), ModelError> {
+    fn mismatches(&self) -> impl Iterator<Item = ModelError> {
         let names = |n: usize| JOINT_NAMES[..n].iter().map(|s| s.to_string()).collect();
-        expect("joints", &names(EVIDENCE_JOINTS), &self.joints)?;
-        expect("joints3d", &names(BODY_JOINTS), &self.joints3d)?;
-        expect("parents3d", &PARENTS.to_vec(), &self.parents3d)?;
-        expect(
-            "canonical_stature_m",
-            &CANONICAL_STATURE,
-            &self.canonical_stature_m,
-        )?;
-        expect("frame3d", &format!("{FRAME}{VIEW_ALIGNED}"), &self.frame3d)?;
-        if !(self.batchnorm_eps > 0.0 && self.batchnorm_eps < 0.1) {
-            return Err(ModelError::Contract {
-                key: "batchnorm_eps".into(),
-                expected: "a small positive number".into(),
-                found: self.batchnorm_eps.to_string(),
-            });
-        }
-        Ok(())
+        let is_small = self.batchnorm_eps > 0.0 && self.batchnorm_eps < 0.1;
+        let eps = (!is_small).then(|| ModelError::Contract {
+            key: "batchnorm_eps".into(),
+            expected: "a small positive number".into(),
+            found: self.batchnorm_eps.to_string(),
+        });
+        let all = [
+            expect("joints", names(EVIDENCE_JOINTS), &self.joints),
+            expect("joints3d", names(BODY_JOINTS), &self.joints3d),
+            expect("parents3d", PARENTS.to_vec(), &self.parents3d),
+            expect(
+                "canonical_stature_m",
+                CANONICAL_STATURE,
+                &self.canonical_stature_m,
+            ),
+            expect("frame3d", format!("{FRAME}{VIEW_ALIGNED}"), &self.frame3d),
+            eps,
+        ];
+        all.into_iter().flatten()
     }
 
     /// A contract that says what this program computes, for weights made here (random ones of tests and speed measurements).
@@ -195,42 +193,61 @@ impl Common {
 
 impl Contract {
     /// Reads the JSON of the `contract` metadata and checks that this program computes what it says with `network`.
+    ///
+    /// # Errors
+    /// The first of [`read`](Self::read)'s.
     pub fn parse(json: &str, network: &Network) -> Result<Self, ModelError> {
-        let c: Self = parse(json)?;
-        c.check(network)?;
-        Ok(c)
+        Self::read(json, network).map_err(|mut all| all.swap_remove(0))
+    }
+
+    /// As [`parse`](Self::parse).
+    ///
+    /// # Errors
+    /// Everything that is missing, of another type, unknown, or not what this program computes.
+    pub fn read(json: &str, network: &Network) -> Result<Self, Vec<ModelError>> {
+        let (contract, mut all) = completed(json, &Self::template(network));
+        let Some(contract) = contract else {
+            return Err(all);
+        };
+        all.extend(contract.mismatches(network));
+        match all.is_empty() {
+            true => Ok(contract),
+            false => Err(all),
+        }
     }
 
     pub(crate) fn check(&self, network: &Network) -> Result<(), ModelError> {
-        none_unknown(&self.unknown)?;
-        self.common.check()?;
-        expect("input.layout", &"NCHW".into(), &self.input.layout)?;
-        expect("input.colour", &"RGB".into(), &self.input.colour)?;
-        expect("input.formula", &FORMULA.into(), &self.input.formula)?;
-        expect(
-            "input.size_multiple",
-            &network.input().multiple,
-            &self.input.size_multiple,
-        )?;
-        expect("stride", &Maps::STRIDE, &self.stride)?;
-        expect("cell_centre", &CELL_CENTRE.into(), &self.cell_centre)?;
-        expect("limbs", &LIMB_JOINTS.to_vec(), &self.limbs)?;
-        if let Some(modules) = &self.modules {
-            expect("modules", &network.modules().to_vec(), modules)?;
-        }
-        if self.bones_at.len() != EVIDENCE_JOINTS
-            || self.bones_at.iter().flatten().any(|&b| b >= BODY_JOINTS)
-        {
-            return Err(ModelError::Contract {
+        first(self.mismatches(network))
+    }
+
+    fn mismatches(&self, network: &Network) -> Vec<ModelError> {
+        let (input, multiple) = (&self.input, network.input().multiple);
+        let modules = self.modules.as_ref();
+        let few = self.bones_at.len() != EVIDENCE_JOINTS;
+        let bones = (few || self.bones_at.iter().flatten().any(|&b| b >= BODY_JOINTS)).then(|| {
+            ModelError::Contract {
                 key: "bones_at".into(),
                 expected: format!("{EVIDENCE_JOINTS} lists of bones below {BODY_JOINTS}"),
                 found: format!("{:?}", self.bones_at),
-            });
-        }
-        if let Some(bits) = self.activation_bits {
-            expect("activation_bits", &7, &bits)?;
-        }
-        Ok(())
+            }
+        });
+        let all = [
+            expect("input.layout", "NCHW".into(), &input.layout),
+            expect("input.colour", "RGB".into(), &input.colour),
+            expect("input.formula", FORMULA.into(), &input.formula),
+            expect("input.size_multiple", multiple, &input.size_multiple),
+            expect("stride", Maps::STRIDE, &self.stride),
+            expect("cell_centre", CELL_CENTRE.into(), &self.cell_centre),
+            expect("limbs", LIMB_JOINTS.to_vec(), &self.limbs),
+            modules.and_then(|m| expect("modules", network.modules().to_vec(), m)),
+            bones,
+            self.activation_bits
+                .and_then(|bits| expect("activation_bits", 7, &bits)),
+        ];
+        unknown_keys(&self.unknown)
+            .chain(self.common.mismatches())
+            .chain(all.into_iter().flatten())
+            .collect()
     }
 
     /// A contract that says what this program computes; `origin` tells where the weights come from.
@@ -257,20 +274,70 @@ impl Contract {
             unknown: BTreeMap::new(),
         }
     }
+
+    /// What weights of `network` must say to be imported; whoever trained them fills in what is theirs to tell.
+    pub fn template(network: &Network) -> Self {
+        let at = |joint| (0..BODY_JOINTS).filter(move |&b| b == joint || PARENTS[b] == joint);
+        let modules = network.modules().to_vec();
+        let outputs = [("head2d", HEAD2D), ("head3d", HEAD3D)];
+        Self {
+            modules: (!modules.is_empty()).then_some(modules),
+            outputs: outputs.map(|(k, v)| (k.into(), v.into())).into(),
+            bones_at: (0..EVIDENCE_JOINTS).map(|j| at(j).collect()).collect(),
+            encodings_trained: true,
+            ..Self::ours(ORIGIN, network)
+        }
+    }
 }
 
 impl Stage2Contract {
     /// Reads the JSON of the `contract` metadata and checks that this program computes what it says.
+    ///
+    /// # Errors
+    /// The first of [`read`](Self::read)'s.
     pub fn parse(json: &str) -> Result<Self, ModelError> {
-        let c: Self = parse(json)?;
-        c.check()?;
-        Ok(c)
+        Self::read(json).map_err(|mut all| all.swap_remove(0))
+    }
+
+    /// As [`parse`](Self::parse).
+    ///
+    /// # Errors
+    /// Everything that is missing, of another type, unknown, or not what this program computes.
+    pub fn read(json: &str) -> Result<Self, Vec<ModelError>> {
+        let (contract, mut all) = completed(json, &Self::template());
+        let Some(contract) = contract else {
+            return Err(all);
+        };
+        all.extend(contract.mismatches());
+        match all.is_empty() {
+            true => Ok(contract),
+            false => Err(all),
+        }
     }
 
     pub(crate) fn check(&self) -> Result<(), ModelError> {
-        none_unknown(&self.unknown)?;
-        self.common.check()?;
-        expect("input", &STAGE2_INPUT.into(), &self.input)?;
-        expect("output", &STAGE2_OUTPUT.into(), &self.output)
+        first(self.mismatches())
+    }
+
+    fn mismatches(&self) -> Vec<ModelError> {
+        let all = [
+            expect("input", STAGE2_INPUT.into(), &self.input),
+            expect("output", STAGE2_OUTPUT.into(), &self.output),
+        ];
+        unknown_keys(&self.unknown)
+            .chain(self.common.mismatches())
+            .chain(all.into_iter().flatten())
+            .collect()
+    }
+
+    /// What weights of Stage II must say to be imported; whoever trained them fills in what is theirs to tell.
+    pub fn template() -> Self {
+        Self {
+            common: Common::ours(ORIGIN),
+            input: STAGE2_INPUT.into(),
+            output: STAGE2_OUTPUT.into(),
+            report: None,
+            unknown: BTreeMap::new(),
+        }
     }
 }

@@ -44,6 +44,21 @@ pub enum ModelError {
         /// The first in order of name.
         first: String,
     },
+    /// Tensors whose names have something before them.
+    #[error(
+        "{count} tensors have `{prefix}` before the name that is expected: models/train/convert.py takes that off"
+    )]
+    Prefix {
+        /// What stands there.
+        prefix: String,
+        /// How many.
+        count: usize,
+    },
+    /// A PyTorch checkpoint in place of safetensors.
+    #[error(
+        "this is a PyTorch checkpoint, which can hold programs and is never opened here: make safetensors of it with models/train/convert.py (docs/weights.md)"
+    )]
+    Checkpoint,
     /// A tensor has the wrong type or shape.
     #[error("tensor `{name}`: expected {expected}, found {found}; was the right --arch given?")]
     Tensor {

@@ -36,19 +36,64 @@ pub(crate) fn import(
         .collect()
 }
 
+/// Everything that [`import`] could say of the tensors of `network`.
+pub(crate) fn mismatches(tensors: &mut Tensors<'_>, network: &Network) -> Vec<ModelError> {
+    let mut all = Vec::new();
+    for node in &network.graph().nodes {
+        let Op::Conv { shape, params, .. } = &node.op else {
+            continue;
+        };
+        let out = vec![shape.out_channels()];
+        let mut wanted = vec![(params.weight.clone(), stored(shape))];
+        wanted.extend(params.bias.iter().map(|b| (b.clone(), out.clone())));
+        if let Some(norm) = &params.norm {
+            let parts = ["weight", "bias", "running_mean", "running_var"];
+            wanted.extend(parts.map(|part| (format!("{norm}.{part}"), out.clone())));
+        }
+        for (name, shape) in wanted {
+            match tensors.floats(&name, &shape) {
+                Ok(values) if name.ends_with(".running_var") => {
+                    all.extend(variances(&name, &values).err());
+                }
+                Ok(_) => {}
+                Err(e) => all.push(e),
+            }
+        }
+    }
+    all
+}
+
+/// The shape of a convolution's weights in a PyTorch state dict.
+fn stored(s: &ConvShape) -> Vec<usize> {
+    let (k, out) = (s.kernel(), s.out_channels());
+    match s.transposed() {
+        true => vec![s.in_channels(), out / s.groups(), k, k],
+        false => vec![out, s.in_channels() / s.groups(), k, k],
+    }
+}
+
+/// Variances are not negative.
+fn variances(name: &str, values: &[f32]) -> Result<(), ModelError> {
+    match values.iter().position(|&v| v < 0.0) {
+        None => Ok(()),
+        Some(o) => Err(ModelError::Values {
+            name: name.into(),
+            found: format!("the negative variance {} of channel {o}", values[o]),
+        }),
+    }
+}
+
 fn conv(
     tensors: &mut Tensors<'_>,
     s: &ConvShape,
     names: &ParamNames,
     eps: f32,
 ) -> Result<FloatConv, ModelError> {
-    let (k, out) = (s.kernel(), s.out_channels());
-    let mut weight = if s.transposed() {
-        let stored = [s.in_channels(), out / s.groups(), k, k];
-        out_major(&tensors.floats(&names.weight, &stored)?, s)
-    } else {
-        tensors.floats(&names.weight, &[out, s.in_channels() / s.groups(), k, k])?
-    };
+    let out = s.out_channels();
+    let mut weight = tensors.floats(&names.weight, &stored(s))?;
+    if s.transposed() {
+        weight = out_major(&weight, s);
+    }
     let mut bias = match &names.bias {
         Some(name) => tensors.floats(name, &[out])?,
         None => vec![0.0; out],
@@ -57,12 +102,7 @@ fn conv(
         let mut read = |what: &str| tensors.floats(&format!("{norm}.{what}"), &[out]);
         let (gamma, beta) = (read("weight")?, read("bias")?);
         let (mean, var) = (read("running_mean")?, read("running_var")?);
-        if let Some(o) = var.iter().position(|&v| v < 0.0) {
-            return Err(ModelError::Values {
-                name: format!("{norm}.running_var"),
-                found: format!("the negative variance {} of channel {o}", var[o]),
-            });
-        }
+        variances(&format!("{norm}.running_var"), &var)?;
         let per = weight.len() / out;
         for (o, w) in weight.chunks_exact_mut(per).enumerate() {
             let a = gamma[o] / (var[o] + eps).sqrt();

@@ -1,9 +1,11 @@
 //! A model: a network with its weights, what they mean, and Stage II's layers. Files come in, a [`Model`] goes to the engine.
 
+mod completed;
 mod contract;
 mod error;
 mod file;
 mod float;
+mod mismatch;
 mod quant;
 mod random;
 mod ranges;
@@ -81,7 +83,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
 fn contract_of<'a>(t: &'a Tensors<'_>) -> Result<&'a str, ModelError> {
     t.metadata("contract").ok_or_else(|| ModelError::Contract {
         key: "contract".into(),
-        expected: "metadata that says what the weights mean (models/train writes it)".into(),
+        expected: "metadata that says what the weights mean (`edgecap model contract` prints it, models/train/convert.py puts it there)".into(),
         found: "none".into(),
     })
 }
@@ -110,7 +112,7 @@ impl Model {
         let mut t = Tensors::parse(bytes)?;
         let contract = Contract::parse(contract_of(&t)?, &network)?;
         let convs = float::import(&mut t, &network, &contract)?;
-        t.finish(|n| n.ends_with("num_batches_tracked"))?;
+        t.finish(mismatch::is_counter)?;
         let history = vec![format!(
             "imported safetensors with digest {}",
             blake3::hash(bytes).to_hex()

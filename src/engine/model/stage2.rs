@@ -27,6 +27,32 @@ pub struct Stage2 {
     pub layers: Vec<Linear>,
 }
 
+/// Everything that [`Stage2::from_safetensors`] could say of the tensors.
+pub(super) fn mismatches(t: &mut Tensors<'_>) -> Vec<ModelError> {
+    let widths = match Stage2::widths(t, |layer| format!("fc{layer}.0.weight")) {
+        Ok(widths) => widths,
+        // The widths of the others cannot be known.
+        Err(e) => return vec![e],
+    };
+    let mut all = Vec::new();
+    for (i, w) in widths.windows(2).enumerate() {
+        let (name, out) = (format!("fc{}", i + 1), vec![w[1]]);
+        let mut wanted = vec![(format!("{name}.0.weight"), vec![w[1], w[0]])];
+        if i + 2 == Stage2::WIDTHS.len() {
+            wanted.push((format!("{name}.0.bias"), out));
+        } else {
+            let parts = ["weight", "bias", "running_mean", "running_var"];
+            wanted.extend(parts.map(|part| (format!("{name}.1.{part}"), out.clone())));
+        }
+        all.extend(
+            wanted
+                .iter()
+                .filter_map(|(n, shape)| t.floats(n, shape).err()),
+        );
+    }
+    all
+}
+
 impl Stage2 {
     /// Widths of the network that the training recipe makes. A file may have other hidden layers, but as many.
     pub const WIDTHS: [usize; 6] = [924, 384, 384, 384, 192, 63];
@@ -64,7 +90,7 @@ impl Stage2 {
                 relu: !last,
             });
         }
-        t.finish(|n| n.ends_with("num_batches_tracked"))?;
+        t.finish(super::mismatch::is_counter)?;
         Ok(Self { contract, layers })
     }
 

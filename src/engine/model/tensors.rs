@@ -7,6 +7,9 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::ModelError;
 
+/// How files of `torch.save` begin: zip archives, and pickles before version 1.6.
+const CHECKPOINTS: [&[u8]; 2] = [b"PK\x03\x04", b"\x80\x02"];
+
 /// Tensors of one file and which of them were asked for.
 pub(crate) struct Tensors<'a> {
     tensors: SafeTensors<'a>,
@@ -17,7 +20,12 @@ pub(crate) struct Tensors<'a> {
 impl<'a> Tensors<'a> {
     /// Checks the header against the bytes.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, ModelError> {
-        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(ModelError::damaged)?;
+        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| {
+            match CHECKPOINTS.iter().any(|begin| bytes.starts_with(begin)) {
+                true => ModelError::Checkpoint,
+                false => ModelError::damaged(e),
+            }
+        })?;
         let tensors = SafeTensors::deserialize(bytes).map_err(ModelError::damaged)?;
         let unread = tensors.names().into_iter().map(str::to_owned).collect();
         Ok(Self {

@@ -1,5 +1,7 @@
 //! `edgecap model`: weights in and out of model files, and single pictures through them.
 
+mod import;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -7,17 +9,11 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::{picture, say};
-use crate::capture::Frame;
-use crate::engine::model::{Calibration, RangeChoice, Weights};
-use crate::engine::{
-    CalibrationOptions, Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision,
-};
+use crate::engine::model::{Contract, Stage2Contract, Weights};
+use crate::engine::{Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision};
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
 use crate::output;
-
-/// Pictures that ways of choosing ranges are tried on.
-const TRIAL_PICTURES: usize = 12;
 
 /// Arguments of `edgecap model`.
 #[derive(Debug, Args)]
@@ -29,7 +25,16 @@ pub struct ModelArgs {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// Turn PyTorch weights (safetensors) into a model file: batch norm folded, int8
-    Import(Import),
+    Import(import::Import),
+    /// Print what the metadata of weights must say to be imported, as JSON to fill in
+    Contract {
+        /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
+        #[arg(long, default_value = "selecsls")]
+        arch: String,
+        /// Of weights of Stage II instead
+        #[arg(long)]
+        stage2: bool,
+    },
     /// Say what a model file holds
     Info {
         /// Model file; without it, the weights of this program
@@ -42,45 +47,6 @@ enum Verb {
     },
     /// Run one picture and write the maps as .npz: heatmaps [14,h,w], pafs [26,h,w], encodings [63,h,w]
     Run(RunOne),
-}
-
-#[derive(Debug, Args)]
-struct Import {
-    /// Weights of Stage I, safetensors with a contract in their metadata
-    weights: PathBuf,
-    /// Weights of Stage II, to go into the same file
-    #[arg(long)]
-    stage2: Option<PathBuf>,
-    /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
-    #[arg(long, default_value = "selecsls")]
-    arch: String,
-    /// Folder of pictures to find activation ranges with, each scaled to cover width x height and cropped; without it the weights' contract must have them
-    #[arg(long)]
-    calibrate: Option<PathBuf>,
-    /// At most this many pictures, evenly over the folder
-    #[arg(long, default_value_t = 64)]
-    pictures: usize,
-    /// How ranges are chosen: max, mse or percentile:SHARE
-    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
-    range: RangeChoice,
-    /// 0: one range for all channels of a layer; 1: a range of its own for each
-    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
-    own_ranges: f32,
-    /// Leave biases as they are instead of correcting the mean error of rounded weights
-    #[arg(long)]
-    no_bias_correction: bool,
-    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options above say
-    #[arg(long)]
-    try_ranges: bool,
-    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
-    #[arg(long)]
-    width: Option<usize>,
-    /// Height that pictures are calibrated at; without it about their own
-    #[arg(long)]
-    height: Option<usize>,
-    /// Model file to write
-    #[arg(short, long)]
-    output: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -119,7 +85,8 @@ enum PrecisionArg {
 /// Runs `edgecap model`.
 pub fn model(args: ModelArgs) -> Result<()> {
     match args.verb {
-        Verb::Import(a) => import(&a),
+        Verb::Import(a) => import::import(&a),
+        Verb::Contract { arch, stage2 } => contract(&arch, stage2),
         Verb::Info { model } => info(&open(model.as_deref())?),
         Verb::Verify { model } => verify(&open(model.as_deref())?),
         Verb::Run(a) => run(&a),
@@ -145,109 +112,17 @@ fn read(path: &Path) -> Result<Vec<u8>> {
         .with_context(|| format!("cannot read {}", path.display()))
 }
 
-fn import(a: &Import) -> Result<()> {
-    let name = || a.weights.display().to_string();
-    let mut model =
-        Model::from_safetensors(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
-    if let Some(path) = &a.stage2 {
-        model = model
-            .with_stage2(&read(path)?)
-            .with_context(|| path.display().to_string())?;
-    }
-    let model = match &a.calibrate {
-        None => model.quantise(None)?,
-        Some(folder) => {
-            let files = pictures(folder, a.pictures)?;
-            let pictures = files.iter().map(|path| picture::upright(path));
-            let pictures = pictures.collect::<Result<Vec<_>>>()?;
-            let reference = model.contract().input.reference_size;
-            let side = |given: Option<usize>, of: fn(&Frame) -> u32, most| {
-                given.unwrap_or_else(|| usual_side(&pictures, of, most))
-            };
-            let size = (
-                side(a.width, |p| p.width, reference[0]),
-                side(a.height, |p| p.height, reference[1]),
-            );
-            let options = CalibrationOptions {
-                size,
-                own_ranges: a.own_ranges.clamp(0.0, 1.0),
-                correct_bias: !a.no_bias_correction,
-                choice: a.range,
-            };
-            let inputs = pictures.iter().map(|p| picture::covering(p, size));
-            let mut calibration = Calibration::observe(&model, inputs, options)?;
-            if a.try_ranges {
-                select(&mut calibration, &model, &pictures, size)?;
-            }
-            model.quantise(Some(&calibration))?
-        }
+fn contract(arch: &str, is_stage2: bool) -> Result<()> {
+    let text = match is_stage2 {
+        true => serde_json::to_string_pretty(&Stage2Contract::template())?,
+        false => serde_json::to_string_pretty(&Contract::template(&network(arch)?))?,
     };
-    model.save(&a.output)?;
-    say::out(&format!(
-        "{} written: {}",
-        a.output.display(),
-        model.calibration()
-    ));
-    say::out(&format!(
-        "blake3 of the file {}",
-        blake3::hash(&model.to_bytes()?)
-    ));
+    say::out(&text);
+    say::err(
+        "step, images, quantised, trained_on, reference_size, outputs, bones_at and encodings_trained are yours to tell; what else \
+         differs in your network, this version cannot run (docs/weights.md)",
+    );
     Ok(())
-}
-
-/// The median side of pictures in multiples of 16, at most `most`.
-fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize {
-    let mut sides: Vec<u32> = pictures.iter().map(side).collect();
-    sides.sort_unstable();
-    let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
-    (median.next_multiple_of(16)).min(most)
-}
-
-/// Settles how ranges are chosen by trial on some of the pictures, whole.
-fn select(
-    calibration: &mut Calibration,
-    model: &Model,
-    pictures: &[Frame],
-    size: (usize, usize),
-) -> Result<()> {
-    let some = pictures
-        .iter()
-        .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
-    let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
-    let trials = calibration.select(model, &inputs, size)?;
-    say::out("error    range               own  bias corrected");
-    for t in trials {
-        let choice = t.choice.to_string();
-        say::out(&format!(
-            "{:.4}   {choice:18}  {:.2}  {}",
-            t.error, t.own_ranges, t.correct_bias
-        ));
-    }
-    Ok(())
-}
-
-/// At most `most` pictures of a folder, evenly spaced in order of name.
-fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
-    let entries =
-        std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry?.path();
-        let ending = path.extension().map(|e| e.to_ascii_lowercase());
-        if ending.is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|x| e == *x)) {
-            files.push(path);
-        }
-    }
-    if files.is_empty() || most == 0 {
-        bail!(
-            "{}: expected JPEG or PNG pictures to calibrate on, found {}; name another folder",
-            folder.display(),
-            files.len()
-        );
-    }
-    files.sort();
-    let n = most.min(files.len());
-    Ok((0..n).map(|i| files[i * files.len() / n].clone()).collect())
 }
 
 fn info(model: &Model) -> Result<()> {

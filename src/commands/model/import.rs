@@ -1,0 +1,211 @@
+//! `edgecap model import`: other people's weights, checked, calibrated and rounded.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+
+use super::{network, read};
+use crate::capture::Frame;
+use crate::commands::exit::Failure;
+use crate::commands::{picture, say};
+use crate::engine::model::{Calibration, RangeChoice};
+use crate::engine::{CalibrationOptions, Model};
+
+/// Pictures that ways of choosing ranges are tried on.
+const TRIAL_PICTURES: usize = 12;
+
+#[derive(Debug, Args)]
+pub struct Import {
+    /// Weights of Stage I, safetensors with a contract in their metadata
+    weights: PathBuf,
+    /// Weights of Stage II, to go into the same file
+    #[arg(long)]
+    stage2: Option<PathBuf>,
+    /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
+    #[arg(long, default_value = "selecsls")]
+    arch: String,
+    /// Folder of pictures to find activation ranges with, each scaled to cover width x height and cropped; without it the weights' contract must have them
+    #[arg(long)]
+    calibrate: Option<PathBuf>,
+    /// At most this many pictures, evenly over the folder
+    #[arg(long, default_value_t = 64)]
+    pictures: usize,
+    /// How ranges are chosen: max, mse or percentile:SHARE
+    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
+    range: RangeChoice,
+    /// 0: one range for all channels of a layer; 1: a range of its own for each
+    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
+    own_ranges: f32,
+    /// Leave biases as they are instead of correcting the mean error of rounded weights
+    #[arg(long)]
+    no_bias_correction: bool,
+    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options above say
+    #[arg(long)]
+    try_ranges: bool,
+    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
+    #[arg(long)]
+    width: Option<usize>,
+    /// Height that pictures are calibrated at; without it about their own
+    #[arg(long)]
+    height: Option<usize>,
+    /// Write nothing; list everything that keeps these weights from being imported
+    #[arg(long)]
+    check: bool,
+    /// Model file to write
+    #[arg(short, long, required_unless_present = "check")]
+    output: Option<PathBuf>,
+}
+
+/// Runs `edgecap model import`.
+pub fn import(a: &Import) -> Result<()> {
+    let Some(output) = a.output.as_ref().filter(|_| !a.check) else {
+        return check(a);
+    };
+    let name = || a.weights.display().to_string();
+    let mut model =
+        Model::from_safetensors(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
+    if let Some(path) = &a.stage2 {
+        model = model
+            .with_stage2(&read(path)?)
+            .with_context(|| path.display().to_string())?;
+    }
+    let model = match &a.calibrate {
+        None => model.quantise(None)?,
+        Some(folder) => {
+            let files = pictures(folder, a.pictures)?;
+            let pictures = files.iter().map(|path| picture::upright(path));
+            let pictures = pictures.collect::<Result<Vec<_>>>()?;
+            let reference = model.contract().input.reference_size;
+            let side = |given: Option<usize>, of: fn(&Frame) -> u32, most| {
+                given.unwrap_or_else(|| usual_side(&pictures, of, most))
+            };
+            let size = (
+                side(a.width, |p| p.width, reference[0]),
+                side(a.height, |p| p.height, reference[1]),
+            );
+            let options = CalibrationOptions {
+                size,
+                own_ranges: a.own_ranges.clamp(0.0, 1.0),
+                correct_bias: !a.no_bias_correction,
+                choice: a.range,
+            };
+            let inputs = pictures.iter().map(|p| picture::covering(p, size));
+            let mut calibration = Calibration::observe(&model, inputs, options)?;
+            if a.try_ranges {
+                select(&mut calibration, &model, &pictures, size)?;
+            }
+            model.quantise(Some(&calibration))?
+        }
+    };
+    model.save(output)?;
+    say::out(&format!(
+        "{} written: {}",
+        output.display(),
+        model.calibration()
+    ));
+    say::out(&format!(
+        "blake3 of the file {}",
+        blake3::hash(&model.to_bytes()?)
+    ));
+    Ok(())
+}
+
+/// Lists everything that keeps weights from being imported.
+fn check(a: &Import) -> Result<()> {
+    let network = network(&a.arch)?;
+    let name = || a.weights.display().to_string();
+    let bytes = read(&a.weights)?;
+    let mut all = Vec::new();
+    for e in Model::mismatches(&bytes, &network).with_context(name)? {
+        all.push(format!("{}: {e}", a.weights.display()));
+    }
+    if let Some(path) = &a.stage2 {
+        let found = Model::stage2_mismatches(&read(path)?);
+        for e in found.with_context(|| path.display().to_string())? {
+            all.push(format!("{}: {e}", path.display()));
+        }
+    }
+    for line in &all {
+        say::out(line);
+    }
+    if !all.is_empty() {
+        let what = match all.len() {
+            1 => "1 mismatch".into(),
+            n => format!("{n} mismatches"),
+        };
+        return Err(Failure::data(format!(
+            "{}: expected weights of {}, found {what}, listed above; `edgecap model contract --arch {}` prints what their \
+             metadata must say",
+            a.weights.display(),
+            network.name(),
+            a.arch
+        ))
+        .into());
+    }
+    let ranges = match Model::from_safetensors(&bytes, network.clone())?.quantise(None) {
+        Ok(_) => "activation ranges are in its metadata",
+        Err(_) => "activation ranges must be found on pictures (--calibrate DIR)",
+    };
+    say::out(&format!(
+        "{} can be imported as {}; {ranges}",
+        a.weights.display(),
+        network.name()
+    ));
+    Ok(())
+}
+
+/// The median side of pictures in multiples of 16, at most `most`.
+fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize {
+    let mut sides: Vec<u32> = pictures.iter().map(side).collect();
+    sides.sort_unstable();
+    let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
+    (median.next_multiple_of(16)).min(most)
+}
+
+/// Settles how ranges are chosen by trial on some of the pictures, whole.
+fn select(
+    calibration: &mut Calibration,
+    model: &Model,
+    pictures: &[Frame],
+    size: (usize, usize),
+) -> Result<()> {
+    let some = pictures
+        .iter()
+        .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
+    let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
+    let trials = calibration.select(model, &inputs, size)?;
+    say::out("error    range               own  bias corrected");
+    for t in trials {
+        let choice = t.choice.to_string();
+        say::out(&format!(
+            "{:.4}   {choice:18}  {:.2}  {}",
+            t.error, t.own_ranges, t.correct_bias
+        ));
+    }
+    Ok(())
+}
+
+/// At most `most` pictures of a folder, evenly spaced in order of name.
+fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
+    let entries =
+        std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        let ending = path.extension().map(|e| e.to_ascii_lowercase());
+        if ending.is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|x| e == *x)) {
+            files.push(path);
+        }
+    }
+    if files.is_empty() || most == 0 {
+        bail!(
+            "{}: expected JPEG or PNG pictures to calibrate on, found {}; name another folder",
+            folder.display(),
+            files.len()
+        );
+    }
+    files.sort();
+    let n = most.min(files.len());
+    Ok((0..n).map(|i| files[i * files.len() / n].clone()).collect())
+}

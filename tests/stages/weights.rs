@@ -1,0 +1,283 @@
+//! Other people's weights: what they must say of themselves, and everything that is wrong with them at once.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use edgecap::engine::model::{Contract, Stage2Contract};
+use edgecap::engine::network::Op;
+use edgecap::engine::{Model, ModelError, Network};
+use safetensors::tensor::{Dtype, TensorView};
+use serde_json::{Value, json};
+
+/// Shapes of all tensors that a network's state dict has, by name.
+fn shapes(network: &Network) -> HashMap<String, Vec<usize>> {
+    let mut shapes = HashMap::new();
+    for node in &network.graph().nodes {
+        let Op::Conv { shape, params, .. } = &node.op else {
+            continue;
+        };
+        let (k, out, inputs) = (shape.kernel(), shape.out_channels(), shape.in_channels());
+        let weight = match shape.transposed() {
+            true => vec![inputs, out / shape.groups(), k, k],
+            false => vec![out, inputs / shape.groups(), k, k],
+        };
+        shapes.insert(params.weight.clone(), weight);
+        if let Some(bias) = &params.bias {
+            shapes.insert(bias.clone(), vec![out]);
+        }
+        if let Some(norm) = &params.norm {
+            for part in ["weight", "bias", "running_mean", "running_var"] {
+                shapes.insert(format!("{norm}.{part}"), vec![out]);
+            }
+        }
+    }
+    shapes
+}
+
+/// Safetensors of zeros.
+fn file(shapes: &HashMap<String, Vec<usize>>, contract: Option<&Value>) -> Vec<u8> {
+    let most = shapes.values().map(|s| s.iter().product::<usize>()).max();
+    let zeros = vec![0_u8; 4 * most.unwrap_or(0)];
+    let views = shapes.iter().map(|(name, shape)| {
+        let bytes = 4 * shape.iter().product::<usize>();
+        let view = TensorView::new(Dtype::F32, shape.clone(), &zeros[..bytes]).unwrap();
+        (name.as_str(), view)
+    });
+    let metadata = contract.map(|c| HashMap::from([("contract".into(), c.to_string())]));
+    safetensors::serialize(views, metadata).unwrap()
+}
+
+fn template(network: &Network) -> Value {
+    serde_json::to_value(Contract::template(network)).unwrap()
+}
+
+fn edgecap(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_edgecap"))
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+fn lines(bytes: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(bytes);
+    text.lines().map(ToOwned::to_owned).collect()
+}
+
+#[test]
+fn what_the_program_prints_is_what_it_takes() {
+    for arch in Network::names() {
+        let out = edgecap(&["model", "contract", "--arch", arch]);
+        assert!(out.status.success(), "{out:?}");
+        let text = String::from_utf8(out.stdout).unwrap();
+        let network = Network::shipped(arch).unwrap();
+        assert_eq!(
+            Contract::parse(&text, &network).unwrap(),
+            Contract::template(&network)
+        );
+    }
+    let out = edgecap(&["model", "contract", "--stage2"]);
+    let text = String::from_utf8(out.stdout).unwrap();
+    assert_eq!(
+        Stage2Contract::parse(&text).unwrap(),
+        Stage2Contract::template()
+    );
+}
+
+#[test]
+fn weights_with_the_printed_contract_are_imported() {
+    let network = Network::shipped("selecsls42").unwrap();
+    let bytes = file(&shapes(&network), Some(&template(&network)));
+    assert!(Model::mismatches(&bytes, &network).unwrap().is_empty());
+    Model::from_safetensors(&bytes, network).unwrap();
+}
+
+#[test]
+fn every_mismatch_is_told_at_once() {
+    let network = Network::shipped("selecsls60").unwrap();
+    let (mut shapes, mut contract) = (shapes(&network), template(&network));
+    let object = contract.as_object_mut().unwrap();
+    object.remove("frame3d");
+    object.insert("stride".into(), json!(4));
+    object.insert("step".into(), json!("many"));
+    object.insert("colour_space".into(), json!("sRGB"));
+    object["input"]["colour"] = json!("BGR");
+    object["input"].as_object_mut().unwrap().remove("formula");
+    shapes.remove("stem.0.weight");
+    shapes.insert("classifier.0.weight".into(), vec![10, 1280]);
+    shapes.insert("stem.1.num_batches_tracked".into(), vec![1]);
+    *shapes.get_mut("head2d.out.bias").unwrap() = vec![34];
+    let bytes = file(&shapes, Some(&contract));
+    let all: Vec<String> = Model::mismatches(&bytes, &network)
+        .unwrap()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    let wanted = [
+        "`input.formula`: expected \"x/255-0.5\", found nothing",
+        "`frame3d`: expected \"x right, y down",
+        "`step`: expected 0, found \"many\"",
+        "`colour_space`: expected no such key",
+        "`input.colour`: expected \"RGB\", found \"BGR\"",
+        "`stride`: expected 8, found 4",
+        "expected a tensor `stem.0.weight`, found none",
+        "`head2d.out.bias`: expected shape [40], found shape [34]",
+        "first `classifier.0.weight`",
+    ];
+    assert_eq!(all.len(), wanted.len(), "{all:#?}");
+    for wanted in wanted {
+        assert!(all.iter().any(|m| m.contains(wanted)), "{wanted}: {all:#?}");
+    }
+    // And an import says the first of them.
+    let e = Model::from_safetensors(&bytes, network).unwrap_err();
+    assert_eq!(e.to_string(), all[0]);
+}
+
+#[test]
+fn a_word_before_every_name_is_told_once() {
+    let network = Network::shipped("selecsls42").unwrap();
+    let names = shapes(&network);
+    let wrapped = names
+        .iter()
+        .map(|(n, s)| (format!("module.{n}"), s.clone()));
+    let mut wrapped: HashMap<_, _> = wrapped.collect();
+    wrapped.remove("module.stem.0.weight");
+    let bytes = file(&wrapped, Some(&template(&network)));
+    let all = Model::mismatches(&bytes, &network).unwrap();
+    let [
+        ModelError::Prefix { prefix, count },
+        ModelError::Missing(missing),
+    ] = &all[..]
+    else {
+        panic!("{all:?}");
+    };
+    assert_eq!((prefix.as_str(), *count), ("module.", names.len() - 1));
+    assert_eq!(missing, "stem.0.weight");
+}
+
+#[test]
+fn stage_two_is_checked_too() {
+    let mut shapes: HashMap<String, Vec<usize>> = HashMap::new();
+    for (i, w) in [924, 16, 16, 16, 8, 63].windows(2).enumerate() {
+        shapes.insert(format!("fc{}.0.weight", i + 1), vec![w[1], w[0]]);
+        for part in ["weight", "bias", "running_mean", "running_var"] {
+            shapes.insert(format!("fc{}.1.{part}", i + 1), vec![w[1]]);
+        }
+    }
+    let mut contract = serde_json::to_value(Stage2Contract::template()).unwrap();
+    contract["output"] = json!("17 x (x, y, z)");
+    let all = Model::stage2_mismatches(&file(&shapes, Some(&contract))).unwrap();
+    let all: Vec<String> = all.iter().map(ToString::to_string).collect();
+    assert_eq!(all.len(), 6, "{all:#?}");
+    assert!(all[0].contains("`output`: expected \"21 x (x, y, z) metres\""));
+    assert!(all[1].contains("fc5.0.bias"));
+    assert!(all[2..].iter().all(|m| m.contains("fc5.1.")));
+}
+
+#[test]
+fn the_program_lists_them_and_says_how_many() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let network = Network::shipped("selecsls42").unwrap();
+    let mut contract = template(&network);
+    std::fs::write(path("right"), file(&shapes(&network), Some(&contract))).unwrap();
+    let import = |name: &str| {
+        edgecap(&[
+            "model",
+            "import",
+            &path(name),
+            "--arch",
+            "selecsls42",
+            "--check",
+        ])
+    };
+    let out = import("right");
+    assert!(out.status.success(), "{out:?}");
+    let said = lines(&out.stdout);
+    assert!(
+        said.len() == 1 && said[0].contains("can be imported as selecsls42"),
+        "{said:?}"
+    );
+    assert!(said[0].contains("--calibrate"), "{said:?}");
+    contract["stride"] = json!(4);
+    contract["limbs"] = json!([]);
+    std::fs::write(path("wrong"), file(&shapes(&network), Some(&contract))).unwrap();
+    let out = import("wrong");
+    assert_eq!(out.status.code(), Some(65));
+    assert_eq!(lines(&out.stdout).len(), 2, "{out:?}");
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(
+        said.contains("2 mismatches") && said.contains("model contract"),
+        "{said}"
+    );
+    let files = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(files, 2, "a check writes nothing");
+}
+
+#[test]
+fn checkpoints_are_answered_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, begin) in [
+        (
+            "zip.pth",
+            &b"PK\x03\x04\x00\x00\x08\x08\x00\x00\x00\x00"[..],
+        ),
+        ("pickle.pt", b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, [begin, &[7; 200]].concat()).unwrap();
+        let path = path.to_str().unwrap();
+        let (model, jsonl) = (folder.path().join("m.ecm"), folder.path().join("o.jsonl"));
+        for args in [
+            &["model", "import", path, "--check"][..],
+            &["model", "import", path, "--output", model.to_str().unwrap()],
+            &["model", "verify", path],
+            &[
+                "infer",
+                "--model",
+                path,
+                "--input",
+                "demo",
+                "--jsonl",
+                jsonl.to_str().unwrap(),
+            ],
+        ] {
+            let out = edgecap(args);
+            let said = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert_eq!(out.status.code(), Some(65), "{args:?}: {said}");
+            assert!(
+                said.contains("convert.py") && said.contains("docs/weights.md"),
+                "{said}"
+            );
+        }
+    }
+}
+
+/// The page names every key of both contracts, and files that it sends people to are there.
+#[test]
+fn the_page_on_weights_is_complete() {
+    let page = include_str!("../../docs/weights.md");
+    let network = Network::shipped("selecsls").unwrap();
+    let (one, two) = (
+        template(&network),
+        serde_json::to_value(Stage2Contract::template()).unwrap(),
+    );
+    for (key, value) in one
+        .as_object()
+        .unwrap()
+        .iter()
+        .chain(two.as_object().unwrap())
+    {
+        assert!(page.contains(&format!("`{key}`")), "{key}");
+        let yours = ["trained_on", "outputs"].contains(&&**key);
+        if let Some(sentence) = value.as_str().filter(|_| !yours) {
+            assert!(page.replace('\n', " ").contains(sentence), "{key}");
+        }
+    }
+    for file in ["convert.py", "backbone.py"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("models/train")
+            .join(file);
+        assert!(page.contains(file) && path.is_file(), "{file}");
+    }
+}
