@@ -170,7 +170,7 @@ impl Print {
             state,
         } = world;
         self.bits("world", rotation.iter().chain(translation));
-        self.line("floor", [state.code()]);
+        self.line("floor", state.name());
         for body in frame.bodies() {
             self.body(frame, body);
         }
@@ -195,7 +195,7 @@ impl Print {
             reserved: _,
         } = body;
         self.line("id", [id]);
-        self.line("state", [state.code()]);
+        self.line("state", state.name());
         self.bits("score", [score]);
         self.bits("position", position);
         self.bits("orientation", orientation);
@@ -207,7 +207,7 @@ impl Print {
         self.bits("height", [height]);
         self.bits("bone_lengths", bone_lengths);
         self.bits("bone_rotations", bone_rotations.iter().flatten());
-        self.line("joint_states", joint_states.map(|s| s.code()));
+        self.line("joint_states", joint_states.map(|s| s.name().unwrap()));
         if let Some(there) = frame.in_world(body) {
             let numbers = there.position.into_iter().chain(there.orientation);
             let numbers = numbers.chain(there.velocity);

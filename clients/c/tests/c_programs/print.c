@@ -16,6 +16,15 @@ static void bits(const char *label, const void *values, size_t size) {
 
 #define BITS(label, field) bits(label, &(field), sizeof(field))
 
+/* The words that the other readers have. */
+static const char *const BODY[] = {
+    [EDGECAP_BODY_TENTATIVE] = "tentative", [EDGECAP_BODY_TRACKED] = "tracked", [EDGECAP_BODY_PREDICTED] = "predicted"};
+static const char *const JOINT[] = {[EDGECAP_JOINT_PREDICTED] = "predicted",
+                                    [EDGECAP_JOINT_OCCLUDED] = "occluded",
+                                    [EDGECAP_JOINT_OBSERVED] = "observed"};
+static const char *const FLOOR[] = {
+    [EDGECAP_WORLD_NONE] = "none", [EDGECAP_WORLD_ESTIMATED] = "estimated", [EDGECAP_WORLD_GIVEN] = "given"};
+
 static void more(const float *values, size_t count) {
     size_t i;
     for (i = 0; i < count; i++)
@@ -45,7 +54,7 @@ static void print_names(void) {
 static void print_body(const edgecap_body_frame *frame, const edgecap_body *b) {
     edgecap_world_body there;
     int j;
-    printf("id %u\nstate %u\n", b->id, b->state);
+    printf("id %u\nstate %s\n", b->id, BODY[b->state]);
     BITS("score", b->score);
     BITS("position", b->position);
     BITS("orientation", b->orientation);
@@ -59,7 +68,7 @@ static void print_body(const edgecap_body_frame *frame, const edgecap_body *b) {
     BITS("bone_rotations", b->bone_rotations);
     printf("joint_states");
     for (j = 0; j < EDGECAP_BODY_JOINTS; j++)
-        printf(" %u", b->joint_states[j]);
+        printf(" %s", JOINT[b->joint_states[j]]);
     puts("");
     if (edgecap_in_world(frame, b, &there) == 1) {
         printf("~there");
@@ -83,7 +92,7 @@ static void print_frame(const edgecap_body_frame *f) {
     printf("stages %u %u %u %u %u\n", t->preprocess_us, t->stage1_us, t->association_us, t->stage2_us, f->fit_us);
     printf("flags %u\ncount %u %u\n", f->flags, f->count, f->frame_total);
     bits("world", f->world.rotation, sizeof f->world.rotation + sizeof f->world.translation);
-    printf("floor %u\n", f->world.state);
+    printf("floor %s\n", FLOOR[f->world.state]);
     for (i = 0; i < f->count; i++)
         print_body(f, &f->bodies[i]);
 }

@@ -48,9 +48,20 @@ template <typename F> void names(const std::string &label, uint32_t count, F nam
     std::cout << '\n';
 }
 
+// The words that the other readers have.
+const char *word(edgecap_body_state state) {
+    return state == EDGECAP_BODY_TRACKED ? "tracked" : state == EDGECAP_BODY_PREDICTED ? "predicted" : "tentative";
+}
+const char *word(edgecap_joint_state state) {
+    return state == EDGECAP_JOINT_OBSERVED ? "observed" : state == EDGECAP_JOINT_OCCLUDED ? "occluded" : "predicted";
+}
+const char *word(edgecap_world_state state) {
+    return state == EDGECAP_WORLD_GIVEN ? "given" : state == EDGECAP_WORLD_ESTIMATED ? "estimated" : "none";
+}
+
 void print(const edgecap_body_frame &frame, const edgecap::Body &b) {
     line("id", {b.id});
-    line("state", {b.state});
+    line("state", {word(static_cast<edgecap_body_state>(b.state))});
     bits_of("score", b.score);
     bits_of("position", b.position);
     bits_of("orientation", b.orientation);
@@ -64,7 +75,7 @@ void print(const edgecap_body_frame &frame, const edgecap::Body &b) {
     bits_of("bone_rotations", b.bone_rotations);
     std::cout << "joint_states";
     for (const uint8_t state : b.joint_states)
-        std::cout << ' ' << unsigned(state);
+        std::cout << ' ' << word(static_cast<edgecap_joint_state>(state));
     std::cout << '\n';
     edgecap::WorldBody there;
     if (edgecap::in_world(frame, b, there)) {
@@ -91,7 +102,7 @@ void print(const edgecap_body_frame &f) {
     put(f.world.rotation);
     put(f.world.translation);
     std::cout << '\n';
-    line("floor", {f.world.state});
+    line("floor", {word(static_cast<edgecap_world_state>(f.world.state))});
     for (const edgecap::Body &body : edgecap::people(f))
         print(f, body);
 }

@@ -24,7 +24,7 @@ def bits(label, *fields):
 
 def body(frame, b):
     line("id", b.id)
-    line("state", edgecap.STATES.index(b.state))
+    line("state", b.state)
     bits("score", b.score)
     bits("position", b.position)
     bits("orientation", b.orientation)
@@ -36,7 +36,7 @@ def body(frame, b):
     bits("height", b.height)
     bits("bone_lengths", [b.bone_length(name) for name in edgecap.JOINT_NAMES])
     bits("bone_rotations", [b.bone_rotation(name) for name in edgecap.HUMANOID_BONES])
-    line("joint_states", *(edgecap.JOINT_STATES.index(b.joint_state(name)) for name in edgecap.JOINT_NAMES))
+    line("joint_states", *(b.joint_state(name) for name in edgecap.JOINT_NAMES))
     there = frame.in_world(b)
     if there is not None:
         line("~there", *there.position, *there.orientation, *there.velocity, *flat(there.joints3d))
@@ -59,6 +59,6 @@ for f in stream:
     line("flags", f.flags)
     line("count", f.count, f.frame_total)
     bits("world", f.world.rotation, f.world.translation)
-    line("floor", edgecap.WORLD_STATES.index(f.world.state))
+    line("floor", f.world.state)
     for b in f.people():
         body(f, b)
