@@ -47,10 +47,12 @@ impl Claim {
             if !is_at(&file, &path) {
                 continue;
             }
-            // A file that was cleaned away is a new file to us; its holder still publishes.
+            // A file that was cleaned away is a new file to us; its holder still publishes. Or lets go this moment: whoever only
+            // looked removes the file before closing it.
             if holds_removed(&path) {
                 fs::remove_file(&path)?;
-                return Ok(None);
+                sleep(PAUSE);
+                continue;
             }
             return Ok(Some(Self {
                 folder: folder.to_owned(),

@@ -159,6 +159,23 @@ fn any_number_of_readers_keeps_nobody_out() {
     }
 }
 
+/// Whoever looks whether a publisher lives holds its lock for a moment, removes it and closes it.
+#[test]
+fn somebody_who_looks_keeps_no_publisher_out() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("edgecap");
+    drop(Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap());
+    let lock = folder.canonicalize().unwrap().join("camera0.bodies.lock");
+    let looks = std::fs::File::create(&lock).unwrap();
+    std::fs::remove_file(&lock).unwrap();
+    let closes = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(20));
+        drop(looks);
+    });
+    Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap();
+    closes.join().unwrap();
+}
+
 #[test]
 fn a_reader_that_waited_misses_nothing_of_a_new_writer() {
     let camera = camera("early");
