@@ -37,17 +37,17 @@ fn the_line_of_python_reads_the_run_that_printed_it() {
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
-    let first = BufReader::new(python.stdout.take().unwrap())
-        .lines()
-        .next()
-        .unwrap()
-        .unwrap();
+    let (send, first) = std::sync::mpsc::channel();
+    let output = BufReader::new(python.stdout.take().unwrap());
+    std::thread::spawn(move || send.send(output.lines().next()));
+    let first = first.recv_timeout(Duration::from_secs(90));
     let _ = python.kill();
     let _ = python.wait();
     signal(run.pid(), "INT");
     let out = run.wait(Duration::from_secs(30));
     let rest = rest.join().unwrap();
     assert!(out.status.success(), "{rest:?}");
+    let first = first.expect("a body in time").expect("a line").unwrap();
     let (id, wrist) = first.split_once(' ').unwrap();
     assert!(id.parse::<u32>().unwrap() > 0, "{first}");
     let wrist = wrist.trim_matches(['(', ')']).split(", ");
