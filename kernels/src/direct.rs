@@ -309,6 +309,10 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
 }
 
 impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
+    /// All rows of the job's part.
+    ///
+    /// # Safety
+    /// As [`run`], which the strip was cut from: the tier's features are on, and the part's rows lie in the output.
     #[inline(always)]
     unsafe fn rows<const NV: usize>(&self) {
         let phase = self.phase;
@@ -342,6 +346,10 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
         }
     }
 
+    /// MR pixels of row `oy` from the strip's column `first`.
+    ///
+    /// # Safety
+    /// As [`rows`](Self::rows); `oy` is an output row, and `first + MR` is at most the strip's columns.
     #[inline(always)]
     unsafe fn tile<const MR: usize, const NV: usize>(&self, oy: usize, first: usize) {
         let (job, phase) = (self.job, self.phase);

@@ -9,6 +9,9 @@ use crate::simd::{Dot, SegmentedDot, Simd, ops};
 pub(crate) struct Avx2;
 
 /// All ones in the first `n` of 8 lanes.
+///
+/// # Safety
+/// AVX2 is on.
 #[inline(always)]
 unsafe fn lane_mask(n: usize) -> __m256i {
     debug_assert!(n <= 8);
@@ -20,6 +23,9 @@ unsafe fn lane_mask(n: usize) -> __m256i {
 }
 
 /// The first `n` of 16 bytes, zeros behind them.
+///
+/// # Safety
+/// `n <= 16`, and `n` bytes are readable at `at`.
 #[inline(always)]
 unsafe fn load_bytes(at: *const u8, n: usize) -> __m128i {
     debug_assert!(n <= 16);
