@@ -1,11 +1,12 @@
 //! `edgecap calibrate`: what several cameras saw of people who walk about in, the cameras' places and directions out.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::exit::Failure;
+use super::multiview::{named as one_named, told};
 use super::say;
 use super::view_file::{ViewFile, together};
 use crate::calibrate::{CalibrateError, Room, Scale, calibrate as find};
@@ -14,6 +15,7 @@ use crate::camera::{Brown, CameraFile, DEFAULT_FOV, View};
 use crate::message::Intrinsics;
 use crate::multiview::{Detections, Sight};
 use crate::output;
+use crate::record::CameraSource;
 
 /// Options of `edgecap calibrate`.
 #[derive(Debug, Clone, clap::Args)]
@@ -75,7 +77,7 @@ pub fn calibrate(args: CalibrateArgs) -> anyhow::Result<()> {
     let mut views = Vec::new();
     for (name, file) in &files {
         let lens = |w: u32, h: u32| Ok(lenses.of(name, [w, h])?.intrinsics());
-        let read = ViewFile::read(name, &lens, file)?;
+        let read = ViewFile::read(name, CameraSource::Given(&lens), file)?;
         views.push(lenses.of(name, read.size).map_err(Failure::data)?);
         seen.push(read);
     }
@@ -110,13 +112,7 @@ fn refused(e: CalibrateError) -> anyhow::Error {
 fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     let mut all: Vec<(String, PathBuf)> = Vec::new();
     for text in given {
-        let (name, file) = match split(text) {
-            (Some(name), file) => (name.to_owned(), file),
-            (None, file) => {
-                let stem = file.file_stem().map(|s| s.to_string_lossy().into_owned());
-                (stem.unwrap_or_default(), file)
-            }
-        };
+        let (name, file) = one_named(text);
         if let Some((_, other)) = all.iter().find(|(n, _)| *n == name) {
             return Err(Failure::usage(format!(
                 "expected every camera once, found {name} in {} and {}; name them by CAMERA=FILE",
@@ -128,14 +124,6 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
         all.push((name, file));
     }
     Ok(all)
-}
-
-fn split(text: &str) -> (Option<&str>, PathBuf) {
-    let told = text.split_once('=');
-    match told.filter(|(name, _)| !Path::new(text).exists() && !name.contains('/')) {
-        Some((name, file)) => (Some(name), file.into()),
-        None => (None, text.into()),
-    }
 }
 
 /// What is known of lenses.
@@ -154,7 +142,10 @@ impl Lenses {
     fn read(given: &[String], cameras: &[(String, PathBuf)]) -> anyhow::Result<Self> {
         let mut known = Vec::new();
         for text in given {
-            let (camera, file) = split(text);
+            let (camera, file) = match told(text) {
+                Some((camera, file)) => (Some(camera), PathBuf::from(file)),
+                None => (None, PathBuf::from(text)),
+            };
             if let Some(camera) = camera
                 && !cameras.iter().any(|(n, _)| n == camera)
             {

@@ -22,6 +22,8 @@ pub struct ViewFile {
     pub name: String,
     /// Pixels across and down.
     pub size: [u32; 2],
+    /// The pinhole of the first picture.
+    pub intrinsics: Intrinsics,
     /// Everyone seen, by frame.
     pub frames: Vec<Vec<Observation>>,
     /// When every frame was taken, nanoseconds.
@@ -29,16 +31,11 @@ pub struct ViewFile {
 }
 
 impl ViewFile {
-    /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells the camera of
-    /// pictures by their width and height.
+    /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells its camera.
     ///
     /// # Errors
     /// When the file cannot be read, its pictures change size, or nobody is in it.
-    pub fn read(
-        camera: &str,
-        lens: &dyn Fn(u32, u32) -> Result<Intrinsics, String>,
-        path: &Path,
-    ) -> anyhow::Result<Self> {
+    pub fn read(camera: &str, lens: CameraSource<'_>, path: &Path) -> anyhow::Result<Self> {
         let folder;
         let mut record = path.to_owned();
         if is_film(path) {
@@ -48,11 +45,11 @@ impl ViewFile {
         }
         let file = File::open(&record).map_err(|e| Failure::no_input(path, &e))?;
         let name = path.display().to_string();
-        let mut reader =
-            ObservationReader::new(BufReader::new(file), &name, CameraSource::Given(lens));
+        let mut reader = ObservationReader::new(BufReader::new(file), &name, lens);
         let mut seen = Self {
             name: camera.to_owned(),
             size: [0; 2],
+            intrinsics: Intrinsics::default(),
             frames: Vec::new(),
             times: Vec::new(),
         };
@@ -60,7 +57,7 @@ impl ViewFile {
         while reader.read(&mut frame)? {
             let size = [frame.width, frame.height];
             if seen.frames.is_empty() {
-                seen.size = size;
+                (seen.size, seen.intrinsics) = (size, frame.intrinsics);
             } else if seen.size != size {
                 return Err(Failure::data(format!(
                     "{name}: expected pictures of one size, found {}x{} and {}x{}",

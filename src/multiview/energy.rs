@@ -21,6 +21,9 @@ pub const SHAPES: usize = 10;
 const NOISE: f64 = 0.0123;
 /// Weight of a squared metre.
 const DATA: f64 = 1.0 / (NOISE * NOISE);
+/// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts little.
+const LIFTED: f64 = 0.03;
+const LIFTED_SIGMA: f64 = 0.5;
 /// No joint turns further in one step.
 const LONGEST_STEP: f64 = 0.6;
 /// Nearer to a camera nothing is seen.
@@ -103,6 +106,8 @@ pub struct Energy<'a> {
     pub targets: Option<&'a Targets>,
     /// Distance beyond which a target counts little, metres.
     pub target_sigma: f64,
+    /// Where one view alone places the joints: told from their image, so they count little beside it.
+    pub lifted: Option<&'a [Option<DVec3>; EVIDENCE_JOINTS]>,
     /// Weight of the pose prior.
     pub prior: f64,
     /// Weight of the shape prior.
@@ -121,17 +126,22 @@ impl Energy<'_> {
     /// A joint's part: cost, and of the point in space gradient and Gauss–Newton matrix.
     fn joint(&self, j: usize, at: DVec3) -> (f64, DVec3, DMat3) {
         let (mut cost, mut pull, mut matrix) = (0.0, DVec3::ZERO, DMat3::ZERO);
-        if let Some((target, weight)) = self.targets.and_then(|t| t[j]) {
+        let mut towards = |target: DVec3, weight: f64, sigma: f64| {
             let r = at - target;
             let e2 = r.length_squared();
-            let weight = DATA * weight;
-            cost += weight * robust(e2, self.target_sigma);
-            let weight = weight * robust_weight(e2, self.target_sigma);
+            cost += weight * robust(e2, sigma);
+            let weight = weight * robust_weight(e2, sigma);
             pull += weight * r;
             matrix += weight * DMat3::IDENTITY;
+        };
+        if let Some((target, weight)) = self.targets.and_then(|t| t[j]) {
+            towards(target, DATA * weight, self.target_sigma);
         }
         if j >= EVIDENCE_JOINTS {
             return (cost, pull, matrix);
+        }
+        if let Some(target) = self.lifted.and_then(|l| l[j]) {
+            towards(target, 1.0 / (LIFTED * LIFTED), LIFTED_SIGMA);
         }
         for seen in self.seen {
             let Some(ray) = seen.sight.rays[j] else {

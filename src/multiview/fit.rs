@@ -79,8 +79,20 @@ pub fn fit(
         })
         .collect();
     let tracks = track(views, &chosen, options.rate);
+    let weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
+    fit_tracks(body, views, weights, tracks, options, progress)
+}
+
+/// Fits people who are told apart already; `weights`: how much every view counts.
+pub fn fit_tracks(
+    body: &MeshBody,
+    views: &[View],
+    mut weights: Vec<f64>,
+    tracks: Vec<Track>,
+    options: MultiviewOptions,
+    progress: &(dyn Fn(usize) + Sync),
+) -> MultiviewFit {
     progress(tracks.iter().map(|t| t.moments.len()).sum());
-    let mut weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
     let mut people: Vec<PersonFit> = tracks
         .into_iter()
         .filter_map(|t| stage_one(body, views, &weights, t, progress))
@@ -219,6 +231,7 @@ fn pieces(
                         sights: vec![None; views],
                         joints,
                         healed: 0,
+                        lifted: false,
                     };
                     piece.push(PersonFrame {
                         frame: last.frame + k,

@@ -9,6 +9,7 @@ mod dct;
 mod energy;
 mod exchange;
 mod fit;
+mod one_view;
 mod people;
 mod points;
 mod prior;
@@ -21,7 +22,8 @@ mod triangulate;
 
 pub use agreement::agreement;
 pub use energy::Fitted;
-pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit};
+pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_tracks};
+pub use one_view::one_view;
 pub use people::{Detections, Track, nearest_sight, track};
 pub use points::{all as body_joints, evidence as evidence_joints};
 pub use prior::PosePrior;

@@ -196,6 +196,7 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
             sights,
             joints: points,
             healed: 0,
+            lifted: false,
         },
     ));
     t.states.push(states);

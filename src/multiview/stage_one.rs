@@ -35,6 +35,8 @@ pub struct Moment {
     pub joints: [Option<DVec3>; EVIDENCE_JOINTS],
     /// Exchanged limbs that were healed.
     pub healed: usize,
+    /// Whether one view alone told `joints`: then they are evidence of their own.
+    pub lifted: bool,
 }
 
 impl Moment {
@@ -44,6 +46,11 @@ impl Moment {
         let mean = known.iter().sum::<DVec3>() / known.len().max(1) as f64;
         let z = view.to_camera(mean).z;
         (!known.is_empty() && z > 0.2).then_some(z)
+    }
+
+    /// Joints that are evidence.
+    pub fn lifted(&self) -> Option<&[Option<DVec3>; EVIDENCE_JOINTS]> {
+        self.lifted.then_some(&self.joints)
     }
 
     /// What views saw, as the energy wants it; one weight a view.
@@ -148,6 +155,7 @@ impl StageOne {
             sigma,
             targets: None,
             target_sigma: FINE,
+            lifted: moment.lifted(),
             prior,
             shape: SHAPE,
             free: Free::All,
@@ -183,6 +191,7 @@ impl StageOne {
                 sigma: COARSE,
                 targets: Some(&targets),
                 target_sigma: COARSE,
+                lifted: None,
                 prior: PRIOR[1],
                 shape: SHAPE,
                 free,

@@ -69,6 +69,7 @@ pub fn refit(
                 sigma: FINE,
                 targets: paths.then_some(targets),
                 target_sigma: dct::SIGMA,
+                lifted: moment.lifted(),
                 prior: 1.0,
                 shape: 0.0,
                 free: Free::Pose,

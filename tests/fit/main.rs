@@ -11,5 +11,6 @@ mod fitter;
 mod many_views;
 mod multiview;
 mod noise;
+mod one_view;
 mod place;
 mod rate;

@@ -1,7 +1,10 @@
 //! `edgecap multiview`: several calibrated views of the same people in, bodies with shape, pose and mesh out.
 
+mod one_view;
 mod read;
 mod write;
+
+pub(super) use read::{named, told};
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,15 +16,15 @@ use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::calibration;
-use crate::multiview::{MultiviewOptions, fit, nearest_sight, report};
+use crate::multiview::{MultiviewOptions, fit, fit_tracks, nearest_sight, report};
 
 /// Options of `edgecap multiview`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MultiviewArgs {
     /// Calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, OpenCV's .yml, or a folder of EasyMocap, COLMAP or one
-    /// OpenCV file a camera
+    /// OpenCV file a camera; one view does without, its bodies are in camera axes
     #[arg(long, value_name = "FILE")]
-    pub calibration: PathBuf,
+    pub calibration: Option<PathBuf>,
     /// What a camera saw: the JSON lines or record of 'infer', or a film; once for every camera. Files are called like their
     /// camera, or CAMERA=FILE says which it is, or they come in the calibration's order
     #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
@@ -79,8 +82,17 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
             &own
         }
     };
-    let calibration = calibration::read(&args.calibration)?;
-    let scene = read::scene(&args, calibration)?;
+    let (scene, alone) = if args.view.len() == 1 {
+        let (scene, tracks) = one_view::scene(&args)?;
+        (scene, Some(tracks))
+    } else {
+        let path = args.calibration.as_ref().ok_or_else(|| {
+            Failure::usage(
+                "expected --calibration for several views, found none; 'calibrate' makes one",
+            )
+        })?;
+        (read::scene(&args, calibration::read(path)?)?, None)
+    };
     for note in &scene.notes {
         say::err(note);
     }
@@ -99,8 +111,19 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         0 => bar.inc(1),
         n => bar.set_length(total.fetch_add(n, Ordering::Relaxed) as u64 + n as u64),
     };
-    let fitted = fit(body, views, &used, frames, options, &progress);
+    let fitted = match alone {
+        Some(tracks) => fit_tracks(body, views, vec![1.0], tracks, options, &progress),
+        None => fit(body, views, &used, frames, options, &progress),
+    };
     bar.finish_and_clear();
+    if fitted.people.is_empty() && views.len() == 1 {
+        return Err(Failure::data(format!(
+            "expected somebody in the view of camera {}, found nobody who stays in {} frames",
+            views[0].name,
+            frames.len()
+        ))
+        .into());
+    }
     if fitted.people.is_empty() {
         return Err(Failure::data(format!(
             "expected somebody whom two cameras see in the same place, found nobody in {} frames; check that views are of one moment and the calibration is theirs",

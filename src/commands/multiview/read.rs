@@ -8,6 +8,7 @@ use crate::camera::calibration::Calibration;
 use crate::commands::exit::Failure;
 use crate::commands::view_file::{ViewFile, together};
 use crate::multiview::{Detections, Sight, agreement};
+use crate::record::CameraSource;
 
 /// By how much one reading of the lenses must be better than the other to be told apart.
 const CLEAR: f64 = 0.99;
@@ -22,6 +23,8 @@ pub struct Scene {
     pub times: Vec<u64>,
     /// Frames a second.
     pub rate: f64,
+    /// Whether axes are a calibration's, not the camera's own.
+    pub in_world: bool,
     /// What was recognised.
     pub notes: Vec<String>,
 }
@@ -50,7 +53,11 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
     for (v, file) in &files {
         // Distances are told by the calibration, not by the record's lens.
         let lens = views[*v].intrinsics();
-        seen.push(ViewFile::read(&views[*v].name, &|_, _| Ok(lens), file)?);
+        seen.push(ViewFile::read(
+            &views[*v].name,
+            CameraSource::Given(&|_, _| Ok(lens)),
+            file,
+        )?);
     }
     let (rate, count) = together(args.fps, &seen, &mut notes)?;
     let all_pictured = |all: &[View]| -> anyhow::Result<Vec<View>> {
@@ -98,6 +105,7 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
         frames: sights,
         times,
         rate,
+        in_world: true,
         notes,
     })
 }
@@ -110,21 +118,30 @@ fn names(views: &[View]) -> String {
         .join(", ")
 }
 
+/// Camera and file of `CAMERA=FILE`.
+pub fn told(text: &str) -> Option<(&str, &str)> {
+    let told = text.split_once('=');
+    told.filter(|(name, _)| !Path::new(text).exists() && !name.contains('/'))
+}
+
+/// Camera and file: as told, or called like the file.
+pub fn named(text: &str) -> (String, PathBuf) {
+    match told(text) {
+        Some((name, file)) => (name.to_owned(), file.into()),
+        None => {
+            let path = PathBuf::from(text);
+            let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+            (stem.unwrap_or_default(), path)
+        }
+    }
+}
+
 /// The camera of every file, in the calibration's order.
 fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBuf)>> {
-    if given.len() < 2 {
-        return Err(Failure::usage(
-            "expected at least two --view, found 1; one camera alone is fitted by 'run' and 'fit'",
-        )
-        .into());
-    }
     let camera = |name: &str| views.iter().position(|v| v.name == name);
     let mut files: Vec<(Option<usize>, PathBuf)> = Vec::new();
     for text in given {
-        let told = text
-            .split_once('=')
-            .filter(|(name, _)| !Path::new(text).exists() && !name.contains('/'));
-        files.push(match told {
+        files.push(match told(text) {
             Some((name, file)) => {
                 let found = camera(name).ok_or_else(|| {
                     Failure::usage(format!(
@@ -180,7 +197,10 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
 }
 
 /// The camera as the pictures show it.
-fn pictured(file: &ViewFile, view: &View, path: &Path) -> anyhow::Result<View> {
+///
+/// # Errors
+/// Pictures of a size that it is not calibrated for.
+pub fn pictured(file: &ViewFile, view: &View, path: &Path) -> anyhow::Result<View> {
     view.for_pictures(file.size).ok_or_else(|| {
         let ([w, h], [found_w, found_h]) = (view.size, file.size);
         let turned = if view.for_pictures([found_h, found_w]).is_some() {

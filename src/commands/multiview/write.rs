@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::read::Scene;
+use glam::DVec3;
+
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
 use crate::export::{Format, Take, encode};
@@ -161,10 +163,21 @@ fn lines(
             frame_total: scene.frames.len() as u32,
             ..BodyFrame::default()
         };
-        // What is told is in the world already.
-        frame.world.state = WorldState::GIVEN;
+        if scene.in_world {
+            frame.world.state = WorldState::GIVEN;
+        }
         for (slot, b) in frame.bodies.iter_mut().zip(people) {
             *slot = *b;
+        }
+        if let [view] = &scene.views[..] {
+            (frame.width, frame.height) = (view.size[0], view.size[1]);
+            frame.intrinsics = view.intrinsics();
+            for b in &mut frame.bodies[..people.len().min(MAX_PEOPLE)] {
+                for (seen, p) in b.joints2d.iter_mut().zip(b.joints3d) {
+                    let pixel = view.project(DVec3::from(p.map(f64::from)));
+                    *seen = pixel.map_or([0.0; 2], |p| p.as_vec2().to_array());
+                }
+            }
         }
         serde_json::to_writer(&mut out, &BodiesRow::new(&frame, ""))?;
         out.push(b'\n');

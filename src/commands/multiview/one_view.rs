@@ -1,0 +1,100 @@
+//! One view alone: Stage III says who is who and about where, the mesh body is fitted to that and to what was seen.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::MultiviewArgs;
+use super::read::{Scene, named, pictured};
+use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
+use crate::commands::exit::Failure;
+use crate::commands::fit;
+use crate::commands::view_file::{ViewFile, together};
+use crate::message::{Body, BodyFrame, MAX_PEOPLE, ObservationFrame};
+use crate::multiview::{Detections, Sight, Track, one_view};
+use crate::record::CameraSource;
+
+/// Reads the view, and finds everyone in it.
+///
+/// # Errors
+/// When the file cannot be read, or the calibration has no such camera.
+pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
+    if let Some(held) = args.hold_out.first() {
+        return Err(Failure::usage(format!(
+            "expected several views where one is held out, found --hold-out {held} and one --view"
+        ))
+        .into());
+    }
+    let (name, path) = named(&args.view[0]);
+    let recorded = CameraSource::Recorded {
+        fov_degrees: DEFAULT_FOV,
+    };
+    let file = ViewFile::read(&name, recorded, &path)?;
+    let view = match &args.calibration {
+        None => camera_axes(&file),
+        Some(path) => {
+            let views = calibration::read(path)?.views;
+            let own = views.iter().find(|v| v.name == name);
+            let own = own.or(views.first().filter(|_| views.len() == 1));
+            let view = own.ok_or_else(|| {
+                let all: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
+                Failure::usage(format!(
+                    "expected one of the cameras {} in --view, found {name}",
+                    all.join(", ")
+                ))
+            })?;
+            pictured(&file, view, path)?
+        }
+    };
+    let mut notes = Vec::new();
+    let (rate, count) = together(args.fps, std::slice::from_ref(&file), &mut notes)?;
+    let frames: Vec<Detections> = file
+        .frames
+        .iter()
+        .map(|people| people.iter().map(|o| Sight::new(&view, o)).collect())
+        .collect();
+    let tracks = one_view(&view, &bodies(&file, &view, rate)?, &frames);
+    let scene = Scene {
+        views: vec![view],
+        frames: frames.into_iter().map(|f| vec![f]).collect(),
+        times: file.times[..count].to_vec(),
+        rate,
+        in_world: args.calibration.is_some(),
+        notes,
+    };
+    Ok((scene, tracks))
+}
+
+/// The record's camera at the origin: the world's axes are the camera's.
+fn camera_axes(file: &ViewFile) -> View {
+    let i = file.intrinsics;
+    View {
+        name: file.name.clone(),
+        size: file.size,
+        focal: DVec2::new(i.fx.into(), i.fy.into()),
+        centre: DVec2::new(i.cx.into(), i.cy.into()),
+        distortion: Brown::default(),
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    }
+}
+
+/// Stage III's bodies, by frame.
+fn bodies(file: &ViewFile, view: &View, rate: f64) -> anyhow::Result<Vec<Vec<Body>>> {
+    let mut fitter = fit::fitter(None, false)?;
+    let mut frame = Box::new(ObservationFrame {
+        width: view.size[0],
+        height: view.size[1],
+        intrinsics: view.intrinsics(),
+        ..ObservationFrame::default()
+    });
+    let mut out = Box::new(BodyFrame::default());
+    let each = file.frames.iter().enumerate().map(|(k, people)| {
+        frame.sequence = k as u64;
+        // Times in the file may be missing or out of order.
+        frame.capture_ns = (1e9 * k as f64 / rate).round() as u64;
+        frame.count = people.len().min(MAX_PEOPLE) as u32;
+        frame.people[..frame.count as usize].copy_from_slice(&people[..frame.count as usize]);
+        fitter.update(&frame, &mut out);
+        out.bodies().to_vec()
+    });
+    Ok(each.collect())
+}

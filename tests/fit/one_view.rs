@@ -1,0 +1,102 @@
+//! One view alone: `edgecap multiview` with one `--view`, against Stage III on the same observations.
+
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::message::BodyFrame;
+use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
+use glam::Vec3;
+
+use crate::program::{assert_fails, output, stderr};
+use crate::scene::people;
+use crate::scene::{Noise, Scene};
+
+const FRAMES: usize = 90;
+
+fn about_pelvis(joints: &[Vec3; BODY_JOINTS]) -> [Vec3; EVIDENCE_JOINTS] {
+    std::array::from_fn(|j| joints[j] - joints[PELVIS])
+}
+
+#[test]
+fn a_body_is_about_as_right_as_stage_three() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (view, run) = (at("cam.jsonl"), at("run"));
+    let walker = people::everyday().swap_remove(0);
+    let mut scene = Scene::new(vec![walker], Noise::MEASURED, 30.0, 4);
+    let mut file = RecordWriter::<ObservationsRow>::create(view.as_ref(), Format::Jsonl).unwrap();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let (mut truth, mut stage_three) = (Vec::new(), Vec::new());
+    for _ in 0..FRAMES {
+        let (message, people) = scene.next();
+        file.write(&message, "").unwrap();
+        fitter.update(&message, &mut out);
+        truth.push(about_pelvis(&people[0].joints.map(|p| p.as_vec3())));
+        let body = out.bodies().iter().find(|b| b.id == 1);
+        stage_three.push(body.map(|b| about_pelvis(&b.joints3d.map(Vec3::from))));
+    }
+    file.finish().unwrap();
+    let args = ["multiview", "--view", &view, "--out", &run];
+    let done = output(&args);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let lines = std::fs::File::open(at("run/bodies.jsonl")).unwrap();
+    let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+    let (mut ours, mut theirs, mut frame) = (Vec::new(), Vec::new(), 0);
+    while let Some(row) = rows.read().unwrap() {
+        if let (Some(body), Some(three)) =
+            (row.people.iter().find(|b| b.id == 1), stage_three[frame])
+        {
+            let own = about_pelvis(&body.joints3d.map(Vec3::from));
+            for j in 0..EVIDENCE_JOINTS {
+                ours.push(own[j].distance(truth[frame][j]));
+                theirs.push(three[j].distance(truth[frame][j]));
+            }
+        }
+        frame += 1;
+    }
+    assert_eq!(frame, FRAMES);
+    assert!(ours.len() > FRAMES / 2 * EVIDENCE_JOINTS, "{}", ours.len());
+    let mean = |all: &[f32]| all.iter().sum::<f32>() / all.len() as f32;
+    let (ours, theirs) = (mean(&ours), mean(&theirs));
+    println!("mesh body {ours} m, Stage III {theirs} m");
+    assert!(
+        ours < 1.1 * theirs,
+        "mesh body {ours} m, Stage III {theirs} m"
+    );
+}
+
+#[test]
+fn several_views_want_a_calibration_and_one_is_not_held_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (first, second, run) = (at("a.jsonl"), at("b.jsonl"), at("run"));
+    let held = [
+        "multiview",
+        "--view",
+        &first,
+        "--hold-out",
+        "a",
+        "--out",
+        &run,
+    ];
+    assert_fails(&held, 64, &["several views", "--hold-out a"]);
+    let two = [
+        "multiview",
+        "--view",
+        &first,
+        "--view",
+        &second,
+        "--out",
+        &run,
+    ];
+    assert_fails(
+        &two,
+        64,
+        &["--calibration for several views", "'calibrate' makes one"],
+    );
+    assert_fails(
+        &["multiview", "--view", &first, "--out", &run],
+        66,
+        &["a.jsonl"],
+    );
+}
