@@ -31,7 +31,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("fit", &["assignment", "body", "camera", "solve"]),
     (
         "multiview",
-        &["assignment", "body", "camera", "npz", "solve"],
+        &["assignment", "body", "camera", "fit", "npz", "solve"],
     ),
     ("calibrate", &["body", "camera", "multiview"]),
     ("record", &["output"]),

@@ -103,6 +103,10 @@ fn printed(effective: &Effective, settings: &Settings) -> anyhow::Result<String>
     table(&mut out, "bridges", &json(bridges)?, &|key| {
         origin(origins, key)
     });
+    let (multiview, origins) = &effective.multiview;
+    table(&mut out, "multiview", &json(multiview)?, &|key| {
+        origin(origins, key)
+    });
     Ok(out)
 }
 

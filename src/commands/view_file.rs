@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::exit::Failure;
-use crate::message::{Intrinsics, Observation, ObservationFrame};
+use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 
 /// Seconds that views may differ in length: who stops cameras one after the other.
@@ -28,6 +28,8 @@ pub struct ViewFile {
     pub frames: Vec<Vec<Observation>>,
     /// When every frame was taken, nanoseconds.
     pub times: Vec<u64>,
+    /// Times are those of the machine's clock, not of a film.
+    pub of_machine: bool,
 }
 
 impl ViewFile {
@@ -52,6 +54,7 @@ impl ViewFile {
             intrinsics: Intrinsics::default(),
             frames: Vec::new(),
             times: Vec::new(),
+            of_machine: true,
         };
         let mut frame = ObservationFrame::default();
         while reader.read(&mut frame)? {
@@ -67,6 +70,7 @@ impl ViewFile {
             }
             seen.frames.push(frame.people().to_vec());
             seen.times.push(frame.capture_ns);
+            seen.of_machine &= frame.flags & FLAG_FILE_TIME == 0;
         }
         if seen.frames.is_empty() {
             return Err(Failure::data(format!(
@@ -86,7 +90,8 @@ impl ViewFile {
         Ok(seen)
     }
 
-    fn rate(&self) -> Option<f64> {
+    /// Frames a second.
+    pub fn rate(&self) -> Option<f64> {
         let span = self.times.last()?.checked_sub(*self.times.first()?)? as f64 * 1e-9;
         (span > 0.0).then(|| (self.times.len() - 1) as f64 / span)
     }

@@ -5,10 +5,12 @@
 //! calibration, metres.
 
 mod agreement;
+mod between;
 mod dct;
 mod energy;
 mod exchange;
 mod fit;
+pub mod live;
 mod one_view;
 mod people;
 mod points;
@@ -18,9 +20,11 @@ mod report;
 mod sight;
 mod stage_one;
 mod stage_two;
+pub mod time;
 mod triangulate;
 
 pub use agreement::agreement;
+pub use between::between;
 pub use energy::Fitted;
 pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_tracks};
 pub use one_view::one_view;

@@ -15,7 +15,7 @@ use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 
 /// Mean distance of a person's rays from their joints beyond which they are somebody else's, metres.
-const REACH: f64 = 0.35;
+pub const REACH: f64 = 0.35;
 /// How much further a person may have gone for every frame that they were away, metres, and at most.
 const ROAM: [f64; 2] = [0.05, 0.4];
 /// Median distance between the rays of two views' joints of one person, metres.
@@ -64,11 +64,21 @@ struct Live {
 }
 
 impl Live {
+    /// Frames in which two views might have seen them and did not.
+    fn away(&self, f: usize) -> f64 {
+        (f - self.met).saturating_sub(1) as f64
+    }
+
     /// In a sequence of so many frames; of one frame nobody can ask for more.
     fn is_proven(&self, frames: usize) -> bool {
-        let [three, two] = PROOF.map(|p| p.min(frames));
-        self.proof[0] >= three || self.proof[0] + self.proof[1] >= two
+        is_proven(self.proof, frames)
     }
+}
+
+/// Whether somebody counts whom three views or more have seen in so many frames, and two, of a sequence of so many frames.
+pub fn is_proven(proof: [usize; 2], frames: usize) -> bool {
+    let [three, two] = PROOF.map(|p| p.min(frames));
+    proof[0] >= three || proof[0] + proof[1] >= two
 }
 
 /// Finds everyone in `frames`: per frame, per view, who is seen there. `rate` is frames a second.
@@ -92,9 +102,10 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
             let scores: Vec<f32> = live
                 .iter()
                 .flat_map(|t| {
+                    let reach = REACH + (ROAM[0] * t.away(f)).min(ROAM[1]);
                     detections
                         .iter()
-                        .map(move |d| closeness(&views[v], d, t, f))
+                        .map(move |d| closeness(&views[v], d, &t.joints, reach))
                 })
                 .collect();
             for (t, d) in matcher
@@ -110,7 +121,14 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
         for (t, chosen) in live.iter_mut().zip(&taken) {
             advance(views, frame, f, chosen, t);
         }
-        for chosen in groups(views, frame, &free) {
+        let all = frame.iter().zip(&free).enumerate();
+        let left: Vec<(usize, usize, &Sight)> = all
+            .flat_map(|(v, (sights, free))| {
+                let each = sights.iter().enumerate().filter(|(d, _)| free[*d]);
+                each.map(move |(d, sight)| (v, d, sight))
+            })
+            .collect();
+        for chosen in groups(views, &left) {
             let mut t = empty();
             advance(views, frame, f, &chosen, &mut t);
             if is_body(&t.joints) {
@@ -207,13 +225,18 @@ fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
     triangulate(views, &all)
 }
 
-/// How well a detection goes with somebody known, above 0; 0 where it does not.
-fn closeness(view: &View, sight: &Sight, t: &Live, f: usize) -> f32 {
-    let reach = REACH + (ROAM[0] * (f - t.met).saturating_sub(1) as f64).min(ROAM[1]);
+/// How well a detection goes with somebody whose joints are known, above 0; 0 where its rays are farther than `reach` from them,
+/// metres.
+pub fn closeness(
+    view: &View,
+    sight: &Sight,
+    joints: &[Option<DVec3>; EVIDENCE_JOINTS],
+    reach: f64,
+) -> f32 {
     // A detector may have exchanged all sides.
     let readings = [
-        mean_distance(view, sight, &t.joints),
-        mean_distance(view, &mirrored(sight), &t.joints),
+        mean_distance(view, sight, joints),
+        mean_distance(view, &mirrored(sight), joints),
     ];
     let least = readings.into_iter().flatten().fold(f64::INFINITY, f64::min);
     (1.0 - least / reach).max(0.0) as f32
@@ -240,24 +263,11 @@ fn mean_distance(
     (each.len() >= LEAST_SHARED).then(|| each.iter().sum::<f64>() / each.len() as f64)
 }
 
-/// Groups detections that nobody known took: pairs by rising distance are joined while all pairs of a group agree and every
-/// view is in it once. Groups of two views at least, as one detection a view.
-fn groups(views: &[View], frame: &[Detections], free: &[Vec<bool>]) -> Vec<Vec<Option<usize>>> {
-    let all: Vec<(usize, usize)> = free
-        .iter()
-        .enumerate()
-        .flat_map(|(v, f)| {
-            f.iter()
-                .enumerate()
-                .filter(|(_, f)| **f)
-                .map(move |(d, _)| (v, d))
-        })
-        .collect();
-    let apart = |a: (usize, usize), b: (usize, usize)| {
-        ray_distance(
-            (&views[a.0], &frame[a.0][a.1]),
-            (&views[b.0], &frame[b.0][b.1]),
-        )
+/// Groups detections that nobody known took, each with its view and its number there: pairs by rising distance are joined while
+/// all pairs of a group agree and every view is in it once. Groups of two views at least, as one detection a view.
+pub fn groups(views: &[View], all: &[(usize, usize, &Sight)]) -> Vec<Vec<Option<usize>>> {
+    let apart = |a: (usize, usize, &Sight), b: (usize, usize, &Sight)| {
+        ray_distance((&views[a.0], a.2), (&views[b.0], b.2))
     };
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for i in 0..all.len() {
@@ -338,7 +348,7 @@ fn ray_distance((va, a): (&View, &Sight), (vb, b): (&View, &Sight)) -> Option<f6
 }
 
 /// Whether joints are as far from each other as a body's.
-fn is_body(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> bool {
+pub fn is_body(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> bool {
     let (Some(neck), Some(r), Some(l)) = (joints[1], joints[8], joints[11]) else {
         return false;
     };

@@ -34,6 +34,8 @@ pub struct ViewReport {
     pub name: String,
     /// How much it counted: 1, less where it disagrees with the others, 0 where it was only measured.
     pub weight: f64,
+    /// By how many seconds it started before the first view, where that was told.
+    pub offset_s: Option<f64>,
     /// People and frames.
     pub sights: usize,
     /// Joints.
@@ -139,6 +141,7 @@ pub fn report(
         ViewReport {
             name: view.name.clone(),
             weight: fit.weights[v],
+            offset_s: None,
             sights,
             joints: residuals.len(),
             median_px: px.map(|p| p[0]),

@@ -469,12 +469,21 @@ fn views_that_do_not_go_together_are_refused() {
             ) + "\n"
         })
         .collect();
-    refused(
+    let (faster, run) = (other("faster", &faster), at("run"));
+    let frame_by_frame = [
+        "multiview",
+        "--calibration",
         &calibration,
-        &other("faster", &faster),
-        65,
-        &["one rate", "30.00", "50.00"],
-    );
+        "--view",
+        &first,
+        "--view",
+        &faster,
+        "--sync",
+        "none",
+        "--out",
+        &run,
+    ];
+    assert_fails(&frame_by_frame, 65, &["one rate", "30.00", "50.00"]);
     refused(&calibration, &at("nowhere/120.jsonl"), 66, &["nowhere"]);
     refused(&at("nowhere.toml"), &second, 66, &["nowhere.toml"]);
     let mut twice = views.clone();

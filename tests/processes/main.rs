@@ -17,6 +17,7 @@ mod follow_people;
 mod hangs;
 mod hints;
 mod install;
+mod live_cameras;
 mod metrics;
 mod outcome;
 mod pace;

@@ -2,15 +2,19 @@
 
 mod one_view;
 mod read;
+mod sync;
 mod write;
 
 pub(super) use read::{named, told};
 
 use std::path::PathBuf;
+
+pub(super) use read::{names, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::ProgressBar;
 
+use self::sync::Sync;
 use super::exit::Failure;
 use super::say;
 use crate::body::mesh::MeshBody;
@@ -44,6 +48,9 @@ pub struct MultiviewArgs {
     /// Frames a second [default: by the times in the files]
     #[arg(long, value_name = "RATE", value_parser = rate)]
     pub fps: Option<f64>,
+    /// How views that were not started together are brought to one time
+    #[arg(long, value_enum, default_value_t = Sync::Auto)]
+    pub sync: Sync,
     /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -134,6 +141,9 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let other = |v: usize, f: usize, joints: &_| nearest_sight(&views[v], &frames[f][v], joints);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
     report.notes = scene.notes.clone();
+    for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
+        line.offset_s = *offset;
+    }
     write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
     say::out(write::table(&report).trim_end());
     Ok(())

@@ -41,7 +41,7 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
                     all.join(", ")
                 ))
             })?;
-            pictured(&file, view, path)?
+            pictured(view, file.size, &path.display().to_string())?
         }
     };
     let mut notes = Vec::new();
@@ -57,6 +57,7 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
         frames: frames.into_iter().map(|f| vec![f]).collect(),
         times: file.times[..count].to_vec(),
         rate,
+        offsets: vec![None],
         in_world: args.calibration.is_some(),
         notes,
     };

@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::MultiviewArgs;
+use super::sync::{Together, bring_together};
 use crate::camera::View;
 use crate::camera::calibration::Calibration;
 use crate::commands::exit::Failure;
-use crate::commands::view_file::{ViewFile, together};
+use crate::commands::view_file::ViewFile;
+use crate::message::Observation;
 use crate::multiview::{Detections, Sight, agreement};
 use crate::record::CameraSource;
 
@@ -19,10 +21,12 @@ pub struct Scene {
     pub views: Vec<View>,
     /// Per frame, per view, who is seen.
     pub frames: Vec<Vec<Detections>>,
-    /// When every frame was taken, nanoseconds, by the first view.
+    /// When every frame was taken, nanoseconds, by the fastest view.
     pub times: Vec<u64>,
     /// Frames a second.
     pub rate: f64,
+    /// By how many seconds each view started before the first one, where that was told.
+    pub offsets: Vec<Option<f64>>,
     /// Whether axes are a calibration's, not the camera's own.
     pub in_world: bool,
     /// What was recognised.
@@ -59,19 +63,26 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
             file,
         )?);
     }
-    let (rate, count) = together(args.fps, &seen, &mut notes)?;
+    let sizes: Vec<[u32; 2]> = seen.iter().map(|s| s.size).collect();
     let all_pictured = |all: &[View]| -> anyhow::Result<Vec<View>> {
-        let each = files.iter().zip(&seen);
-        each.map(|((v, file), s)| pictured(s, &all[*v], file))
+        let each = files.iter().zip(&sizes);
+        each.map(|((v, file), size)| pictured(&all[*v], *size, &file.display().to_string()))
             .collect()
     };
     let mut views = all_pictured(&views)?;
+    let how = (args.sync, args.fps);
+    let Together {
+        people,
+        times,
+        rate,
+        offsets,
+    } = bring_together(how, &views, seen, &mut notes)?;
     let frames = |views: &[View]| -> Vec<Vec<Detections>> {
-        let one = |k: usize, (view, s): (&View, &ViewFile)| {
-            s.frames[k].iter().map(|o| Sight::new(view, o)).collect()
+        let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| {
+            people[k].iter().map(|o| Sight::new(view, o)).collect()
         };
-        (0..count)
-            .map(|k| views.iter().zip(&seen).map(|pair| one(k, pair)).collect())
+        (0..times.len())
+            .map(|k| views.iter().zip(&people).map(|pair| one(k, pair)).collect())
             .collect()
     };
     let mut sights = frames(&views);
@@ -99,18 +110,19 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
             }
         }
     }
-    let times = seen[0].times[..count].to_vec();
     Ok(Scene {
         views,
         frames: sights,
         times,
         rate,
+        offsets,
         in_world: true,
         notes,
     })
 }
 
-fn names(views: &[View]) -> String {
+/// What the calibration calls its cameras.
+pub fn names(views: &[View]) -> String {
     views
         .iter()
         .map(|v| v.name.as_str())
@@ -196,21 +208,20 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
     Ok(files)
 }
 
-/// The camera as the pictures show it.
+/// The camera as its pictures show it; `source` is where they come from.
 ///
 /// # Errors
 /// Pictures of a size that it is not calibrated for.
-pub fn pictured(file: &ViewFile, view: &View, path: &Path) -> anyhow::Result<View> {
-    view.for_pictures(file.size).ok_or_else(|| {
-        let ([w, h], [found_w, found_h]) = (view.size, file.size);
+pub fn pictured(view: &View, size: [u32; 2], source: &str) -> anyhow::Result<View> {
+    view.for_pictures(size).ok_or_else(|| {
+        let ([w, h], [found_w, found_h]) = (view.size, size);
         let turned = if view.for_pictures([found_h, found_w]).is_some() {
             ", turned by 90 degrees; turn pictures or calibration"
         } else {
             "; calibrate with pictures of this size"
         };
         Failure::data(format!(
-            "{}: expected pictures of {w}x{h} pixels as camera {} is calibrated for, found {found_w}x{found_h}{turned}",
-            path.display(),
+            "{source}: expected pictures of {w}x{h} pixels as camera {} is calibrated for, found {found_w}x{found_h}{turned}",
             view.name
         ))
         .into()

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use super::RunArgs;
+use super::live::{self, Plan};
 use super::pulse::Pulse;
-use super::{RunArgs, live};
 use crate::commands::exit::{self, Failure};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::say;
@@ -16,7 +17,7 @@ use crate::metrics::{Meter, exposition};
 use crate::supervise::ServiceManager;
 
 /// The processes of a camera.
-const PROCESSES: [&str; 2] = ["infer", "fit"];
+pub const PROCESSES: [&str; 2] = ["infer", "fit"];
 
 /// Runs cameras until the user stops it or none of them goes on.
 ///
@@ -39,10 +40,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         .iter()
         .map(|c| Arc::new(Meter::new(&c.name, &c.spec.to_string(), &PROCESSES)))
         .collect();
-    let _figures = match runs.first().and_then(|r| r.metrics.address) {
-        Some(address) => Some(serve(address, &meters)?),
-        None => None,
-    };
+    let _figures = figures(runs.first(), &meters)?;
     let page = match runs.first() {
         Some(first) => first.bridges.serve()?,
         None => None,
@@ -55,7 +53,8 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
     let manager = ServiceManager::from_env(chosen.iter().map(|c| c.name.as_str()));
     if let ([args], [chosen], [meter]) = (runs, &chosen[..], &meters[..]) {
         let (table, pulse) = (Table::new(args.table), Pulse::new(&manager, 0));
-        return live::run(args, chosen, table, meter, &pulse, hub, stop);
+        let plan = Plan::of_camera(args, chosen);
+        return live::run(args, plan, table, meter, &pulse, hub, stop);
     }
     std::thread::scope(|threads| {
         let started: Vec<_> = runs
@@ -67,7 +66,8 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                 let pulse = Pulse::new(&manager, place);
                 threads.spawn(move || {
                     let table = Table::of_several(&chosen.name);
-                    let ended = live::run(args, chosen, table, meter, &pulse, hub, stop);
+                    let plan = Plan::of_camera(args, chosen);
+                    let ended = live::run(args, plan, table, meter, &pulse, hub, stop);
                     if let Err(e) = &ended {
                         meter.failed(format!("{e:#}"));
                         tracing::error!("{}: ended, the others go on: {e:#}", chosen.name);
@@ -90,7 +90,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
 }
 
 /// A run that is one of a camera.
-fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
+pub fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
     let chosen = input::choose(&args.input)?;
     if !chosen.is_live() {
         return Err(Failure::usage(format!(
@@ -106,6 +106,15 @@ fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
         .into());
     }
     Ok(chosen)
+}
+
+/// Serves figures where the run wants them.
+///
+/// # Errors
+/// An address that is taken.
+pub fn figures(run: Option<&RunArgs>, meters: &[Arc<Meter>]) -> anyhow::Result<Option<Server>> {
+    let address = run.and_then(|r| r.metrics.address);
+    address.map(|a| serve(a, meters)).transpose()
 }
 
 fn serve(address: Loopback, meters: &[Arc<Meter>]) -> anyhow::Result<Server> {

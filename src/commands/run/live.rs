@@ -1,4 +1,4 @@
-//! A camera: `infer` and `fit` under supervision, and what they publish.
+//! A camera, or several that see the same people: `infer` and `fit` under supervision, and what they publish.
 
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
@@ -9,11 +9,13 @@ use edgecap_client::{Priority, Subscriber, service_name};
 use super::RunArgs;
 use super::flow::{Flow, Remedy};
 use super::hints;
+use super::infers::Infers;
 use super::pulse::Pulse;
 use crate::bridge::websocket::Hub;
 use crate::commands::bridges::Flight;
 use crate::commands::exit::{self, Failure};
 use crate::commands::fit::FitTask;
+use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
 use crate::commands::stop::Stop;
@@ -30,13 +32,47 @@ const LAST_BODIES: Duration = Duration::from_secs(3);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
 
-/// Runs the whole system on a camera.
+/// What sees, and what becomes of it.
+pub struct Plan {
+    /// Name under which bodies are published.
+    pub name: String,
+    /// What is opened.
+    pub source: String,
+    /// The bundled clip plays because there is no camera.
+    pub stands_in: bool,
+    /// One process a camera, with its name.
+    pub infers: Vec<(String, InferTask)>,
+    /// What is fitted.
+    pub fit: FitTask,
+}
+
+impl Plan {
+    /// Of one camera.
+    pub fn of_camera(args: &RunArgs, chosen: &NamedInput) -> Self {
+        Self {
+            name: chosen.name.clone(),
+            source: chosen.spec.to_string(),
+            stands_in: chosen.stands_in,
+            infers: vec![(chosen.name.clone(), args.infer_task(chosen))],
+            fit: FitTask {
+                name: Some(chosen.name.clone()),
+                cameras: Vec::new(),
+                calibration: None,
+                config: args.fitting.fit.clone(),
+                stills: false,
+                rate: args.fitting.rate,
+            },
+        }
+    }
+}
+
+/// Runs the whole system on a camera, or on several that see the same people.
 ///
 /// # Errors
 /// As [`run`](super::run).
 pub fn run(
     args: &RunArgs,
-    chosen: &NamedInput,
+    plan: Plan,
     mut table: Table,
     meter: &Meter,
     pulse: &Pulse<'_>,
@@ -45,61 +81,54 @@ pub fn run(
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
-    let flight = args.bridges.add_to(&mut sinks, &chosen.name, page)?;
-    let bodies = Subscriber::<BodyFrame>::open_with(&chosen.name, Priority::Reserved)?;
-    let stream = service_name::<BodyFrame>(&chosen.name);
+    let flight = args.bridges.add_to(&mut sinks, &plan.name, page)?;
+    let bodies = Subscriber::<BodyFrame>::open_with(&plan.name, Priority::Reserved)?;
+    let stream = service_name::<BodyFrame>(&plan.name);
     table.say(&format!(
         "{} → shared memory {stream} (Ctrl-C stops)",
-        chosen.spec
+        plan.source
     ));
 
-    if chosen.stands_in {
+    if plan.stands_in {
         table.say("there is no camera: the bundled clip plays over and over in its place");
     }
-    if chosen.stands_in || table.is_on_terminal() {
-        for line in hints::lines(&chosen.name) {
+    if plan.stands_in || table.is_on_terminal() {
+        for line in hints::lines(&plan.name) {
             table.say(&line);
         }
     }
 
     Stop::wake_when_children_end()?;
-    let mut fit = Child::new(
-        "fit",
-        FitTask {
-            name: chosen.name.clone(),
-            config: args.fitting.fit.clone(),
-            stills: false,
-            rate: args.fitting.rate,
-        },
-    )?;
-    let mut infer = Child::new("infer", args.infer_task(chosen))?;
+    let mut fit = Child::new("fit", plan.fit)?;
+    let mut infers = Infers::new(plan.infers)?;
     let mut tally = Tally::default();
-    let source = chosen.spec.to_string();
     let told = Told {
         meter,
         pulse,
         flight: flight.as_ref(),
     };
-    let outcome = watch(&bodies, stop, &mut infer, &mut fit, told, &mut |frame| {
+    let outcome = watch(&bodies, stop, &mut infers, &mut fit, told, &mut |frame| {
         meter.published(frame);
         tally.count(frame);
         table.update(frame, tally.lost);
         Ok(sinks.take(&Packet {
             message: frame,
-            source: &source,
+            source: &plan.source,
             picture: None,
         })?)
     });
     // Publishers wait a little for those who still read.
     drop(bodies);
-    stop_all(&mut [&mut infer, &mut fit]);
+    let mut children: Vec<&mut Child> = infers.children().collect();
+    children.push(&mut fit);
+    stop_all(&mut children);
     table.finish();
     let words = finish(sinks, tally.frames, outcome)?;
     args.conclude(&tally, &words);
     Ok(())
 }
 
-/// Who hears how the camera is doing.
+/// Who hears how the cameras are doing.
 #[derive(Clone, Copy)]
 struct Told<'a> {
     meter: &'a Meter,
@@ -111,7 +140,7 @@ struct Told<'a> {
 fn watch(
     bodies: &Subscriber<BodyFrame>,
     stop: &Stop,
-    infer: &mut Child,
+    infers: &mut Infers,
     fit: &mut Child,
     Told {
         meter,
@@ -120,7 +149,7 @@ fn watch(
     }: Told<'_>,
     take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    let mut infer_done: Option<Instant> = None;
+    let mut infers_done: Option<Instant> = None;
     let mut end_seen = false;
     let mut cleaned = Instant::now();
     let mut flow = Flow::default();
@@ -144,38 +173,34 @@ fn watch(
         if stop.requested() {
             break;
         }
-        look_after(infer, meter, &mut infer_done)?;
-        match infer_done {
-            Some(since) if end_seen || since.elapsed() > LAST_BODIES => return Ok(()),
-            Some(_) => {}
-            None => look_after(fit, meter, &mut None)?,
+        infers.look_after(meter)?;
+        if infers.have_ended() {
+            let since = infers_done.get_or_insert_with(Instant::now);
+            if end_seen || since.elapsed() > LAST_BODIES {
+                return Ok(());
+            }
+        } else {
+            look_after(fit, meter.name(), meter)?;
         }
-        for child in [&*infer, &*fit] {
-            meter.started(child.verb(), child.starts());
-        }
-        let now = infer.starts() + fit.starts();
+        meter.started(fit.verb(), fit.starts());
+        let now = infers.starts() + fit.starts();
         if let Some(flight) = flight {
             // Each was started once; more is again.
-            flight.look(now > starts && now > 2);
+            flight.look(now > starts && now > 1 + infers.count() as u64);
         }
         starts = now;
-        match infer.heard() {
-            Some(Beat::Step) => meter.camera(true),
-            Some(Beat::Waiting) => meter.camera(false),
-            _ => {}
-        }
+        let published = infers.heard(Beat::Step);
         if received {
             pulse.beat(Progress::Bodies);
-        } else if infer.heard() == Some(Beat::Waiting) {
+        } else if infers.heard(Beat::Waiting) {
             pulse.beat(Progress::Waiting);
         }
-        let published = infer.heard() == Some(Beat::Step);
         match flow.look(Instant::now(), received, published) {
             Remedy::Wait => {}
             Remedy::Fit => fit.replace("publishes nothing")?,
             Remedy::Both => {
                 fit.replace("publishes nothing")?;
-                infer.replace("reaches nobody")?;
+                infers.replace("reaches nobody")?;
             }
             Remedy::GiveUp => {
                 return Err(Failure::unavailable(
@@ -193,24 +218,24 @@ fn watch(
     Ok(())
 }
 
-/// Looks after a child. A crash is mended, a failure that would come again is the run's; `infer` may be `done`.
-fn look_after(child: &mut Child, meter: &Meter, done: &mut Option<Instant>) -> anyhow::Result<()> {
+/// Looks after a child of this camera. A crash is mended, a failure that would come again is the run's; `infer` may be done, which
+/// is returned.
+pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Result<bool> {
     let Some(status) = child.tend()? else {
-        return Ok(());
+        return Ok(false);
     };
     if status.success() && child.verb() == "infer" {
         child.leave();
-        *done = Some(Instant::now());
-        return Ok(());
+        return Ok(true);
     }
     if let Some(code) = permanent(status, child.has_lived()) {
         return Err(Failure::silent(code).into());
     }
     let what = format!("{} ended with {}", child.verb(), describe(status));
-    tracing::warn!("{}: {what}; starting it again", meter.name());
+    tracing::warn!("{camera}: {what}; starting it again");
     meter.failed(what);
     child.restart();
-    Ok(())
+    Ok(false)
 }
 
 /// The exit code of a failure that would come again. A camera or stream that worked before may come back.

@@ -1,13 +1,15 @@
 //! `edgecap run`: the whole system on one input. A file goes through one process at its own pace, and no frame of it is lost; a
 //! camera has one process that sees pictures and one that fits, under supervision, and its newest frame wins. Several cameras have
-//! a pair of their own each, and one supervisor.
+//! a pair of their own each, and one supervisor; where they see the same people, one process that fits for all of them.
 
 mod cameras;
 mod file;
 mod flow;
 mod hints;
+mod infers;
 mod live;
 mod pulse;
+mod room;
 
 use std::path::PathBuf;
 
@@ -16,7 +18,7 @@ use super::infer::{EngineArgs, InferTask, PaceArgs};
 use super::input::{self, InputArgs, NamedInput};
 use super::outputs::RecordArgs;
 use super::say;
-use super::settings::{self, ConfigArgs, FittingArgs, MetricsArgs, Settings};
+use super::settings::{self, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Settings};
 use super::stop::Stop;
 use super::table::TableArgs;
 use super::tally::Tally;
@@ -50,6 +52,8 @@ pub struct RunArgs {
     #[command(flatten)]
     pub bridges: BridgeArgs,
     #[command(flatten)]
+    pub multiview: MultiviewArgs,
+    #[command(flatten)]
     pub table: TableArgs,
 }
 
@@ -61,7 +65,11 @@ pub struct RunArgs {
 pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let settings = Settings::load(&args.settings)?;
-    let mut runs = settings::effective(&args, &settings)?.runs()?;
+    let effective = settings::effective(&args, &settings)?;
+    let mut runs = effective.runs()?;
+    if let Some(calibration) = effective.calibration()? {
+        return room::run(&runs, calibration, &stop);
+    }
     match runs.pop() {
         Some(one) if runs.is_empty() => run_one(one, &stop),
         last => {

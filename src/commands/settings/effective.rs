@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::path::Path;
 
-use super::{CameraSettings, FittingArgs, MetricsArgs, Placed, Settings};
+use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings};
 use crate::camera::CameraFile;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::exit::Failure;
-use crate::commands::fit::read_config;
+use crate::commands::fit::{choose_cameras, read_config};
 use crate::commands::run::RunArgs;
 use crate::config::{Origin, Setting, merge};
 use crate::fit::FitConfig;
@@ -28,6 +29,8 @@ pub struct Effective {
     pub metrics: (MetricsArgs, Origins),
     /// Where bodies go besides shared memory.
     pub bridges: (BridgeArgs, Origins),
+    /// Whether all cameras see the same people.
+    pub multiview: (MultiviewArgs, Origins),
 }
 
 impl Effective {
@@ -47,7 +50,35 @@ impl Effective {
                 File::open(file).map_err(|e| Failure::no_input(file, &e))?;
             }
         }
+        if let Some(calibration) = self.calibration()? {
+            choose_cameras(&self.names(), calibration)?;
+        }
         Ok(())
+    }
+
+    /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing of a camera
+    /// that runs alone.
+    ///
+    /// # Errors
+    /// One that was typed for a single camera.
+    pub fn calibration(&self) -> anyhow::Result<Option<&Path>> {
+        let (args, origins) = &self.multiview;
+        let given = args.calibration.as_deref();
+        if self.cameras.len() > 1 {
+            return Ok(given);
+        }
+        match given {
+            Some(_) if origins.get("calibration") == Some(&Origin::Flag) => Err(Failure::usage(
+                "--calibration: expected several [[camera]] in edgecap.toml that see the same people, found one camera",
+            )
+            .into()),
+            _ => Ok(None),
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        let names = self.cameras.iter().map(|c| c.args.input.name.clone());
+        names.flatten().collect()
     }
 
     /// The runs, with the fit of each.
@@ -64,6 +95,7 @@ impl Effective {
                     fitting,
                     metrics: self.metrics.0.clone(),
                     bridges: self.bridges.0.clone(),
+                    multiview: self.multiview.0.clone(),
                     ..camera.args.clone()
                 })
             })
@@ -100,6 +132,11 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         &settings.bridges.value,
         &settings.bridges.places,
     )?;
+    let multiview = merge(
+        &typed.multiview,
+        &settings.multiview.value,
+        &settings.multiview.places,
+    )?;
     let cameras = chosen(typed, settings)?
         .into_iter()
         .map(|camera| {
@@ -127,6 +164,7 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         fit: settings.fit.clone(),
         metrics,
         bridges,
+        multiview,
     })
 }
 

@@ -4,6 +4,7 @@
 mod check;
 mod effective;
 mod metrics_args;
+mod multiview_args;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use crate::fit::{FitConfig, GroundConfig};
 
 pub use effective::{Effective, Origins, effective};
 pub use metrics_args::{Loopback, MetricsArgs};
+pub use multiview_args::MultiviewArgs;
 
 /// A commented file that holds every key.
 pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");
@@ -91,6 +93,8 @@ pub struct Settings {
     pub metrics: Placed<MetricsArgs>,
     /// Where bodies go besides shared memory.
     pub bridges: Placed<BridgeArgs>,
+    /// Whether all cameras see the same people.
+    pub multiview: Placed<MultiviewArgs>,
 }
 
 impl Settings {
@@ -173,6 +177,13 @@ impl Settings {
         check::ranges(&table, &places, &value)?;
         table.finish()?;
         let bridges = Placed { value, places };
+
+        let mut table = root.take_table("multiview")?;
+        let places = table.places();
+        let value: MultiviewArgs = table.take()?;
+        check::ranges(&table, &places, &value)?;
+        table.finish()?;
+        let multiview = Placed { value, places };
         root.finish()?;
         Ok(Self {
             file: None,
@@ -181,6 +192,7 @@ impl Settings {
             fit,
             metrics,
             bridges,
+            multiview,
         })
     }
 
@@ -209,5 +221,6 @@ impl Settings {
         }
         below(&mut self.network.value.model);
         below(&mut self.network.value.stage2);
+        below(&mut self.multiview.value.calibration);
     }
 }

@@ -9,4 +9,5 @@ mod targets;
 pub use contact::{ANKLES, Feet};
 pub use motion::{Motion, MotionModel};
 pub use pose_solver::{PoseSolver, Problem, Solution};
-pub use targets::{Contact, Targets, no_targets};
+pub use quadratic::{Quadratic, constrain};
+pub use targets::{Contact, Targets, no_targets, robust_cost, robust_weight};

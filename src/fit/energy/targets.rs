@@ -9,7 +9,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::quadratic::Quadratic;
+use super::quadratic::{Quadratic, constrain};
 use crate::body::BodyModel;
 use crate::body::skeleton::{Pose, Posed, Skeleton};
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
@@ -54,12 +54,14 @@ pub struct Targets {
     pub contacts: [Option<Contact>; 2],
 }
 
-fn robust_cost(squared: f64) -> f64 {
+/// Energy of a residual, squared and in standard deviations.
+pub fn robust_cost(squared: f64) -> f64 {
     const C: f64 = ROBUST_SIGMAS * ROBUST_SIGMAS;
     C * (squared / C).ln_1p()
 }
 
-fn robust_weight(squared: f64) -> f64 {
+/// Its weight in reweighted least squares.
+pub fn robust_weight(squared: f64) -> f64 {
     const C: f64 = ROBUST_SIGMAS * ROBUST_SIGMAS;
     C / (C + squared)
 }
@@ -139,8 +141,7 @@ impl Targets {
         }
     }
 
-    /// Adds everything that is known about one joint's place. All of it constrains the same three coordinates, so the
-    /// terms are first summed into a 3×3 matrix, once for the joint in space and once relative to the pelvis.
+    /// Adds everything that is known about one joint's place.
     fn add_joint(
         &self,
         skeleton: &Skeleton,
@@ -169,43 +170,7 @@ impl Targets {
             let w = contact.weight * robust_weight(contact.weight * r.length_squared());
             space.add_point(w, r);
         }
-        if space.is_zero() && relative.is_zero() {
-            return;
-        }
-        let rows = skeleton.elimination().rows();
-        let mut columns = [DVec3::ZERO; DOF];
-        let mut slots = [0; DOF];
-        let mut n = 0;
-        skeleton.jacobian(posed, joint, |d, column| {
-            columns[n] = column;
-            slots[n] = rows[d];
-            n += 1;
-        });
-        // What is relative to the pelvis does not move with it.
-        let (columns, slots) = (&columns[3..n], &slots[3..n]);
-        let both = space.plus(&relative);
-        for (i, column) in columns.iter().enumerate() {
-            let pulled = both.apply(*column);
-            out.pull(slots[i], column.dot(both.pull));
-            // Slots fall along the chain: row of the nearer, column of the farther.
-            for (other, slot) in columns[i..].iter().zip(&slots[i..]) {
-                out.add(slots[i], *slot, pulled.dot(*other));
-            }
-        }
-        if space.is_zero() {
-            return;
-        }
-        for a in 0..3 {
-            let row = rows[a];
-            out.pull(row, space.pull[a]);
-            let pulled = space.apply(DVec3::AXES[a]);
-            for b in a..3 {
-                out.add(row, rows[b], pulled[b]);
-            }
-            for (column, slot) in columns.iter().zip(slots) {
-                out.add(row, *slot, pulled.dot(*column));
-            }
-        }
+        constrain(skeleton, posed, joint, &space, &relative, out);
     }
 }
 

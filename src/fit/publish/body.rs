@@ -65,7 +65,8 @@ pub fn write_body(
     body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
 }
 
-fn flat_angles(pose: &Pose, scale: f64) -> [f32; DOF] {
+/// A pose as the message has it: translation and rotation vector of the root, then the joint angles; metres by `scale`.
+pub fn flat_angles(pose: &Pose, scale: f64) -> [f32; DOF] {
     let turn = rotation_vector(pose.rotation);
     let place = pose.position * scale;
     std::array::from_fn(|d| match d {

@@ -4,5 +4,6 @@ mod body;
 mod confidence;
 mod header;
 
-pub use body::write_body;
+pub use body::{flat_angles, write_body};
+pub use confidence::confidence;
 pub use header::Header;

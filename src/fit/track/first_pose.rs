@@ -5,13 +5,14 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::body::skeleton::{ANGLES, Pose, Posed, Skeleton};
 use crate::body::skeleton::{LIMBS, Limb};
-use crate::fit::evidence::Evidence;
 use crate::joints::{BODY_JOINTS, PARENTS};
 
-/// A first pose; `None` where 3D or the root is unknown or the torso has no orientation.
-pub fn first_pose(skeleton: &Skeleton, evidence: &Evidence) -> Option<Pose> {
-    let position = evidence.root?;
-    let points = &evidence.points3d;
+/// A first pose from joints relative to the pelvis at `position`; `None` where the torso has no orientation.
+pub fn first_pose(
+    skeleton: &Skeleton,
+    position: DVec3,
+    points: &[DVec3; BODY_JOINTS],
+) -> Option<Pose> {
     let mut pose = Pose {
         position,
         rotation: torso_rotation(points)?,

@@ -23,18 +23,18 @@ use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
 use crate::solve::Effort;
 use bones::Bones;
-use first_pose::{best_branch, first_pose};
+pub use first_pose::{best_branch, first_pose};
 
 /// E3D weight of each joint: trunk and head are seen, ends of limbs are guessed. Falls with the error that Stage II has on
 /// rendered clips, 16 mm at the hips, 130 mm at the wrists.
-const WEIGHTS_3D: [f64; BODY_JOINTS] = [
+pub const WEIGHTS_3D: [f64; BODY_JOINTS] = [
     1.5, 2.0, 1.5, 0.8, 0.5, 1.5, 0.8, 0.5, 4.0, 1.0, 0.6, 4.0, 1.0, 0.6, 0.0, 3.0, 1.5, 0.3, 0.3,
     0.4, 0.4,
 ];
 /// Share of its E3D weight that a joint keeps when its pixel was not seen.
 const UNSEEN_3D: f64 = 0.35;
 /// Evidence joints behind each body joint that is not one itself.
-const SEEN_THROUGH: [usize; BODY_JOINTS] = [
+pub const SEEN_THROUGH: [usize; BODY_JOINTS] = [
     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 8, 1, 0, 4, 7, 10, 13,
 ];
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
@@ -129,7 +129,7 @@ impl Track {
             age: 0.0,
             steady: true,
             unseen: 0.0,
-            pose: first_pose(cx.skeleton, evidence)?,
+            pose: first_pose(cx.skeleton, evidence.root?, &evidence.points3d)?,
             posed: Posed::default(),
             motion: Motion::default(),
             bones: Bones::new(cx.skeleton),

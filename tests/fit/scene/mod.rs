@@ -17,6 +17,7 @@ use rand::{Rng, SeedableRng};
 
 pub mod measure;
 pub mod people;
+pub mod ring;
 
 /// Height of the camera above the floor, metres; it looks horizontally.
 pub const CAMERA_HEIGHT: f64 = 1.4;

@@ -1,11 +1,15 @@
-//! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, or from a recorded file.
+//! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, of one camera or of several that are
+//! calibrated, or from a recorded file.
+
+mod cameras;
+mod pace;
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use edgecap_client::{Priority, Subscriber};
 use serde::{Deserialize, Serialize};
 
@@ -15,30 +19,34 @@ use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::stop::Stop;
+use pace::{Fresh, Pace};
+
 use crate::bounded;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::config::{Mistake, Setting};
 use crate::fit::{FitConfig, Fitter};
+use crate::multiview::live::LiveFit;
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
 use crate::sink::{Packet, SharedMemorySink, SinkError, Sinks};
 use crate::supervise::{Beat, Heartbeat};
+pub use cameras::choose as choose_cameras;
 
 /// Longest wait for an observation: signals and the supervisor want to be heard.
 const STEP: Duration = Duration::from_millis(200);
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
-/// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated further.
-const STALE: Duration = Duration::from_secs(1);
+/// Name of the bodies that several cameras see, when the user gives none.
+pub const ROOM: &str = "room";
 
 /// Options of `edgecap fit`.
 #[derive(Debug, clap::Args)]
 pub struct FitArgs {
     /// Fit recorded observations (of `infer --jsonl` or `infer --record`) instead of live ones; '-' for standard input
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     input: Option<PathBuf>,
     #[command(flatten)]
     record: RecordArgs,
     /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy, width, height
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     camera: Option<PathBuf>,
     #[command(flatten)]
     task: FitTask,
@@ -50,14 +58,29 @@ pub struct FitArgs {
 /// Whose observations are fitted, and how.
 #[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
 pub struct FitTask {
-    /// Name under which observations are read and bodies published
-    #[arg(long, default_value = DEFAULT_NAME)]
-    pub name: String,
+    /// Name under which observations are read and bodies published; of several cameras, bodies [default: camera0, of several
+    /// cameras room]
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Fit what several calibrated cameras see of the same people: the names under which each one's observations are published,
+    /// as the calibration calls the cameras, or CAMERA=NAME
+    #[arg(
+        long,
+        value_name = "[CAMERA=]NAME,…",
+        value_delimiter = ',',
+        requires = "calibration"
+    )]
+    #[serde(default)]
+    pub cameras: Vec<String>,
+    /// Their calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, or a folder of OpenCV, EasyMocap or COLMAP
+    #[arg(long, value_name = "FILE", requires = "cameras")]
+    #[serde(default)]
+    pub calibration: Option<PathBuf>,
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     pub config: Option<Setting<FitConfig>>,
     /// Every frame is a picture of its own: no motion between frames
-    #[arg(long)]
+    #[arg(long, conflicts_with = "cameras")]
     pub stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
@@ -71,12 +94,21 @@ pub struct FitTask {
 pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
-    log::name(format!("fit {}", task.name));
-    let mut fitter = fitter(task.config.as_ref(), task.stills)?;
+    let name = task.name();
+    log::name(format!("fit {name}"));
     let mut sinks = Sinks::default();
+    if let Some(calibration) = &task.calibration {
+        let chosen = cameras::choose(&task.cameras, calibration)?;
+        let fit = LiveFit::new(chosen.views.clone(), config(task.config.as_ref())?);
+        let fit = fit.map_err(|e| Failure::config(e.to_string()))?;
+        args.record.add_to::<BodiesRow>(&mut sinks)?;
+        sinks.push(SharedMemorySink::<BodyFrame>::open(name)?);
+        return cameras::live(fit, &chosen.names, task.rate, sinks, &stop, &heart);
+    }
+    let mut fitter = fitter(task.config.as_ref(), task.stills)?;
     let Some(input) = &args.input else {
         args.record.add_to::<BodiesRow>(&mut sinks)?;
-        sinks.push(SharedMemorySink::<BodyFrame>::open(&task.name)?);
+        sinks.push(SharedMemorySink::<BodyFrame>::open(name)?);
         return live(&mut fitter, &task, sinks, &stop, &heart);
     };
     if args.record.is_empty() {
@@ -97,18 +129,34 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     )
 }
 
+impl FitTask {
+    /// Name under which bodies are published.
+    pub fn name(&self) -> &str {
+        let usual = match self.cameras.is_empty() {
+            true => DEFAULT_NAME,
+            false => ROOM,
+        };
+        self.name.as_deref().unwrap_or(usual)
+    }
+}
+
 /// A fitter with these settings, or those of a file.
 ///
 /// # Errors
 /// If the file is wrong.
 pub fn fitter(config: Option<&Setting<FitConfig>>, stills: bool) -> anyhow::Result<Fitter> {
-    let mut config = match config {
-        None => FitConfig::default(),
-        Some(Setting::Given(config)) => config.clone(),
-        Some(Setting::File(path)) => read_config(path)?,
-    };
+    let mut config = self::config(config)?;
     config.stills |= stills;
     Ok(Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?)
+}
+
+/// These settings, or those of a file, or the usual ones.
+fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> {
+    match config {
+        None => Ok(FitConfig::default()),
+        Some(Setting::Given(config)) => Ok(config.clone()),
+        Some(Setting::File(path)) => read_config(path),
+    }
 }
 
 /// Reads a file of settings.
@@ -129,15 +177,13 @@ fn live(
     stop: &Stop,
     heart: &Heartbeat,
 ) -> anyhow::Result<()> {
-    let observations = Subscriber::<ObservationFrame>::open_with(&task.name, Priority::Reserved)?;
-    let period = task.rate.map(|hz| Duration::from_secs(1) / u32::from(hz));
+    let observations = Subscriber::<ObservationFrame>::open_with(task.name(), Priority::Reserved)?;
+    let mut pace = Pace::new(task.rate);
     let mut out = Box::new(BodyFrame::default());
     let mut cleaned = Instant::now();
-    let mut next_tick = Instant::now();
     let mut fit_us = 0;
     let mut frames = 0;
-    let mut seen: Option<Instant> = None;
-    let mut stale = 0_u64;
+    let mut fresh = Fresh::default();
     let mut fit = || -> anyhow::Result<()> {
         let mut take = |out: &mut BodyFrame| {
             frames += 1;
@@ -152,47 +198,28 @@ fn live(
         };
         heart.beat(Beat::Idle);
         while !stop.requested() {
-            let patience = match period {
-                Some(_) => next_tick
-                    .saturating_duration_since(Instant::now())
-                    .min(STEP),
-                None => STEP,
-            };
-            if let Some(frame) = observations.next(patience)? {
+            if let Some(frame) = observations.next(pace.patience(STEP))? {
                 if frame.flags & FLAG_END_OF_STREAM != 0 {
                     // The sinks say so to whoever reads; nothing may follow.
                     break;
                 }
-                if is_stale(&frame) {
-                    stale += 1;
+                if !fresh.is_news(&frame) {
                     continue;
-                }
-                if stale > 0 {
-                    tracing::warn!("{stale} observations of more than {STALE:?} ago left out");
-                    stale = 0;
                 }
                 let start = Instant::now();
                 fitter.update(&frame, &mut out);
                 fit_us = start.elapsed().as_micros() as u32;
                 out.fit_us = fit_us;
-                seen = Some(start);
-                // A file's clock is not ours to extrapolate on.
-                if period.is_none() || frame.flags & FLAG_FILE_TIME != 0 {
+                if pace.fitted(&out) {
                     take(&mut out)?;
                 }
             } else {
                 heart.beat(Beat::Idle);
             }
-            if let Some(period) = period
-                && Instant::now() >= next_tick
-            {
-                let is_known = seen.is_some_and(|t| t.elapsed() < STALE);
-                if is_known && out.flags & FLAG_FILE_TIME == 0 {
-                    fitter.predict(monotonic_ns(), &mut out);
-                    out.fit_us = fit_us;
-                    take(&mut out)?;
-                }
-                next_tick = (next_tick + period).max(Instant::now());
+            if pace.is_due(&out) {
+                fitter.predict(monotonic_ns(), &mut out);
+                out.fit_us = fit_us;
+                take(&mut out)?;
             }
             if cleaned.elapsed() > CLEAN_UP_EVERY {
                 observations.clean_up();
@@ -203,13 +230,6 @@ fn live(
     };
     let outcome = fit();
     finish(sinks, frames, outcome).map(drop)
-}
-
-/// Whether an observation waited somewhere until it was no news any more. One of a file has a time of its own.
-fn is_stale(frame: &ObservationFrame) -> bool {
-    let newest = frame.publish_ns.max(frame.capture_ns);
-    let age = Duration::from_nanos(monotonic_ns().saturating_sub(newest));
-    frame.flags & FLAG_FILE_TIME == 0 && age > STALE
 }
 
 /// Opens recorded observations.

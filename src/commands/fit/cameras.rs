@@ -1,0 +1,327 @@
+//! `edgecap fit --cameras`: what several `infer` processes publish becomes one body a person, in the calibration's axes.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
+use edgecap_client::{LinkError, Priority, Subscriber};
+
+use super::pace::{Fresh, Pace};
+use super::{CLEAN_UP_EVERY, STEP};
+use crate::camera::{View, calibration, monotonic_ns};
+use crate::commands::exit::Failure;
+use crate::commands::multiview::{names, pictured};
+use crate::commands::outputs::finish;
+use crate::commands::say;
+use crate::commands::stop::Stop;
+use crate::multiview::live::{LiveFit, Synchroniser};
+use crate::sink::{Packet, Sinks};
+use crate::supervise::{Beat, Heartbeat};
+
+/// Most cameras.
+const MOST: usize = 32;
+/// Observations that may wait while one instant is fitted.
+const WAITING: usize = 64;
+/// How soon it is looked again whether a camera that is waited for has dropped out.
+const LOOK_AGAIN: Duration = Duration::from_millis(10);
+/// Silence of a camera that is said.
+const SAID_AFTER: Duration = Duration::from_secs(1);
+/// A camera that has not come at all is spoken of after this.
+const AWAITED: Duration = Duration::from_secs(5);
+
+/// Cameras of a calibration, and the names under which their observations are published.
+#[derive(Debug)]
+pub struct Chosen {
+    /// As the calibration describes them.
+    pub views: Vec<View>,
+    /// One a view.
+    pub names: Vec<String>,
+}
+
+/// Finds the cameras in the calibration.
+///
+/// # Errors
+/// Calibrations that cannot be read or hold one camera, cameras that are not in it, or come twice.
+pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
+    let calibration = calibration::read(file)?;
+    for note in &calibration.notes {
+        say::err(note);
+    }
+    let all = calibration.views;
+    if all.len() < 2 {
+        return Err(Failure::data(format!(
+            "{}: expected the calibration of at least two cameras, found one, {}; one camera alone is fitted by 'fit --name'",
+            file.display(),
+            names(&all)
+        ))
+        .into());
+    }
+    if !(2..=MOST).contains(&cameras.len()) {
+        return Err(Failure::usage(format!(
+            "--cameras: expected 2 to {MOST} names, such as --cameras {},{}, found {}",
+            all[0].name,
+            all[1].name,
+            cameras.len()
+        ))
+        .into());
+    }
+    let mut chosen = Chosen {
+        views: Vec::new(),
+        names: Vec::new(),
+    };
+    for text in cameras {
+        let (camera, name) = text.split_once('=').unwrap_or((text, text));
+        let Some(view) = all.iter().find(|v| v.name == camera) else {
+            return Err(Failure::usage(format!(
+                "--cameras {text}: expected one of the cameras {} of {}, found {camera}; CAMERA=NAME tells whose observations have another name",
+                names(&all),
+                file.display()
+            ))
+            .into());
+        };
+        let twice =
+            chosen.views.iter().any(|v| v.name == camera) || chosen.names.iter().any(|n| n == name);
+        if twice {
+            return Err(Failure::usage(format!(
+                "--cameras {text}: expected every camera and every name once, found it twice"
+            ))
+            .into());
+        }
+        chosen.views.push(view.clone());
+        chosen.names.push(name.to_owned());
+    }
+    Ok(chosen)
+}
+
+/// Fits until the user stops it or all cameras have ended. One that is not there is waited for.
+///
+/// # Errors
+/// Shared memory, pictures of sizes that the calibration is not for, and outputs; what was fitted before is complete.
+pub fn live(
+    fit: LiveFit,
+    names: &[String],
+    rate: Option<u16>,
+    mut sinks: Sinks<BodyFrame>,
+    stop: &Stop,
+    heart: &Heartbeat,
+) -> anyhow::Result<()> {
+    let over = AtomicBool::new(false);
+    let mut frames = 0;
+    let outcome = std::thread::scope(|threads| {
+        let _ends = Ends(&over);
+        let (to, news) = sync_channel(WAITING);
+        for (camera, name) in names.iter().enumerate() {
+            let (to, over) = (to.clone(), &over);
+            threads.spawn(move || {
+                if let Err(e) = read(camera, name, &to, over) {
+                    let _ = to.send(Err(e));
+                }
+            });
+        }
+        drop(to);
+        let mut publish = |out: &mut BodyFrame| -> anyhow::Result<()> {
+            frames += 1;
+            out.publish_ns = monotonic_ns();
+            sinks.take(&Packet {
+                message: out,
+                source: "",
+                picture: None,
+            })?;
+            heart.beat(Beat::Step);
+            Ok(())
+        };
+        fit_all(
+            fit,
+            names,
+            Pace::new(rate),
+            &news,
+            stop,
+            heart,
+            &mut publish,
+        )
+    });
+    finish(sinks, frames, outcome).map(drop)
+}
+
+/// Ends the readers, however the fit ends.
+struct Ends<'a>(&'a AtomicBool);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// An observation with its camera, or why there are none any more.
+type News = Result<(usize, Box<ObservationFrame>), LinkError>;
+
+/// Hands on what one camera publishes.
+fn read(
+    camera: usize,
+    name: &str,
+    to: &SyncSender<News>,
+    over: &AtomicBool,
+) -> Result<(), LinkError> {
+    let observations = Subscriber::<ObservationFrame>::open_with(name, Priority::Reserved)?;
+    let (mut fresh, mut cleaned) = (Fresh::default(), Instant::now());
+    while !over.load(Ordering::Relaxed) {
+        if let Some(frame) = observations.next(STEP)? {
+            let ended = frame.flags & FLAG_END_OF_STREAM != 0;
+            if (ended || fresh.is_news(&frame)) && to.send(Ok((camera, Box::new(*frame)))).is_err()
+            {
+                break;
+            }
+        }
+        if cleaned.elapsed() > CLEAN_UP_EVERY {
+            observations.clean_up();
+            cleaned = Instant::now();
+        }
+    }
+    Ok(())
+}
+
+fn fit_all(
+    mut fit: LiveFit,
+    names: &[String],
+    mut pace: Pace,
+    news: &Receiver<News>,
+    stop: &Stop,
+    heart: &Heartbeat,
+    publish: &mut dyn FnMut(&mut BodyFrame) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut cameras = Cameras::new(names);
+    let mut together = Synchroniser::new(names.len());
+    let mut out = Box::new(BodyFrame::default());
+    let mut fit_us = 0;
+    heart.beat(Beat::Idle);
+    while !stop.requested() {
+        let longest = if together.is_waiting() {
+            LOOK_AGAIN
+        } else {
+            STEP
+        };
+        let mut next = match news.recv_timeout(pace.patience(longest)) {
+            Ok(next) => Some(next),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
+        let now = monotonic_ns();
+        while let Some(came) = next {
+            let (camera, frame) = came?;
+            cameras.check(camera, &fit.views()[camera], &frame)?;
+            together.push(camera, &frame, now);
+            next = news.try_recv().ok();
+        }
+        cameras.say();
+        let mut is_idle = true;
+        while let Some(set) = together.next(now) {
+            let start = Instant::now();
+            fit.update(&set, &mut out);
+            fit_us = start.elapsed().as_micros() as u32;
+            out.fit_us = fit_us;
+            if pace.fitted(&out) {
+                publish(&mut out)?;
+            }
+            is_idle = false;
+        }
+        if pace.is_due(&out) {
+            fit.predict(monotonic_ns(), &mut out);
+            out.fit_us = fit_us;
+            publish(&mut out)?;
+            is_idle = false;
+        }
+        if is_idle {
+            heart.beat(Beat::Idle);
+        }
+        if together.has_ended() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// What is known of every camera besides what it sees.
+struct Cameras<'a> {
+    began: Instant,
+    names: &'a [String],
+    each: Vec<Camera>,
+}
+
+#[derive(Clone, Default)]
+struct Camera {
+    heard: Option<Instant>,
+    ended: bool,
+    size: Option<[u32; 2]>,
+    is_file: bool,
+    /// It was said that it is missing.
+    said: bool,
+}
+
+impl<'a> Cameras<'a> {
+    fn new(names: &'a [String]) -> Self {
+        Self {
+            began: Instant::now(),
+            names,
+            each: vec![Camera::default(); names.len()],
+        }
+    }
+
+    /// Whether a frame goes with the calibration and with the other cameras.
+    fn check(
+        &mut self,
+        camera: usize,
+        view: &View,
+        frame: &ObservationFrame,
+    ) -> anyhow::Result<()> {
+        let name = &self.names[camera];
+        let own = &mut self.each[camera];
+        own.heard = Some(Instant::now());
+        own.ended = frame.flags & FLAG_END_OF_STREAM != 0;
+        if own.ended {
+            return Ok(());
+        }
+        if std::mem::take(&mut own.said) {
+            tracing::info!("{name} sends observations again");
+        }
+        own.is_file = frame.flags & FLAG_FILE_TIME != 0;
+        let size = [frame.width, frame.height];
+        if own.size != Some(size) {
+            pictured(view, size, name)?;
+            own.size = Some(size);
+        }
+        let is_file = own.is_file;
+        let other = self
+            .each
+            .iter()
+            .position(|c| c.size.is_some() && !c.ended && c.is_file != is_file);
+        if let Some(other) = other {
+            let [film, camera] = if is_file {
+                [camera, other]
+            } else {
+                [other, camera]
+            };
+            return Err(Failure::data(format!(
+                "expected the times of one clock, found a file's of {} and a camera's of {}; replay records of one kind",
+                self.names[film], self.names[camera]
+            ))
+            .into());
+        }
+        Ok(())
+    }
+
+    /// Says which cameras are missing, once.
+    fn say(&mut self) {
+        for (name, camera) in self.names.iter().zip(&mut self.each) {
+            let silent = match camera.heard {
+                Some(heard) => heard.elapsed() > SAID_AFTER,
+                None => self.began.elapsed() > AWAITED,
+            };
+            if silent && !camera.said && !camera.ended {
+                camera.said = true;
+                tracing::warn!("{name} sends no observations; bodies come of the other cameras");
+            }
+        }
+    }
+}

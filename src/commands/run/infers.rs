@@ -1,0 +1,119 @@
+//! The processes of a run that see pictures, one a camera.
+
+use super::live::look_after;
+use crate::commands::infer::InferTask;
+use crate::metrics::Meter;
+use crate::supervise::{Beat, Child};
+
+/// One or several `infer`, looked after.
+pub struct Infers {
+    each: Vec<Infer>,
+}
+
+struct Infer {
+    camera: String,
+    child: Child,
+    /// Its input has ended, or it failed for good.
+    ended: bool,
+    /// It looks for its camera.
+    away: bool,
+}
+
+impl Infers {
+    /// One for every camera with this name.
+    ///
+    /// # Errors
+    /// If options cannot be written.
+    pub fn new(tasks: Vec<(String, InferTask)>) -> anyhow::Result<Self> {
+        let each = tasks.into_iter().map(|(camera, task)| {
+            Ok(Infer {
+                camera,
+                child: Child::new("infer", task)?,
+                ended: false,
+                away: false,
+            })
+        });
+        Ok(Self {
+            each: each.collect::<anyhow::Result<_>>()?,
+        })
+    }
+
+    /// Looks after all of them. One of several that fails for good leaves the others running.
+    ///
+    /// # Errors
+    /// The failure of the last one.
+    pub fn look_after(&mut self, meter: &Meter) -> anyhow::Result<()> {
+        for k in 0..self.each.len() {
+            if self.each[k].ended {
+                continue;
+            }
+            let Infer { camera, child, .. } = &mut self.each[k];
+            match look_after(child, camera, meter) {
+                Ok(ended) => self.each[k].ended = ended,
+                Err(e) => {
+                    self.each[k].ended = true;
+                    if self.have_ended() {
+                        return Err(e);
+                    }
+                    let Infer { camera, child, .. } = &mut self.each[k];
+                    meter.failed(format!("{camera}: {e:#}"));
+                    tracing::error!("{camera}: ended, the others go on: {e:#}");
+                    child.leave();
+                }
+            }
+        }
+        let mut changed = false;
+        for infer in &mut self.each {
+            let away = match infer.child.heard() {
+                Some(Beat::Step) => false,
+                Some(Beat::Waiting) => true,
+                _ => continue,
+            };
+            infer.away = away;
+            changed = true;
+        }
+        if changed {
+            meter.camera(!self.each.iter().any(|i| i.away));
+        }
+        // Of several, too, once is no restart.
+        let again: u64 = self.each.iter().map(|i| i.child.starts()).sum();
+        meter.started("infer", (again + 1).saturating_sub(self.each.len() as u64));
+        Ok(())
+    }
+
+    /// Whether none goes on.
+    pub fn have_ended(&self) -> bool {
+        self.each.iter().all(|i| i.ended)
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.each.len()
+    }
+
+    /// How often any of them was started.
+    pub fn starts(&self) -> u64 {
+        self.each.iter().map(|i| i.child.starts()).sum()
+    }
+
+    /// Whether any showed this sign of life since the last look.
+    pub fn heard(&self, beat: Beat) -> bool {
+        self.each.iter().any(|i| i.child.heard() == Some(beat))
+    }
+
+    /// Ends all that run, to start again.
+    ///
+    /// # Errors
+    /// If one cannot be ended.
+    pub fn replace(&mut self, why: &str) -> anyhow::Result<()> {
+        for infer in self.each.iter_mut().filter(|i| !i.ended) {
+            infer.child.replace(why)?;
+        }
+        Ok(())
+    }
+
+    /// All of them.
+    pub fn children(&mut self) -> impl Iterator<Item = &mut Child> {
+        self.each.iter_mut().map(|i| &mut i.child)
+    }
+}

@@ -1,0 +1,83 @@
+//! Several cameras that see the same people: one process a camera sees pictures, one fits for all of them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::RunArgs;
+use super::cameras::{PROCESSES, checked, figures};
+use super::live::{self, Plan};
+use super::pulse::Pulse;
+use crate::camera::{CameraFile, View};
+use crate::commands::fit::{FitTask, ROOM, choose_cameras};
+use crate::commands::infer::InferTask;
+use crate::commands::input::NamedInput;
+use crate::commands::say;
+use crate::commands::status::StatusFile;
+use crate::commands::stop::Stop;
+use crate::commands::table::Table;
+use crate::config::Setting;
+use crate::metrics::Meter;
+use crate::supervise::ServiceManager;
+
+/// Runs calibrated cameras until the user stops it, or none of them goes on.
+///
+/// # Errors
+/// Cameras that the calibration does not know; as [`live::run`].
+pub fn run(runs: &[RunArgs], calibration: &Path, stop: &Stop) -> anyhow::Result<()> {
+    let chosen = runs
+        .iter()
+        .map(checked)
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let names: Vec<String> = chosen.iter().map(|c| c.name.clone()).collect();
+    let views = choose_cameras(&names, calibration)?.views;
+    // What is said of the fit and of results is said of the room: by all cameras, or by the first that does.
+    let mut args = runs[0].clone();
+    if let Some(run) = runs.iter().find(|r| !r.record.is_empty()) {
+        args.record = run.record.clone();
+    }
+    let name = args.multiview.room.clone();
+    let plan = Plan {
+        name: name.unwrap_or_else(|| ROOM.to_owned()),
+        source: names.join(", "),
+        stands_in: false,
+        infers: runs
+            .iter()
+            .zip(&chosen)
+            .zip(&views)
+            .map(|((run, chosen), view)| (chosen.name.clone(), infer_task(run, chosen, view)))
+            .collect(),
+        fit: FitTask {
+            name: args.multiview.room.clone(),
+            cameras: names,
+            calibration: Some(calibration.to_owned()),
+            config: args.fitting.fit.clone(),
+            stills: false,
+            rate: args.fitting.rate,
+        },
+    };
+    let meter = Arc::new(Meter::new(&plan.name, &plan.source, &PROCESSES));
+    let meters = vec![Arc::clone(&meter)];
+    let _figures = figures(Some(&args), &meters)?;
+    let page = args.bridges.serve()?;
+    if let Some(page) = &page {
+        say::err(&format!("the page: {}", page.url()));
+    }
+    let hub = page.as_ref().map(|p| p.hub());
+    let _status = StatusFile::keep(meters);
+    let manager = ServiceManager::from_env([plan.name.as_str()]);
+    let (table, pulse) = (Table::new(args.table), Pulse::new(&manager, 0));
+    live::run(&args, plan, table, &meter, &pulse, hub, stop)
+}
+
+/// What a camera sees, with the calibration's lens where none is given.
+fn infer_task(run: &RunArgs, chosen: &NamedInput, view: &View) -> InferTask {
+    let mut task = run.infer_task(chosen);
+    task.input.lens.get_or_insert_with(|| {
+        Setting::Given(CameraFile::Calibrated {
+            intrinsics: view.intrinsics(),
+            width: view.size[0],
+            height: view.size[1],
+        })
+    });
+    task
+}

@@ -1,0 +1,18 @@
+//! Whether several cameras see the same people.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// Options of cameras that see the same people.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MultiviewArgs {
+    /// All cameras see the same people, and this is their calibration, in which they have the same names: one body a person comes of
+    /// all of them
+    #[arg(long, value_name = "FILE")]
+    pub calibration: Option<PathBuf>,
+    /// Name under which these bodies are published [default: room]
+    #[arg(long, value_name = "NAME")]
+    pub room: Option<String>,
+}

@@ -1,0 +1,250 @@
+//! How somebody is built. In: joints as several views meet in them, and the fitted skeleton. Out: bone lengths in metres, and so
+//! the stature, which several views see and one does not.
+
+use glam::DVec3;
+
+use crate::body::skeleton::{BoneLengths, Posed, Skeleton};
+use crate::joints::EVIDENCE_JOINTS;
+
+/// Memory of the estimate, frames.
+const MEMORY: f64 = 900.0;
+/// Errors last about this many frames, so that only every so many counts.
+const CORRELATED_FRAMES: f64 = 5.0;
+/// Error of one frame's length, metres.
+const FRAME_ERROR: f64 = 0.04;
+/// Spread of people's proportions about the average, as a share of the length.
+const PRIOR_SPREAD: f64 = 0.05;
+/// What a length may be, as a share of the average adult's.
+const BELIEVED: [f64; 2] = [0.4, 1.5];
+/// Frames after which builds tell people apart.
+const TELLING: f64 = 15.0;
+
+/// What is measured between evidence joints, and the bones that follow it.
+struct Segment {
+    /// Middles of pairs of joints, from and to; both sides of the body.
+    spans: &'static [[[usize; 2]; 2]],
+    /// Bones by the joint that they end in.
+    bones: &'static [usize],
+}
+
+const SEGMENTS: [Segment; 8] = [
+    // Thighs, shanks with feet.
+    Segment {
+        spans: &[[[8, 8], [9, 9]], [[11, 11], [12, 12]]],
+        bones: &[9, 12],
+    },
+    Segment {
+        spans: &[[[9, 9], [10, 10]], [[12, 12], [13, 13]]],
+        bones: &[10, 13, 19, 20],
+    },
+    // Upper arms, forearms with hands.
+    Segment {
+        spans: &[[[2, 2], [3, 3]], [[5, 5], [6, 6]]],
+        bones: &[3, 6],
+    },
+    Segment {
+        spans: &[[[3, 3], [4, 4]], [[6, 6], [7, 7]]],
+        bones: &[4, 7, 17, 18],
+    },
+    // Hips, shoulders, trunk, head.
+    Segment {
+        spans: &[[[8, 8], [11, 11]]],
+        bones: &[8, 11],
+    },
+    Segment {
+        spans: &[[[2, 2], [5, 5]]],
+        bones: &[2, 5],
+    },
+    Segment {
+        spans: &[[[8, 11], [1, 1]]],
+        bones: &[15, 1],
+    },
+    Segment {
+        spans: &[[[1, 1], [0, 0]]],
+        bones: &[16, 0],
+    },
+];
+
+/// Running estimate of one person's bone lengths.
+#[derive(Debug, Clone)]
+pub struct Build {
+    /// Length of every segment as a share of the average person's of canonical stature, and frames behind it.
+    segments: [(f64, f64); SEGMENTS.len()],
+    lengths: BoneLengths,
+    stature: f64,
+    /// Stature where it is given.
+    given: Option<f64>,
+}
+
+fn span(joints: &[Option<DVec3>], [from, to]: [[usize; 2]; 2]) -> Option<DVec3> {
+    let middle = |[a, b]: [usize; 2]| Some(0.5 * (joints[a]? + joints[b]?));
+    Some(middle(to)? - middle(from)?)
+}
+
+impl Build {
+    /// From a first sight: proportions of the average person, as tall as the joints are far apart. `given`: stature, metres.
+    pub fn new(
+        skeleton: &Skeleton,
+        joints: &[Option<DVec3>; EVIDENCE_JOINTS],
+        given: Option<f64>,
+    ) -> Self {
+        let mut rest = Posed::default();
+        skeleton.pose(
+            &crate::body::skeleton::Pose::facing_camera(0.0),
+            skeleton.lengths(),
+            &mut rest,
+        );
+        let average = rest.joints.map(Some);
+        let (mut seen, mut usual) = (0.0, 0.0);
+        for spans in SEGMENTS.iter().flat_map(|s| s.spans) {
+            if let (Some(s), Some(u)) = (span(joints, *spans), span(&average, *spans)) {
+                // One joint that is elsewhere must not make a giant.
+                seen += s
+                    .length()
+                    .clamp(BELIEVED[0] * u.length(), BELIEVED[1] * u.length());
+                usual += u.length();
+            }
+        }
+        let scale = if usual > 0.0 { seen / usual } else { 1.0 };
+        let mut build = Self {
+            segments: [(scale, 0.0); SEGMENTS.len()],
+            lengths: *skeleton.lengths(),
+            stature: 0.0,
+            given,
+        };
+        build.settle(skeleton);
+        build
+    }
+
+    /// Bone lengths, metres.
+    pub fn lengths(&self) -> &BoneLengths {
+        &self.lengths
+    }
+
+    /// Metres.
+    pub fn stature(&self) -> f64 {
+        self.stature
+    }
+
+    /// Takes in joints where rays met, beside the pose that was fitted to them. A length is taken along the fitted direction:
+    /// noise across it, which would lengthen it, drops out.
+    pub fn update(
+        &mut self,
+        skeleton: &Skeleton,
+        joints: &[Option<DVec3>; EVIDENCE_JOINTS],
+        posed: &Posed,
+    ) {
+        let fitted = posed.joints.map(Some);
+        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&mut self.segments) {
+            let own = self.lengths[segment.bones[0]] / skeleton.lengths()[segment.bones[0]];
+            let each = segment.spans.iter().filter_map(|s| {
+                let (seen, f) = (span(joints, *s)?, span(&fitted, *s)?);
+                Some(own * seen.dot(f) / f.length_squared().max(1e-6))
+            });
+            let (sum, count) = each.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+            if count == 0.0 {
+                continue;
+            }
+            let share = sum / count;
+            if (share / *mean - 1.0).abs() > 0.35 || !(BELIEVED[0]..BELIEVED[1]).contains(&share) {
+                continue;
+            }
+            *frames = (*frames + 1.0).min(MEMORY);
+            *mean += (share - *mean) / *frames;
+        }
+        self.settle(skeleton);
+    }
+
+    /// Weighs segments against the proportions of the average person of the same size.
+    fn settle(&mut self, skeleton: &Skeleton) {
+        let average = skeleton.lengths();
+        let size = |s: &Segment| -> f64 { average[s.bones[0]] };
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&self.segments) {
+            let w = size(segment) * (frames + 0.1);
+            sum += w * mean;
+            weights += w;
+        }
+        let scale = sum / weights;
+        self.lengths = average.map(|l| scale * l);
+        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&self.segments) {
+            let prior = (FRAME_ERROR / (PRIOR_SPREAD * size(segment))).powi(2);
+            let seen = frames / CORRELATED_FRAMES;
+            let own = (prior * scale + seen * mean) / (prior + seen);
+            for &bone in segment.bones {
+                self.lengths[bone] = own * average[bone];
+            }
+        }
+        self.stature = skeleton.stature(&self.lengths);
+        if let Some(given) = self.given {
+            let by = given / self.stature;
+            self.lengths.iter_mut().for_each(|l| *l *= by);
+            self.stature = given;
+        }
+    }
+
+    /// Difference of statures, natural logarithm; `None` while either is not known.
+    pub fn difference(&self, other: &Self) -> Option<f64> {
+        let known = |b: &Self| b.segments.iter().all(|(_, n)| *n >= TELLING);
+        (known(self) && known(other)).then(|| (self.stature / other.stature).ln().abs())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::skeleton::Pose;
+
+    #[test]
+    fn stature_and_proportions_are_observed() {
+        let s = Skeleton::builtin();
+        // A child with long legs.
+        let mut truth = s.lengths().map(|l| 0.75 * l);
+        for bone in [9, 10, 12, 13] {
+            truth[bone] *= 1.06;
+        }
+        let mut posed = Posed::default();
+        let mut build = None;
+        for i in 0..300u32 {
+            let mut pose = Pose::facing_camera(3.0);
+            pose.angles[13] = 0.01 * f64::from(i % 60);
+            s.pose(&pose, &truth, &mut posed);
+            let mut joints: [Option<DVec3>; EVIDENCE_JOINTS] =
+                std::array::from_fn(|j| Some(posed.joints[j]));
+            for (j, p) in joints.iter_mut().enumerate() {
+                let n = |k: u32| f64::from((i * 31 + j as u32 * 17 + k * 7) % 41) / 20.0 - 1.0;
+                *p = p.map(|p| p + DVec3::new(n(1), n(2), n(3)) * 0.03);
+            }
+            if i.is_multiple_of(7) {
+                joints[10] = None;
+            }
+            if i.is_multiple_of(11) {
+                joints[4] = Some(DVec3::splat(5.0));
+            }
+            let build = build.get_or_insert_with(|| Build::new(s, &joints, None));
+            let mut fitted = Posed::default();
+            s.pose(&pose, build.lengths(), &mut fitted);
+            build.update(s, &joints, &fitted);
+        }
+        let build = build.unwrap();
+        let stature = s.stature(&truth);
+        assert!(
+            (build.stature() - stature).abs() < 0.02,
+            "{} instead of {stature}",
+            build.stature()
+        );
+        let thigh = build.lengths()[9] / truth[9];
+        assert!((thigh - 1.0).abs() < 0.025, "{thigh}");
+        let given = Build::new(
+            s,
+            &posed.joints[..14]
+                .iter()
+                .map(|p| Some(*p))
+                .collect::<Vec<_>>()
+                .try_into()
+                .unwrap(),
+            Some(1.2),
+        );
+        assert!((given.stature() - 1.2).abs() < 1e-9);
+    }
+}

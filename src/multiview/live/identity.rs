@@ -1,0 +1,166 @@
+//! Who is who, last of all: when somebody new counts, who of those known they are, and who is forgotten.
+
+use super::person::Person;
+use crate::assignment::assign;
+use crate::fit::FitConfig;
+use crate::multiview::people::is_proven;
+
+/// Seconds without two views after which whoever one view still sees is let go: one view alone may follow somebody else.
+const ONE_VIEW: f64 = 10.0;
+/// The same of somebody without identity.
+const UNPROVEN: f64 = 0.4;
+/// Seconds after which somebody who is missed may stand here under another name.
+const MISSED: f64 = 0.1;
+/// Difference of statures, natural logarithm, that one person has from time to time.
+const STATURE_NOISE: f64 = 0.03;
+/// Bodies whose joints are so near on average are one person, metres.
+const ONE_BODY: f64 = 0.12;
+/// Most people remembered after they left.
+const MOST_REMEMBERED: usize = 64;
+
+#[derive(Debug, Clone)]
+struct Gone {
+    person: Person,
+    left_ns: u64,
+}
+
+/// Identities: those in view, and those who left.
+#[derive(Debug, Clone)]
+pub struct Identities {
+    gone: Vec<Gone>,
+    next: u32,
+}
+
+impl Default for Identities {
+    fn default() -> Self {
+        Self {
+            gone: Vec::new(),
+            next: 1,
+        }
+    }
+}
+
+impl Identities {
+    /// Forgets who left. Identities are never given again.
+    pub fn clear(&mut self) {
+        self.gone.clear();
+    }
+
+    /// People remembered after they left.
+    pub fn remembered(&self) -> usize {
+        self.gone.len()
+    }
+
+    /// Gives identities to those who have been seen often enough: their old one where they are recognised.
+    pub fn confirm(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
+        let ready: Vec<usize> = (0..present.len())
+            .filter(|&k| {
+                let p = &present[k];
+                p.id == 0 && p.unseen == 0.0 && is_proven(p.proof, usize::MAX)
+            })
+            .collect();
+        if ready.is_empty() {
+            return;
+        }
+        let missed: Vec<usize> = (0..present.len())
+            .filter(|&k| present[k].id != 0 && present[k].unseen > MISSED)
+            .collect();
+        let known = missed.len() + self.gone.len();
+        let mut costs = Vec::with_capacity(ready.len() * known);
+        for &k in &ready {
+            for &m in &missed {
+                let old = &present[m];
+                costs.push(dissimilarity(&present[k], old, old.unseen, config));
+            }
+            for gone in &self.gone {
+                let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
+                costs.push(dissimilarity(&present[k], &gone.person, seconds, config));
+            }
+        }
+        let pairs = assign(&costs, ready.len(), known, 1.0);
+        let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
+        for (&k, pair) in ready.iter().zip(pairs) {
+            let old = match pair {
+                None => {
+                    present[k].id = self.next;
+                    self.next = self.next.wrapping_add(1).max(1);
+                    continue;
+                }
+                Some(w) if w < missed.len() => {
+                    from_present.push(missed[w]);
+                    present[missed[w]].clone()
+                }
+                Some(w) => {
+                    let gone = w - missed.len();
+                    from_gone.push(gone);
+                    self.gone[gone].person.clone()
+                }
+            };
+            present[k].succeed(old);
+        }
+        remove_all(present, from_present);
+        remove_all(&mut self.gone, from_gone);
+    }
+
+    /// Lets go of those missed for too long, of whom there are two of, and of the memory of those who left long ago.
+    pub fn forget(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
+        let identity = &config.identity;
+        present.sort_by_key(|p| if p.id == 0 { u32::MAX } else { p.id });
+        let mut k = 0;
+        while k < present.len() {
+            let p = &present[k];
+            let doubled = present[..k].iter().any(|other| is_same_body(other, p));
+            let lost = if p.id == 0 {
+                p.unseen > identity.tentative_grace || p.apart > UNPROVEN
+            } else {
+                p.unseen > identity.grace.max(identity.hold) || p.apart > ONE_VIEW
+            };
+            if !(doubled || lost || !p.is_finite()) {
+                k += 1;
+                continue;
+            }
+            let person = present.remove(k);
+            if person.id != 0 && lost && person.is_finite() {
+                let unseen_ns = (person.unseen * 1e9) as u64;
+                self.gone.push(Gone {
+                    person,
+                    left_ns: now_ns.saturating_sub(unseen_ns),
+                });
+            }
+        }
+        let memory = (identity.memory * 1e9) as u64;
+        self.gone
+            .retain(|g| now_ns.saturating_sub(g.left_ns) <= memory);
+        self.gone.sort_by_key(|g| (g.left_ns, g.person.id));
+        let extra = self.gone.len().saturating_sub(MOST_REMEMBERED);
+        self.gone.drain(..extra);
+    }
+}
+
+fn is_same_body(a: &Person, b: &Person) -> bool {
+    let each = a.posed.joints.iter().zip(&b.posed.joints);
+    let sum: f64 = each.map(|(p, q)| p.distance(*q)).sum();
+    sum < ONE_BODY * a.posed.joints.len() as f64
+}
+
+/// How unlike somebody new and somebody who has been gone for some seconds are; up to 1 they may be the same person.
+fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f64 {
+    let apart = new.pose.position.distance(old.pose.position);
+    let looks = match new.unlike(old) {
+        Some(unlike) => unlike / config.identity.reidentify_appearance.max(1e-6),
+        // Nothing tells people apart: only somebody who vanished just now and just here.
+        None if gone < 3.0 => apart / (0.5 + gone),
+        None => return f64::INFINITY,
+    };
+    let taller = new.build.difference(&old.build);
+    let taller = taller.map_or(0.0, |d| (d / STATURE_NOISE - 1.0).max(0.0));
+    let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
+    looks + 0.5 * taller + 0.5 * farther + 0.001 * gone
+}
+
+fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
+    indices.sort_unstable();
+    for k in indices.into_iter().rev() {
+        items.remove(k);
+    }
+}

@@ -1,0 +1,297 @@
+//! The fit while it happens: what several cameras see at one instant goes in, bodies in the world come out at once.
+//!
+//! `synchroniser` brings observations to common instants. Known people take the detections whose rays pass near the joints where
+//! they are expected; what is left is grouped as in a recording. Everybody is then fitted with the 29-degree skeleton of the fit
+//! to one camera and its energy, with a reprojection term for every view; how tall people are the views see together. World axes
+//! are those of the calibration, metres.
+
+mod build;
+mod energy;
+mod identity;
+mod met;
+mod person;
+mod publish;
+mod seen;
+mod synchroniser;
+
+use std::collections::HashSet;
+
+use self::identity::Identities;
+use self::person::{Context, Person};
+use self::publish::{world, write_body};
+use self::seen::Seen;
+use super::people::{REACH, closeness, groups};
+use super::sight::Sight;
+use crate::assignment::Matcher;
+use crate::body::skeleton::Skeleton;
+use crate::camera::View;
+use crate::fit::config::ConfigError;
+use crate::fit::{FitConfig, MotionModel};
+use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
+use crate::solve::Solver;
+
+pub use synchroniser::{FrameSet, Synchroniser};
+
+/// Times that go back by more than this belong to another recording.
+const RESTART_NS: u64 = 500_000_000;
+/// Shortest and longest step between instants, seconds.
+const STEP: [f64; 2] = [1e-3, 1.0];
+/// How much farther a person may have gone for every second that two views have missed them, metres, and at most.
+const ROAM: [f64; 2] = [1.5, 0.4];
+/// Share of a score that looks which differ in everything take away, and the difference that one person has anyway.
+const LOOKS: [f64; 2] = [0.6, 0.15];
+/// What a detection's fit to somebody without identity is worth beside one to somebody known.
+const NEWCOMER: f32 = 0.6;
+/// Pelvis and neck of somebody new are nobody known's, who is no nearer than this to both, metres.
+const APART: f64 = 0.25;
+
+/// Fits everyone whom calibrated cameras see, instant by instant. Pure and deterministic: time comes from the frames alone.
+#[derive(Debug)]
+pub struct LiveFit {
+    views: Vec<View>,
+    config: FitConfig,
+    model: MotionModel,
+    solver: Solver,
+    matcher: Matcher,
+    world: World,
+    present: Vec<Person>,
+    identities: Identities,
+    newest: Option<Newest>,
+    sequence: u64,
+}
+
+/// What bodies say of the newest instant.
+#[derive(Debug, Clone, Copy)]
+struct Newest {
+    capture_ns: u64,
+    flags: u32,
+    stage_times: crate::message::StageTimes,
+}
+
+impl LiveFit {
+    /// A fit that has seen nobody. `views` are the cameras as their pictures show them, in the order of a [`FrameSet`]'s. Of
+    /// `config` what speaks of one camera's floor and filters has no meaning here; `height` gives everybody's stature instead of
+    /// observing it.
+    ///
+    /// # Errors
+    /// [`ConfigError`] if a setting is out of range.
+    pub fn new(views: Vec<View>, config: FitConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            world: world(&views),
+            views,
+            model: MotionModel::new(Skeleton::builtin(), &config.terms, &config.prediction),
+            config,
+            solver: Solver::default(),
+            matcher: Matcher::default(),
+            present: Vec::new(),
+            identities: Identities::default(),
+            newest: None,
+            sequence: 0,
+        })
+    }
+
+    /// The cameras.
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// People held in memory: present ones, with and without identity, and those remembered after they left.
+    pub fn remembered(&self) -> usize {
+        self.present.len() + self.identities.remembered()
+    }
+
+    /// Takes in an instant and writes everyone with an identity into `out`: joints, positions and orientations in the
+    /// calibration's axes; `joints2d`, the picture's size and its camera are zeros, since there are several. `sequence` counts
+    /// instants. `publish_ns` and `fit_us` are left to whoever publishes.
+    ///
+    /// An instant that is not newer than the last changes nothing; a step back of more than half a second starts over with nobody
+    /// present (identities are never given again).
+    pub fn update(&mut self, set: &FrameSet, out: &mut BodyFrame) {
+        let Some(dt) = self.step(set.capture_ns) else {
+            self.publish(0.0, out);
+            return;
+        };
+        self.newest = Some(Newest {
+            capture_ns: set.capture_ns,
+            flags: if set.file_time { FLAG_FILE_TIME } else { 0 },
+            stage_times: set.stage_times,
+        });
+        self.sequence += 1;
+        let mut seen = self.seen(set);
+        let chosen = self.associate(&seen, dt);
+        self.advance(&mut seen, &chosen, dt);
+        self.start_people(&mut seen);
+        let now = set.capture_ns;
+        self.identities
+            .confirm(&mut self.present, now, &self.config);
+        self.identities.forget(&mut self.present, now, &self.config);
+        self.publish(0.0, out);
+    }
+
+    /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest instant. Changes
+    /// nothing.
+    pub fn predict(&self, pose_ns: u64, out: &mut BodyFrame) {
+        let newest = self.newest.map_or(pose_ns, |n| n.capture_ns);
+        let most = (self.config.prediction.max * 1e9) as u64;
+        let ahead = pose_ns.saturating_sub(newest).min(most);
+        self.publish(ahead as f64 * 1e-9, out);
+    }
+
+    /// Seconds since the last instant; `None` for a stale one. Starts over where the input did.
+    fn step(&mut self, now: u64) -> Option<f64> {
+        let Some(Newest { capture_ns, .. }) = self.newest else {
+            return Some(STEP[0]);
+        };
+        if now <= capture_ns && capture_ns - now <= RESTART_NS {
+            return None;
+        }
+        let dt = now.saturating_sub(capture_ns) as f64 * 1e-9;
+        if now < capture_ns || dt > self.config.identity.memory.max(STEP[1]) {
+            self.present.clear();
+            self.identities.clear();
+            return Some(STEP[0]);
+        }
+        Some(dt.clamp(STEP[0], STEP[1]))
+    }
+
+    /// Every detection, by view; taken ones become none.
+    fn seen(&self, set: &FrameSet) -> Vec<Vec<Option<Seen>>> {
+        let least = self.config.min_joint_confidence;
+        let each = self.views.iter().zip(&set.views);
+        each.map(|(view, people)| {
+            let people = people.iter().flatten();
+            people.map(|o| Seen::new(view, o, least)).collect()
+        })
+        .collect()
+    }
+
+    /// The detection of every person in every view.
+    fn associate(&mut self, seen: &[Vec<Option<Seen>>], dt: f64) -> Vec<Vec<Option<usize>>> {
+        let expected: Vec<_> = self
+            .present
+            .iter()
+            .map(|p| {
+                let (_, posed) = p.ahead(dt, &self.model);
+                std::array::from_fn(|j| Some(posed.joints[j]))
+            })
+            .collect();
+        let mut chosen = vec![vec![None; self.views.len()]; self.present.len()];
+        for (v, (view, detections)) in self.views.iter().zip(seen).enumerate() {
+            let mut scores = Vec::with_capacity(self.present.len() * detections.len());
+            for (person, joints) in self.present.iter().zip(&expected) {
+                let reach = REACH + (ROAM[0] * person.apart).min(ROAM[1]);
+                for detection in detections {
+                    scores.push(detection.as_ref().map_or(0.0, |d| {
+                        let near = closeness(view, &d.sight, joints, reach);
+                        let looks = person.looks[v].as_ref().zip(d.looks.as_ref());
+                        let unlike =
+                            looks.map_or(0.0, |(a, b)| (a.distance(b) - LOOKS[1]).max(0.0));
+                        let known = if person.id == 0 { NEWCOMER } else { 1.0 };
+                        near * known * (1.0 - LOOKS[0] * unlike) as f32
+                    }));
+                }
+            }
+            let pairs = self
+                .matcher
+                .solve(self.present.len(), detections.len(), &scores);
+            for (chosen, pair) in chosen.iter_mut().zip(pairs) {
+                chosen[v] = *pair;
+            }
+        }
+        chosen
+    }
+
+    /// Fits everyone who was seen, lets the others coast.
+    fn advance(&mut self, seen: &mut [Vec<Option<Seen>>], chosen: &[Vec<Option<usize>>], dt: f64) {
+        let mut cx = Context {
+            views: &self.views,
+            config: &self.config,
+            model: &self.model,
+            solver: &mut self.solver,
+        };
+        for (person, chosen) in self.present.iter_mut().zip(chosen) {
+            if chosen.iter().all(Option::is_none) {
+                person.coast(dt, &cx);
+                continue;
+            }
+            let own = take(seen, chosen);
+            person.observe(own, dt, &mut cx);
+        }
+    }
+
+    /// Starts a person for every group of detections that nobody took.
+    fn start_people(&mut self, seen: &mut [Vec<Option<Seen>>]) {
+        if self.present.len() >= 2 * MAX_PEOPLE {
+            return;
+        }
+        let all = seen.iter().enumerate();
+        let free: Vec<(usize, usize, &Sight)> = all
+            .flat_map(|(v, seen)| {
+                let each = seen.iter().enumerate();
+                each.filter_map(move |(d, s)| Some((v, d, &s.as_ref()?.sight)))
+            })
+            .collect();
+        let views: HashSet<usize> = free.iter().map(|f| f.0).collect();
+        if views.len() < 2 {
+            return;
+        }
+        for chosen in groups(&self.views, &free) {
+            let own = take(seen, &chosen);
+            let mut cx = Context {
+                views: &self.views,
+                config: &self.config,
+                model: &self.model,
+                solver: &mut self.solver,
+            };
+            let Some(person) = Person::start(own, &mut cx) else {
+                continue;
+            };
+            let is_taken = self.present.iter().any(|other| {
+                [14, 1]
+                    .iter()
+                    .all(|&j| other.posed.joints[j].distance(person.posed.joints[j]) < APART)
+            });
+            if !is_taken {
+                self.present.push(person);
+            }
+        }
+    }
+
+    fn publish(&self, ahead: f64, out: &mut BodyFrame) {
+        let grace = self.config.identity.grace;
+        let mut known: Vec<&Person> = self
+            .present
+            .iter()
+            .filter(|p| p.id != 0 && p.unseen <= grace)
+            .collect();
+        // Those seen first, should there be more than fit.
+        known.sort_by(|a, b| a.unseen.total_cmp(&b.unseen).then(a.id.cmp(&b.id)));
+        known.truncate(MAX_PEOPLE);
+        known.sort_by_key(|p| p.id);
+        let newest = self.newest;
+        let capture_ns = newest.map_or(0, |n| n.capture_ns);
+        out.sequence = self.sequence.saturating_sub(1);
+        out.capture_ns = capture_ns;
+        out.pose_ns = capture_ns.saturating_add((ahead * 1e9).round() as u64);
+        out.publish_ns = 0;
+        (out.width, out.height) = (0, 0);
+        out.intrinsics = Default::default();
+        out.stage_times = newest.map_or_else(Default::default, |n| n.stage_times);
+        out.fit_us = 0;
+        out.flags = newest.map_or(0, |n| n.flags);
+        out.frame_total = 0;
+        out.world = self.world;
+        out.count = known.len() as u32;
+        for (body, person) in out.bodies.iter_mut().zip(&known) {
+            write_body(person, ahead, &self.model, body);
+        }
+        out.bodies[known.len()..].fill(Body::default());
+    }
+}
+
+/// Takes the chosen detections, one a view.
+fn take(seen: &mut [Vec<Option<Seen>>], chosen: &[Option<usize>]) -> Vec<Option<Seen>> {
+    let each = seen.iter_mut().zip(chosen);
+    each.map(|(seen, chosen)| seen[(*chosen)?].take()).collect()
+}

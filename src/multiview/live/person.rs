@@ -1,0 +1,372 @@
+//! One person over time, as several views see them: the pose in world axes, how they are built and how they look.
+
+use glam::DVec3;
+
+use super::build::Build;
+use super::energy::{Solution, Targets, ViewTarget, solve};
+use super::met::{agree, mean_distance, meet, relative};
+use super::seen::Seen;
+use crate::body::skeleton::{LIMBS, Pose, Posed, Skeleton};
+use crate::camera::View;
+use crate::fit::{
+    Appearance, FitConfig, Motion, MotionModel, SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose,
+};
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, DOF, EVIDENCE_JOINTS, PELVIS};
+use crate::message::JointState;
+use crate::multiview::people::is_body;
+use crate::multiview::triangulate::Joints3d;
+use crate::solve::{Effort, Solver};
+
+/// Share of its E3D weight that a joint keeps which so many views see: none, one, more. Several views know where it is.
+const SHARE_3D: [f64; 3] = [0.35, 1.0, 0.1];
+/// The same of joints that no view sees by themselves: hands, tips of feet, middle of the head, spine.
+const HIDDEN_3D: f64 = 0.5;
+/// Standard deviation of an angle about rest, radians: only decides what nothing else does.
+const REST_SIGMA: f64 = 1.5;
+/// A limb is stuck where its joints lie so far from where rays meet, metres, …
+const STUCK: f64 = 0.15;
+/// … and a body is elsewhere where its joints do so on average.
+const ELSEWHERE: f64 = 0.35;
+/// Rays meet in a joint when its robust cost is no more than this, square metres.
+const MET: f64 = 0.006;
+/// Seconds after which limbs that most views call by the other side's name are believed.
+const PERSISTENCE: f64 = 0.5;
+/// Joints that must be known for a pose to start.
+const LEAST_JOINTS: usize = 8;
+/// Effort with a good guess and without.
+const WARM: Effort = Effort {
+    iterations: 4,
+    tolerance: 0.01,
+};
+const COLD: Effort = Effort {
+    iterations: 25,
+    tolerance: 1e-4,
+};
+
+/// What all people of a fit share.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// The cameras.
+    pub views: &'a [View],
+    /// Settings.
+    pub config: &'a FitConfig,
+    /// How people move.
+    pub model: &'a MotionModel,
+    /// Working memory.
+    pub solver: &'a mut Solver,
+}
+
+/// One person: identity, pose and everything that is remembered.
+#[derive(Debug, Clone)]
+pub struct Person {
+    /// Identity; 0 until confirmed.
+    pub id: u32,
+    /// The pose now, world axes, metres.
+    pub pose: Pose,
+    /// Its forward kinematics.
+    pub posed: Posed,
+    /// Velocities.
+    pub motion: Motion,
+    /// Bone lengths and stature.
+    pub build: Build,
+    /// Remembered looks, one a view: cameras see colours differently.
+    pub looks: Vec<Option<Appearance>>,
+    /// Instants at which three views or more agreed about them, and two.
+    pub proof: [usize; 2],
+    /// Seconds since any view saw them.
+    pub unseen: f64,
+    /// Seconds since two views did.
+    pub apart: f64,
+    /// How each joint is known.
+    pub states: [JointState; BODY_JOINTS],
+    /// Recent distance between fit and where rays meet, metres.
+    pub deviations: [f64; BODY_JOINTS],
+    /// Seconds for which most views have called limbs by the other side's name.
+    exchanged: f64,
+}
+
+impl Person {
+    /// Starts a person from the detections of a group; `None` if they are no body.
+    pub fn start(mut seen: Vec<Option<Seen>>, cx: &mut Context<'_>) -> Option<Self> {
+        agree(cx.views, &mut seen);
+        let joints = meet(cx.views, &seen);
+        if !is_body(&joints.points) {
+            return None;
+        }
+        let mut person = Self {
+            id: 0,
+            pose: Pose::facing_camera(0.0),
+            posed: Posed::default(),
+            motion: Motion::default(),
+            build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
+            looks: vec![None; cx.views.len()],
+            proof: [0; 2],
+            unseen: 0.0,
+            apart: 0.0,
+            states: [JointState::OCCLUDED; BODY_JOINTS],
+            deviations: [0.05; BODY_JOINTS],
+            exchanged: 0.0,
+        };
+        person.restart(&seen, &joints, cx)?;
+        person.settle(&seen, &joints, 0.0);
+        Some(person)
+    }
+
+    /// Where the person is expected `dt` seconds from now.
+    pub fn ahead(&self, dt: f64, model: &MotionModel) -> (Pose, Posed) {
+        let skeleton = Skeleton::builtin();
+        let mut pose = self.motion.ahead(&self.pose, dt, model);
+        skeleton.clamp(&mut pose.angles);
+        let mut posed = Posed::default();
+        skeleton.pose(&pose, self.build.lengths(), &mut posed);
+        (pose, posed)
+    }
+
+    /// Takes in what views saw, one entry a view, `dt` seconds after the pose.
+    pub fn observe(&mut self, mut seen: Vec<Option<Seen>>, dt: f64, cx: &mut Context<'_>) {
+        let skeleton = Skeleton::builtin();
+        let as_told = seen.clone();
+        let predicted = self.motion.predict(&self.pose, dt, cx.model);
+        let mut expected = Posed::default();
+        skeleton.pose(&predicted, self.build.lengths(), &mut expected);
+        let count = seen.iter().flatten().count();
+        let mut healed = 0;
+        for (view, seen) in cx.views.iter().zip(&mut seen) {
+            if let Some(seen) = seen {
+                healed += usize::from(seen.follow(view, &expected.joints) > 0);
+            }
+        }
+        // A pose that had the sides wrong from the start would call every view wrong for ever.
+        let most = 2 * healed > count;
+        self.exchanged = if most {
+            self.exchanged + dt
+        } else {
+            (self.exchanged - dt).max(0.0)
+        };
+        let wrong_sides = most && self.exchanged > PERSISTENCE && count > 1;
+        if wrong_sides {
+            seen = as_told;
+            agree(cx.views, &mut seen);
+            self.exchanged = 0.0;
+        }
+        let joints = meet(cx.views, &seen);
+        self.unseen = 0.0;
+        self.apart = if count > 1 { 0.0 } else { self.apart + dt };
+        let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > ELSEWHERE);
+        if !((wrong_sides || elsewhere) && self.restart(&seen, &joints, cx).is_some()) {
+            self.follow(&seen, &joints, predicted, cx);
+        }
+        self.settle(&seen, &joints, dt);
+        if count > 1 {
+            let good: [Option<DVec3>; EVIDENCE_JOINTS] =
+                std::array::from_fn(|j| joints.points[j].filter(|_| joints.costs[j] < MET));
+            if cx.config.height.is_none() {
+                self.build.update(skeleton, &good, &self.posed);
+            }
+            if is_body(&joints.points) {
+                self.proof[usize::from(count < 3)] += 1;
+            }
+        }
+        for (own, seen) in self.looks.iter_mut().zip(&seen) {
+            let Some(now) = seen.as_ref().and_then(|s| s.looks) else {
+                continue;
+            };
+            match own {
+                None => *own = Some(now),
+                Some(own) => own.blend(&now, (dt / 2.0).min(0.2) as f32),
+            }
+        }
+    }
+
+    /// Lets `dt` seconds pass in which nobody saw them.
+    pub fn coast(&mut self, dt: f64, cx: &Context<'_>) {
+        let skeleton = Skeleton::builtin();
+        self.pose = self.motion.coast(&self.pose, dt, cx.model);
+        skeleton.clamp(&mut self.pose.angles);
+        skeleton.pose(&self.pose, self.build.lengths(), &mut self.posed);
+        self.unseen += dt;
+        self.apart += dt;
+        self.states = [JointState::PREDICTED; BODY_JOINTS];
+    }
+
+    /// Difference of looks to somebody else, 0–1, over views that know both; `None` where none does.
+    pub fn unlike(&self, other: &Self) -> Option<f64> {
+        let both = self.looks.iter().zip(&other.looks);
+        let each = both.filter_map(|(a, b)| Some(a.as_ref()?.distance(b.as_ref()?)));
+        let (sum, count) = each.fold((0.0, 0), |(s, n), d| (s + d, n + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    }
+
+    /// Takes over identity, build and looks of somebody recognised.
+    pub fn succeed(&mut self, old: Self) {
+        self.id = old.id;
+        self.build = old.build;
+        for (own, old) in self.looks.iter_mut().zip(old.looks) {
+            *own = own.or(old);
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.motion.is_finite()
+    }
+
+    /// The pose from these joints alone.
+    fn restart(
+        &mut self,
+        seen: &[Option<Seen>],
+        joints: &Joints3d,
+        cx: &mut Context<'_>,
+    ) -> Option<()> {
+        if joints.points.iter().flatten().count() < LEAST_JOINTS {
+            return None;
+        }
+        let skeleton = Skeleton::builtin();
+        let hips = 0.5 * (joints.points[8]? + joints.points[11]?);
+        joints.points[1]?;
+        let pose = first_pose(skeleton, hips, &relative(joints, hips))?;
+        let mut targets = self.targets(seen, pose, cx);
+        targets.weights_motion = [0.0; DOF];
+        let found = solve(cx.solver, self.build.lengths(), &targets, &pose, COLD);
+        if !found.pose.is_finite() {
+            return None;
+        }
+        (self.pose, self.posed, self.motion) = (found.pose, found.posed, Motion::default());
+        Some(())
+    }
+
+    /// The pose from the predicted one.
+    fn follow(
+        &mut self,
+        seen: &[Option<Seen>],
+        joints: &Joints3d,
+        predicted: Pose,
+        cx: &mut Context<'_>,
+    ) {
+        let mut targets = self.targets(seen, predicted, cx);
+        targets.weights_motion = self.motion.weights(cx.model);
+        let mut found = solve(cx.solver, self.build.lengths(), &targets, &predicted, WARM);
+        self.free_limbs(joints, &mut targets, &mut found, cx);
+        if !found.pose.is_finite() {
+            // The prediction is finite because every pose before it was.
+            return;
+        }
+        let innovation = found.pose.step_from(&targets.predicted);
+        self.motion
+            .correct(&innovation, &found.information, &targets.weights_motion);
+        (self.pose, self.posed) = (found.pose, found.posed);
+    }
+
+    /// Tries the closed form on limbs that lie far from where rays meet, and keeps what lowers the energy.
+    fn free_limbs(
+        &mut self,
+        joints: &Joints3d,
+        targets: &mut Targets,
+        found: &mut Solution,
+        cx: &mut Context<'_>,
+    ) {
+        let skeleton = Skeleton::builtin();
+        for limb in LIMBS {
+            let off = |j: usize, at: &Solution| {
+                let met = joints.points[j].filter(|_| joints.costs[j] < MET);
+                met.map_or(0.0, |p| p.distance(at.posed.joints[j]))
+            };
+            if off(limb.middle, found).max(off(limb.end, found)) < STUCK {
+                continue;
+            }
+            let points = relative(joints, found.posed.joints[PELVIS]);
+            let angles = &found.pose.angles;
+            let Some(angles) = best_branch(skeleton, limb, &found.posed, &points, angles) else {
+                continue;
+            };
+            let mut trial = targets.clone();
+            let mut start = found.pose;
+            for (k, angle) in limb.angles(skeleton).into_iter().zip(angles) {
+                start.angles[k] = angle;
+                trial.predicted.angles[k] = angle;
+                trial.weights_motion[6 + k] = 0.0;
+            }
+            let other = solve(cx.solver, self.build.lengths(), &trial, &start, WARM);
+            let nearer = off(limb.middle, &other) + off(limb.end, &other)
+                < 0.6 * (off(limb.middle, found) + off(limb.end, found));
+            if nearer && other.pose.is_finite() {
+                for k in limb.angles(skeleton) {
+                    trial.predicted.angles[k] = other.pose.angles[k];
+                    self.motion.restart(6 + k);
+                }
+                (*targets, *found) = (trial, other);
+            }
+        }
+    }
+
+    fn targets(&self, seen: &[Option<Seen>], predicted: Pose, cx: &Context<'_>) -> Targets {
+        let terms = &cx.config.terms;
+        let views: Vec<ViewTarget> = cx
+            .views
+            .iter()
+            .zip(seen)
+            .filter_map(|(view, seen)| {
+                let sight = &seen.as_ref()?.sight;
+                let weight = terms.reprojection / terms.sigma2d.powi(2);
+                Some(ViewTarget {
+                    rotation: view.rotation,
+                    position: view.position,
+                    plane: sight
+                        .rays
+                        .map(|r| r.map_or_else(Default::default, |r| r.plane)),
+                    weights: sight.rays.map(|r| r.map_or(0.0, |r| weight * r.confidence)),
+                    depth: view.to_camera(predicted.position).z.max(0.3),
+                })
+            })
+            .collect();
+        let mut targets = Targets {
+            views,
+            points3d: [DVec3::ZERO; BODY_JOINTS],
+            weights3d: [0.0; BODY_JOINTS],
+            predicted,
+            weights_motion: [0.0; DOF],
+            weight_rest: 1.0 / (REST_SIGMA * REST_SIGMA),
+        };
+        let told: Vec<&[DVec3; BODY_JOINTS]> = seen
+            .iter()
+            .flatten()
+            .filter_map(|s| s.points3d.as_ref())
+            .collect();
+        if told.is_empty() {
+            return targets;
+        }
+        let scale = self.build.stature() / f64::from(CANONICAL_STATURE) / told.len() as f64;
+        for j in 0..BODY_JOINTS {
+            targets.points3d[j] = told.iter().map(|p| p[j]).sum::<DVec3>() * scale;
+            let share = if j < EVIDENCE_JOINTS {
+                let known = targets.views.iter().filter(|v| v.weights[j] > 0.0).count();
+                SHARE_3D[known.min(2)]
+            } else {
+                HIDDEN_3D
+            };
+            targets.weights3d[j] = terms.position * WEIGHTS_3D[j] * share / terms.sigma3d.powi(2);
+        }
+        targets
+    }
+
+    fn settle(&mut self, seen: &[Option<Seen>], joints: &Joints3d, dt: f64) {
+        let share = (dt / 0.3).min(1.0);
+        for (j, met) in joints.points.iter().enumerate() {
+            if let Some(met) = met {
+                let off = met.distance(self.posed.joints[j]).min(0.5);
+                self.deviations[j] += share * (off - self.deviations[j]);
+            }
+        }
+        for (state, through) in self.states.iter_mut().zip(SEEN_THROUGH) {
+            let is_seen = seen
+                .iter()
+                .flatten()
+                .any(|s| s.sight.rays[through].is_some());
+            *state = if is_seen {
+                JointState::OBSERVED
+            } else {
+                JointState::OCCLUDED
+            };
+        }
+    }
+}

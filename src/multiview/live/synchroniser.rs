@@ -1,0 +1,333 @@
+//! Observations of several cameras, each at its own times, go in; what all of them saw at one instant comes out.
+//!
+//! Instants are the capture times of the fastest camera. What another saw then is interpolated in the picture between its frames
+//! before and after: joints of one person go along a straight line, other values are those of the nearer frame. Where its next
+//! frame does not come in time, the last one counts if it is no more than 25 ms older. A camera that has been silent for 100 ms,
+//! or for twice its own interval where that is longer, is not waited for; it counts again with its next frame. Nor is one that sees
+//! nobody.
+//!
+//! Pure: times come from frames and from the caller.
+
+use std::collections::VecDeque;
+
+use crate::message::{
+    FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame, StageTimes,
+};
+use crate::multiview::between;
+
+/// A camera without a frame for so long has dropped out, nanoseconds.
+const SILENT: u64 = 100_000_000;
+/// Nor is any frame waited for longer than this; those of files, whose replays start one after the other, than that.
+const PATIENCE: [u64; 2] = [100_000_000, 2_000_000_000];
+/// Frames nearer than this are of one instant.
+const SAME: u64 = 2_000_000;
+/// A frame that is so much older than the instant still tells where people are.
+const NEAR: u64 = 25_000_000;
+/// Longest time between two frames that is interpolated.
+const GAP: u64 = 400_000_000;
+/// Times that go back by more than this belong to another recording.
+const RESTART: u64 = 500_000_000;
+/// Frames of a camera that are kept.
+const KEPT: usize = 256;
+/// A camera takes the lead where its interval is a smaller share of the leading one's than this.
+const FASTER: f64 = 0.9;
+
+/// What all cameras saw at one instant.
+#[derive(Debug, Clone)]
+pub struct FrameSet {
+    /// The instant, nanoseconds on the cameras' clock.
+    pub capture_ns: u64,
+    /// Whether that clock is a file's.
+    pub file_time: bool,
+    /// How long the stages of `infer` took for the leading camera's picture.
+    pub stage_times: StageTimes,
+    /// By camera who was seen; `None` where it has dropped out.
+    pub views: Vec<Option<Vec<Observation>>>,
+}
+
+#[derive(Debug, Clone)]
+struct Seen {
+    capture_ns: u64,
+    /// On the caller's clock.
+    arrived: u64,
+    file_time: bool,
+    stage_times: StageTimes,
+    people: Vec<Observation>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Stream {
+    /// By rising time.
+    frames: VecDeque<Seen>,
+    arrived: Option<u64>,
+    /// Between frames, nanoseconds.
+    interval: Option<f64>,
+    ended: bool,
+}
+
+impl Stream {
+    fn is_live(&self, now: u64) -> bool {
+        let limit = SILENT.max(self.interval.map_or(0, |i| 2 * i as u64));
+        !self.ended && self.arrived.is_some_and(|a| now.saturating_sub(a) <= limit)
+    }
+
+    fn newest(&self) -> Option<u64> {
+        self.frames.back().map(|f| f.capture_ns)
+    }
+
+    /// The first frame after an instant.
+    fn pending(&self, after: Option<u64>) -> Option<&Seen> {
+        self.frames
+            .iter()
+            .find(|f| after.is_none_or(|a| f.capture_ns > a))
+    }
+
+    /// Who was seen at an instant; `None` where that is not known.
+    fn at(&self, instant: u64) -> Option<Vec<Observation>> {
+        let next = self.frames.partition_point(|f| f.capture_ns <= instant);
+        let before = next.checked_sub(1).map(|k| &self.frames[k]);
+        let after = self.frames.get(next);
+        let off = |f: &Seen| f.capture_ns.abs_diff(instant);
+        let nearest = [before, after]
+            .into_iter()
+            .flatten()
+            .min_by_key(|f| off(f))?;
+        if off(nearest) <= SAME {
+            return Some(nearest.people.clone());
+        }
+        match (before, after) {
+            (Some(b), Some(a)) if a.capture_ns - b.capture_ns <= GAP => {
+                let share = off(b) as f64 / (a.capture_ns - b.capture_ns) as f64;
+                Some(if share < 0.5 {
+                    between(&b.people, &a.people, share)
+                } else {
+                    between(&a.people, &b.people, 1.0 - share)
+                })
+            }
+            _ => (off(nearest) <= NEAR).then(|| nearest.people.clone()),
+        }
+    }
+}
+
+/// Brings the observations of several cameras to common instants.
+#[derive(Debug, Clone)]
+pub struct Synchroniser {
+    streams: Vec<Stream>,
+    lead: usize,
+    /// The newest instant that was given out.
+    last: Option<u64>,
+}
+
+impl Synchroniser {
+    /// For so many cameras.
+    pub fn new(cameras: usize) -> Self {
+        Self {
+            streams: vec![Stream::default(); cameras],
+            lead: 0,
+            last: None,
+        }
+    }
+
+    /// Takes in a frame that came at `now`, nanoseconds. One that is not newer than the camera's last is left out; times that go
+    /// back by more than half a second start the camera over.
+    pub fn push(&mut self, camera: usize, frame: &ObservationFrame, now: u64) {
+        let is_lead = camera == self.lead;
+        let stream = &mut self.streams[camera];
+        if frame.flags & FLAG_END_OF_STREAM != 0 {
+            stream.ended = true;
+            return;
+        }
+        if let Some(newest) = stream.newest() {
+            if frame.capture_ns.saturating_add(RESTART) < newest {
+                *stream = Stream::default();
+                if is_lead {
+                    self.last = None;
+                }
+            } else if frame.capture_ns <= newest {
+                return;
+            } else {
+                let step = (frame.capture_ns - newest).min(1_000_000_000) as f64;
+                let usual = stream.interval.get_or_insert(step);
+                *usual += 0.1 * (step - *usual);
+            }
+        }
+        stream.ended = false;
+        stream.arrived = Some(now);
+        if stream.frames.len() == KEPT {
+            stream.frames.pop_front();
+        }
+        stream.frames.push_back(Seen {
+            capture_ns: frame.capture_ns,
+            arrived: now,
+            file_time: frame.flags & FLAG_FILE_TIME != 0,
+            stage_times: frame.stage_times,
+            people: frame.people().to_vec(),
+        });
+    }
+
+    /// Whether every camera has come and has ended.
+    pub fn has_ended(&self) -> bool {
+        self.streams.iter().all(|s| s.ended)
+    }
+
+    /// Whether an instant is known that some camera has not shown yet.
+    pub fn is_waiting(&self) -> bool {
+        self.streams[self.lead].pending(self.last).is_some()
+    }
+
+    /// The next instant, once what was seen then is known of all cameras that count; call it until there is none.
+    pub fn next(&mut self, now: u64) -> Option<FrameSet> {
+        self.choose_lead(now);
+        let lead = &self.streams[self.lead];
+        let pending = lead.pending(self.last)?;
+        let instant = pending.capture_ns;
+        // Who sees nobody looks less often, and will hardly see somebody all at once.
+        let is_awaited = |s: &Stream| {
+            let newest = s.frames.back().filter(|f| !f.people.is_empty());
+            newest.is_some_and(|f| f.capture_ns.saturating_add(SAME) < instant) && s.is_live(now)
+        };
+        let waits = now.saturating_sub(pending.arrived) < PATIENCE[usize::from(pending.file_time)];
+        if waits && self.streams.iter().any(is_awaited) {
+            return None;
+        }
+        let set = FrameSet {
+            capture_ns: instant,
+            file_time: pending.file_time,
+            stage_times: pending.stage_times,
+            views: self.streams.iter().map(|s| s.at(instant)).collect(),
+        };
+        self.last = Some(instant);
+        for stream in &mut self.streams {
+            // One before the instant stays, to interpolate from.
+            while stream.frames.len() > 1 && stream.frames[1].capture_ns <= instant {
+                stream.frames.pop_front();
+            }
+        }
+        Some(set)
+    }
+
+    /// The fastest camera that counts; one that has ended or dropped out while frames of it are left.
+    fn choose_lead(&mut self, now: u64) {
+        let streams = &self.streams;
+        let has_more = |s: &Stream| s.pending(self.last).is_some();
+        let interval = |k: usize| streams[k].interval.unwrap_or(f64::INFINITY);
+        let fastest = (0..streams.len())
+            .filter(|&k| streams[k].is_live(now))
+            .min_by(|a, b| interval(*a).total_cmp(&interval(*b)));
+        let own = &streams[self.lead];
+        match fastest {
+            Some(k) if own.is_live(now) => {
+                if interval(k) < FASTER * interval(self.lead) {
+                    self.lead = k;
+                }
+            }
+            _ if has_more(own) => {}
+            Some(k) => self.lead = k,
+            None => {
+                if let Some(k) = streams.iter().position(has_more) {
+                    self.lead = k;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// A frame of somebody whose joints are at x = 1 pixel a millisecond.
+    fn frame(ms: u64) -> ObservationFrame {
+        let mut frame = ObservationFrame {
+            capture_ns: ms * MS,
+            count: 1,
+            ..ObservationFrame::default()
+        };
+        for (j, joint) in frame.people[0].joints2d.iter_mut().enumerate() {
+            *joint = [ms as f32, 40.0 * j as f32, 0.9];
+        }
+        frame
+    }
+
+    fn x(set: &FrameSet, view: usize) -> Option<f32> {
+        Some(set.views[view].as_ref()?.first()?.joints2d[3][0])
+    }
+
+    /// Cameras of these intervals and offsets, milliseconds, frames arriving 20 ms after capture; what comes out of them.
+    fn run(cameras: &[(u64, u64)], ms: u64, skip: impl Fn(usize, u64) -> bool) -> Vec<FrameSet> {
+        let mut sync = Synchroniser::new(cameras.len());
+        let mut out = Vec::new();
+        for now in 0..ms {
+            for (k, &(interval, offset)) in cameras.iter().enumerate() {
+                let taken = now.checked_sub(20 + offset);
+                if let Some(t) = taken.filter(|t| t % interval == 0 && !skip(k, t + offset)) {
+                    sync.push(k, &frame(t + offset), now * MS);
+                }
+            }
+            while let Some(set) = sync.next(now * MS) {
+                out.push(set);
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn instants_are_those_of_the_fastest_and_the_others_are_interpolated() {
+        let sets = run(&[(40, 0), (33, 7), (50, 11)], 1500, |_, _| false);
+        let late: Vec<_> = sets.iter().skip(5).collect();
+        assert!(late.len() > 35, "{}", late.len());
+        for pair in late.windows(2) {
+            assert_eq!(pair[1].capture_ns - pair[0].capture_ns, 33 * MS);
+        }
+        for set in late {
+            let at = set.capture_ns as f64 / MS as f64;
+            for view in 0..3 {
+                let x = x(set, view).expect("all are seen");
+                assert!((f64::from(x) - at).abs() < 0.1, "view {view}: {x} at {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_silent_camera_drops_out_after_100_ms_and_returns() {
+        let silent = 600..1000;
+        let sets = run(&[(33, 0), (33, 5)], 1600, |k, t| {
+            k == 1 && silent.contains(&t)
+        });
+        let times: Vec<u64> = sets.iter().map(|s| s.capture_ns / MS).collect();
+        assert!(times.windows(2).all(|w| w[1] - w[0] == 33), "{times:?}");
+        for set in &sets {
+            let t = set.capture_ns / MS;
+            let seen = set.views[1].is_some();
+            if (640..990).contains(&t) {
+                assert!(!seen, "silent at {t}");
+            }
+            if t > 60 && t < 590 || t > 1040 && t < 1500 {
+                assert!(seen, "there at {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_end_is_one_of_all() {
+        let mut sync = Synchroniser::new(2);
+        let end = ObservationFrame {
+            flags: FLAG_END_OF_STREAM,
+            ..ObservationFrame::default()
+        };
+        sync.push(0, &frame(0), 0);
+        sync.push(0, &frame(33), 33 * MS);
+        sync.push(0, &end, 34 * MS);
+        assert!(!sync.has_ended(), "the other has not come yet");
+        sync.push(1, &frame(0), 40 * MS);
+        sync.push(1, &end, 41 * MS);
+        assert!(sync.has_ended());
+        // What has come before the end is not lost.
+        let left = std::iter::from_fn(|| sync.next(50 * MS)).count();
+        assert_eq!(left, 2);
+        sync.push(1, &frame(70), 80 * MS);
+        assert!(!sync.has_ended(), "one that goes on has not ended");
+    }
+}

@@ -1,0 +1,102 @@
+//! How well two views agree if one's clock is so far ahead: distances of rays that should meet.
+
+use super::trails::{Joints, Trail};
+use crate::camera::View;
+use crate::joints::{EVIDENCE_JOINTS, MIRROR};
+use crate::multiview::sight::between;
+
+/// Distance beyond which rays are about something else, metres.
+const FAR: f64 = 0.3;
+/// Joints compared of two people at least, at least so many times, and for this share of the time of one of them.
+const LEAST_JOINTS: usize = 4;
+const LEAST_TIMES: usize = 6;
+const LEAST_SHARE: f64 = 0.3;
+/// Most times at which one person is looked at.
+const MOST_TIMES: usize = 240;
+
+/// A view and whom it follows.
+pub struct Followed<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// The people.
+    pub trails: &'a [Trail],
+}
+
+/// Mean squared distance of rays, far ones counted as `FAR`, and how many were compared.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Agreement {
+    /// Square metres.
+    pub sum: f64,
+    /// Times and joints.
+    pub count: f64,
+}
+
+impl Agreement {
+    /// Mean, square metres; `None` where nothing was compared.
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
+
+    /// Of both.
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            count: self.count + other.count,
+        }
+    }
+}
+
+/// Compares two views, what the first sees at a time with what the second sees `offset` seconds later on its own clock. Everybody
+/// of the first is whoever of the second agrees best. `times`: most times to look at, fewer for a rough answer.
+pub fn agreement(a: &Followed<'_>, b: &Followed<'_>, offset: f64, times: usize) -> Agreement {
+    let mut all = Agreement::default();
+    for own in a.trails {
+        let stride = own.times.len().div_ceil(times.clamp(1, MOST_TIMES));
+        let looks = own.times.len().div_ceil(stride);
+        let best = b
+            .trails
+            .iter()
+            .filter_map(|other| {
+                let (mut sum, mut joints, mut seen) = (0.0, 0, 0);
+                for k in (0..own.times.len()).step_by(stride) {
+                    let Some(then) = other.at(own.times[k] + offset) else {
+                        continue;
+                    };
+                    if let Some((d, n)) = apart((a.view, &own.joints[k]), (b.view, &then)) {
+                        sum += d;
+                        joints += n;
+                        seen += 1;
+                    }
+                }
+                let enough = seen >= LEAST_TIMES && seen as f64 >= LEAST_SHARE * looks as f64;
+                enough.then_some(Agreement {
+                    sum,
+                    count: joints as f64,
+                })
+            })
+            .min_by(|x, y| (x.sum / x.count).total_cmp(&(y.sum / y.count)));
+        if let Some(best) = best {
+            all = all.plus(&best);
+        }
+    }
+    all
+}
+
+/// Sum of squared distances of the rays of two people's joints, sides exchanged where that is nearer, and how many they share.
+fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, usize)> {
+    let direction =
+        |view: &View, p: glam::DVec2| (view.rotation.transpose() * p.extend(1.0)).normalize();
+    let rays = |view: &View, joints: &Joints| joints.map(|p| Some(direction(view, p?)));
+    let (a, b) = (rays(va, a), rays(vb, b));
+    let of = |other: bool| {
+        let each = (0..EVIDENCE_JOINTS).filter_map(|j| {
+            let k = if other { MIRROR[j] } else { j };
+            let d = between(va.position, a[j]?, vb.position, b[k]?).min(FAR);
+            Some(d * d)
+        });
+        each.fold((0.0, 0), |(s, n), d| (s + d, n + 1))
+    };
+    let (told, other) = (of(false), of(true));
+    let nearer = if other.0 < 0.5 * told.0 { other } else { told };
+    (told.1 >= LEAST_JOINTS).then_some(nearer)
+}

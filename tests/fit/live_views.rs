@@ -1,0 +1,370 @@
+//! The fit to several cameras while it happens, against people whose truth is known.
+
+use std::collections::BTreeSet;
+
+use edgecap::body::skeleton::{Pose, Posed, Skeleton};
+use edgecap::camera::View;
+use edgecap::fit::FitConfig;
+use edgecap::message::{BodyFrame, BodyState, JointState};
+use edgecap::multiview::live::{LiveFit, Synchroniser};
+use glam::{DQuat, DVec3};
+use rand::SeedableRng;
+use rand::rngs::SmallRng;
+
+use crate::scene::people::{Activity, Person, walk};
+use crate::scene::ring::{Spoil, error, observe, views};
+
+const NOISY: Spoil = Spoil {
+    pixels: 4.0,
+    space: 0.05,
+    unseen: 0.08,
+    outliers: 0.03,
+    exchanged: false,
+    colourless: false,
+};
+
+/// One camera: frames a second, and how much later its first frame comes, seconds.
+type Shutter = (f64, f64);
+
+fn walker(seed: u64) -> Person {
+    let legs = walk(
+        0.3,
+        1.1,
+        &[(-0.9, 3.6), (0.9, 4.6), (-0.6, 5.0), (0.5, 3.8)],
+    );
+    Person::new(seed, legs, Activity::Wave)
+}
+
+/// Six who walk, wave and stand within two metres of the middle.
+fn six() -> Vec<Person> {
+    let still = |x, z| walk(0.0, 1.0, &[(x, z), (x, z)]);
+    vec![
+        walker(1),
+        Person::new(2, still(-1.5, 4.4), Activity::Wave),
+        Person::new(3, still(1.5, 4.0), Activity::Reach),
+        Person::new(4, still(0.2, 6.0), Activity::Stand),
+        Person::new(
+            5,
+            walk(1.0, 0.9, &[(1.2, 5.4), (-1.2, 5.6), (1.0, 5.3)]),
+            Activity::Stand,
+        ),
+        Person::new(6, still(-0.9, 2.6), Activity::Squat),
+    ]
+}
+
+/// Every published frame with its time, seconds. `spoil` tells what a view sees at a time; none where it is silent.
+fn run(
+    views: &[View],
+    shutters: &[Shutter],
+    people: &[Person],
+    seconds: f64,
+    spoil: &dyn Fn(usize, f64) -> Option<Spoil>,
+) -> Vec<(f64, BodyFrame)> {
+    let mut rng = SmallRng::seed_from_u64(7);
+    // What every camera shows, in the order in which it arrives, 30 ms later.
+    let mut frames: Vec<(u64, usize, f64)> = Vec::new();
+    for (v, (rate, offset)) in shutters.iter().enumerate() {
+        for k in 0..(seconds * rate) as usize {
+            let t = offset + k as f64 / rate;
+            frames.push(((t * 1e9) as u64 + 30_000_000, v, t));
+        }
+    }
+    frames.sort_by_key(|f| f.0);
+    let mut together = Synchroniser::new(views.len());
+    let mut fit = LiveFit::new(views.to_vec(), FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut all = Vec::new();
+    for (now, v, t) in frames {
+        if let Some(spoil) = spoil(v, t) {
+            together.push(v, &observe(&views[v], people, t, spoil, &mut rng), now);
+        }
+        while let Some(set) = together.next(now) {
+            fit.update(&set, &mut out);
+            assert_eq!(out.pose_ns, set.capture_ns);
+            all.push(((out.pose_ns - 1_000_000_000) as f64 * 1e-9, out));
+        }
+    }
+    all
+}
+
+/// Mean error after the first second, of the one person there is, who keeps one identity; metres.
+fn of_one(frames: &[(f64, BodyFrame)], person: &Person) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for (t, frame) in frames.iter().filter(|(t, _)| *t > 1.0) {
+        assert_eq!(frame.count, 1, "at {t:.2} s");
+        assert_eq!(frame.bodies[0].id, 1, "at {t:.2} s");
+        sum += error(&frame.bodies[0].joints3d, person, *t);
+        count += 1.0;
+    }
+    assert!(count > 30.0);
+    sum / count
+}
+
+#[test]
+fn exact_views_give_the_truth_and_the_stature() {
+    let person = walker(3).of_height(1.86);
+    for count in 2..=4 {
+        let views = views(count);
+        let shutters = vec![(30.0, 0.0); count];
+        let frames = run(
+            &views,
+            &shutters,
+            std::slice::from_ref(&person),
+            4.0,
+            &|_, _| Some(Spoil::default()),
+        );
+        let off = of_one(&frames, &person);
+        let (_, last) = &frames[frames.len() - 1];
+        let body = &last.bodies[0];
+        println!("{count} views: {:.1} mm, {:.3} m", 1e3 * off, body.height);
+        // Shoulders that shrug and a head that tilts by 2 cm are none of the skeleton's.
+        assert!(off < 0.035, "{count} views: {off}");
+        assert!(
+            (body.height - 1.86).abs() < 0.03,
+            "{count} views: {}",
+            body.height
+        );
+        assert_eq!(body.state, BodyState::TRACKED);
+        assert!(body.joint_states.iter().all(|s| *s == JointState::OBSERVED));
+        assert!(
+            last.world.is_known(),
+            "cameras that hang level tell what is up"
+        );
+        let up = last.world.direction([0.0, -1.0, 0.0]);
+        assert!((up[1] - 1.0).abs() < 1e-5, "{up:?}");
+    }
+}
+
+#[test]
+fn cameras_of_other_rates_and_times_with_noise_agree() {
+    let person = walker(4);
+    let shutters = [(30.0, 0.0), (25.0, 0.011), (29.0, 0.007), (20.0, 0.023)];
+    for count in [2, 4] {
+        let views = views(count);
+        let frames = run(
+            &views,
+            &shutters[..count],
+            std::slice::from_ref(&person),
+            5.0,
+            &|_, _| Some(NOISY),
+        );
+        let off = of_one(&frames, &person);
+        println!("{count} views with noise: {:.1} mm", 1e3 * off);
+        assert!(off < [0.06, 0.045][count / 4], "{count} views: {off}");
+    }
+}
+
+#[test]
+fn six_people_keep_their_identities_before_four_cameras() {
+    let people = six();
+    let views = views(4);
+    let shutters = [(15.0, 0.0), (15.0, 0.01), (15.0, 0.02), (15.0, 0.03)];
+    let frames = run(&views, &shutters, &people, 6.0, &|_, _| Some(NOISY));
+    let mut owners: Vec<Option<u32>> = vec![None; people.len()];
+    let (mut right, mut all) = (0, 0);
+    let mut sum = 0.0;
+    for (t, frame) in frames.iter().filter(|(t, _)| *t > 1.5) {
+        for (person, owner) in people.iter().zip(&mut owners) {
+            all += 1;
+            let near = frame
+                .bodies()
+                .iter()
+                .map(|b| (error(&b.joints3d, person, *t), b.id))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((off, id)) = near.filter(|(off, _)| *off < 0.2) else {
+                continue;
+            };
+            if *owner.get_or_insert(id) == id {
+                right += 1;
+                sum += off;
+            }
+        }
+    }
+    let ids: BTreeSet<u32> = frames
+        .iter()
+        .flat_map(|(_, f)| f.bodies().iter().map(|b| b.id))
+        .collect();
+    println!(
+        "{right} of {all} right, {:.1} mm, identities {ids:?}",
+        1e3 * sum / f64::from(right)
+    );
+    assert!(
+        f64::from(right) >= 0.98 * f64::from(all),
+        "{right} of {all}"
+    );
+    assert_eq!(ids.len(), 6, "{ids:?}");
+}
+
+#[test]
+fn a_silent_camera_is_done_without_and_returns() {
+    let person = walker(5);
+    let views = views(2);
+    let silent = 2.0..3.0;
+    let frames = run(
+        &views,
+        &[(30.0, 0.0), (30.0, 0.005)],
+        std::slice::from_ref(&person),
+        5.0,
+        &|v, t| {
+            (v == 0 || !silent.contains(&t)).then_some(Spoil {
+                pixels: 2.0,
+                ..NOISY
+            })
+        },
+    );
+    // One view tells the rest from what is known of the person, who keeps the identity.
+    of_one(&frames, &person);
+    let mean = |from: f64, to: f64| {
+        let each = frames.iter().filter(|(t, _)| (from..to).contains(t));
+        let (sum, n) = each.fold((0.0, 0.0_f64), |(s, n), (t, f)| {
+            (s + error(&f.bodies[0].joints3d, &person, *t), n + 1.0)
+        });
+        sum / n
+    };
+    let [before, without, after] = [mean(1.2, 2.0), mean(2.2, 3.0), mean(3.4, 5.0)];
+    println!("before {before:.3}, without {without:.3}, after {after:.3} m");
+    assert!(before < 0.05 && after < 0.05, "{before} {after}");
+    assert!(without < 0.2, "{without}");
+    // No instant is missing, in none has anything waited for the silent camera for long.
+    for pair in frames.windows(2) {
+        assert!(pair[1].0 - pair[0].0 < 0.04, "{}", pair[0].0);
+    }
+}
+
+#[test]
+fn a_view_that_takes_left_for_right_is_outvoted() {
+    let person = walker(6);
+    let views = views(3);
+    let shutters = [(30.0, 0.0); 3];
+    let see = |exchanged: bool| {
+        let frames = run(
+            &views,
+            &shutters,
+            std::slice::from_ref(&person),
+            4.0,
+            &|v, t| {
+                Some(Spoil {
+                    exchanged: exchanged && v == 1 && (t * 0.7).fract() > 0.4,
+                    pixels: 3.0,
+                    ..Spoil::default()
+                })
+            },
+        );
+        of_one(&frames, &person)
+    };
+    let [without, with] = [see(false), see(true)];
+    println!(
+        "{:.1} mm, with exchanges {:.1} mm",
+        1e3 * without,
+        1e3 * with
+    );
+    assert!(with < 1.3 * without + 0.003, "{without} {with}");
+}
+
+#[test]
+fn whoever_leaves_and_returns_is_recognised_by_looks() {
+    let there = walk(0.0, 1.2, &[(0.0, 4.0), (0.5, 4.2)]);
+    let views = views(3);
+    let people = [
+        Person::new(21, there.clone(), Activity::Stand),
+        Person::new(
+            22,
+            walk(0.0, 1.0, &[(-1.2, 4.6), (-1.0, 4.6)]),
+            Activity::Wave,
+        ),
+    ];
+    let mut rng = SmallRng::seed_from_u64(3);
+    let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
+    let mut together = Synchroniser::new(3);
+    let mut out = BodyFrame::default();
+    let mut ids = Vec::new();
+    for k in 0..300 {
+        let t = k as f64 / 30.0;
+        // For four seconds the first is away, and comes back elsewhere.
+        let (from, moved) = match t {
+            t if t < 2.0 => (0, t),
+            t if t < 6.0 => (1, t),
+            _ => (0, t),
+        };
+        for (v, view) in views.iter().enumerate() {
+            let frame = observe(view, &people[from..], moved, Spoil::default(), &mut rng);
+            together.push(v, &frame, (t * 1e9) as u64);
+        }
+        while let Some(set) = together.next((t * 1e9) as u64) {
+            fit.update(&set, &mut out);
+            ids.push(out.bodies().iter().map(|b| b.id).collect::<Vec<_>>());
+        }
+    }
+    assert_eq!(ids[50].len(), 2);
+    assert_eq!(ids[150].len(), 1, "one is away");
+    assert_eq!(ids[299], ids[50], "and is known when back");
+    assert!(fit.remembered() <= 3);
+}
+
+#[test]
+fn angles_and_lengths_give_the_joints() {
+    let person = walker(8);
+    let frames = run(
+        &views(3),
+        &[(30.0, 0.0); 3],
+        std::slice::from_ref(&person),
+        2.0,
+        &|_, _| Some(NOISY),
+    );
+    let body = &frames[frames.len() - 1].1.bodies[0];
+    let a = body.angles.map(f64::from);
+    let pose = Pose {
+        position: DVec3::new(a[0], a[1], a[2]),
+        rotation: DQuat::from_scaled_axis(DVec3::new(a[3], a[4], a[5])),
+        angles: std::array::from_fn(|k| a[6 + k]),
+    };
+    let mut posed = Posed::default();
+    Skeleton::builtin().pose(&pose, &body.bone_lengths.map(f64::from), &mut posed);
+    for (p, q) in posed.joints.iter().zip(body.joints3d) {
+        assert!(p.distance(DVec3::from(q.map(f64::from))) < 1e-4);
+    }
+    assert!(body.velocity.iter().all(|v| v.abs() < 3.0));
+}
+
+#[test]
+fn times_that_do_not_go_on_are_left_out_and_others_start_over() {
+    let person = walker(9);
+    let views = views(2);
+    let mut rng = SmallRng::seed_from_u64(3);
+    let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut show = |t: f64, at: f64, fit: &mut LiveFit, out: &mut BodyFrame| {
+        let mut together = Synchroniser::new(2);
+        for (v, view) in views.iter().enumerate() {
+            let mut frame = observe(
+                view,
+                std::slice::from_ref(&person),
+                t,
+                Spoil::default(),
+                &mut rng,
+            );
+            frame.capture_ns = (at * 1e9) as u64;
+            together.push(v, &frame, 0);
+        }
+        fit.update(&together.next(0).expect("both have come"), out);
+    };
+    for k in 0..20 {
+        let t = k as f64 / 30.0;
+        show(t, 10.0 + t, &mut fit, &mut out);
+    }
+    assert_eq!((out.count, out.sequence), (1, 19));
+    let before = out;
+    show(0.4, 10.4, &mut fit, &mut out);
+    assert_eq!(out, before, "what is older changes nothing");
+    fit.predict(out.capture_ns + 50_000_000, &mut out);
+    assert_eq!(out.pose_ns, out.capture_ns + 50_000_000);
+    for k in 0..20 {
+        let t = k as f64 / 30.0;
+        show(t, 2.0 + t, &mut fit, &mut out);
+    }
+    assert_eq!(
+        (out.count, out.bodies[0].id),
+        (1, 2),
+        "nobody has an old identity"
+    );
+}
