@@ -82,10 +82,11 @@ fn with_the_unused(t: &Tensors<'_>, wrong: Vec<ModelError>) -> Vec<ModelError> {
 
 /// What stands before most of the names that are missing, and how many it stands before.
 fn prefix(missing: &[String], unused: &[&str]) -> Option<(String, usize)> {
-    let first = missing.first()?;
-    let prefix = unused.iter().find_map(|u| {
-        let prefix = u.strip_suffix(first.as_str())?;
-        prefix.ends_with('.').then_some(prefix)
+    // One or the other may be missing altogether.
+    let mut some = missing.iter().take(16);
+    let prefix = some.find_map(|name| {
+        let mut before = unused.iter().filter_map(|u| u.strip_suffix(&**name));
+        before.find(|b| b.ends_with('.'))
     })?;
     let has = |name: &&String| unused.contains(&&*format!("{prefix}{name}"));
     let count = missing.iter().filter(has).count();
