@@ -116,7 +116,7 @@ pub fn settle(moments: &mut [&mut Moment], states: &mut [States]) {
 }
 
 /// Whether shoulders point another way than hips.
-fn is_crossed(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<bool> {
+pub fn is_crossed(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<bool> {
     let (shoulders, hips) = (joints[5]? - joints[2]?, joints[11]? - joints[8]?);
     Some(shoulders.dot(hips) < 0.0)
 }

@@ -20,6 +20,7 @@ const NOISY: Spoil = Spoil {
     unseen: 0.08,
     outliers: 0.03,
     exchanged: false,
+    arms_exchanged: false,
     colourless: false,
 };
 
@@ -259,6 +260,27 @@ fn a_view_that_takes_left_for_right_is_outvoted() {
         1e3 * with
     );
     assert!(with < 1.3 * without + 0.003, "{without} {with}");
+}
+
+#[test]
+fn shoulders_point_the_way_hips_do_whatever_most_views_say() {
+    let person = walker(6);
+    let frames = run(
+        &views(3),
+        &[(30.0, 0.0); 3],
+        std::slice::from_ref(&person),
+        3.0,
+        &|v, _| {
+            Some(Spoil {
+                arms_exchanged: v < 2,
+                pixels: 3.0,
+                ..Spoil::default()
+            })
+        },
+    );
+    let off = of_one(&frames, &person);
+    println!("arms exchanged in two of three views: {:.1} mm", 1e3 * off);
+    assert!(off < 0.035, "{off}");
 }
 
 #[test]

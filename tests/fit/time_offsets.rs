@@ -21,6 +21,7 @@ const NOISY: Spoil = Spoil {
     unseen: 0.08,
     outliers: 0.03,
     exchanged: false,
+    arms_exchanged: false,
     colourless: false,
 };
 

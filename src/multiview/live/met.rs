@@ -6,20 +6,30 @@ use super::seen::Seen;
 use crate::body::skeleton::Posed;
 use crate::camera::View;
 use crate::joints::{BODY_JOINTS, PARENTS, PELVIS, ROOT_FIRST};
-use crate::multiview::exchange;
-use crate::multiview::sight::Sight;
+use crate::multiview::exchange::{self, is_crossed};
+use crate::multiview::sight::{LIMB_PAIRS, Sight};
 use crate::multiview::triangulate::{Joints3d, triangulate};
 
 /// Joints under which a distance tells nothing.
 const LEAST_JOINTS: usize = 8;
 
-/// Heals exchanged limbs of detections of one person so that their rays meet best.
+/// Heals exchanged limbs of detections of one person so that their rays meet best, and shoulders point the way hips do.
 pub fn agree(views: &[View], seen: &mut [Option<Seen>]) {
     let mut sights: Vec<Option<Sight>> = seen
         .iter()
         .map(|s| s.as_ref().map(|s| s.sight.clone()))
         .collect();
-    exchange::agree(views, &mut sights);
+    let states = exchange::agree(views, &mut sights);
+    let all: Vec<Option<&Sight>> = sights.iter().map(Option::as_ref).collect();
+    if is_crossed(&triangulate(views, &all).points) == Some(true) {
+        // Views agree about arms and about legs, and not about both: most of them are wrong about one.
+        let count = sights.iter().flatten().count() as i64;
+        let [arms, legs] = states.map(|s| count - 2 * i64::from(s.count_ones()));
+        let right = LIMB_PAIRS[usize::from(legs < arms)];
+        for sight in sights.iter_mut().flatten() {
+            *sight = sight.exchanged(right);
+        }
+    }
     for (seen, sight) in seen.iter_mut().zip(sights) {
         if let (Some(seen), Some(sight)) = (seen, sight) {
             seen.sight = sight;

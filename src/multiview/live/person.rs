@@ -13,6 +13,7 @@ use crate::fit::{
 };
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
+use crate::multiview::exchange::is_crossed;
 use crate::multiview::people::is_body;
 use crate::multiview::triangulate::Joints3d;
 use crate::solve::{Effort, Solver};
@@ -29,8 +30,9 @@ const STUCK: f64 = 0.15;
 const ELSEWHERE: f64 = 0.35;
 /// Rays meet in a joint when its robust cost is no more than this, square metres.
 const MET: f64 = 0.006;
-/// Seconds after which limbs that most views call by the other side's name are believed.
-const PERSISTENCE: f64 = 0.5;
+/// Seconds after which limbs that most views call by the other side's name are believed, or shoulders that point another way than
+/// hips are not.
+const PERSISTENCE: f64 = 0.4;
 /// Joints that must be known for a pose to start.
 const LEAST_JOINTS: usize = 8;
 /// Effort with a good guess and without.
@@ -81,7 +83,7 @@ pub struct Person {
     pub states: [JointState; BODY_JOINTS],
     /// Recent distance between fit and where rays meet, metres.
     pub deviations: [f64; BODY_JOINTS],
-    /// Seconds for which most views have called limbs by the other side's name.
+    /// Seconds for which most views have called limbs by the other side's name, or shoulders have pointed another way than hips.
     exchanged: f64,
 }
 
@@ -137,7 +139,8 @@ impl Person {
             }
         }
         // A pose that had the sides wrong from the start would call every view wrong for ever.
-        let most = 2 * healed > count;
+        let mut joints = meet(cx.views, &seen);
+        let most = 2 * healed > count || is_crossed(&joints.points) == Some(true);
         self.exchanged = if most {
             self.exchanged + dt
         } else {
@@ -147,9 +150,9 @@ impl Person {
         if wrong_sides {
             seen = as_told;
             agree(cx.views, &mut seen);
+            joints = meet(cx.views, &seen);
             self.exchanged = 0.0;
         }
-        let joints = meet(cx.views, &seen);
         self.unseen = 0.0;
         self.apart = if count > 1 { 0.0 } else { self.apart + dt };
         let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > ELSEWHERE);

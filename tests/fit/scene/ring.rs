@@ -51,6 +51,8 @@ pub struct Spoil {
     pub outliers: f64,
     /// Arms and legs are called by the other side's name.
     pub exchanged: bool,
+    /// Arms alone are.
+    pub arms_exchanged: bool,
     /// Seeds of the people's clothes do not tell them apart.
     pub colourless: bool,
 }
@@ -118,6 +120,12 @@ fn one(
         let off = spoil.space * DVec3::new(gauss(rng), gauss(rng), gauss(rng));
         let p = view.rotation * (joint - joints[PELVIS]) + off;
         *out = (p * (1.70 / person.height)).as_vec3().to_array();
+    }
+    if spoil.arms_exchanged {
+        for (r, l) in [(2, 5), (3, 6), (4, 7)] {
+            seen.joints2d.swap(r, l);
+            seen.joints3d.swap(r, l);
+        }
     }
     if spoil.exchanged {
         for (r, l) in [(2, 5), (3, 6), (4, 7), (8, 11), (9, 12), (10, 13)] {
