@@ -285,7 +285,9 @@ mod tests {
             let at = set.capture_ns as f64 / MS as f64;
             for view in 0..3 {
                 let x = x(set, view).expect("all are seen");
-                assert!((f64::from(x) - at).abs() < 0.1, "view {view}: {x} at {at}");
+                // Frames no more than 2 ms apart are of one instant.
+                let off = (f64::from(x) - at).abs();
+                assert!(off <= 2.0, "view {view}: {x} at {at}");
             }
         }
     }
