@@ -42,7 +42,8 @@ fn a_camera_that_is_absent_at_the_start_is_waited_for() {
     camera.plug_in();
     fresh_body(&bodies);
     drop(bodies);
-    assert!(watched.stop().status.success());
+    signal(watched.run.pid(), "TERM");
+    assert!(watched.run.0.wait().unwrap().success());
     reader.join().unwrap();
     said.extend(lines);
     assert_eq!(said.iter().filter(|l| waits(l)).count(), 1, "{said:?}");
