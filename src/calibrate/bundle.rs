@@ -1,7 +1,7 @@
 //! Bundle adjustment: cameras and points are moved together until views agree. Points are eliminated (Schur's complement), so
 //! the work grows with them only linearly.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
 use super::pose::{Pose, plane_jacobian};
@@ -189,18 +189,4 @@ impl Normal {
         });
         Some((moved, points.collect()))
     }
-}
-
-/// The point nearest to all rays of `seen`, to start from; `None` where they hardly meet.
-pub fn meeting(cameras: &[Pose], seen: &[Seen]) -> Option<DVec3> {
-    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
-    for s in seen {
-        let d = cameras[s.camera].direction(s.plane);
-        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        a += across;
-        b += across * cameras[s.camera].position;
-    }
-    let point = (a.determinant() > 1e-4).then(|| a.inverse() * b)?;
-    let before = |s: &Seen| cameras[s.camera].to_camera(point).z > 0.0;
-    (point.is_finite() && seen.iter().all(before)).then_some(point)
 }

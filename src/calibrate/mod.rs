@@ -14,7 +14,7 @@ mod world;
 
 use crate::camera::View;
 use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS};
-use crate::multiview::{Detections, Sight, Track, distance, track, triangulate};
+use crate::multiview::{Detections, Moment, Sight, Track, distance, track, triangulate};
 use bundle::{Seen, bundle};
 use pose::Pose;
 
@@ -193,6 +193,17 @@ fn turned(view: &View, sight: &Sight) -> Sight {
     sight
 }
 
+/// What these views saw of a moment.
+fn seen_by(views: &[View], moment: &Moment) -> Vec<Option<Sight>> {
+    let each = views.iter().zip(&moment.sights);
+    each.map(|(view, s)| Some(turned(view, s.as_ref()?)))
+        .collect()
+}
+
+fn refs(sights: &[Option<Sight>]) -> Vec<Option<&Sight>> {
+    sights.iter().map(Option::as_ref).collect()
+}
+
 /// Who is who, by cameras that are about right; whoever is seen most first.
 fn people(
     lenses: &[View],
@@ -219,16 +230,8 @@ fn people(
 fn joints(lenses: &[View], cameras: &[Pose], track: &Track) -> Vec<world::Joints> {
     let views = placed(lenses, cameras);
     let all = track.moments.iter().map(|(_, moment)| {
-        let sights: Vec<Option<Sight>> = views
-            .iter()
-            .zip(&moment.sights)
-            .map(|(view, s)| s.as_ref().map(|s| turned(view, s)))
-            .collect();
-        triangulate(
-            &views,
-            &sights.iter().map(Option::as_ref).collect::<Vec<_>>(),
-        )
-        .points
+        let sights = seen_by(&views, moment);
+        triangulate(&views, &refs(&sights)).points
     });
     all.collect()
 }
@@ -265,8 +268,7 @@ fn refine(cameras: &mut Vec<Pose>, tracks: &[Track], sigma: f64) {
                 })
             });
             let of_joint: Vec<Seen> = of_joint.collect();
-            let start = moment.joints[j].or_else(|| bundle::meeting(cameras, &of_joint));
-            if let Some(start) = start.filter(|_| of_joint.len() > 1) {
+            if let Some(start) = moment.joints[j].filter(|_| of_joint.len() > 1) {
                 points.push(start);
                 seen.extend(of_joint);
             }
@@ -297,13 +299,8 @@ fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
     let mut sums = vec![[(0.0, 0.0); 2]; views.len()];
     let (mut far, mut sights) = (vec![0.0; views.len()], vec![0; views.len()]);
     for (k, (_, moment)) in tracks.iter().flat_map(|t| t.moments.iter().enumerate()) {
-        let turned: Vec<Option<Sight>> = views
-            .iter()
-            .zip(&moment.sights)
-            .map(|(view, s)| s.as_ref().map(|s| turned(view, s)))
-            .collect();
-        let refs: Vec<Option<&Sight>> = turned.iter().map(Option::as_ref).collect();
-        let found = triangulate(views, &refs);
+        let turned = seen_by(views, moment);
+        let found = triangulate(views, &refs(&turned));
         for (v, (view, sight)) in views.iter().zip(&turned).enumerate() {
             let Some(sight) = sight else { continue };
             sights[v] += 1;

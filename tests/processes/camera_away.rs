@@ -43,6 +43,7 @@ fn a_camera_that_is_absent_at_the_start_is_waited_for() {
     fresh_body(&bodies);
     drop(bodies);
     signal(watched.run.pid(), "TERM");
+    eventually("the end", || watched.run.has_ended().then_some(()));
     assert!(watched.run.0.wait().unwrap().success());
     reader.join().unwrap();
     said.extend(lines);
