@@ -122,4 +122,23 @@ fn print(n: &Noise) {
         n.hidden, n.swap
     );
     println!("        phantom: {:.4},", n.phantom.min(1.0));
+    println!("\nAnd for edgecap::lab::synth::detector::Flaws:\n");
+    println!("        bias: [");
+    for [left, up, forward] in n.bias {
+        println!("            [{left:.4}, {up:.4}, {forward:.4}],");
+    }
+    println!("        ],");
+    for (name, s) in [("plane", &n.plane), ("space", &n.space)] {
+        println!(
+            "        {name}: [{:.4}, {:.4}, {:.2}],",
+            s.slow, s.white, s.time
+        );
+    }
+    println!(
+        "        lost: {:.4},\n        outlier: {:.4},",
+        n.lost, n.outlier
+    );
+    println!("        miss: {:.4},", n.miss + 5.0 * n.burst);
+    println!("        exchanged: {:.4},", 0.5 * n.swap);
+    println!("        exchanged_time: {:.2},", n.swap_time);
 }

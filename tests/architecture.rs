@@ -48,7 +48,12 @@ const ROOMS: &[(&str, &[&str])] = &[
 /// Rooms that may name all others, the laboratory included for its own verbs.
 const JOINERS: &[&str] = &["commands", "lab"];
 /// The verbs that show the laboratory's instruments.
-const INSTRUMENTS: &[&str] = &["commands/bench.rs", "commands/eval.rs", "commands/synth.rs"];
+const INSTRUMENTS: &[&str] = &[
+    "commands/bench.rs",
+    "commands/eval.rs",
+    "commands/synth/mod.rs",
+    "commands/synth/views.rs",
+];
 
 fn src() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")

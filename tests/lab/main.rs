@@ -3,5 +3,6 @@
 mod eval_command;
 mod measures;
 mod recall;
+mod studio;
 mod synth;
 mod truth;

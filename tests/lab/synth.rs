@@ -49,7 +49,7 @@ fn projected(shot: &Shot) {
 
 /// What the samples round a joint show: whether any is the person's own, and the depth at the joint.
 fn around(shot: &Shot, person: u32, at: [f32; 2], reach: i64) -> (bool, f32) {
-    let s = &shot.picture.samples;
+    let s = &shot.picture.survey.samples;
     let scale = SUPERSAMPLE as f32;
     let (x, y) = (
         ((at[0] + 0.5) * scale).floor() as i64,
@@ -251,6 +251,9 @@ fn arguments(out: &std::path::Path) -> SynthArgs {
         height: 64,
         fps: 10,
         stills: true,
+        views: None,
+        masks: false,
+        observed: false,
         truth_only: false,
         quality: None,
         format: PictureFormat::Jpg,

@@ -2,6 +2,7 @@
 //!
 //! Everything here works on files that `infer` and `run` write, so that any run can be measured after the fact, on any machine.
 
+mod bias;
 mod error;
 mod geometry;
 mod identity;

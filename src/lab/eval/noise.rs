@@ -12,8 +12,12 @@ use edgecap_client::joints::{
 };
 use edgecap_client::message::ObservationFrame;
 
+use glam::{DVec3, Mat3};
+
+use super::bias::{BiasMeter, Shown, part};
 use super::geometry::{mean, minus, norm};
 use crate::assignment::Matcher;
+use crate::lab::synth::detector::axes;
 use crate::lab::synth::truth::{SELF_OCCLUDED, TruthFrame, TruthPerson, VISIBLE};
 
 /// Mean distance in the picture, metres, up to which an observation is of a person.
@@ -60,7 +64,9 @@ impl Spread {
 pub struct Noise {
     /// People who could be seen, times frames, and how many of them were.
     pub people: [usize; 2],
-    /// Error of joints in the picture, outliers left out.
+    /// Where evidence joints are told to be against where they are: to the person's left, up, forward, metres.
+    pub bias: [[f64; 3]; EVIDENCE_JOINTS],
+    /// Error of joints in the picture beside the bias, outliers left out.
     pub plane: Spread,
     /// Error of root-relative joints whose pixel was seen.
     pub space: Spread,
@@ -80,6 +86,8 @@ pub struct Noise {
     pub hidden: f64,
     /// Left and right of arms or legs exchanged in the picture, per person whose sides can be told apart.
     pub swap: f64,
+    /// How long that lasts in the mean, seconds; 0 where it never happens.
+    pub swap_time: f64,
     /// Observations of nobody per frame.
     pub phantom: f64,
 }
@@ -91,6 +99,10 @@ struct Moment {
     /// Joints that could be seen, and those that were.
     visible: [bool; EVIDENCE_JOINTS],
     seen: [bool; EVIDENCE_JOINTS],
+    /// What the picture shows of the person's axes.
+    shown: Shown,
+    /// Whether arms and legs are exchanged.
+    swapped: [bool; 2],
     /// Errors in the picture; none for outliers and exchanged limbs.
     plane: [Option<[f64; 2]>; EVIDENCE_JOINTS],
     /// Errors in space.
@@ -103,6 +115,7 @@ pub struct NoiseMeter {
     people: BTreeMap<u32, Vec<Moment>>,
     frames: usize,
     phantoms: usize,
+    bias: BiasMeter,
     outliers: [usize; 2],
     swaps: [usize; 2],
     matcher: Matcher,
@@ -136,6 +149,8 @@ impl NoiseMeter {
                 found: false,
                 visible,
                 seen: [false; EVIDENCE_JOINTS],
+                shown: shown(person),
+                swapped: [false; 2],
                 plane: [None; EVIDENCE_JOINTS],
                 space: [None; BODY_JOINTS],
             };
@@ -161,7 +176,7 @@ impl NoiseMeter {
         let has = |j: usize| seen.joints2d[j][2] > 0.0;
         let length = |e: [f64; 2]| e[0].hypot(e[1]);
         let mut exchanged = [false; EVIDENCE_JOINTS];
-        for pairs in SIDES {
+        for (limb, pairs) in SIDES.into_iter().enumerate() {
             let pairs = pairs.iter().filter(|(r, l)| has(*r) && has(*l));
             let (mut as_is, mut crossed, mut apart, mut n) = (0.0, 0.0, 0.0, 0.0);
             for &(r, l) in pairs.clone() {
@@ -178,6 +193,7 @@ impl NoiseMeter {
             self.swaps[1] += 1;
             if crossed < 0.6 * as_is && as_is - crossed > APART * n {
                 self.swaps[0] += 1;
+                moment.swapped[limb] = true;
                 for &(r, l) in pairs {
                     (exchanged[r], exchanged[l]) = (true, true);
                 }
@@ -194,6 +210,7 @@ impl NoiseMeter {
                 self.outliers[0] += 1;
             } else {
                 moment.plane[j] = Some(error);
+                self.bias.add(j, moment.shown, error);
             }
         }
         let scale = f64::from(CANONICAL_STATURE) / f64::from(person.stature);
@@ -235,7 +252,11 @@ impl NoiseMeter {
         let share = |[part, whole]: [usize; 2]| part as f64 / whole.max(1) as f64;
         let (miss, burst, absent) = absences(self.people.values());
         let (lost, hidden) = missing_joints(self.people.values(), 0.8 * HIDDEN * fps);
-        let plane = |m: &Moment, j: usize| m.plane[j].map(Vec::from);
+        let bias = self.bias.finish();
+        let plane = |m: &Moment, j: usize| {
+            let told = part(m.shown, bias[j]);
+            m.plane[j].map(|[u, v]| vec![u - told.x, v - told.y])
+        };
         let space = |m: &Moment, j: usize| {
             m.space[j]
                 .filter(|_| m.seen[SEEN_THROUGH[j]])
@@ -252,6 +273,7 @@ impl NoiseMeter {
         });
         Some(Noise {
             people,
+            bias: bias.map(|b| b.to_array()),
             plane: spread(&self.people, EVIDENCE_JOINTS, fps, &plane),
             space: spread(&self.people, BODY_JOINTS, fps, &space),
             space_mean,
@@ -263,9 +285,35 @@ impl NoiseMeter {
             hidden,
             // Arms and legs are judged one by one.
             swap: SIDES.len() as f64 * share(self.swaps),
+            swap_time: lasting(self.people.values()) / fps,
             phantom: self.phantoms as f64 / self.frames.max(1) as f64,
         })
     }
+}
+
+/// What a picture shows of a person's left, up and forward.
+fn shown(person: &TruthPerson) -> Shown {
+    let axes = axes(&person.joints3d).unwrap_or(Mat3::ZERO);
+    let row = |k: usize| DVec3::from(axes.row(k).to_array().map(f64::from));
+    [row(0), row(1)]
+}
+
+/// Mean frames in a row in which arms or legs are exchanged; 0 where they never are.
+fn lasting<'a>(people: impl Iterator<Item = &'a Vec<Moment>>) -> f64 {
+    let (mut frames, mut runs) = (0.0, 0.0_f64);
+    for moments in people {
+        for limb in 0..SIDES.len() {
+            let same = |a: &Moment, b: &Moment| {
+                a.swapped[limb] == b.swapped[limb] && b.frame == a.frame + 1
+            };
+            let of = moments.chunk_by(same).filter(|run| run[0].swapped[limb]);
+            for run in of {
+                frames += run.len() as f64;
+                runs += 1.0;
+            }
+        }
+    }
+    frames / runs.max(1.0)
 }
 
 /// Metres at canonical stature and the person's distance per pixel, across and down.

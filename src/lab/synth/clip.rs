@@ -20,6 +20,13 @@ pub struct Clip {
     pub fps: f32,
 }
 
+impl Clip {
+    /// Time of frame number `index` since the first, nanoseconds.
+    pub fn time_ns(&self, index: u64) -> u64 {
+        (index as f64 * 1e9 / f64::from(self.fps)).round() as u64
+    }
+}
+
 /// Height of the seat of the bench, metres.
 const BENCH: f32 = 0.44;
 /// Height of the counter, metres.

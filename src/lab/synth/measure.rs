@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::camera::Camera;
 use super::pose::Posed;
 use super::raster::{NOBODY, TRIANGLE_BITS};
-use super::render::{Picture, SUPERSAMPLE};
 use super::scene::{Person, Scene, Stance};
+use super::survey::{SUPERSAMPLE, Survey};
 use super::truth::{
     ABSENT, OCCLUDED, SELF_OCCLUDED, TruthCamera, TruthFrame, TruthPerson, VISIBLE,
 };
@@ -23,11 +23,11 @@ fn round(v: f32, digits: f32) -> f32 {
     (v * digits).round() / digits
 }
 
-/// Truth about one rendered frame.
+/// Truth about one frame of which is known who is where.
 pub fn measure(
     scene: &Scene,
     stances: &[Stance],
-    picture: &Picture,
+    survey: &Survey,
     frame: u64,
     time_ns: u64,
 ) -> TruthFrame {
@@ -35,15 +35,15 @@ pub fn measure(
     let people = stances
         .iter()
         .enumerate()
-        .filter(|(k, _)| picture.boxes[*k].is_none_or(|b| touches(b, camera.width, camera.height)))
+        .filter(|(k, _)| survey.boxes[*k].is_none_or(|b| touches(b, camera.width, camera.height)))
         .map(|(k, stance)| {
             let person = &scene.people[stance.person];
             let tolerance = OWN_DEPTH * person.shape.stature / 1.70;
             TruthPerson {
-                bounds: picture.boxes[k].map(|b| b.map(|v| round(v, 10.0))),
-                pixels: picture.shown[k] as f32 / (SUPERSAMPLE * SUPERSAMPLE) as f32,
-                ..placed(camera, person, &picture.posed[k], |z, at| {
-                    visibility(picture, k as u32, z, at, tolerance)
+                bounds: survey.boxes[k].map(|b| b.map(|v| round(v, 10.0))),
+                pixels: survey.shown[k] as f32 / (SUPERSAMPLE * SUPERSAMPLE) as f32,
+                ..placed(camera, person, &survey.posed[k], |z, at| {
+                    visibility(survey, k as u32, z, at, tolerance)
                 })
             }
         })
@@ -51,10 +51,16 @@ pub fn measure(
     moment(camera, people, frame, time_ns)
 }
 
-/// Truth about one frame that nobody rendered: joints inside the picture count as visible, boxes and areas are unknown (absent, 0).
+/// Truth about one frame that nobody rendered, as `camera` sees the scene: joints inside the picture count as visible, boxes
+/// and areas are unknown (absent, 0).
 /// People of whom no joint is inside are left out.
-pub fn outline(scene: &Scene, stances: &[Stance], frame: u64, time_ns: u64) -> TruthFrame {
-    let camera = &scene.camera;
+pub fn outline(
+    scene: &Scene,
+    camera: &Camera,
+    stances: &[Stance],
+    frame: u64,
+    time_ns: u64,
+) -> TruthFrame {
     let inside = |z: f32, at: [f32; 2]| {
         let pixel = at.map(|v| (v + 0.5).floor());
         let within = pixel[0] >= 0.0
@@ -125,8 +131,8 @@ fn touches(b: [f32; 4], width: u32, height: u32) -> bool {
     b[0] < width as f32 - 0.5 && b[1] < height as f32 - 0.5 && b[2] > -0.5 && b[3] > -0.5
 }
 
-fn visibility(picture: &Picture, person: u32, z: f32, at: [f32; 2], tolerance: f32) -> u8 {
-    let s = &picture.samples;
+fn visibility(survey: &Survey, person: u32, z: f32, at: [f32; 2], tolerance: f32) -> u8 {
+    let s = &survey.samples;
     let scale = SUPERSAMPLE as f32;
     let (x, y) = (
         ((at[0] + 0.5) * scale).floor(),

@@ -2,12 +2,14 @@
 //!
 //! Nothing here comes from outside data: bodies are smooth solids ([`flesh`]) turned into skin ([`mesh`]), moved by a
 //! skeleton ([`pose`], [`gait`], [`poses`]), dressed ([`outfit`]), put into procedural rooms and streets ([`place`]), lit
-//! ([`render`]) and photographed ([`sensor`]); [`measure`] writes down what is true ([`truth`]).
+//! ([`render`]) and photographed ([`sensor`]); [`measure`] writes down what is true ([`truth`]). [`studio`] sets several
+//! cameras round one scene; [`detector`] makes of truth what a network would tell.
 
 pub mod acts;
 pub mod camera;
 pub mod clip;
 pub mod demo;
+pub mod detector;
 pub mod director;
 pub mod flesh;
 pub mod gait;
@@ -25,6 +27,9 @@ pub mod sensor;
 pub mod shape;
 pub mod shoot;
 pub mod stills;
+pub mod studio;
+pub mod survey;
 pub mod truth;
+pub mod world;
 
 pub use truth::{Truth, TruthCamera, TruthError, TruthFrame, TruthPerson};

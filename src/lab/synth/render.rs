@@ -5,17 +5,15 @@ use glam::{Mat3, Vec2, Vec3};
 use super::mesh::spot;
 use super::noise::{smoothstep, value};
 use super::outfit::Matter;
-use super::pose::Posed;
 use super::raster::{Buffer, NOBODY, TRIANGLE_BITS};
 use super::scene::{Scene, Stance};
-
-/// Samples along each side of a pixel.
-pub const SUPERSAMPLE: usize = 2;
+pub use super::survey::SUPERSAMPLE;
+use super::survey::{Skins, Survey, survey};
 
 /// The place as every sample sees it, without people: computed once for a camera that does not move.
 #[derive(Debug, Clone)]
 pub struct Backdrop {
-    z: Vec<f32>,
+    pub(super) z: Vec<f32>,
     albedo: Vec<Vec3>,
     normal: Vec<Vec3>,
     /// Share of the key light that furniture lets through; negative: the surface glows by itself.
@@ -27,16 +25,8 @@ pub struct Backdrop {
 pub struct Picture {
     /// Linear light of every pixel, row by row.
     pub light: Vec<Vec3>,
-    /// Depth and identity of every sample ([`SUPERSAMPLE`] times as many across and down); places where furniture is in
-    /// front hold its depth and nobody.
-    pub samples: Buffer,
-    /// Bones and joints of everyone, in the order of the stances.
-    pub posed: Vec<Posed>,
-    /// Box of every person's whole surface in pixels, hidden or not, inside the picture or not: u0, v0, u1, v1. `None`
-    /// when some of it lies behind the camera.
-    pub boxes: Vec<Option<[f32; 4]>>,
-    /// Samples that show each person.
-    pub shown: Vec<u32>,
+    /// Who is where.
+    pub survey: Survey,
 }
 
 /// Sample position in pixels.
@@ -163,59 +153,14 @@ impl ShadowMap {
 pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture {
     let camera = &scene.camera;
     let (w, h) = (camera.width as usize, camera.height as usize);
-    let (sw, sh) = (w * SUPERSAMPLE, h * SUPERSAMPLE);
-    let ss = SUPERSAMPLE as f32;
-    let posed: Vec<Posed> = stances
-        .iter()
-        .map(|s| scene.people[s.person].posed(s))
-        .collect();
-    let surfaces: Vec<(Vec<Vec3>, Vec<Vec3>)> = stances
-        .iter()
-        .zip(&posed)
-        .map(|(s, p)| {
-            let person = &scene.people[s.person];
-            person.mesh().pose(p, &person.pivots)
-        })
-        .collect();
-    let triangles: Vec<&[[u32; 3]]> = stances
-        .iter()
-        .map(|s| scene.people[s.person].mesh().triangles.as_slice())
-        .collect();
-
-    let mut samples = Buffer::new(sw, sh);
-    samples.z.copy_from_slice(&backdrop.z);
-    let mut boxes = Vec::new();
-    let mut seen: Vec<Vec<Vec3>> = Vec::new();
-    for (k, (points, _)) in surfaces.iter().enumerate() {
-        let in_camera: Vec<Vec3> = points.iter().map(|p| camera.to_camera(*p)).collect();
-        let on_screen: Vec<(Vec2, f32)> = in_camera
-            .iter()
-            .map(|p| {
-                (
-                    (camera.project(*p) + Vec2::splat(0.5)) * ss - Vec2::splat(0.5),
-                    p.z,
-                )
-            })
-            .collect();
-        let ahead = in_camera.iter().all(|p| p.z > super::raster::NEAR);
-        boxes.push(ahead.then(|| {
-            let (mut lo, mut hi) = (Vec2::splat(f32::MAX), Vec2::splat(f32::MIN));
-            for (q, _) in &on_screen {
-                let q = (*q + Vec2::splat(0.5)) / ss - Vec2::splat(0.5);
-                lo = lo.min(q);
-                hi = hi.max(q);
-            }
-            [lo.x, lo.y, hi.x, hi.y]
-        }));
-        samples.draw(k as u32, &on_screen, triangles[k]);
-        seen.push(in_camera);
-    }
-    let mut shown = vec![0u32; stances.len()];
-    for who in &samples.who {
-        if *who != NOBODY {
-            shown[(*who >> TRIANGLE_BITS) as usize] += 1;
-        }
-    }
+    let sw = w * SUPERSAMPLE;
+    let (survey, skins) = survey(scene, &backdrop.z, stances);
+    let Skins {
+        surfaces,
+        in_camera: seen,
+        triangles,
+    } = skins;
+    let (samples, posed) = (&survey.samples, &survey.posed);
 
     let shadows = ShadowMap::new(scene.light.to_key, &surfaces, &triangles);
     let feet: Vec<Vec3> = posed
@@ -262,13 +207,7 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
             light.push(sum * share);
         }
     }
-    Picture {
-        light,
-        samples,
-        posed,
-        boxes,
-        shown,
-    }
+    Picture { light, survey }
 }
 
 #[allow(clippy::too_many_arguments)] // one sample's whole context; a struct would only rename it

@@ -1,5 +1,7 @@
 //! From a seed to a picture and its truth, frame by frame; every frame can be made alone, in any order, on any thread.
 
+use std::sync::OnceLock;
+
 use super::clip::{Clip, clip};
 use super::measure::{measure, outline};
 use super::noise::Dice;
@@ -7,6 +9,7 @@ use super::render::{Backdrop, Picture, render};
 use super::scene::{Scene, Stance};
 use super::sensor::{develop, mean_level};
 use super::stills::still;
+use super::survey::{Survey, survey};
 use super::truth::TruthFrame;
 use crate::capture::Frame;
 
@@ -32,7 +35,7 @@ fn shoot(
     time_ns: u64,
 ) -> Shot {
     let picture = render(scene, backdrop, stances);
-    let truth = measure(scene, stances, &picture, index, time_ns);
+    let truth = measure(scene, stances, &picture.survey, index, time_ns);
     let level = level.unwrap_or_else(|| mean_level(&picture.light));
     let size = (scene.camera.width, scene.camera.height);
     let mut frame = develop(
@@ -61,7 +64,7 @@ pub fn shoot_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> Sh
 /// What is known about picture number `index` of a set of stills without rendering it.
 pub fn outline_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> TruthFrame {
     let (scene, stances) = still(seed, index, size, people);
-    outline(&scene, &stances, index, 0)
+    outline(&scene, &scene.camera, &stances, index, 0)
 }
 
 /// A clip ready to be rendered.
@@ -69,21 +72,23 @@ pub fn outline_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> 
 pub struct Reel {
     clip: Clip,
     backdrop: Backdrop,
-    level: f32,
+    /// Found when the first picture is asked for: it takes one.
+    level: OnceLock<f32>,
 }
 
 impl Reel {
     /// Prepares a clip.
     pub fn new(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -> Self {
-        let clip = clip(seed, size, people, frames, fps);
+        Self::of(clip(seed, size, people, frames, fps))
+    }
+
+    /// Prepares a clip that is directed already.
+    pub fn of(clip: Clip) -> Self {
         let backdrop = Backdrop::new(&clip.scene);
-        let first = clip.stances.first().map_or(&[][..], Vec::as_slice);
-        // The exposure stays as it was in the first frame.
-        let level = mean_level(&render(&clip.scene, &backdrop, first).light);
         Self {
             clip,
             backdrop,
-            level,
+            level: OnceLock::new(),
         }
     }
 
@@ -99,15 +104,27 @@ impl Reel {
 
     /// Frame number `index`, below [`len`](Self::len).
     pub fn shot(&self, index: u64) -> Shot {
-        let time_ns = (index as f64 * 1e9 / f64::from(self.clip.fps)).round() as u64;
-        let stances = &self.clip.stances[index as usize];
+        // The exposure stays as it was in the first frame.
+        let level = *self.level.get_or_init(|| {
+            let first = self.clip.stances.first().map_or(&[][..], Vec::as_slice);
+            mean_level(&render(&self.clip.scene, &self.backdrop, first).light)
+        });
         shoot(
             &self.clip.scene,
             &self.backdrop,
-            stances,
-            Some(self.level),
+            &self.clip.stances[index as usize],
+            Some(level),
             index,
-            time_ns,
+            self.clip.time_ns(index),
         )
+    }
+
+    /// Who is where in frame number `index`, and all that is true about it, without light.
+    pub fn survey(&self, index: u64) -> (Survey, TruthFrame) {
+        let stances = &self.clip.stances[index as usize];
+        let (survey, _) = survey(&self.clip.scene, &self.backdrop.z, stances);
+        let time = self.clip.time_ns(index);
+        let truth = measure(&self.clip.scene, stances, &survey, index, time);
+        (survey, truth)
     }
 }

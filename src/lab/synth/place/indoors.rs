@@ -104,6 +104,7 @@ impl Place {
             room: Some(Room {
                 sides: [left, right],
                 back,
+                front: None,
                 height,
                 walls: [wall, side, ceiling],
                 skirting: if dice.chance(0.5) {

@@ -92,6 +92,14 @@ impl Place {
                     &room.walls[0],
                 );
             }
+            if let Some(front) = room.front.filter(|_| dir.z > 0.0) {
+                plane(
+                    (front - from.z) / dir.z,
+                    Vec3::NEG_Z,
+                    &|p| Vec2::new(p.x, p.y),
+                    &room.walls[0],
+                );
+            }
             if dir.x < 0.0 {
                 plane(
                     (room.sides[0] - from.x) / dir.x,

@@ -20,7 +20,7 @@ use super::noise::Dice;
 pub struct Place {
     /// The floor y = 0.
     pub floor: Finish,
-    /// Indoors: x of the left and right wall, z of the back wall, height of the ceiling.
+    /// Indoors: x of the left and right wall, z of the back wall and perhaps the front, height of the ceiling.
     pub room: Option<Room>,
     /// Furniture, trees, houses.
     pub things: Vec<Thing>,
@@ -43,6 +43,8 @@ pub struct Room {
     pub sides: [f32; 2],
     /// Back wall.
     pub back: f32,
+    /// Front wall, where cameras look that way.
+    pub front: Option<f32>,
     /// Ceiling.
     pub height: f32,
     /// Back, side walls, ceiling.

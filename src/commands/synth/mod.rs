@@ -1,5 +1,7 @@
 //! `edgecap synth`: renders synthetic people with exact truth.
 
+mod views;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -59,8 +61,19 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
-    /// Only the truth about stills, no pictures: tens of thousands of people a second. Visible then means inside the picture; boxes and areas are absent.
-    #[arg(long, requires = "stills", conflicts_with_all = ["quality", "format"])]
+    /// So many calibrated cameras round one scene see the same people: in --out a film and its truth by camera, Calib.toml for
+    /// 'multiview', and world.json with everybody's joints in its axes.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), conflicts_with_all = ["stills", "clip", "format"])]
+    pub views: Option<u32>,
+    /// With --views: who every pixel shows, as pictures masks/CAMERA/000000.png of identities, 0 where nobody is.
+    #[arg(long, requires = "views")]
+    pub masks: bool,
+    /// With --views: what a network as bad as the one that comes along would tell of every view, as CAMERA.jsonl for 'multiview'.
+    #[arg(long, requires = "views")]
+    pub observed: bool,
+    /// Only the truth about stills or views, no pictures: tens of thousands of people a second. Visible then means inside the
+    /// picture; boxes and areas are absent unless --masks are made.
+    #[arg(long, conflicts_with_all = ["quality", "format", "clip"])]
     pub truth_only: bool,
     /// JPEG quality; default: that of the imitated camera, 60 for a clip.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=100))]
@@ -75,8 +88,17 @@ pub struct SynthArgs {
 /// # Errors
 /// The output folder holds files already, or something cannot be written.
 pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
+    if args.truth_only && !args.stills && args.views.is_none() {
+        return Err(Failure::usage(
+            "expected --stills or --views beside --truth-only, found neither; a clip's truth comes with the clip",
+        )
+        .into());
+    }
     if let (None, Some(out)) = (&args.clip, &args.out) {
         expect_empty(out)?;
+    }
+    if let (Some(views), Some(out)) = (args.views, &args.out) {
+        return views::write(&args, views as usize, out);
     }
     let size = (args.width, args.height);
     let people = args.people as usize;
