@@ -5,7 +5,7 @@ use edgecap_client::LinkError;
 use crate::camera::CameraError;
 use crate::capture::CaptureError;
 use crate::config::Mistake;
-use crate::engine::{EngineError, ModelError};
+use crate::engine::{EngineError, ModelError, NetworkError};
 use crate::export::ExportError;
 use crate::record::RecordError;
 use crate::sink::SinkError;
@@ -163,6 +163,12 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<ModelError>() {
                 return Some(model_code(e));
             }
+            if let Some(e) = cause.downcast_ref::<NetworkError>() {
+                return Some(match e {
+                    NetworkError::Unknown { .. } => USAGE,
+                    NetworkError::Syntax(_) | NetworkError::Inconsistent { .. } => DATA,
+                });
+            }
             if let Some(e) = cause.downcast_ref::<RecordError>() {
                 return Some(record_code(e));
             }
@@ -184,6 +190,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<std::io::Error>() {
                 return Some(match e.kind() {
                     std::io::ErrorKind::PermissionDenied => NO_PERMISSION,
+                    std::io::ErrorKind::NotFound => NO_INPUT,
                     _ => IO,
                 });
             }

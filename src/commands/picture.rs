@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 
+use super::exit::Failure;
 use crate::capture::{Frame, PhotoDecoder, Resizer};
 
 /// Reads a picture and turns it upright.
@@ -13,7 +14,7 @@ pub(super) fn upright(path: &Path) -> Result<Frame> {
     let mut frame = Frame::default();
     PhotoDecoder::default()
         .decode(&bytes, &mut frame)
-        .map_err(|e| anyhow!("{}: {e}", name()))?;
+        .map_err(|e| Failure::data(format!("{}: {e}", name())))?;
     Ok(frame)
 }
 

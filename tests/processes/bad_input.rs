@@ -221,3 +221,64 @@ fn what_the_user_can_mend_is_no_fault_of_the_program() {
         &["/dev/full", "full"],
     );
 }
+
+#[test]
+fn networks_and_pictures_that_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    assert_fails(
+        &["model", "contract", "--arch", "nonesuch"],
+        64,
+        &["nonesuch", "selecsls"],
+    );
+    let broken = file("broken.toml", "name = \"x\"\nlayers = [");
+    assert_fails(
+        &["model", "contract", "--arch", &broken],
+        78,
+        &["broken.toml:2:"],
+    );
+    let shipped = std::fs::read_to_string("models/selecsls.toml").unwrap();
+    let pool = "kernel = 3, stride = 2 },\n  { kind = \"maxpool\", name = \"trap\", \
+                kernel = 4611686018427387905, stride = 1 },";
+    let trap = file(
+        "trap.toml",
+        &shipped.replacen("kernel = 3, stride = 2 },", pool, 1),
+    );
+    assert_fails(
+        &["model", "contract", "--arch", &trap],
+        65,
+        &["trap.toml", "4611686018427387905"],
+    );
+    let picture = file("broken.jpg", "no picture");
+    let maps = folder.path().join("maps.npz");
+    let maps = maps.to_str().unwrap();
+    assert_fails(
+        &[
+            "model",
+            "run",
+            "models/edgecap.ecm",
+            "--image",
+            &picture,
+            "--npz",
+            maps,
+        ],
+        65,
+        &["broken.jpg"],
+    );
+    let stage1 = "models/weights/stage1.safetensors";
+    let model = folder.path().join("x.ecm");
+    let import = ["model", "import", stage1, "-o", model.to_str().unwrap()];
+    let calibrate = |pictures: &str, code| {
+        let arguments = [&import[..], &["--calibrate", pictures]].concat();
+        assert_fails(&arguments, code, &[pictures]);
+    };
+    calibrate("/nowhere", 66);
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    calibrate(empty.to_str().unwrap(), 65);
+    assert!(!model.exists());
+}

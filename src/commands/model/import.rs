@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Args;
 
 use super::{network, read};
@@ -198,12 +198,12 @@ fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
             files.push(path);
         }
     }
-    if files.is_empty() || most == 0 {
-        bail!(
-            "{}: expected JPEG or PNG pictures to calibrate on, found {}; name another folder",
-            folder.display(),
-            files.len()
-        );
+    if files.is_empty() {
+        let folder = folder.display();
+        return Err(Failure::data(format!(
+            "{folder}: expected JPEG or PNG pictures to calibrate on, found none; name another folder"
+        ))
+        .into());
     }
     files.sort();
     let n = most.min(files.len());

@@ -8,9 +8,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::exit::Failure;
 use super::{picture, say};
+use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
-use crate::engine::{Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, Precision};
+use crate::engine::{
+    Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, NetworkError, Precision,
+};
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
 use crate::output;
@@ -101,10 +105,15 @@ fn open(path: Option<&Path>) -> Result<Model> {
 }
 
 fn network(arch: &str) -> Result<Network> {
-    if arch.ends_with(".toml") {
-        return Ok(Network::parse(&String::from_utf8(read(Path::new(arch))?)?)?);
+    if !arch.ends_with(".toml") {
+        return Ok(Network::shipped(arch)?);
     }
-    Ok(Network::shipped(arch)?)
+    let text = String::from_utf8(read(Path::new(arch))?)
+        .map_err(|e| Failure::data(format!("{arch}: expected text, found {e}")))?;
+    match Network::parse(&text) {
+        Err(NetworkError::Syntax(e)) => Err(Mistake::refused(arch, &text, &e).into()),
+        parsed => parsed.with_context(|| arch.to_owned()),
+    }
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
