@@ -2,7 +2,7 @@
 
 PHOTOS holds a folder of JPEG files a source, LABELS a `SOURCE.jsonl.gz` each and `sources.json`. FOLDER gets `pictures.bin`
 (the files as they are, mapped by training) and `people.npz`. Only photos whose `split` is train are taken; with `--open` only those whose
-terms allow commercial use.
+terms allow commercial use, with joints by rules that no academic labels made, and `attribution.txt` names every photo.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import gzip
 import json
 import math
 import pathlib
+import re
 import sys
 from dataclasses import dataclass
 
@@ -20,7 +21,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from coco17 import ABSENT, LABELLED, UNKNOWN, to14
+import terms
+from coco17 import ABSENT, LABELLED, LSP, OPEN, UNKNOWN, to14
 from real import decode
 from skeleton import FLIP14, NJ
 
@@ -42,6 +44,13 @@ STANDING = np.array(
     [[0.5, 0.1], [0.54, 0.08], [0.46, 0.08], [0.58, 0.09], [0.42, 0.09], [0.7, 0.21], [0.3, 0.21], [0.78, 0.36], [0.22, 0.36]]
     + [[0.8, 0.5], [0.2, 0.5], [0.62, 0.52], [0.38, 0.52], [0.62, 0.74], [0.38, 0.74], [0.62, 0.95], [0.38, 0.95]]
 )
+OPEN_IMAGES = "those of Open Images alone, listed as CC BY 2.0"
+TEACHERS = {
+    "labels by YOLOX-nano, PP-TinyPose, MoveNet Thunder": "Apache-2.0",
+    "boxes of human_dataset_v2": "CC BY 4.0 as their uploader states",
+    "neck and head top by coco17.OPEN": "this project's, of the CC0 body",
+}
+FILLED = 0.85  # of a tile's length, by a photo that is shrunk for small people: beyond it there is nothing to learn from
 SMALLEST = 32  # px of stature: smaller people are neither demanded nor forbidden
 
 
@@ -72,9 +81,22 @@ def wanted(row: dict, source: dict, only_open: bool) -> bool:
     return source["open"] is True or (source["open"] == "origin openimages" and row.get("origin") == "openimages")
 
 
-def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_open: bool) -> None:
+def attribution(source: str, row: dict) -> str:
+    """A photo's line: where it is from. Open Images' photos are named by the id under which Open Images names author, title and licence."""
+    if row.get("origin") != "openimages":
+        return f"{source} {row['src']}"
+    found = re.search(r"(?<![0-9a-f])[0-9a-f]{16}(?![0-9a-f])", row["src"])
+    if not found:
+        raise SystemExit(f"expected an Open Images id of 16 hexadecimal digits in {row['src']}, found none: its origin is not known")
+    return f"openimages {found[0]}"
+
+
+def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_open: bool, without: frozenset[str] = frozenset()) -> None:
+    """`without`: lines of attribution.txt, or their Open Images ids, of photos to leave out."""
     sources = json.loads((labels.parent / "sources.json").read_text())
     out.mkdir(parents=True, exist_ok=True)
+    rules = OPEN if only_open else LSP
+    names: list[tuple[str, dict]] = []
     offset, size, start, weight, stretched, origin = [0], [], [0], [], [], []
     joints, state, box = [], [], []
     with open(out / "pictures.bin", "wb") as f:
@@ -84,10 +106,12 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
                 row = json.loads(line)
                 if not wanted(row, source, only_open):
                     continue
+                if without and not without.isdisjoint({line := attribution(name, row), line.partition(" ")[2]}):
+                    continue
                 w, h = row["size"]
                 known = [states(p, w, h) for p in row["people"]]
                 xy = np.array([k[0] for k in known], np.float32).reshape(-1, 17, 2)
-                j, s = to14(xy, np.array([k[1] for k in known], np.uint8).reshape(-1, 17))
+                j, s = to14(xy, np.array([k[1] for k in known], np.uint8).reshape(-1, 17), rules)
                 sure = (s == LABELLED).sum(1) >= LEAST
                 if len(s) and not sure.any():
                     continue
@@ -104,6 +128,7 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
                 weight.append(SHARE[name] * (BY_HAND if by_hand else 1) * (0.5 + 0.5 * float(sure.mean()) if len(s) else 1))
                 stretched.append(name in STRETCHED)
                 origin.append(at)
+                names.append((name, row))
                 n += 1
             print(f"{name}: {n} photos")
     np.savez(
@@ -119,6 +144,15 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
         state=np.concatenate(state),
         box=np.concatenate(box).astype(np.float32),
     )
+    if only_open:
+        if any("true" in p for _, row in names for p in row["people"]):
+            raise SystemExit("expected teachers' labels alone, found COCO's own: a photo of COCO's is among those called open")
+        used = sorted({name for name, _ in names})
+        stated = {n: OPEN_IMAGES if sources[n]["open"] == "origin openimages" else sources[n]["terms"] for n in used}
+        terms.mark(out, {f"photos of {n}, {sources[n]['repo']}": stated[n] for n in used} | TEACHERS)
+        (out / "attribution.txt").write_text("".join(f"{attribution(*n)}\n" for n in names))
+    else:
+        terms.unmark(out)
     sure = (np.concatenate(state) == LABELLED).any(1)
     print(f"{len(size)} photos, {sure.sum()} people labelled, {(~sure).sum()} neither demanded nor forbidden")
 
@@ -150,7 +184,9 @@ class Batch:
 class Everyday:
     """Draws tiles and whole frames of the photos that `pack` packed."""
 
-    def __init__(self, folder: pathlib.Path, seed: int):
+    def __init__(self, folder: pathlib.Path, seed: int, away: float = 0.0):
+        """`away`: share of tiles that look past everybody, where a photo has such a place."""
+        self.away = away
         z = np.load(folder / "people.npz")
         self.offset, self.size, self.start, self.stretched = z["offset"], z["size"], z["start"], z["stretched"]
         self.joints, self.state, self.box = (torch.from_numpy(z[k]) for k in ("joints", "state", "box"))
@@ -169,11 +205,19 @@ class Everyday:
         return torch.from_numpy(decode(self.pictures[self.offset[i] : self.offset[i + 1]].tobytes())).permute(2, 0, 1)
 
     @torch.no_grad()
-    def batch(self, n: int, H: int, W: int, zoom: tuple[float, float], close: tuple[float, float] | None = None) -> Batch:
-        """`zoom`: of the photo as the network's frame shows it; `close`: somebody has a stature of so many pixels instead, as far as the
-        photo's sharpness allows, and is placed by head and neck three times of four."""
+    def batch(
+        self,
+        n: int,
+        H: int,
+        W: int,
+        zoom: tuple[float, float],
+        tall: tuple[float, float] | None = None,
+        close: bool = False,
+    ) -> Batch:
+        """`zoom`: of the photo as the network's frame shows it; `tall`: somebody has a stature of so many pixels instead, as far as the
+        photo's sharpness allows; `close`: and is placed by head and neck three times of four."""
         ids = torch.multinomial(self.weight, n, True, generator=self.g).tolist()
-        tiles = [self._tile(i, H, W, zoom, close) for i in ids]
+        tiles = [self._tile(i, H, W, zoom, tall, close) for i in ids]
         room = max(1, *(len(t[1]) for t in tiles))
 
         def padded(k: int) -> Tensor:
@@ -181,16 +225,25 @@ class Everyday:
 
         return Batch(torch.stack([t[0] for t in tiles]), *(padded(k) for k in range(1, 6)), torch.stack([t[6] for t in tiles]))
 
-    def _tile(self, i: int, H: int, W: int, zoom: tuple[float, float], close: tuple[float, float] | None) -> tuple[Tensor, ...]:
+    def _nobody(self, box: Tensor, extent: Tensor, window: Tensor) -> Tensor:
+        """The middle of a window [2] of a photo of `extent` [2] with the least of anybody's `box` [P, 4] in it, of some drawn at random."""
+        reach = (extent - window).clamp_min(0)
+        low = (extent - 1 - reach) / 2 + torch.rand(8, 2, generator=self.g) * reach - window / 2
+        both = torch.minimum(low[:, None] + window, box[None, :, 2:]) - torch.maximum(low[:, None], box[None, :, :2])
+        hidden = both.clamp_min(0).prod(2).sum(1)
+        return low[int(hidden.argmin())] + window / 2
+
+    def _tile(
+        self, i: int, H: int, W: int, zoom: tuple[float, float], tall: tuple[float, float] | None, close: bool
+    ) -> tuple[Tensor, ...]:
         image = self.picture(i)[None].float() / 255
         h, w = image.shape[2:]
         own = slice(self.start[i], self.start[i + 1])
         joints, state, box = self.joints[own].clone(), self.state[own], self.box[own]
         aspect = self._log_uniform(*ASPECT) if self.stretched[i] else self._log_uniform(0.93, 1.07)
         ax, ay = aspect**0.5, aspect**-0.5
-        wide, tall = w * ax, h * ay
-        frame = FRAME if wide >= tall else FRAME[::-1]
-        scale = min(frame[0] / wide, frame[1] / tall)
+        frame = FRAME if w * ax >= h * ay else FRAME[::-1]
+        scale = min(frame[0] / (w * ax), frame[1] / (h * ay))
         z = scale * self._log_uniform(*zoom)
         sure = (state == LABELLED).any(1)
         half = torch.tensor([(W - 1) / 2, (H - 1) / 2])
@@ -200,16 +253,17 @@ class Everyday:
         if sure.any():
             who = int(torch.multinomial(sure.float(), 1, generator=self.g))
             b = box[who] * torch.tensor([ax, ay, ax, ay])
-            if close is not None:
+            if tall is not None:
                 long = (b[2:] - b[:2]).max()
                 px = stature(joints[who : who + 1] * stretch, state[who : who + 1] == LABELLED, long[None])[0]
-                z = min(max(self._log_uniform(*close) / float(px.clamp_min(1)), 0.4 * scale), 2.5 * scale)
+                least = 0.4 * scale if close else FILLED * min(W / (w * ax), H / (h * ay))
+                z = min(max(self._log_uniform(*tall) / float(px.clamp_min(1)), least), 2.5 * scale)
             centre = (box[who, :2] + box[who, 2:]) / 2
-            if close is not None and (state[who, :2] == LABELLED).all() and self._uniform(0, 1) < 0.75:
+            if close and (state[who, :2] == LABELLED).all() and self._uniform(0, 1) < 0.75:
                 centre = joints[who, :2].mean(0)
             centre = centre + (torch.rand(2, generator=self.g) - 0.5) * torch.tensor([W, H]) * 0.7 / (z * stretch)
-        elif len(state) == 0:
-            centre = middle + (torch.rand(2, generator=self.g) - 0.5) * torch.tensor([w, h])
+        if len(state) == 0 or (self.away and self._uniform(0, 1) < self.away):
+            centre = self._nobody(box, torch.tensor([w, h]), torch.tensor([W, H]) / (z * stretch))
         # no more beyond the picture than the tile cannot help to show
         reach = (torch.tensor([w, h]) - torch.tensor([W, H]) / (z * stretch)).clamp_min(0) / 2
         centre = torch.minimum(torch.maximum(centre, middle - reach), middle + reach)
@@ -228,7 +282,9 @@ class Everyday:
         q = source(1, 0.0)
         extent = torch.tensor([w, h])
         grid = (q * 2 + 1) / extent - 1
-        shrunk = F.avg_pool2d(image, 2, ceil_mode=True, count_include_pad=False) if z * min(ax, ay) < 0.55 else image
+        shrunk, left = image, z * min(ax, ay)
+        while left < 0.55:
+            shrunk, left = F.avg_pool2d(shrunk, 2, ceil_mode=True, count_include_pad=False), 2 * left
         tile = F.grid_sample(shrunk, grid[None], align_corners=False, padding_mode="border")[0]
         inside = ((q > -0.5) & (q < extent - 0.5)).all(-1)
         grey = GREYS[int(torch.randint(len(GREYS), (), generator=self.g))]
@@ -256,8 +312,10 @@ def main(argv: list[str]) -> None:
     ap.add_argument("labels", type=pathlib.Path)
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--open", action="store_true", help="only photos whose terms allow commercial use")
+    ap.add_argument("--without", type=pathlib.Path, help="file of photos to leave out, by their Open Images ids (attribution.py), one a line")
     a = ap.parse_args(argv)
-    pack(a.photos, a.labels, a.folder, a.open)
+    without = frozenset(a.without.read_text().splitlines()) if a.without else frozenset()
+    pack(a.photos, a.labels, a.folder, a.open, without)
 
 
 if __name__ == "__main__":

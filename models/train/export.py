@@ -19,6 +19,7 @@ from torch import Tensor, nn
 
 import evaluate
 import quant
+import terms
 import weights
 from letterbox import letterbox
 from model import MODULES, SelecSLSNet, Stage2, channel_mask
@@ -30,6 +31,12 @@ TRAINED_ON = (
     "posed by CMU and DeepMimic motion; photos of everyday life in which teachers labelled everybody (model card); where the pack holds a teacher's answers, depth, missing and mended joints of real photos by BlazePose"
 )
 
+OPEN_STAGE1 = (
+    terms.OPEN + "photos of Open Images (CC BY 2.0, named in attribution.txt) and free-exercise-db (public domain) labelled by YOLOX, PP-TinyPose and "
+    "MoveNet (Apache-2.0), scenes of `edgecap synth`; from random weights (train.py --open)"
+)
+OPEN_STAGE2 = terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`; from random weights (stage2.py --open)"
+
 
 def slim(sd: dict[str, Tensor], f32: bool) -> dict[str, Tensor]:
     return {
@@ -39,7 +46,7 @@ def slim(sd: dict[str, Tensor], f32: bool) -> dict[str, Tensor]:
     }
 
 
-def contract(step: int, images: int, quantised: bool) -> dict[str, object]:
+def contract(step: int, images: int, quantised: bool, trained_on: str = TRAINED_ON) -> dict[str, object]:
     """What both stages say."""
     frame = "x right, y down, z forward, metres, relative to the pelvis, person rescaled to canonical_stature_m"
     if VIEW_ALIGNED:
@@ -53,7 +60,7 @@ def contract(step: int, images: int, quantised: bool) -> dict[str, object]:
         parents3d=PARENTS21,
         canonical_stature_m=CANONICAL_STATURE_M,
         frame3d=frame,
-        trained_on=TRAINED_ON,
+        trained_on=trained_on,
     )
 
 
@@ -79,7 +86,10 @@ def activation_max(net: SelecSLSNet, pack: pathlib.Path, count: int = 24) -> dic
 
 
 def export_stage1(net: SelecSLSNet, meta: dict, path: pathlib.Path, pack: pathlib.Path | None, f32: bool, encodings: bool) -> None:
-    info = contract(meta["step"], meta["images"], meta["quant"]) | dict(
+    is_open = meta.get("open", False)
+    if is_open and pack is not None:
+        raise SystemExit("expected no --pack for an open model: its ranges would be of LSP's photos; calibrate with `edgecap model import --calibrate`")
+    info = contract(meta["step"], meta["images"], meta["quant"], OPEN_STAGE1 if is_open else TRAINED_ON) | dict(
         input=dict(layout="NCHW", colour="RGB", formula="x/255-0.5", size_multiple=16, reference_size=[512, 320]),
         stride=STRIDE,
         cell_centre="px = 8*c + 3.5 (pixel centres are integers)",
@@ -106,7 +116,7 @@ def export_stage2(s2: Stage2, saved: dict, path: pathlib.Path, f32: bool) -> Non
     sd = {k: v.clone() for k, v in s2.state_dict().items()}
     # Channels without supervision carry noise: their columns are set to zero, so raw 63-vectors may be fed at run time.
     sd["fc1.0.weight"].view(len(sd["fc1.0.weight"]), len(JOINTS14), -1)[..., 3:] *= channel_mask()
-    info = contract(saved["step"], saved.get("people", 0), False) | dict(
+    info = contract(saved["step"], saved.get("people", 0), False, OPEN_STAGE2 if saved.get("open") else TRAINED_ON) | dict(
         input="14 x (u, v, confidence, 63 encodings), joint after joint; all zero where a joint is not seen. "
         "(u, v): pixels relative to the neck, divided by the RMS distance of the seen joints from it",
         output="21 x (x, y, z) metres",

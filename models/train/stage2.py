@@ -23,6 +23,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 import rotations as rot
+import terms
 import weights
 from body import Body, Mocap, canonical
 from measure import errors, naive
@@ -224,6 +225,12 @@ def train(a: argparse.Namespace) -> None:
     dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
     if a.threads:
         torch.set_num_threads(a.threads)
+    if a.open:
+        terms.ingredients(a.pack)
+        for path in ([a.init] if a.init else []) + a.mean_of:
+            terms.require_open_weights(path)
+        if a.mistakes or a.stage1:
+            raise SystemExit("expected neither --mistakes nor --stage1 with --open: both look at photos of LSP or at backgrounds that are not open")
     torch.manual_seed(a.seed)
     mask = channel_mask(dev)
     data = People3D(a.pack, dev, a.seed)
@@ -362,7 +369,7 @@ def train(a: argparse.Namespace) -> None:
     for k, v in report.items():
         print(f"{k:45}" + " ".join(f"{n} {x:6.1f}" for n, x in v.items()), flush=True)
     a.out.mkdir(parents=True, exist_ok=True)
-    torch.save({"net": avg.state_dict(), "step": step, "people": step * a.batch, "report": report, "stage1": bool(a.stage1)}, a.out / "stage2.pt")
+    torch.save({"net": avg.state_dict(), "step": step, "people": step * a.batch, "report": report, "stage1": bool(a.stage1), "open": a.open}, a.out / "stage2.pt")
 
 
 if __name__ == "__main__":
@@ -387,6 +394,7 @@ if __name__ == "__main__":
     ap.add_argument("--mistakes", type=pathlib.Path, help="what mistakes.py collected")
     ap.add_argument("--share", type=float, default=0.6, help="share of people that carry those mistakes")
     ap.add_argument("--init", type=pathlib.Path, help="stage2.pt, or an exported stage2.safetensors, to start from")
+    ap.add_argument("--open", action="store_true", help="only motion and weights that may be used commercially")
     ap.add_argument("--bf16", action="store_true", help="twice as fast where the CPU has AMX; end with a few minutes without")
     ap.add_argument("--threads", type=int, default=0)
     ap.add_argument("--cpu", action="store_true")

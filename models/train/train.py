@@ -2,6 +2,8 @@
 
     python train.py PACK OUT --total 26 --minutes 9 [--resume] [--quant-last 0.12]
 
+With `--open` nothing academic is taken: no LSP, only packs and scenes marked as open, a start from random or from open weights.
+
 `--total` is the length of the whole schedule in minutes, `--minutes` how long this call may take of it (start and saving included).
 Run the same line again with `--resume` until the schedule is used up; give `--finish` to the last call.
 """
@@ -25,7 +27,9 @@ from torch import Tensor, nn
 import backbone
 import checkpoint
 import quant
+import renorm
 import targets
+import terms
 from augment import photometric
 from distil import Teachers
 from everyday import Everyday
@@ -52,6 +56,7 @@ class Mix:
     close: bool = False  # people of `size` before the camera, most of them without legs; at most `zoom` times as large as rendered
     everyday: int = 0  # tiles of photos in which everybody is labelled
     view: tuple[float, float] = (0.6, 1.3)  # of those photos, times what a whole frame shows
+    sized: bool = False  # people of those photos, too, are of `size`
 
 
 @dataclass
@@ -125,12 +130,45 @@ CPU_EVERYDAY_PHASES = [
         ],
     ),
 ]
+# From random weights and open data alone: small tiles first, since a picture costs by its size, then what people before a screen look like.
+NOBODY: list[float] = []
+CPU_OPEN_PHASES = [
+    Phase(
+        0.20,
+        [
+            Mix(128, 128, 0, 4, (50, 130), NOBODY, (0.35, 0.9), everyday=8, sized=True),
+            Mix(128, 128, 0, 4, (70, 200), NOBODY, (0.5, 1.3), everyday=8, sized=True),
+            Mix(192, 192, 0, 2, (70, 220), NOBODY, (0.5, 1.1), everyday=4, sized=True),
+        ],
+    ),
+    Phase(
+        0.70,
+        [
+            Mix(192, 192, 0, 2, (80, 260), NOBODY, (0.6, 1.3), everyday=5, sized=True),
+            Mix(256, 256, 0, 1, (100, 340), NOBODY, (0.7, 1.4), everyday=3, view=(0.6, 1.2)),
+            Mix(192, 192, 0, 2, (200, 600), NOBODY, (0.5, 2.6), close=True, everyday=5),
+            Mix(256, 256, 0, 1, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=3),
+        ],
+    ),
+    Phase(
+        1.1,
+        [
+            Mix(320, 512, 0, 1, (65, 370), NOBODY, (0.95, 1.4), everyday=3, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 1, (120, 340), NOBODY, (0.8, 1.5), everyday=4, view=(0.6, 1.2)),
+            Mix(512, 320, 0, 1, (65, 400), NOBODY, (0.95, 1.4), everyday=3, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 1, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=4),
+        ],
+    ),
+]
+AWAY = 0.12  # share of open photos' tiles without people, which only they can show
 EMA_EVERY = 4  # steps between two updates of the averaged weights
 TINY_PHASES = [
     Phase(0.7, [Mix(96, 96, 4, 4, (50, 95), [0.06, 0.72, 0.22], (0.5, 0.9))]),
     Phase(1.1, [Mix(128, 160, 2, 2, (50, 120), [0.06, 0.60, 0.34], (0.4, 0.7))]),
 ]
 TINY_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=2) for m in q.mixes]) for q in TINY_PHASES]
+TINY_OPEN_PHASES = [Phase(q.until, [replace(m, real=0, people=NOBODY, everyday=2, sized=True) for m in q.mixes]) for q in TINY_PHASES]
+GPU_OPEN_PHASES = [Phase(q.until, [replace(m, real=0, people=NOBODY, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
 GPU_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
 PHASES = {
     "gpu": GPU_PHASES,
@@ -139,12 +177,19 @@ PHASES = {
     "gpu everyday": GPU_EVERYDAY_PHASES,
     "cpu everyday": CPU_EVERYDAY_PHASES,
     "tiny everyday": TINY_EVERYDAY_PHASES,
+    "gpu open": GPU_OPEN_PHASES,
+    "cpu open": CPU_OPEN_PHASES,
+    "tiny open": TINY_OPEN_PHASES,
 }
+WARM_UP = 300  # steps of a rate that is held
 
 
-def lr_at(p: float, top: float) -> float:
-    """One cycle: 3 % warm-up, cosine to 0.2 %."""
-    return top * (p / 0.03 if p < 0.03 else max(0.5 * (1 + math.cos(math.pi * (p - 0.03) / 0.97)), 0.002))
+def lr_at(p: float, top: float, fall: float = 1.0, step: int = 0) -> float:
+    """One cycle: 3 % warm-up, cosine to 0.2 %. With `fall` below 1 the rate is held after some steps of warm-up and falls in the last
+    `fall` of the schedule alone, in a straight line to 0.2 %, so that the end can be set later."""
+    if fall >= 1:
+        return top * (p / 0.03 if p < 0.03 else max(0.5 * (1 + math.cos(math.pi * (p - 0.03) / 0.97)), 0.002))
+    return top * min((step + 1) / WARM_UP, 1.0) * min(max((1 - p) / fall, 0.002), 1.0)
 
 
 class Trainer:
@@ -159,20 +204,26 @@ class Trainer:
             torch.backends.cudnn.benchmark = True
             # Geometry runs through matmul: TF32 there would move labels by centimetres.  Convolutions run in bf16 anyway.
             torch.backends.cuda.matmul.allow_tf32 = False
-        self.phases = PHASES[("tiny" if a.tiny else "gpu" if self.cuda else "cpu") + (" everyday" if a.everyday else "")]
+        self.phases = PHASES[("tiny" if a.tiny else "gpu" if self.cuda else "cpu") + (" open" if a.open else " everyday" if a.everyday else "")]
         self.small = not self.cuda or a.tiny
         self.out: pathlib.Path = a.out
         self.out.mkdir(parents=True, exist_ok=True)
+        if a.open:
+            self._all_open()
         self.net = SelecSLSNet().to(self.dev, memory_format=torch.channels_last)
         if a.init:
             backbone.start(self.net, a.init)
         self.ema = copy.deepcopy(self.net).requires_grad_(False)
         self._freeze()
-        self.meta = dict(step=0, images=0, elapsed=0.0, quant=False, lr_scale=1.0)
+        self.meta = dict(step=0, images=0, elapsed=0.0, quant=False, lr_scale=1.0, scratch=not a.init, open=a.open)
         self.opt = self._optimizer()
         ck = self.out / "ckpt"
         if a.resume:
-            self.meta |= checkpoint.load(ck, self.net, self.ema, None, self.dev)
+            found = checkpoint.load(ck, self.net, self.ema, None, self.dev)
+            if found.get("open", False) != a.open:
+                kind, option = ("open", "with") if not a.open else ("other", "without")
+                raise SystemExit(f"expected a run of the same kind to resume, found one of {kind} data in {ck}: go on {option} --open")
+            self.meta |= {"scratch": False} | found
             if self.meta["quant"]:
                 self._quantise()
                 checkpoint.load(ck, self.net, self.ema, None, self.dev)
@@ -190,6 +241,19 @@ class Trainer:
         self._pairs()
         self.teachers = Teachers(a.distil, self.dev, self.bf16) if a.distil else None
         self.fwd = torch.compile(self.net) if a.compile else self.net
+
+    def _all_open(self) -> None:
+        """Ends the program unless everything that is learnt from may be used commercially."""
+        a = self.a
+        if not a.everyday or not a.scenes:
+            raise SystemExit("expected --everyday and --scenes with --open: nothing else is open")
+        parts: dict[str, str] = {}
+        for folder in (a.everyday, *a.scenes):
+            parts |= terms.ingredients(folder)
+        for path in ([a.init] if a.init else []) + a.distil:
+            terms.require_open_weights(path)
+        if self.group.first:
+            print("open: " + "; ".join(f"{k} ({v})" for k, v in parts.items()), flush=True)
 
     def _on_signal(self, *_: object) -> None:
         self.stop = True
@@ -240,17 +304,20 @@ class Trainer:
 
     def build_data(self) -> None:
         a, t = self.a, time.time()
-        photos = load_photos(a.pack, self.dev, 40 if a.tiny else 0)
+        photos = None if a.open else load_photos(a.pack, self.dev, 40 if a.tiny else 0)
         seed = a.seed + 7919 * self.meta["step"] + 131 * self.group.rank  # a resumed run sees new scenes, every rank its own
-        if a.cache and not self.group.first:
-            self.group.wait()  # rank 0 decodes into the cache
-        self.people = People(a.pack, self.dev, photos, seed + 1, limit=150 if a.tiny else 0, cache=a.cache)
-        if a.cache and self.group.first:
-            self.group.wait()
-        self.everyday = Everyday(a.everyday, seed + 3) if a.everyday else None
+        self.people: People | None = None
+        if photos is not None:
+            if a.cache and not self.group.first:
+                self.group.wait()  # rank 0 decodes into the cache
+            self.people = People(a.pack, self.dev, photos, seed + 1, limit=150 if a.tiny else 0, cache=a.cache)
+            if a.cache and self.group.first:
+                self.group.wait()
+        self.everyday = Everyday(a.everyday, seed + 3, AWAY if a.open else 0.0) if a.everyday else None
         t1 = time.time()
         self.pools: list[Pool] = [Stored(p, seed + 2 + i) for i, p in enumerate(a.scenes)]
         if not self.pools:
+            assert photos is not None
             gen = Generator(a.pack, self.dev, photos, seed, supersample=1 if a.tiny else 2, chunk=4 if self.small else 64)
             self.pools = [Rendered(gen, 64 if a.tiny else a.pool, first=12 if a.tiny else 64 if self.small else 512)]
         if self.cuda:
@@ -259,17 +326,20 @@ class Trainer:
             scenes = [p.filled for p in self.pools]
             print(f"data: photos and people {t1 - t:.1f} s, first {scenes} scenes {time.time() - t1:.1f} s", flush=True)
 
-    def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch]:
+    def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch | None]:
         h, w = ph.H // 8, ph.W // 8
-        r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people, ph.close)
+        images, real, r = [], [], None
+        if self.people is not None:
+            r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people, ph.close)
+            images.append(r.image)
+            real.append(targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted))
         pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom, close=ph.size if ph.close else None)
-        images, tr = [r.image], targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted)
         if self.everyday is not None:
-            e = self.everyday.batch(ph.everyday, ph.H, ph.W, ph.view, ph.size if ph.close else None)
+            e = self.everyday.batch(ph.everyday, ph.H, ph.W, ph.view, ph.size if ph.close or ph.sized else None, ph.close)
             images.append(e.image.to(self.dev))
-            answer = targets.everyday(*(v.to(self.dev) for v in (e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy)))
-            tr = targets.together(tr, answer)
+            real.append(targets.everyday(*(v.to(self.dev) for v in (e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy))))
+        tr = real[0] if len(real) == 1 else targets.together(*real)
         x = photometric(torch.cat([*images, s.image]), pool.g) - 0.5
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
         return x.contiguous(memory_format=torch.channels_last), tr, ts, r
@@ -283,7 +353,7 @@ class Trainer:
         `everyday` are photos in which everybody is labelled."""
         n = len(tr.maps)
         taught = taught and self.teachers is not None
-        first3d = 0 if taught or self.people.lift.any() else n
+        first3d = 0 if taught or (self.people is not None and self.people.lift.any()) else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
@@ -309,7 +379,9 @@ class Trainer:
         return flat + (1 + self.a.lend) * self.a.w3d * targets.loss3d(e, t)
 
     def step(self, ph: Mix, p: float) -> Tensor:
-        lr = lr_at(p, self.a.lr) * self.meta["lr_scale"]
+        lr = lr_at(p, self.a.lr, self.a.fall, self.meta["step"]) * self.meta["lr_scale"]
+        if self.meta["scratch"]:
+            renorm.BatchRenorm2d.limits = renorm.limits_at(self.meta["step"])
         for g in self.opt.param_groups:
             g["lr"] = lr
         x, tr, ts, r = self.batch(ph)
@@ -327,13 +399,8 @@ class Trainer:
         norm = nn.utils.clip_grad_norm_(self.net.parameters(), 4.0 if self.meta["step"] > 50 else 10.0, foreach=True)
         self.opt.step()
         self.opt.zero_grad(set_to_none=True)
-        # photos without people that make the network see some are shown again sooner
-        bad = (y[: ph.real, : targets.NJ].float().amax((2, 3)).mean(1)).clamp(0, 1)
-        if self.cuda:
-            bad = torch.where(r.empty, bad, (self.people.photo_weight[r.photo] - 0.1) / 4)  # no wait for the device
-            self.people.fired(r.photo, bad)
-        else:
-            self.people.fired(r.photo[r.empty], bad[r.empty])
+        if self.people is not None and r is not None:
+            self._remember(self.people, r, y[: ph.real])
         self.meta["step"] += 1
         k = self.meta["step"]
         self.meta["images"] += len(x) * self.group.count
@@ -343,6 +410,15 @@ class Trainer:
             with torch.no_grad():
                 torch._foreach_lerp_(self.ema_t, self.net_t, 1 - min(self.a.ema**EMA_EVERY, (1 + k) / (20 + k)))
         return torch.cat([L.detach(), norm.detach()[None]])
+
+    def _remember(self, people: People, r: RealBatch, y: Tensor) -> None:
+        """Photos without people that make the network see some are shown again sooner."""
+        bad = (y[:, : targets.NJ].float().amax((2, 3)).mean(1)).clamp(0, 1)
+        if self.cuda:
+            bad = torch.where(r.empty, bad, (people.photo_weight[r.photo] - 0.1) / 4)  # no wait for the device
+            people.fired(r.photo, bad)
+        else:
+            people.fired(r.photo[r.empty], bad[r.empty])
 
     def choose_groups(self, ph: Mix) -> None:
         """Time grouped convolutions against their dense equivalents on this device; weights and statistics are put back."""
@@ -441,6 +517,8 @@ class Trainer:
                 self.save(t0, off)
                 saved = time.time()
         self.save(t0, off)
+        if log is not None:
+            log.close()
         if self.group.first:
             hint = "" if p >= 0.999 else ": run again with --resume"
             print(f"stopped at step {self.meta['step']}, {self.meta['images']} images, {100 * p:.1f} % of the schedule{hint}", flush=True)
@@ -448,7 +526,7 @@ class Trainer:
     def _log(self, log: TextIO, v: list[float], p: float, ph: Mix, ips: float) -> None:
         names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "taught", "grad"]
         row = dict(p=round(p, 4), t=round(time.time()), step=self.meta["step"], images=self.meta["images"], ips=round(ips, 1))
-        row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr)) | {k: round(x, 6) for k, x in zip(names, v)}
+        row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr, self.a.fall, self.meta["step"])) | {k: round(x, 6) for k, x in zip(names, v)}
         if self.cuda:
             row["gib"] = round(torch.cuda.max_memory_allocated() / 2**30, 1)
         log.write(json.dumps(row) + "\n")
@@ -471,6 +549,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--steps", type=int, default=0, help="length of the whole schedule in steps, instead of --total")
     ap.add_argument("--resume", action="store_true")
     ap.add_argument("--lr", type=float, default=2e-3)
+    ap.add_argument("--fall", type=float, default=1.0, help="below 1: the rate is held and falls in this last share of the schedule alone")
+    ap.add_argument("--open", action="store_true", help="only data and weights that may be used commercially; needs --everyday and --scenes")
     ap.add_argument("--init", type=pathlib.Path, help="weights to start from: safetensors, or a public SelecSLS-60 backbone (backbone.py)")
     ap.add_argument("--sizes-from", type=float, default=0.0, help="share of the schedule of tile sizes to leave out: a trained network needs no small tiles")
     ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+import terms
 from body import canonical
 from letterbox import letterbox
 from pool import FIELDS
@@ -70,6 +71,7 @@ def main(argv: list[str]) -> None:
     for v in out.values():
         v.flush()
     (a.folder / "filled").write_text(str(n))
+    terms.mark(a.folder, terms.RENDERED)
     print(f"{n} scenes, {(out['size_px'] > 0).sum()} people, at most {room} in one")
 
 

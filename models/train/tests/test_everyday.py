@@ -115,7 +115,8 @@ class Tiles(unittest.TestCase):
     def folder(self, where: pathlib.Path, rows: list[dict], only_open: bool = False) -> pathlib.Path:
         """A pack of photos with a white rectangle where each person's trunk is, on black."""
         (where / "labels").mkdir()
-        (where / "sources.json").write_text(json.dumps(dict(stanford40=dict(open=False), free_exercise=dict(open=True))))
+        sources = dict(stanford40=dict(open=False), free_exercise=dict(open=True, repo="somebody/exercises", terms="public domain"))
+        (where / "sources.json").write_text(json.dumps(sources))
         for name in ("stanford40", "free_exercise"):
             (where / name).mkdir()
             mine = [r for r in rows if r["source"] == name]
@@ -132,7 +133,7 @@ class Tiles(unittest.TestCase):
         return where / "out"
 
     def row(self, file: str, people: list[dict], source: str = "stanford40", split: str = "train") -> dict:
-        return dict(source=source, file=file, size=[SIDE, SIDE], split=split, more=0, people=people)
+        return dict(source=source, file=file, src=file, size=[SIDE, SIDE], split=split, more=0, people=people)
 
     def test_only_photos_of_the_split_with_somebody_sure_or_nobody_are_packed(self) -> None:
         rows = [

@@ -26,6 +26,7 @@ import person_score
 import photos
 import quant
 import targets
+import terms
 import weights
 from augment import sharpen
 from clips import SEEDS, line, people_of, row, total
@@ -599,6 +600,7 @@ class RenderedScenes(unittest.TestCase):
                 synths.append(synth)
             subprocess.run([sys.executable, KIT / "truth.py", *synths, out], check=True, capture_output=True)
             pool = Stored(out, 1)
+            self.assertTrue(terms.is_open(out))
             self.assertEqual((pool.data["size_px"] > 0).sum(1).tolist(), [2, 9, 1])
             self.assertEqual(pool.data["image"][:, 2, 7, 7].tolist(), [199, 199, 40])
             tiles = pool.draw(4, 320, 512, (1.0, 1.0), roll=0.0)
