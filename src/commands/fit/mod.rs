@@ -3,6 +3,7 @@
 
 mod cameras;
 mod pace;
+pub mod settings;
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -21,15 +22,15 @@ use super::outputs::{RecordArgs, finish};
 use super::stop::Stop;
 use pace::{Fresh, Pace};
 
-use crate::bounded;
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
-use crate::config::{Mistake, Setting};
+use crate::config::Setting;
 use crate::fit::{FitConfig, Fitter};
 use crate::multiview::live::LiveFit;
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
 use crate::sink::{Packet, SharedMemorySink, SinkError, Sinks};
 use crate::supervise::{Beat, Heartbeat};
 pub use cameras::choose as choose_cameras;
+use settings::{config, fitter};
 
 /// Longest wait for an observation: signals and the supervisor want to be heard.
 const STEP: Duration = Duration::from_millis(200);
@@ -138,36 +139,6 @@ impl FitTask {
         };
         self.name.as_deref().unwrap_or(usual)
     }
-}
-
-/// A fitter with these settings, or those of a file.
-///
-/// # Errors
-/// If the file is wrong.
-pub fn fitter(config: Option<&Setting<FitConfig>>, stills: bool) -> anyhow::Result<Fitter> {
-    let mut config = self::config(config)?;
-    config.stills |= stills;
-    Ok(Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?)
-}
-
-/// These settings, or those of a file, or the usual ones.
-fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> {
-    match config {
-        None => Ok(FitConfig::default()),
-        Some(Setting::Given(config)) => Ok(config.clone()),
-        Some(Setting::File(path)) => read_config(path),
-    }
-}
-
-/// Reads a file of settings.
-///
-/// # Errors
-/// If it cannot be read, or what is wrong with it.
-pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
-    let text = bounded::read_text(path, bounded::SETTINGS)
-        .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
-    let file = path.display().to_string();
-    Ok(toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?)
 }
 
 fn live(

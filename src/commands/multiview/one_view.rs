@@ -6,7 +6,7 @@ use super::MultiviewArgs;
 use super::read::{Scene, named, pictured};
 use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
 use crate::commands::exit::Failure;
-use crate::commands::fit;
+use crate::commands::fit::settings::fitter;
 use crate::commands::view_file::{ViewFile, together};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, ObservationFrame};
 use crate::multiview::{Detections, Sight, Track, one_view};
@@ -80,7 +80,7 @@ fn camera_axes(file: &ViewFile) -> View {
 
 /// Stage III's bodies, by frame.
 fn bodies(file: &ViewFile, view: &View, rate: f64) -> anyhow::Result<Vec<Vec<Body>>> {
-    let mut fitter = fit::fitter(None, false)?;
+    let mut fitter = fitter(None, false)?;
     let mut frame = Box::new(ObservationFrame {
         width: view.size[0],
         height: view.size[1],

@@ -8,7 +8,7 @@ use edgecap_client::{LinkError, service_name};
 use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
-use crate::commands::fit;
+use crate::commands::fit::settings::fitter;
 use crate::commands::infer::{Limits, Observer, Step};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::outputs::finish;
@@ -37,7 +37,7 @@ struct Observed {
 pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<()> {
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;
-    let mut fitter = fit::fitter(args.fitting.fit.as_ref(), source.is_stills())?;
+    let mut fitter = fitter(args.fitting.fit.as_ref(), source.is_stills())?;
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
     let page = args.bridges.serve()?;

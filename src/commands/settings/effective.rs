@@ -8,7 +8,8 @@ use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Set
 use crate::camera::CameraFile;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::exit::Failure;
-use crate::commands::fit::{choose_cameras, read_config};
+use crate::commands::fit::choose_cameras;
+use crate::commands::fit::settings::read_config;
 use crate::commands::run::RunArgs;
 use crate::config::{Origin, Setting, merge};
 use crate::fit::FitConfig;

@@ -1,0 +1,41 @@
+//! What the fit goes by: settings given, those of a file, or the usual ones.
+
+use std::path::Path;
+
+use crate::bounded;
+use crate::commands::exit::Failure;
+use crate::config::{Mistake, Setting};
+use crate::fit::{FitConfig, Fitter};
+
+/// A fitter with these settings, or those of a file.
+///
+/// # Errors
+/// If the file is wrong.
+pub fn fitter(config: Option<&Setting<FitConfig>>, stills: bool) -> anyhow::Result<Fitter> {
+    let mut config = self::config(config)?;
+    config.stills |= stills;
+    Ok(Fitter::new(config).map_err(|e| Failure::config(e.to_string()))?)
+}
+
+/// These settings, or those of a file, or the usual ones.
+///
+/// # Errors
+/// If the file is wrong.
+pub fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> {
+    match config {
+        None => Ok(FitConfig::default()),
+        Some(Setting::Given(config)) => Ok(config.clone()),
+        Some(Setting::File(path)) => read_config(path),
+    }
+}
+
+/// Reads a file of settings.
+///
+/// # Errors
+/// If it cannot be read, or what is wrong with it.
+pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
+    let text = bounded::read_text(path, bounded::SETTINGS)
+        .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
+    let file = path.display().to_string();
+    Ok(toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?)
+}
