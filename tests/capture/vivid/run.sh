@@ -34,7 +34,6 @@ cp "$build/examples/camera_probe" "$build/edgecap" share/
 cp "$(command -v v4l2-ctl)" "$here/guest.sh" share/
 for library in $(ldd share/camera_probe share/edgecap share/v4l2-ctl | grep -o '/[^ ]*\.so[^ ]*' | sort -u); do cp -L "$library" share/; done
 
-[ -w /dev/kvm ] && accel=-enable-kvm || accel=
-timeout 900 qemu-system-x86_64 $accel -kernel "kernel/boot/vmlinuz-$version" -initrd initrd.gz \
+timeout "${PATIENCE:-900}" qemu-system-x86_64 -kernel "kernel/boot/vmlinuz-$version" -initrd initrd.gz \
     -append "console=ttyS0 quiet panic=-1" -nographic -no-reboot -m 768 -smp 1 -cpu max \
-    -virtfs local,path=share,mount_tag=host,security_model=none < /dev/null | tr -d '\r' | grep -v schedule_timeout
+    -virtfs local,path=share,mount_tag=host,security_model=none < /dev/null | stdbuf -o0 tr -d '\r' | grep --line-buffered -v schedule_timeout
