@@ -1,8 +1,8 @@
-/* Read edgecap's bodies from shared memory in C99 or C++11; clients/c/examples/bodies.c is a whole program, edgecap.hpp
+/* Read edgecap's bodies, events and observations from shared memory in C99 or C++11; clients/c/examples/bodies.c is a whole program, edgecap.hpp
  * wraps this for C++.
  *
  * Camera frame: x right, y down, z forward, metres; pixels are those of the original picture, pixel centres on integers;
- * quaternions are xyzw; times are CLOCK_MONOTONIC nanoseconds.  The structures mirror clients/rust/src/message.rs, whose
+ * quaternions are xyzw; times are CLOCK_MONOTONIC nanoseconds.  The structures mirror clients/rust/src/message, whose
  * layout a test holds against this file.
  *
  * A reader belongs to the thread that opened it; calls from another one fail.  A program may have several readers, and
@@ -17,11 +17,15 @@ extern "C" {
 #endif
 
 #define EDGECAP_MAX_PEOPLE 32
+#define EDGECAP_MAX_EVENTS 32
+#define EDGECAP_ZONE_NAME 64
+#define EDGECAP_EVIDENCE_JOINTS 14
+#define EDGECAP_APPEARANCE_BINS 30
 #define EDGECAP_BODY_JOINTS 21
 #define EDGECAP_DOF 29
 #define EDGECAP_BONES 16
 
-/* Indices of joints. */
+/* Indices of joints; the first EDGECAP_EVIDENCE_JOINTS are those of observations. */
 enum edgecap_joint {
     EDGECAP_HEAD_TOP,
     EDGECAP_NECK,
@@ -46,10 +50,10 @@ enum edgecap_joint {
     EDGECAP_L_FOOT_TIP
 };
 
-/* Bits of edgecap_body_frame.flags. */
+/* Bits of the flags of every frame. */
 enum edgecap_flag {
     EDGECAP_END_OF_STREAM = 1, /* the input has ended, this frame holds nobody new */
-    EDGECAP_FILE_TIME = 2      /* capture_ns is a file's presentation time, not CLOCK_MONOTONIC */
+    EDGECAP_FILE_TIME = 2      /* times are a file's presentation times, not CLOCK_MONOTONIC */
 };
 
 /* edgecap_body.state */
@@ -72,6 +76,23 @@ enum edgecap_world_state {
     EDGECAP_WORLD_ESTIMATED = 1, /* the floor was found from standing feet */
     EDGECAP_WORLD_GIVEN = 2      /* the floor is given by the settings */
 };
+
+/* edgecap_event.kind; seconds are those of edgecap_event.seconds */
+enum edgecap_event_kind {
+    EDGECAP_EVENT_ENTERED = 0,      /* somebody is there for the first time */
+    EDGECAP_EVENT_LEFT = 1,         /* somebody is away; seconds they were there */
+    EDGECAP_EVENT_CAME_BACK = 2,    /* somebody who had left is there again; seconds they were away */
+    EDGECAP_EVENT_ZONE_ENTERED = 3, /* somebody has stepped into a zone of the floor */
+    EDGECAP_EVENT_ZONE_LEFT = 4,    /* somebody has stepped out of it, or left; seconds they were in it */
+    EDGECAP_EVENT_DWELT = 5,        /* somebody has been in a zone for its dwell; seconds by now */
+    EDGECAP_EVENT_HAND_RAISED = 6,  /* a hand is above the head */
+    EDGECAP_EVENT_HAND_LOWERED = 7, /* it is below the shoulder again */
+    EDGECAP_EVENT_WAVED = 8,        /* a hand has gone to and fro */
+    EDGECAP_EVENT_MAIN_PERSON = 9   /* another person is the nearest to the camera */
+};
+
+/* edgecap_event.hand: the person's own */
+enum edgecap_hand { EDGECAP_HAND_NONE = 0, EDGECAP_HAND_LEFT = 1, EDGECAP_HAND_RIGHT = 2 };
 
 /* Pinhole camera of the original picture, pixels. */
 typedef struct edgecap_intrinsics {
@@ -135,8 +156,58 @@ typedef struct edgecap_world_body {
     float joints3d[EDGECAP_BODY_JOINTS][3];
 } edgecap_world_body;
 
-/* A reader of one camera's bodies. */
+/* Something that has happened, once it was certain. */
+typedef struct edgecap_event {
+    uint32_t kind;   /* enum edgecap_event_kind */
+    uint32_t person; /* id of the body; 0 where nobody is the main person any more */
+    float seconds;   /* what the kind says of it, or 0 */
+    uint32_t hand;   /* enum edgecap_hand */
+    char zone[EDGECAP_ZONE_NAME]; /* the zone's name in UTF-8, ended by a zero; empty where it is no event of a zone */
+} edgecap_event;
+
+/* What was certain by one frame of bodies.  Where nothing happens no frame comes. */
+typedef struct edgecap_event_frame {
+    uint64_t sequence;    /* edgecap_body_frame.sequence of that frame */
+    uint64_t time_ns;     /* its pose_ns */
+    uint64_t publish_ns;  /* when this frame was published */
+    uint64_t first;       /* events of this publisher before these: more than a reader has had, and it has lost some */
+    uint32_t flags;       /* enum edgecap_flag */
+    uint32_t count;       /* valid entries of events */
+    uint32_t present;     /* people who are there now */
+    uint32_t main_person; /* now; 0: nobody */
+    edgecap_event events[EDGECAP_MAX_EVENTS]; /* in the order in which they were certain */
+} edgecap_event_frame;
+
+/* One person as seen in one picture, before the fit. */
+typedef struct edgecap_observation {
+    float score; /* expected object keypoint similarity, 0 to 1 */
+    /* u, v in pixels of the original picture, and confidence; of confidence 0: not seen, u and v are where it is expected */
+    float joints2d[EDGECAP_EVIDENCE_JOINTS][3];
+    /* relative to the pelvis, camera axes, metres, of the person rescaled to 1.70 m; unseen joints are filled in */
+    float joints3d[EDGECAP_BODY_JOINTS][3];
+    float hue[EDGECAP_APPEARANCE_BINS];        /* of the torso, sums to 1; zeros where the torso was not seen */
+    float saturation[EDGECAP_APPEARANCE_BINS]; /* likewise */
+} edgecap_observation;
+
+/* Everyone seen in one picture. */
+typedef struct edgecap_observation_frame {
+    uint64_t sequence;   /* counts the pictures from 0; gaps are dropped pictures */
+    uint64_t capture_ns; /* when it was taken */
+    uint64_t publish_ns; /* when this frame was published */
+    uint32_t width, height; /* of the picture, pixels */
+    edgecap_intrinsics intrinsics;
+    edgecap_stage_times stage_times;
+    uint32_t flags;        /* enum edgecap_flag */
+    uint32_t without_neck; /* people of whom only loose joints were seen; they are not among people */
+    uint32_t count;        /* valid entries of people */
+    uint32_t frame_total;  /* pictures of the input; 0 when not known */
+    edgecap_observation people[EDGECAP_MAX_PEOPLE]; /* by falling score */
+} edgecap_observation_frame;
+
+/* Readers of one camera's bodies, events and observations. */
 typedef struct edgecap_bodies edgecap_bodies;
+typedef struct edgecap_events edgecap_events;
+typedef struct edgecap_observations edgecap_observations;
 
 /* Connects to the bodies of the run with this --name ("camera0" when it was given none), which need not run yet.
  * NULL when that fails. */
@@ -159,13 +230,30 @@ void edgecap_bodies_clean_up(edgecap_bodies *reader);
 /* Closes a reader; its frame is gone with it.  NULL is no reader, and nothing happens. */
 void edgecap_bodies_close(edgecap_bodies *reader);
 
+/* The same for what has happened.  Silence is no failure: a frame comes when something has. */
+edgecap_events *edgecap_events_open(const char *camera);
+int edgecap_events_next(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
+int edgecap_events_newest(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
+int edgecap_events_publishers(edgecap_events *reader);
+void edgecap_events_clean_up(edgecap_events *reader);
+void edgecap_events_close(edgecap_events *reader);
+
+/* The same for observations. */
+edgecap_observations *edgecap_observations_open(const char *camera);
+int edgecap_observations_next(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
+int edgecap_observations_newest(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
+int edgecap_observations_publishers(edgecap_observations *reader);
+void edgecap_observations_clean_up(edgecap_observations *reader);
+void edgecap_observations_close(edgecap_observations *reader);
+
 /* Takes a body of a frame to the floor-aligned world: 1 when `there` was written, 0 while no floor is known, -1 when it failed. */
 int edgecap_in_world(const edgecap_body_frame *frame, const edgecap_body *body, edgecap_world_body *there);
 
-/* Names, such as "r_wrist", "r_elbow_flexion" and VRM's "rightLowerArm"; NULL for numbers that are none. */
+/* Names, such as "r_wrist", "r_elbow_flexion", VRM's "rightLowerArm" and "zone_entered"; NULL for numbers that are none. */
 const char *edgecap_joint_name(uint32_t joint);
 const char *edgecap_angle_name(uint32_t angle);
 const char *edgecap_bone_name(uint32_t bone);
+const char *edgecap_event_name(uint32_t kind);
 
 /* The joint that a joint's bone starts in (the pelvis is its own parent), and the bone that carries a bone (the hips carry
  * themselves); -1 for numbers that are none. */

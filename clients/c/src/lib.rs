@@ -4,22 +4,22 @@
 
 #![deny(unsafe_code)]
 
-#[allow(unsafe_code, reason = "pointers from C")]
-mod bodies;
 #[allow(unsafe_code, reason = "exported by name")]
 mod error;
 #[allow(unsafe_code, reason = "exported by name")]
 mod names;
 #[allow(unsafe_code, reason = "pointers from C")]
+mod reader;
+#[allow(unsafe_code, reason = "exported by name, pointers from C")]
+mod streams;
+#[allow(unsafe_code, reason = "pointers from C")]
 mod world;
 
-pub use bodies::{
-    edgecap_bodies, edgecap_bodies_clean_up, edgecap_bodies_close, edgecap_bodies_newest,
-    edgecap_bodies_next, edgecap_bodies_open, edgecap_bodies_publishers,
-};
 pub use error::edgecap_error;
 pub use names::{
-    edgecap_angle_name, edgecap_bone_name, edgecap_bone_parent, edgecap_joint_name,
-    edgecap_joint_parent,
+    edgecap_angle_name, edgecap_bone_name, edgecap_bone_parent, edgecap_event_name,
+    edgecap_joint_name, edgecap_joint_parent,
 };
+pub use reader::Reader;
+pub use streams::*;
 pub use world::{edgecap_in_world, edgecap_world_body};

@@ -1,13 +1,18 @@
-//! Names of joints, angles and bones, and what carries what.
+//! Names of joints, angles, bones and events, and what carries what.
 
 use std::ffi::{CString, c_char, c_int};
 use std::ptr::null;
 use std::sync::LazyLock;
 
 use edgecap_client::joints::{ANGLE_NAMES, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES, PARENTS};
+use edgecap_client::message::EventKind;
 
 static JOINTS: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&JOINT_NAMES));
 static ANGLES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&ANGLE_NAMES));
+static EVENTS: LazyLock<Vec<CString>> = LazyLock::new(|| {
+    let names: Vec<&str> = (0..).map_while(|n| EventKind::from(n).name()).collect();
+    with_ends(&names)
+});
 static BONES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&HUMANOID_BONES));
 
 /// Name of a joint, such as `r_wrist`; null for numbers that are none.
@@ -42,6 +47,12 @@ fn parent(parents: &[usize], of: u32) -> c_int {
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_bone_name(bone: u32) -> *const c_char {
     BONES.get(bone as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// Name of what has happened, such as `zone_entered`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_event_name(kind: u32) -> *const c_char {
+    EVENTS.get(kind as usize).map_or(null(), |n| n.as_ptr())
 }
 
 fn with_ends(names: &[&str]) -> Vec<CString> {

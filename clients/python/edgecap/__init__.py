@@ -13,6 +13,12 @@ ends with the input.  Where frames may fail to come, take them one by one:
     frame = stream.newest(timeout_s=0.1)    # the newest one; older ones are left out
     stream.publishers()                     # 0 within a second of the publisher's death, 1 once it is back
 
+What happens, rather than where everybody is, comes as a stream of its own (`docs/events.md`):
+
+    for frame in edgecap.events("camera0"):
+        for event in frame.events():
+            print(event.event, event.person, event.zone)
+
 `frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
 With NumPy, `body.array("joints3d")` and `frame.array("joints3d")` are views of the message, not copies; NumPy is needed
 for nothing else.
@@ -22,6 +28,7 @@ CLOCK_MONOTONIC nanoseconds.  All errors are `EdgecapError` and say what to do.
 """
 
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
+from .event import EVENTS, HANDS, MAX_EVENTS, Event, EventFrame
 from .message import (
     APPEARANCE_BINS,
     FLAG_END_OF_STREAM,
@@ -47,7 +54,7 @@ from .names import (
     PARENTS,
 )
 from .place import cameras, reading_dirs, runtime_dir
-from .stream import Stream, bodies, observations
+from .stream import Stream, bodies, events, observations
 from .world import WORLD_STATES, World, WorldBody
 
 __version__ = "0.1.0"
@@ -57,13 +64,16 @@ __all__ = [
     "APPEARANCE_BINS",
     "BODY_JOINTS",
     "DOF",
+    "EVENTS",
     "EVIDENCE_JOINTS",
     "FLAG_END_OF_STREAM",
     "FLAG_FILE_TIME",
+    "HANDS",
     "HUMANOID_BONES",
     "HUMANOID_PARENTS",
     "JOINT_NAMES",
     "JOINT_STATES",
+    "MAX_EVENTS",
     "MAX_PEOPLE",
     "PARENTS",
     "STATES",
@@ -72,6 +82,8 @@ __all__ = [
     "Body",
     "BodyFrame",
     "EdgecapError",
+    "Event",
+    "EventFrame",
     "Intrinsics",
     "NoFrame",
     "Observation",
@@ -84,6 +96,7 @@ __all__ = [
     "WorldBody",
     "bodies",
     "cameras",
+    "events",
     "observations",
     "reading_dirs",
     "runtime_dir",

@@ -1,4 +1,4 @@
-"""The messages, field for field as `clients/rust/src/message.rs` lays them out.
+"""The messages, field for field as `clients/rust/src/message` lays them out.
 
 A test of the Rust client compares sizes and offsets with these."""
 

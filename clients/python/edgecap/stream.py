@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any, Final, Generic
 
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
+from .event import EventFrame
 from .message import FLAG_END_OF_STREAM, BodyFrame, ObservationFrame
 from .place import cameras, reading_dirs
 from .ring import SLOTS, Kind, M, Ring, open_in
@@ -250,3 +251,11 @@ def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[Bo
 def observations(camera: str = "camera0", timeout_s: float | None = None) -> Stream[ObservationFrame]:
     """Every observation frame, oldest unread first, until the input ends; otherwise as `bodies`."""
     return Stream(camera, "observations", 1, ObservationFrame, timeout_s)
+
+
+def events(camera: str = "camera0", timeout_s: float | None = None) -> Stream[EventFrame]:
+    """Whatever happens, oldest unread first, until the input ends; otherwise as `bodies`.
+
+    A message comes when something has happened, so silence is no sign of a failure.
+    """
+    return Stream(camera, "events", 1, EventFrame, timeout_s)

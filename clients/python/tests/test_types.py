@@ -18,6 +18,9 @@ def wrists(camera: str) -> list[tuple[float, float, float]]:
         frame = stream.newest(timeout_s=None)
         return [body.joint("r_wrist") for body in frame.people()] if frame else []
 
+def zones(camera: str) -> list[tuple[str, int | None, str | None]]:
+    return [(e.event, e.person, e.zone) for frame in edgecap.events(camera) for e in frame.events()]
+
 reveal_type([frame for frame in edgecap.bodies()])
 """
 

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::error::LinkError;
-use crate::message::{BodyFrame, ObservationFrame};
+use crate::message::{BodyFrame, EventFrame, ObservationFrame, PictureFrame};
 use crate::place;
 
 /// A message type with a stream of its own.
@@ -36,6 +36,24 @@ impl Message for ObservationFrame {
 impl Message for BodyFrame {
     const STREAM: &'static str = "bodies";
     const VERSION: u32 = 2;
+
+    fn flags(&self) -> u32 {
+        self.flags
+    }
+}
+
+impl Message for EventFrame {
+    const STREAM: &'static str = "events";
+    const VERSION: u32 = 1;
+
+    fn flags(&self) -> u32 {
+        self.flags
+    }
+}
+
+impl Message for PictureFrame {
+    const STREAM: &'static str = "pictures";
+    const VERSION: u32 = 1;
 
     fn flags(&self) -> u32 {
         self.flags
@@ -82,7 +100,13 @@ pub(crate) fn file_stem<M: Message>(camera: &str) -> String {
 pub(crate) fn stem_of(file_name: &str) -> Option<&str> {
     let (first, rest) = file_name.split_once('.')?;
     let stream = rest.split('.').next()?;
-    let is_stream = [ObservationFrame::STREAM, BodyFrame::STREAM].contains(&stream);
+    let is_stream = [
+        ObservationFrame::STREAM,
+        BodyFrame::STREAM,
+        EventFrame::STREAM,
+        PictureFrame::STREAM,
+    ]
+    .contains(&stream);
     let stem = &file_name[..first.len() + 1 + stream.len()];
     (is_stream && check_camera(first).is_ok() && stem.len() < file_name.len()).then_some(stem)
 }

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use edgecap_client::Publisher;
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, Observation, ObservationFrame, World,
-    WorldState,
+    Body, BodyFrame, BodyState, Event, EventFrame, FLAG_END_OF_STREAM, Observation,
+    ObservationFrame, World, WorldState,
 };
 
 /// The numbers that a Python script prints; `None` without Python.
@@ -44,8 +44,9 @@ fn python<T: FromStr<Err: Debug>>(script: &str) -> Option<Vec<T>> {
 #[test]
 fn python_structures_have_the_same_layout() {
     let script = "import edgecap as e, ctypes\n\
-        for t in (e.Observation, e.ObservationFrame, e.Body, e.World, e.BodyFrame): print(ctypes.sizeof(t))\n\
+        for t in (e.Observation, e.ObservationFrame, e.Body, e.World, e.BodyFrame, e.Event, e.EventFrame): print(ctypes.sizeof(t))\n\
         print(e.ObservationFrame.flags.offset, e.ObservationFrame._people.offset)\n\
+        print(*(getattr(e.Event, f).offset for f, _ in e.Event._fields_), *(getattr(e.EventFrame, f).offset for f, _ in e.EventFrame._fields_))\n\
         print(e.Body.joints3d.offset, e.Body._joint_states.offset, e.BodyFrame.fit_us.offset, e.BodyFrame.world.offset, e.World._state.offset, e.BodyFrame._bodies.offset)";
     let Some(found) = python::<usize>(script) else {
         return;
@@ -56,8 +57,24 @@ fn python_structures_have_the_same_layout() {
         size_of::<Body>(),
         size_of::<World>(),
         size_of::<BodyFrame>(),
+        size_of::<Event>(),
+        size_of::<EventFrame>(),
         offset_of!(ObservationFrame, flags),
         offset_of!(ObservationFrame, people),
+        offset_of!(Event, kind),
+        offset_of!(Event, person),
+        offset_of!(Event, seconds),
+        offset_of!(Event, hand),
+        offset_of!(Event, zone),
+        offset_of!(EventFrame, sequence),
+        offset_of!(EventFrame, time_ns),
+        offset_of!(EventFrame, publish_ns),
+        offset_of!(EventFrame, first),
+        offset_of!(EventFrame, flags),
+        offset_of!(EventFrame, count),
+        offset_of!(EventFrame, present),
+        offset_of!(EventFrame, main_person),
+        offset_of!(EventFrame, events),
         offset_of!(Body, joints3d),
         offset_of!(Body, joint_states),
         offset_of!(BodyFrame, fit_us),

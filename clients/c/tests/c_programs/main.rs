@@ -3,6 +3,8 @@
 mod compile;
 mod conformance;
 mod examples;
+mod numbers;
+mod printed;
 #[path = "../../../../tests/program/tools.rs"]
 mod tools;
 
@@ -14,7 +16,10 @@ use std::time::{Duration, Instant};
 
 use edgecap_c::edgecap_world_body;
 use edgecap_client::Publisher;
-use edgecap_client::message::{Body, BodyFrame, Intrinsics, StageTimes, World};
+use edgecap_client::message::{
+    Body, BodyFrame, Event, EventFrame, Intrinsics, Observation, ObservationFrame, StageTimes,
+    World,
+};
 
 use compile::{C, CPP, program, run};
 
@@ -45,6 +50,10 @@ fn structures_have_the_same_layout() {
         Body edgecap_body: id state score position orientation velocity angles joints3d joints2d confidence height bone_lengths bone_rotations joint_states reserved;
         World edgecap_world: rotation translation state;
         BodyFrame edgecap_body_frame: sequence capture_ns pose_ns publish_ns width height intrinsics stage_times fit_us flags count frame_total world bodies;
+        Event edgecap_event: kind person seconds hand zone;
+        EventFrame edgecap_event_frame: sequence time_ns publish_ns first flags count present main_person events;
+        Observation edgecap_observation: score joints2d joints3d hue saturation;
+        ObservationFrame edgecap_observation_frame: sequence capture_ns publish_ns width height intrinsics stage_times flags without_neck count frame_total people;
         edgecap_world_body edgecap_world_body: position orientation velocity joints3d;
     };
     let text = format!(
@@ -70,19 +79,33 @@ fn structures_have_the_same_layout() {
 #[test]
 fn names_and_numbers_agree() {
     use edgecap_client::joints::{
-        ANGLE_NAMES, BODY_JOINTS, DOF, HUMANOID_BONE_COUNT, HUMANOID_BONES, JOINT_NAMES,
+        ANGLE_NAMES, BODY_JOINTS, DOF, EVIDENCE_JOINTS, HUMANOID_BONE_COUNT, HUMANOID_BONES,
+        JOINT_NAMES,
     };
-    use edgecap_client::message::MAX_PEOPLE;
+    use edgecap_client::message::{APPEARANCE_BINS, EventKind, MAX_EVENTS, MAX_PEOPLE, ZONE_NAME};
     let joints: String = JOINT_NAMES
         .iter()
         .map(|n| format!("printf(\"%d \", (int)EDGECAP_{});\n", n.to_uppercase()))
         .collect();
+    let events: Vec<&str> = (0..).map_while(|n| EventKind::from(n).name()).collect();
+    let kinds: String = events
+        .iter()
+        .map(|n| {
+            format!(
+                "printf(\"%d \", (int)EDGECAP_EVENT_{});\n",
+                n.to_uppercase()
+            )
+        })
+        .collect();
     let text = format!(
         "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {{\nuint32_t i;\n{joints}\
-         printf(\"%d %d %d %d\\n\", EDGECAP_BODY_JOINTS, EDGECAP_DOF, EDGECAP_BONES, EDGECAP_MAX_PEOPLE);\n\
+         printf(\"%d %d %d %d \", EDGECAP_BODY_JOINTS, EDGECAP_DOF, EDGECAP_BONES, EDGECAP_MAX_PEOPLE);\n\
+         printf(\"%d %d \", EDGECAP_MAX_EVENTS, EDGECAP_ZONE_NAME);\n\
+         printf(\"%d %d\\n\", EDGECAP_EVIDENCE_JOINTS, EDGECAP_APPEARANCE_BINS);\n{kinds}\
          for (i = 0; edgecap_joint_name(i); i++) printf(\"%s\\n\", edgecap_joint_name(i));\n\
          for (i = 0; edgecap_angle_name(i); i++) printf(\"%s\\n\", edgecap_angle_name(i));\n\
          for (i = 0; edgecap_bone_name(i); i++) printf(\"%s\\n\", edgecap_bone_name(i));\n\
+         for (i = 0; edgecap_event_name(i); i++) printf(\"%s\\n\", edgecap_event_name(i));\n\
          return 0;\n}}\n"
     );
     let folder = tempfile::tempdir().unwrap();
@@ -90,11 +113,16 @@ fn names_and_numbers_agree() {
         return;
     };
     let mut expected: String = (0..BODY_JOINTS).map(|i| format!("{i} ")).collect();
-    expected += &format!("{BODY_JOINTS} {DOF} {HUMANOID_BONE_COUNT} {MAX_PEOPLE}\n");
+    expected += &format!("{BODY_JOINTS} {DOF} {HUMANOID_BONE_COUNT} {MAX_PEOPLE} ");
+    expected += &format!("{MAX_EVENTS} {ZONE_NAME} {EVIDENCE_JOINTS} {APPEARANCE_BINS}\n");
+    expected += &(0..events.len())
+        .map(|i| format!("{i} "))
+        .collect::<String>();
     for name in JOINT_NAMES
         .iter()
         .chain(&ANGLE_NAMES)
         .chain(&HUMANOID_BONES)
+        .chain(&events)
     {
         expected += &format!("{name}\n");
     }

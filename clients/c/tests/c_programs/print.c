@@ -25,6 +25,9 @@ static const char *const JOINT[] = {[EDGECAP_JOINT_PREDICTED] = "predicted",
 static const char *const FLOOR[] = {
     [EDGECAP_WORLD_NONE] = "none", [EDGECAP_WORLD_ESTIMATED] = "estimated", [EDGECAP_WORLD_GIVEN] = "given"};
 
+static const char *const HAND[] = {
+    [EDGECAP_HAND_NONE] = "none", [EDGECAP_HAND_LEFT] = "left", [EDGECAP_HAND_RIGHT] = "right"};
+
 static void more(const float *values, size_t count) {
     size_t i;
     for (i = 0; i < count; i++)
@@ -48,6 +51,9 @@ static void print_names(void) {
     printf("\ncarriers");
     for (i = 0; edgecap_bone_parent(i) >= 0; i++)
         printf(" %d", edgecap_bone_parent(i));
+    printf("\nevents");
+    for (i = 0; edgecap_event_name(i); i++)
+        printf(" %s", edgecap_event_name(i));
     puts("");
 }
 
@@ -81,15 +87,20 @@ static void print_body(const edgecap_body_frame *frame, const edgecap_body *b) {
     }
 }
 
+typedef unsigned long long number;
+
+static void print_stages(const edgecap_stage_times *t) {
+    printf("stages %u %u %u %u\n", t->preprocess_us, t->stage1_us, t->association_us, t->stage2_us);
+}
+
 static void print_frame(const edgecap_body_frame *f) {
-    typedef unsigned long long number;
-    const edgecap_stage_times *t = &f->stage_times;
     uint32_t i;
     printf("sequence %llu\n", (number)f->sequence);
     printf("times %llu %llu %llu\n", (number)f->capture_ns, (number)f->pose_ns, (number)f->publish_ns);
     printf("size %u %u\n", f->width, f->height);
     BITS("intrinsics", f->intrinsics);
-    printf("stages %u %u %u %u %u\n", t->preprocess_us, t->stage1_us, t->association_us, t->stage2_us, f->fit_us);
+    print_stages(&f->stage_times);
+    printf("fit %u\n", f->fit_us);
     printf("flags %u\ncount %u %u\n", f->flags, f->count, f->frame_total);
     bits("world", f->world.rotation, sizeof f->world.rotation + sizeof f->world.translation);
     printf("floor %s\n", FLOOR[f->world.state]);
@@ -97,24 +108,69 @@ static void print_frame(const edgecap_body_frame *f) {
         print_body(f, &f->bodies[i]);
 }
 
+static void print_observations(const edgecap_observation_frame *f) {
+    uint32_t i;
+    printf("seen %llu\n", (number)f->sequence);
+    printf("times %llu %llu\n", (number)f->capture_ns, (number)f->publish_ns);
+    printf("size %u %u\n", f->width, f->height);
+    BITS("intrinsics", f->intrinsics);
+    print_stages(&f->stage_times);
+    printf("flags %u\ncount %u %u %u\n", f->flags, f->count, f->frame_total, f->without_neck);
+    for (i = 0; i < f->count; i++) {
+        const edgecap_observation *p = &f->people[i];
+        BITS("score", p->score);
+        BITS("joints2d", p->joints2d);
+        BITS("joints3d", p->joints3d);
+        BITS("hue", p->hue);
+        BITS("saturation", p->saturation);
+    }
+}
+
+static void print_events(const edgecap_event_frame *f) {
+    uint32_t i;
+    printf("happened %llu\n", (number)f->sequence);
+    printf("times %llu %llu\n", (number)f->time_ns, (number)f->publish_ns);
+    printf("first %llu\nflags %u\n", (number)f->first, f->flags);
+    printf("count %u %u %u\n", f->count, f->present, f->main_person);
+    for (i = 0; i < f->count; i++) {
+        const edgecap_event *e = &f->events[i];
+        printf("event %s\nperson %u\n", edgecap_event_name(e->kind), e->person);
+        BITS("seconds", e->seconds);
+        printf("hand %s\nzone%s%s\n", HAND[e->hand], e->zone[0] ? " " : "", e->zone);
+    }
+}
+
+/* Reads a stream to its end. */
+#define READ(kind, reader, type, print)                                                                                \
+    do {                                                                                                               \
+        const type *f;                                                                                                 \
+        int got, is_last = 0;                                                                                          \
+        while (!is_last && (got = edgecap_##kind##_next(reader, 1000, &f)) >= 0)                                       \
+            if (got == 1) {                                                                                            \
+                print(f);                                                                                              \
+                is_last = (f->flags & EDGECAP_END_OF_STREAM) != 0;                                                     \
+            }                                                                                                          \
+        failed |= !is_last;                                                                                            \
+    } while (0)
+
 int main(int argc, char **argv) {
-    edgecap_bodies *reader = edgecap_bodies_open(argc > 1 ? argv[1] : "camera0");
-    const edgecap_body_frame *frame;
-    int got = reader ? 0 : -1, is_last = 0;
-    if (reader) {
+    const char *camera = argc > 1 ? argv[1] : "camera0";
+    edgecap_bodies *bodies = edgecap_bodies_open(camera);
+    edgecap_observations *observations = edgecap_observations_open(camera);
+    edgecap_events *events = edgecap_events_open(camera);
+    int failed = !bodies || !observations || !events;
+    if (!failed) {
         puts("ready");
         fflush(stdout);
         print_names();
+        READ(bodies, bodies, edgecap_body_frame, print_frame);
+        READ(observations, observations, edgecap_observation_frame, print_observations);
+        READ(events, events, edgecap_event_frame, print_events);
     }
-    while (got >= 0 && !is_last) {
-        got = edgecap_bodies_next(reader, 1000, &frame);
-        if (got == 1) {
-            print_frame(frame);
-            is_last = (frame->flags & EDGECAP_END_OF_STREAM) != 0;
-        }
-    }
-    if (got < 0)
+    if (failed)
         fprintf(stderr, "print: %s\n", edgecap_error());
-    edgecap_bodies_close(reader);
-    return got < 0;
+    edgecap_bodies_close(bodies);
+    edgecap_observations_close(observations);
+    edgecap_events_close(events);
+    return failed;
 }

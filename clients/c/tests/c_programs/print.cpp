@@ -59,6 +59,10 @@ const char *word(edgecap_world_state state) {
     return state == EDGECAP_WORLD_GIVEN ? "given" : state == EDGECAP_WORLD_ESTIMATED ? "estimated" : "none";
 }
 
+const char *word(edgecap_hand hand) {
+    return hand == EDGECAP_HAND_LEFT ? "left" : hand == EDGECAP_HAND_RIGHT ? "right" : "none";
+}
+
 void print(const edgecap_body_frame &frame, const edgecap::Body &b) {
     line("id", {b.id});
     line("state", {word(static_cast<edgecap_body_state>(b.state))});
@@ -88,14 +92,18 @@ void print(const edgecap_body_frame &frame, const edgecap::Body &b) {
     }
 }
 
+void print(const edgecap_stage_times &t) {
+    line("stages", {t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us});
+}
+
 void print(const edgecap_body_frame &f) {
     line("sequence", {f.sequence});
     line("times", {f.capture_ns, f.pose_ns, f.publish_ns});
     line("size", {f.width, f.height});
     const float intrinsics[] = {f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy};
     bits_of("intrinsics", intrinsics);
-    const edgecap_stage_times &t = f.stage_times;
-    line("stages", {t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us, f.fit_us});
+    print(f.stage_times);
+    line("fit", {f.fit_us});
     line("flags", {f.flags});
     line("count", {f.count, f.frame_total});
     std::cout << "world";
@@ -107,22 +115,65 @@ void print(const edgecap_body_frame &f) {
         print(f, body);
 }
 
+void print(const edgecap_observation_frame &f) {
+    line("seen", {f.sequence});
+    line("times", {f.capture_ns, f.publish_ns});
+    line("size", {f.width, f.height});
+    const float intrinsics[] = {f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy};
+    bits_of("intrinsics", intrinsics);
+    print(f.stage_times);
+    line("flags", {f.flags});
+    line("count", {f.count, f.frame_total, f.without_neck});
+    for (const edgecap::Observation &p : edgecap::people(f)) {
+        bits_of("score", p.score);
+        bits_of("joints2d", p.joints2d);
+        bits_of("joints3d", p.joints3d);
+        bits_of("hue", p.hue);
+        bits_of("saturation", p.saturation);
+    }
+}
+
+void print(const edgecap_event_frame &f) {
+    line("happened", {f.sequence});
+    line("times", {f.time_ns, f.publish_ns});
+    line("first", {f.first});
+    line("flags", {f.flags});
+    line("count", {f.count, f.present, f.main_person});
+    for (const edgecap::Event &e : edgecap::events(f)) {
+        line("event", {edgecap_event_name(e.kind)});
+        line("person", {e.person});
+        bits_of("seconds", e.seconds);
+        line("hand", {word(static_cast<edgecap_hand>(e.hand))});
+        std::cout << "zone" << (e.zone[0] ? " " : "") << e.zone << '\n';
+    }
+}
+
+template <typename Reader> void read(Reader &reader) {
+    for (bool is_last = false; !is_last;) {
+        if (const auto *frame = reader.next()) {
+            print(*frame);
+            is_last = edgecap::is_last(*frame);
+        }
+    }
+}
+
 } // namespace
 
 int main(int argc, char **argv) try {
-    edgecap::Bodies reader(argc > 1 ? argv[1] : "camera0");
+    const char *camera = argc > 1 ? argv[1] : "camera0";
+    edgecap::Bodies bodies(camera);
+    edgecap::Observations observations(camera);
+    edgecap::Events events(camera);
     std::cout << "ready" << std::endl << std::setprecision(9);
     names("joints", EDGECAP_BODY_JOINTS, edgecap_joint_name);
     names("parents", EDGECAP_BODY_JOINTS, edgecap_joint_parent);
     names("angles", EDGECAP_DOF, edgecap_angle_name);
     names("bones", EDGECAP_BONES, edgecap_bone_name);
     names("carriers", EDGECAP_BONES, edgecap_bone_parent);
-    for (bool is_last = false; !is_last;) {
-        if (const edgecap_body_frame *frame = reader.next()) {
-            print(*frame);
-            is_last = edgecap::is_last(*frame);
-        }
-    }
+    names("events", EDGECAP_EVENT_MAIN_PERSON + 1, edgecap_event_name);
+    read(bodies);
+    read(observations);
+    read(events);
     return 0;
 } catch (const edgecap::Error &error) {
     std::cerr << "print: " << error.what() << std::endl;

@@ -42,23 +42,54 @@ def body(frame, b):
         line("~there", *there.position, *there.orientation, *there.velocity, *flat(there.joints3d))
 
 
-stream = edgecap.bodies(sys.argv[1])
+def stages(t):
+    line("stages", t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us)
+
+
+streams = [of(sys.argv[1]) for of in (edgecap.bodies, edgecap.observations, edgecap.events)]
 print("ready", flush=True)
 line("joints", *edgecap.JOINT_NAMES)
 line("parents", *edgecap.PARENTS)
 line("angles", *edgecap.ANGLE_NAMES)
 line("bones", *edgecap.HUMANOID_BONES)
 line("carriers", *edgecap.HUMANOID_PARENTS)
-for f in stream:
+line("events", *edgecap.EVENTS)
+for f in streams[0]:
     line("sequence", f.sequence)
     line("times", f.capture_ns, f.pose_ns, f.publish_ns)
     line("size", f.width, f.height)
     bits("intrinsics", f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy)
-    t = f.stage_times
-    line("stages", t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us, f.fit_us)
+    stages(f.stage_times)
+    line("fit", f.fit_us)
     line("flags", f.flags)
     line("count", f.count, f.frame_total)
     bits("world", f.world.rotation, f.world.translation)
     line("floor", f.world.state)
     for b in f.people():
         body(f, b)
+for f in streams[1]:
+    line("seen", f.sequence)
+    line("times", f.capture_ns, f.publish_ns)
+    line("size", f.width, f.height)
+    bits("intrinsics", f.intrinsics.fx, f.intrinsics.fy, f.intrinsics.cx, f.intrinsics.cy)
+    stages(f.stage_times)
+    line("flags", f.flags)
+    line("count", f.count, f.frame_total, f.without_neck)
+    for p in f.people():
+        bits("score", p.score)
+        bits("joints2d", p.joints2d)
+        bits("joints3d", p.joints3d)
+        bits("hue", p.hue)
+        bits("saturation", p.saturation)
+for f in streams[2]:
+    line("happened", f.sequence)
+    line("times", f.time_ns, f.publish_ns)
+    line("first", f.first)
+    line("flags", f.flags)
+    line("count", f.count, f.present, f.main_person or 0)
+    for e in f.events():
+        line("event", e.event)
+        line("person", e.person or 0)
+        bits("seconds", e.seconds)
+        line("hand", e.hand or "none")
+        line("zone", *([e.zone] if e.zone else []))

@@ -1,0 +1,139 @@
+//! What readers of all streams have in common: a subscriber, the message that the caller looks at, and the thread they belong to.
+
+use std::ffi::{CStr, c_char, c_int};
+use std::ptr::null_mut;
+use std::thread::{self, ThreadId};
+use std::time::Duration;
+
+use edgecap_client::{LinkError, Message, Received, Subscriber};
+
+use crate::error::{CallError, guarded};
+
+pub(crate) const ERROR: c_int = -1;
+const NONE: c_int = 0;
+const MESSAGE: c_int = 1;
+
+/// A reader of one camera's stream, and the message that the caller looks at.
+#[derive(Debug)]
+pub struct Reader<M: Message> {
+    subscriber: Subscriber<M>,
+    held: Option<Received<M>>,
+    thread: ThreadId,
+}
+
+/// How a message is taken.
+pub(crate) type Take<M> = fn(&Subscriber<M>, Duration) -> Result<Option<Received<M>>, LinkError>;
+
+/// Connects to `camera`'s stream; null when that fails.
+///
+/// # Safety
+/// `camera` is null or a string that ends with a zero byte.
+pub(crate) unsafe fn open<M: Message>(call: &'static str, camera: *const c_char) -> *mut Reader<M> {
+    guarded(null_mut(), || {
+        if camera.is_null() {
+            let what = "a camera's name";
+            return Err(CallError::Null { call, what });
+        }
+        // SAFETY: not null; the caller upholds that it is a string with an end.
+        let camera = unsafe { CStr::from_ptr(camera) };
+        let camera = camera.to_str().map_err(|_| CallError::Text)?;
+        Ok(Box::into_raw(Box::new(Reader {
+            subscriber: Subscriber::open(camera)?,
+            held: None,
+            thread: thread::current().id(),
+        })))
+    })
+}
+
+/// Takes a message and shows it to the caller, who may look at it until the next call with this reader.
+///
+/// # Safety
+/// `reader` is null or one that is open; `message` is null or may be written.
+pub(crate) unsafe fn read<M: Message>(
+    call: &'static str,
+    reader: *mut Reader<M>,
+    timeout_ms: u32,
+    message: *mut *const M,
+    take: Take<M>,
+) -> c_int {
+    guarded(ERROR, || {
+        if message.is_null() {
+            let what = "a place for the frame";
+            return Err(CallError::Null { call, what });
+        }
+        // SAFETY: this function's own condition.
+        let reader = unsafe { of(call, reader) }?;
+        // A reader may hold two messages: without this one, `newest` could not step over others.
+        reader.held = None;
+        let timeout = Duration::from_millis(timeout_ms.into());
+        reader.held = take(&reader.subscriber, timeout)?;
+        let Some(held) = &reader.held else {
+            return Ok(NONE);
+        };
+        // SAFETY: not null; the caller upholds that it may be written. The message stays where it is while it is held.
+        unsafe { message.write(&raw const **held) };
+        Ok(MESSAGE)
+    })
+}
+
+/// How many processes publish, 0 or 1; −1 when it failed.
+///
+/// # Safety
+/// `reader` is null or one that is open.
+pub(crate) unsafe fn publishers<M: Message>(call: &'static str, reader: *mut Reader<M>) -> c_int {
+    guarded(ERROR, || {
+        // SAFETY: this function's own condition.
+        let reader = unsafe { of(call, reader) }?;
+        Ok(c_int::from(reader.subscriber.publisher_count() > 0))
+    })
+}
+
+/// Frees what killed processes left behind.
+///
+/// # Safety
+/// `reader` is null or one that is open.
+pub(crate) unsafe fn clean_up<M: Message>(call: &'static str, reader: *mut Reader<M>) {
+    guarded((), || {
+        // SAFETY: this function's own condition.
+        let reader = unsafe { of(call, reader) }?;
+        reader.subscriber.clean_up();
+        Ok(())
+    });
+}
+
+/// Closes a reader; null is none.
+///
+/// # Safety
+/// `reader` is null or one that is open; nobody uses it or its message afterwards.
+pub(crate) unsafe fn close<M: Message>(call: &'static str, reader: *mut Reader<M>) {
+    guarded((), || {
+        if reader.is_null() {
+            return Ok(());
+        }
+        // SAFETY: this function's own condition.
+        let reader = unsafe { of(call, reader) }?;
+        // SAFETY: it came from a box in `open`, and the caller upholds that it is closed once.
+        drop(unsafe { Box::from_raw(reader) });
+        Ok(())
+    });
+}
+
+/// The reader behind a pointer.
+///
+/// # Safety
+/// `reader` is null or one that is open.
+unsafe fn of<'a, M: Message>(
+    call: &'static str,
+    reader: *mut Reader<M>,
+) -> Result<&'a mut Reader<M>, CallError> {
+    let what = "a reader";
+    if reader.is_null() {
+        return Err(CallError::Null { call, what });
+    }
+    // SAFETY: the caller upholds that it is a reader; its thread is never written after opening, so that any thread may look.
+    if unsafe { (*reader).thread } != thread::current().id() {
+        return Err(CallError::Thread);
+    }
+    // SAFETY: as above, and only the thread that opened it comes here, one call after the other.
+    Ok(unsafe { &mut *reader })
+}
