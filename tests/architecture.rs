@@ -37,11 +37,14 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("record", &["output"]),
     (
         "sink",
-        &["camera", "capture", "output", "overlay", "record"],
+        &["camera", "capture", "events", "output", "overlay", "record"],
     ),
     ("events", &[]),
     ("export", &["body", "npz", "record"]),
-    ("bridge", &["body", "camera", "http", "record", "sink"]),
+    (
+        "bridge",
+        &["body", "camera", "events", "http", "record", "sink"],
+    ),
     ("view", &["http"]),
     ("supervise", &["output"]),
 ];

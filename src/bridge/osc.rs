@@ -1,10 +1,11 @@
-//! OSC over UDP: one bundle a body, with the time its pose is given for.
+//! OSC over UDP: one bundle a body, with the time its pose is given for; one for what has happened by a frame.
 //!
 //! | address | arguments |
 //! |---|---|
 //! | `/edgecap/<camera>/frame` | i number of the frame, i people, s `floor` or `camera`: the axes of what follows; a bundle of its own, first |
 //! | `/edgecap/<camera>/body/<id>/<joint>` | f x, f y, f z in metres, f confidence 0–1; 21 of them, named as the joints are |
 //! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more |
+//! | `/edgecap/<camera>/event/<event>` | i person, 0 nobody; s zone or hand, or empty; f seconds, or 0 |
 //!
 //! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x right, y down,
 //! z forward).
@@ -16,7 +17,7 @@ use rosc::OscType::{Float, Int, String as Text};
 
 use super::udp::{Outlet, message, time_of};
 use crate::joints::JOINT_NAMES;
-use crate::message::{BodyFrame, FLAG_FILE_TIME};
+use crate::message::{BodyFrame, EventFrame, FLAG_FILE_TIME, Hand};
 use crate::sink::{Packet, Sink, SinkError};
 
 /// Sends every frame.
@@ -41,7 +42,10 @@ impl OscBridge {
     }
 
     fn send(&mut self, frame: &BodyFrame) {
-        let (root, time) = (format!("/edgecap/{}", self.camera), time_of(frame));
+        let (root, time) = (
+            format!("/edgecap/{}", self.camera),
+            time_of(frame.pose_ns, frame.flags),
+        );
         let (bodies, world) = (frame.bodies(), frame.world);
         let axes = if world.is_known() { "floor" } else { "camera" };
         let head = vec![
@@ -84,6 +88,55 @@ impl Sink<BodyFrame> for OscBridge {
             flags: FLAG_FILE_TIME,
             ..BodyFrame::default()
         });
+        Ok(None)
+    }
+}
+
+/// Sends what has happened.
+#[derive(Debug)]
+pub struct OscEvents {
+    outlet: Outlet,
+    camera: String,
+}
+
+impl OscEvents {
+    /// Sends `camera`'s events to `to`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn new(camera: &str, to: SocketAddr) -> io::Result<Self> {
+        Ok(Self {
+            outlet: Outlet::new(to)?,
+            camera: camera.to_owned(),
+        })
+    }
+}
+
+impl Sink<EventFrame> for OscEvents {
+    fn take(&mut self, packet: &Packet<'_, EventFrame>) -> Result<(), SinkError> {
+        let frame = packet.message;
+        let messages = frame.events().iter().filter_map(|event| {
+            let address = format!("/edgecap/{}/event/{}", self.camera, event.kind.name()?);
+            let which = match event.hand {
+                Hand::NONE => event.zone(),
+                hand => hand.name().unwrap_or_default(),
+            };
+            let args = vec![
+                Int(event.person as i32),
+                Text(which.to_owned()),
+                Float(event.seconds),
+            ];
+            Some(message(address, args))
+        });
+        let messages: Vec<_> = messages.collect();
+        if !messages.is_empty() {
+            let time = time_of(frame.time_ns, frame.flags);
+            self.outlet.send(0, time, messages);
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         Ok(None)
     }
 }

@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
 use crate::camera::monotonic_ns;
-use crate::message::{BodyFrame, FLAG_FILE_TIME};
+use crate::message::FLAG_FILE_TIME;
 
 /// Seconds from 1900, where OSC's time begins, to 1970.
 const FROM_1900: u64 = 2_208_988_800;
@@ -57,13 +57,13 @@ pub fn message(address: impl Into<String>, args: Vec<OscType>) -> OscMessage {
     }
 }
 
-/// When a frame's bodies are where they are said to be, in OSC's time. A file's clock is no clock: its frames are of now.
-pub fn time_of(frame: &BodyFrame) -> OscTime {
+/// A message's time in OSC's, by its `FLAG_*` bits. A file's clock is no clock: its frames are of now.
+pub fn time_of(time_ns: u64, flags: u32) -> OscTime {
     let since_1970 = std::time::SystemTime::now()
         .duration_since(std::time::UNIX_EPOCH)
         .unwrap_or_default();
-    let ago = match frame.flags & FLAG_FILE_TIME {
-        0 => monotonic_ns() as i128 - i128::from(frame.pose_ns),
+    let ago = match flags & FLAG_FILE_TIME {
+        0 => monotonic_ns() as i128 - i128::from(time_ns),
         _ => 0,
     };
     let ns = (since_1970.as_nanos() as i128 - ago).max(0) as u128;

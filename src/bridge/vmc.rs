@@ -46,7 +46,7 @@ impl VmcBridge {
     }
 
     fn send(&mut self, frame: &BodyFrame) {
-        let (now, time) = (Instant::now(), time_of(frame));
+        let (now, time) = (Instant::now(), time_of(frame.pose_ns, frame.flags));
         for port in &mut self.ports {
             if port.is_some_and(|(_, seen)| now - seen > KEPT) {
                 *port = None;

@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::Subscriber;
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::{Priority, Subscriber};
 
 use super::bridges::BridgeArgs;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
+use super::relay::EventRelay;
 use super::say;
 use super::stop::Stop;
 use crate::sink::{Packet, Sinks};
@@ -38,10 +39,12 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         );
     }
     let bodies = Subscriber::<BodyFrame>::open(&args.camera)?;
-    let page = args.bridges.serve()?;
+    let page = args.bridges.serve(false)?;
     let mut sinks = Sinks::default();
     let hub = page.as_ref().map(|p| p.hub());
     let flight = args.bridges.add_to(&mut sinks, &args.camera, hub)?;
+    let priority = Priority::Reader;
+    let mut events = EventRelay::to_bridges(&args.bridges, &args.camera, hub, priority)?;
     let at = page
         .as_ref()
         .map_or_else(String::new, |p| format!(" at {}", p.url()));
@@ -58,6 +61,9 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
                     picture: None,
                 })?;
             }
+        }
+        if let Some(events) = &mut events {
+            events.look()?;
         }
         // One that goes without saying so has crashed.
         let crashed = is_running && bodies.publisher_count() == 0;

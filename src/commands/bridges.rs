@@ -1,4 +1,4 @@
-//! Where bodies go besides shared memory while a camera runs: OSC, VMC, the page with its WebSocket.
+//! Where bodies and events go besides shared memory while a camera runs: OSC, VMC, the page with its WebSocket.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -9,23 +9,23 @@ use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
 use super::serve::{PageArgs, PageServer, parse_token};
-use crate::bridge::osc::OscBridge;
+use crate::bridge::osc::{OscBridge, OscEvents};
 use crate::bridge::vmc::VmcBridge;
 use crate::bridge::websocket::Hub;
-use crate::message::BodyFrame;
+use crate::message::{BodyFrame, EventFrame};
 use crate::sink::{FlightSink, Sinks};
 
 /// Options of the bridges, all of them off when not given.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BridgeArgs {
-    /// Serve the page of 'edgecap view' and bodies over WebSocket at this address [--view alone: 127.0.0.1:9744]
+    /// Serve the page of 'edgecap view', and bodies and events over WebSocket, at this address [--view alone: 127.0.0.1:9744]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:9744")]
     pub view: Option<SocketAddr>,
     /// What clients of the page have to know [default: none on this machine, else a random one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
-    /// Send joints as OSC over UDP to this address, such as 127.0.0.1:9000
+    /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000
     #[arg(long, value_name = "ADDRESS")]
     pub osc: Option<SocketAddr>,
     /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to the next port
@@ -73,11 +73,11 @@ impl BridgeArgs {
         *self == Self::default()
     }
 
-    /// The page, if there is to be one.
+    /// The page, if there is to be one, with pictures where the user wants them.
     ///
     /// # Errors
     /// Exit code 69 where the address cannot be had.
-    pub fn serve(&self) -> anyhow::Result<Option<PageServer>> {
+    pub fn serve(&self, show_picture: bool) -> anyhow::Result<Option<PageServer>> {
         let Some(address) = self.view else {
             return Ok(None);
         };
@@ -85,7 +85,7 @@ impl BridgeArgs {
             listen: Some(address),
             token: self.token.clone(),
         };
-        PageServer::start(&page).map(Some)
+        PageServer::start(&page, show_picture).map(Some)
     }
 
     /// Adds what `camera`'s bodies go to; returns who saves the last minute, if somebody is to.
@@ -101,9 +101,6 @@ impl BridgeArgs {
         if let Some(hub) = page {
             sinks.push(hub.sink(camera));
         }
-        let failed = |flag: &str, to: SocketAddr, e: std::io::Error| {
-            Failure::unavailable(format!("--{flag} {to}: {e}; choose another address"))
-        };
         if let Some(to) = self.osc {
             sinks.push(OscBridge::new(camera, to).map_err(|e| failed("osc", to, e))?);
         }
@@ -117,4 +114,27 @@ impl BridgeArgs {
         sinks.push(sink.clone());
         Flight::new(sink).map(Some)
     }
+
+    /// Adds what `camera`'s events go to. VMC has no place for them.
+    ///
+    /// # Errors
+    /// Exit code 69 where the system has no socket.
+    pub fn add_events_to(
+        &self,
+        sinks: &mut Sinks<EventFrame>,
+        camera: &str,
+        page: Option<&Hub>,
+    ) -> anyhow::Result<()> {
+        if let Some(hub) = page {
+            sinks.push(hub.sink(camera));
+        }
+        if let Some(to) = self.osc {
+            sinks.push(OscEvents::new(camera, to).map_err(|e| failed("osc", to, e))?);
+        }
+        Ok(())
+    }
+}
+
+fn failed(flag: &str, to: SocketAddr, e: std::io::Error) -> Failure {
+    Failure::unavailable(format!("--{flag} {to}: {e}; choose another address"))
 }

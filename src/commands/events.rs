@@ -5,18 +5,18 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use edgecap_client::Subscriber;
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
-use serde::Serialize;
+use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
+use edgecap_client::{Message, Subscriber};
 
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::say;
 use super::stop::Stop;
 use crate::bounded;
-use crate::config::Mistake;
-use crate::events::{Detector, Event, EventConfig};
+use crate::config::{Mistake, Setting};
+use crate::events::{EventConfig, Line};
 use crate::record::{BodiesRow, RowReader};
+use crate::sink::{EventSink, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
@@ -31,17 +31,9 @@ pub struct EventsArgs {
     /// Events of a record of bodies instead
     #[arg(long, value_name = "FILE", conflicts_with = "camera")]
     input: Option<PathBuf>,
-    /// Zones of the floor and thresholds (TOML)
+    /// Find them anew, with these zones of the floor and thresholds (TOML), instead of those of the run
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-}
-
-/// An event, and whose it is.
-#[derive(Serialize)]
-struct Line<'a> {
-    camera: &'a str,
-    #[serde(flatten)]
-    event: &'a Event,
 }
 
 /// Prints events until the user stops it, or the record ends.
@@ -50,43 +42,76 @@ struct Line<'a> {
 /// Mistakes in the settings, names that cannot be, records that cannot be read, and shared memory that fails.
 pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    let config = match &args.settings {
-        Some(path) => read(path)?,
-        None => EventConfig::default(),
-    };
-    let mut detector = Detector::new(config);
-    let mut tell = |camera: &str, frame: &BodyFrame| -> anyhow::Result<()> {
-        for event in &detector.look(frame) {
-            say::out(&serde_json::to_string(&Line { camera, event })?);
-        }
-        Ok(())
-    };
-    if let Some(path) = &args.input {
-        let name = path.display().to_string();
-        let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
-        let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
-        while let Some(row) = rows.read()? {
-            tell(&row.source, &row.message())?;
-        }
-        return Ok(());
+    let config = args.settings.as_deref().map(read).transpose()?;
+    if config.is_none() && args.input.is_none() {
+        return follow(&args.camera, &stop, |frame: &EventFrame| {
+            tell(&args.camera, frame);
+        });
     }
-    let bodies = Subscriber::<BodyFrame>::open(&args.camera)?;
+    let mut found = EventSink::new(config.unwrap_or_default(), Sinks::default());
+    let mut look = |camera: &str, frame: &BodyFrame| {
+        for message in &found.look(frame) {
+            tell(camera, message);
+        }
+    };
+    let Some(path) = &args.input else {
+        return follow(&args.camera, &stop, |frame: &BodyFrame| {
+            look(&args.camera, frame);
+        });
+    };
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    while let Some(row) = rows.read()? {
+        look(&row.source, &row.message());
+    }
+    Ok(())
+}
+
+fn tell(camera: &str, frame: &EventFrame) {
+    for line in Line::all(camera, frame) {
+        say::out(&line.json());
+    }
+}
+
+/// Every message of a stream until the user stops it; the publisher may come and go.
+fn follow<M: Message>(camera: &str, stop: &Stop, mut take: impl FnMut(&M)) -> anyhow::Result<()> {
+    let stream = Subscriber::<M>::open(camera)?;
     let mut cleaned = Instant::now();
     while !stop.requested() {
-        if let Some(frame) = bodies.next(LOOK_UP)?
-            && frame.flags & FLAG_END_OF_STREAM == 0
+        if let Some(message) = stream.next(LOOK_UP)?
+            && message.flags() & FLAG_END_OF_STREAM == 0
         {
-            tell(&args.camera, &frame)?;
+            take(&message);
         }
         if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
+            stream.clean_up();
             cleaned = Instant::now();
         }
     }
     Ok(())
 }
 
-fn read(path: &Path) -> anyhow::Result<EventConfig> {
+/// These settings, or those of a file, or the usual ones.
+///
+/// # Errors
+/// If the file cannot be read, or what is wrong with them.
+pub fn config(setting: Option<&Setting<EventConfig>>) -> anyhow::Result<EventConfig> {
+    match setting {
+        None => Ok(EventConfig::default()),
+        Some(Setting::Given(config)) => match config.mistake() {
+            Some(mistake) => Err(Failure::config(format!("events: {mistake}")).into()),
+            None => Ok(config.clone()),
+        },
+        Some(Setting::File(path)) => read(path),
+    }
+}
+
+/// Reads a file of settings.
+///
+/// # Errors
+/// If it cannot be read, or what is wrong with it.
+pub fn read(path: &Path) -> anyhow::Result<EventConfig> {
     let name = path.display().to_string();
     let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {name}: {e}")))?;

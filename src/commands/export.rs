@@ -2,12 +2,15 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
 use super::say;
-use crate::export::{Format, Take, encode};
+use crate::export::{ExportError, Format, Take, encode};
+use crate::message::BodyFrame;
 use crate::output;
+use crate::record::{BodiesRow, Format as RecordFormat};
+use crate::sink::{RecordSink, Sinks};
 
 /// Options of `edgecap export`.
 #[derive(Debug, clap::Args)]
@@ -67,10 +70,7 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     let name = args.input.display().to_string();
     let input: Box<dyn BufRead> = match name.as_str() {
         "-" => Box::new(std::io::stdin().lock()),
-        _ => {
-            let file = File::open(&args.input).map_err(|e| Failure::no_input(&args.input, &e))?;
-            Box::new(BufReader::new(file))
-        }
+        _ => open(&args.input)?,
     };
     let mut take = Take::read(input, &name)?;
     if take.was_cut {
@@ -79,9 +79,85 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     if let Some(id) = args.person {
         take.only(id, &name)?;
     }
-    for (path, bytes) in encode(&take, format, &args.to)? {
-        output::write(&path, &bytes).map_err(|e| Failure::output(&path, &e))?;
-        say::out(&format!("→ {}", path.display()));
+    for line in write(&take, format, &args.to)? {
+        say::out(&line);
     }
     Ok(())
+}
+
+fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
+    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    Ok(Box::new(BufReader::new(file)))
+}
+
+/// Writes a take's files; what there is now, a line each.
+fn write(take: &Take, format: Format, to: &Path) -> anyhow::Result<Vec<String>> {
+    let mut lines = Vec::new();
+    for (path, bytes) in encode(take, format, to)? {
+        output::write(&path, &bytes).map_err(|e| Failure::output(&path, &e))?;
+        lines.push(format!("→ {}", path.display()));
+    }
+    Ok(lines)
+}
+
+/// Files of other programs that a verb writes besides its own results.
+#[derive(Debug, Clone, Default)]
+pub struct Exports(Vec<(Format, PathBuf)>);
+
+impl Exports {
+    /// Of the names that the user gave.
+    ///
+    /// # Errors
+    /// Exit code 64 for an unknown extension.
+    pub fn new(to: &[PathBuf]) -> anyhow::Result<Self> {
+        let named = to.iter().map(|to| Ok((Format::of(to)?, to.clone())));
+        Ok(Self(named.collect::<Result<_, ExportError>>()?))
+    }
+
+    /// Writes all of them; what there is now, a line each.
+    ///
+    /// # Errors
+    /// As [`export`].
+    pub fn write(&self, take: &Take) -> anyhow::Result<Vec<String>> {
+        let mut lines = Vec::new();
+        for (format, to) in &self.0 {
+            lines.extend(write(take, *format, to)?);
+        }
+        Ok(lines)
+    }
+
+    /// Starts to keep what is to be exported, if anything is.
+    ///
+    /// # Errors
+    /// If there is no place for it.
+    pub fn keep(self, sinks: &mut Sinks<BodyFrame>) -> anyhow::Result<Option<Kept>> {
+        if self.0.is_empty() {
+            return Ok(None);
+        }
+        let file = tempfile::NamedTempFile::new()?;
+        let record = RecordSink::<BodiesRow>::create(file.path(), RecordFormat::Binary)?;
+        sinks.push(record.untold());
+        Ok(Some(Kept {
+            exports: self,
+            path: file.into_temp_path(),
+        }))
+    }
+}
+
+/// A record of a run for as long as that runs, and what becomes of it.
+#[derive(Debug)]
+pub struct Kept {
+    exports: Exports,
+    path: tempfile::TempPath,
+}
+
+impl Kept {
+    /// Writes all files, once the sinks have finished; `source` is what was run.
+    ///
+    /// # Errors
+    /// As [`export`].
+    pub fn write(self, source: &str) -> anyhow::Result<Vec<String>> {
+        let take = Take::read(open(&self.path)?, source)?;
+        self.exports.write(&take)
+    }
 }

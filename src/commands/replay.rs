@@ -5,16 +5,19 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, ObservationFrame};
+use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
 use edgecap_client::service_name;
 
+use super::events;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::say;
 use super::stop::Stop;
 use crate::camera::{DEFAULT_FOV, monotonic_ns};
+use crate::config::Setting;
+use crate::events::EventConfig;
 use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
-use crate::sink::{Packet, SharedMemorySink, Sink, Streamed};
+use crate::sink::{EventSink, Packet, SharedMemorySink, Sinks, Streamed};
 
 /// How long a signal may take to be heard.
 const LOOK_UP: Duration = Duration::from_millis(100);
@@ -33,6 +36,9 @@ pub struct ReplayArgs {
     /// So many times as fast
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
+    /// What counts as an event, and zones of the floor (TOML); of a record of bodies
+    #[arg(long, value_name = "FILE")]
+    events: Option<Setting<EventConfig>>,
     /// Over and over, until stopped
     #[arg(long = "loop")]
     again: bool,
@@ -63,7 +69,13 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
                 }
                 Ok(())
             };
-            play(&args, &stop, &mut rows)
+            let config = events::config(args.events.as_ref())?;
+            let mut sinks = Sinks::default();
+            sinks.push(SharedMemorySink::<BodyFrame>::open(&args.name)?);
+            let mut happened = Sinks::default();
+            happened.push(SharedMemorySink::<EventFrame>::open(&args.name)?);
+            sinks.push(EventSink::new(config, happened));
+            play(&args, &stop, sinks, &mut rows)
         }
         Some(Kind::Observations) => {
             let mut rows = |take: &mut dyn FnMut(&ObservationFrame) -> anyhow::Result<bool>| {
@@ -79,7 +91,9 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
                 }
                 Ok(())
             };
-            play(&args, &stop, &mut rows)
+            let mut sinks = Sinks::default();
+            sinks.push(SharedMemorySink::<ObservationFrame>::open(&args.name)?);
+            play(&args, &stop, sinks, &mut rows)
         }
         None => Err(Failure::data(format!(
             "{name}: expected a record of bodies or observations, found something else; 'edgecap record' makes one"
@@ -100,9 +114,9 @@ type Rows<'a, M> =
 fn play<M: Streamed + Times>(
     args: &ReplayArgs,
     stop: &Stop,
+    mut sinks: Sinks<M>,
     rows: Rows<'_, M>,
 ) -> anyhow::Result<()> {
-    let mut stream = Box::new(SharedMemorySink::<M>::open(&args.name)?);
     say::err(&format!(
         "{} → shared memory {} (Ctrl-C stops)",
         args.record.display(),
@@ -124,7 +138,7 @@ fn play<M: Streamed + Times>(
             last = recorded.number();
             message.renumber(last.saturating_add(offset));
             message.publish_at(monotonic_ns());
-            stream.take(&Packet {
+            sinks.take(&Packet {
                 message: &*message,
                 source: "",
                 picture: None,
@@ -147,7 +161,7 @@ fn play<M: Streamed + Times>(
         }
         offset += (last + 1).saturating_sub(first.unwrap_or(0));
     };
-    let finished = (stream as Box<dyn Sink<M>>).finish();
+    let finished = sinks.finish().1;
     outcome?;
     finished?;
     say::out(&format!("{frames} frames"));

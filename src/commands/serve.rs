@@ -55,17 +55,22 @@ pub struct PageServer {
 }
 
 impl PageServer {
-    /// Serves what its hub is given.
+    /// Serves what its hub is given; pictures only to a user who wants to `show_picture`.
     ///
     /// # Errors
     /// Exit code 69 where the address cannot be had.
-    pub fn start(args: &PageArgs) -> anyhow::Result<Self> {
+    pub fn start(args: &PageArgs, show_picture: bool) -> anyhow::Result<Self> {
         let address = args.listen.unwrap_or(ADDRESS);
         let token = match &args.token {
             None if !address.ip().is_loopback() => Some(Access::random_token()?),
             given => given.clone(),
         };
-        let (access, hub) = (Access::new(token.clone()), Hub::new(HISTORY));
+        let (access, hub) = (Access::new(token.clone()), Hub::new(HISTORY, show_picture));
+        if show_picture {
+            tracing::warn!(
+                "--show-picture: whoever opens the page at {address} sees what cameras see that publish their pictures"
+            );
+        }
         let bodies = hub.clone();
         let server = Server::start(address, move |request| {
             // The page itself tells nothing of anybody.

@@ -6,9 +6,10 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
-use edgecap_client::{Subscriber, cameras};
+use edgecap_client::{Priority, Subscriber, cameras};
 
 use super::exit::Failure;
+use super::relay::{EventRelay, PictureRelay};
 use super::say;
 use super::serve::{PageArgs, PageServer};
 use super::stop::Stop;
@@ -26,6 +27,9 @@ pub struct ViewArgs {
     /// Show this camera only, the --name of a run; may be given several times [default: every camera that runs]
     #[arg(long = "camera", visible_alias = "name", value_name = "NAME")]
     cameras: Vec<String>,
+    /// Show what the cameras see, too, of runs with --show-picture
+    #[arg(long)]
+    show_picture: bool,
     #[command(flatten)]
     page: PageArgs,
 }
@@ -39,7 +43,7 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     for name in &args.cameras {
         Subscriber::<BodyFrame>::open(name)?;
     }
-    let server = PageServer::start(&args.page)?;
+    let server = PageServer::start(&args.page, args.show_picture)?;
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
     let mut followed: BTreeMap<String, JoinHandle<anyhow::Result<()>>> = BTreeMap::new();
     let mut told = false;
@@ -82,6 +86,9 @@ fn joined(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {
 /// Hands on a camera's frames until the user stops it; the same camera may end and come back.
 fn follow(camera: &str, hub: &Hub, stop: &Stop) -> anyhow::Result<()> {
     let bodies = Subscriber::<BodyFrame>::open(camera)?;
+    let mut events = EventRelay::to_page(camera, hub)?;
+    let pictures = PictureRelay::to_page(camera, Some(hub), Priority::Reader)?;
+    let mut told = false;
     let mut cleaned = Instant::now();
     while !stop.requested() {
         // Every frame belongs into the last minute, not the newest only.
@@ -89,6 +96,14 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop) -> anyhow::Result<()> {
             hub.publish(camera, &frame);
             if frame.flags & FLAG_END_OF_STREAM != 0 {
                 tracing::info!("{camera}: the input has ended");
+            }
+        }
+        events.look()?;
+        if let Some(pictures) = &pictures {
+            pictures.look()?;
+            if !told && bodies.publisher_count() > 0 && pictures.is_missing() {
+                tracing::warn!("{camera} publishes no pictures: 'edgecap run --show-picture' does");
+                told = true;
             }
         }
         if cleaned.elapsed() > CLEAN_UP_EVERY {

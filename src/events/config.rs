@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::message::ZONE_NAME;
+
 /// When something counts as having happened. Seconds, metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -28,7 +30,7 @@ pub struct EventConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
-    /// What events call it.
+    /// What events call it, 63 bytes at most.
     pub name: String,
     /// Its corners in order, x and z in the floor's axes: x to the camera's right, z towards the viewer, so negative in front of
     /// the camera; the origin is below the camera.
@@ -68,6 +70,15 @@ impl EventConfig {
         }
         for (n, zone) in self.zone.iter().enumerate() {
             let name = &zone.name;
+            if name.is_empty() || name.len() >= ZONE_NAME {
+                let (most, found) = (ZONE_NAME - 1, name.len());
+                return Some(format!(
+                    "zone '{name}': expected a name of 1 to {most} bytes, found {found}"
+                ));
+            }
+            if name.contains('\0') {
+                return Some(format!("zone {name:?}: expected a name without zeros"));
+            }
             if self.zone[..n].iter().any(|z| z.name == *name) {
                 return Some(format!(
                     "another zone is called '{name}': give each its own name"

@@ -2,94 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
-
-use super::config::EventConfig;
+use super::config::{EventConfig, Zone};
 use super::hand::{Gesture, Hand, Seen};
 use super::steady::Steady;
 use crate::joints::{JOINT_NAMES, PELVIS};
-use crate::message::{Body, BodyFrame, BodyState, JointState};
+use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, Hand as Side, JointState};
 
 /// People who have been away for so long are forgotten, seconds; identities are not given twice.
 const FORGET: f64 = 3600.0;
-
-/// Something that has happened.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Event {
-    /// Number of the frame in which it was certain.
-    pub frame: u64,
-    /// The time of that frame's bodies, nanoseconds.
-    pub time_ns: u64,
-    /// Whom it is about; none where nobody is the main person any more.
-    pub person: Option<u32>,
-    /// What.
-    #[serde(flatten)]
-    pub what: Happening,
-}
-
-/// What has happened. Times are seconds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "event", rename_all = "snake_case")]
-pub enum Happening {
-    /// Somebody is there for the first time.
-    Entered,
-    /// Somebody is away.
-    Left {
-        /// How long they were there.
-        seconds: f64,
-    },
-    /// Somebody who had left is there again.
-    CameBack {
-        /// How long they were away.
-        seconds: f64,
-    },
-    /// Somebody has stepped into a zone.
-    ZoneEntered {
-        /// Its name.
-        zone: String,
-    },
-    /// Somebody has stepped out of a zone, or left while in it.
-    ZoneLeft {
-        /// Its name.
-        zone: String,
-        /// How long they were in it.
-        seconds: f64,
-    },
-    /// Somebody has been in a zone for its `dwell`.
-    Dwelt {
-        /// Its name.
-        zone: String,
-        /// How long by now.
-        seconds: f64,
-    },
-    /// A hand is above the head.
-    HandRaised {
-        /// Which.
-        hand: Side,
-    },
-    /// A raised hand is below the shoulder again.
-    HandLowered {
-        /// Which.
-        hand: Side,
-    },
-    /// A hand has gone to and fro.
-    Waved {
-        /// Which.
-        hand: Side,
-    },
-    /// Another person is the nearest.
-    MainPerson,
-}
-
-/// The person's own left or right.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Side {
-    /// Left.
-    Left,
-    /// Right.
-    Right,
-}
+/// A frame that is older than the last by less was overtaken by one that was extrapolated, seconds.
+const RESTART: f64 = 1.0;
 
 #[derive(Debug, Clone)]
 struct Person {
@@ -122,14 +44,20 @@ impl Detector {
         }
     }
 
-    /// Takes in a frame; what has happened by it. A clock that goes back starts everything anew.
+    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing, and a clock that goes back
+    /// further starts everything anew.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<Event> {
         let time = frame.pose_ns as f64 * 1e-9;
-        if self.last.is_some_and(|last| time < last) {
+        if let Some(last) = self.last
+            && time < last
+        {
+            if last - time < RESTART {
+                return Vec::new();
+            }
             *self = Self::new(self.config.clone());
         }
         self.last = Some(time);
-        let mut happened: Vec<(Option<u32>, Happening)> = Vec::new();
+        let mut happened = Vec::new();
         for body in frame
             .bodies()
             .iter()
@@ -149,20 +77,30 @@ impl Detector {
         for (&id, person) in &mut self.people {
             let body = frame.bodies().iter().find(|b| b.id == id);
             let what = person.look(body, frame, time, &self.config);
-            happened.extend(what.into_iter().map(|what| (Some(id), what)));
+            happened.extend(what.into_iter().map(|event| Event {
+                person: id,
+                ..event
+            }));
         }
         self.people.retain(|_, p| time - p.seen < FORGET);
         let nearest = self.nearest(frame);
         if let Some(main) = self.main.look(nearest, time, self.config.confirm) {
-            happened.push((main, Happening::MainPerson));
+            happened.push(Event {
+                person: main.unwrap_or(0),
+                ..event(EventKind::MAIN_PERSON)
+            });
         }
-        let event = |(person, what)| Event {
-            frame: frame.sequence,
-            time_ns: frame.pose_ns,
-            person,
-            what,
-        };
-        happened.into_iter().map(event).collect()
+        happened
+    }
+
+    /// How many people are there.
+    pub fn present(&self) -> usize {
+        self.people.values().filter(|p| p.there.get()).count()
+    }
+
+    /// Who is the main person.
+    pub fn main_person(&self) -> Option<u32> {
+        self.main.get()
     }
 
     /// Who is nearest to the camera; the main person until somebody is nearer by far.
@@ -194,23 +132,25 @@ impl Person {
         frame: &BodyFrame,
         time: f64,
         config: &EventConfig,
-    ) -> Vec<Happening> {
+    ) -> Vec<Event> {
         let mut happened = Vec::new();
         let is_seen = self.seen == time;
         let hold = if is_seen { config.confirm } else { config.gone };
         let before = self.there.since();
         match self.there.look(is_seen, time, hold) {
-            Some(true) if self.has_been => happened.push(Happening::CameBack {
-                seconds: self.there.since() - before,
+            Some(true) if self.has_been => happened.push(Event {
+                seconds: (self.there.since() - before) as f32,
+                ..event(EventKind::CAME_BACK)
             }),
             Some(true) => {
                 self.has_been = true;
-                happened.push(Happening::Entered);
+                happened.push(event(EventKind::ENTERED));
             }
             Some(false) => {
                 self.leave_zones(time, config, &mut happened);
-                happened.push(Happening::Left {
-                    seconds: self.there.since() - before,
+                happened.push(Event {
+                    seconds: (self.there.since() - before) as f32,
+                    ..event(EventKind::LEFT)
                 });
                 self.hands = [Hand::new(time), Hand::new(time)];
             }
@@ -223,13 +163,17 @@ impl Person {
             let [x, _, z] = frame.world.point(body.joints3d[PELVIS]).map(f64::from);
             self.look_at_zones([x, z], time, config, &mut happened);
         }
-        for (n, hand) in [Side::Right, Side::Left].into_iter().enumerate() {
+        for (n, hand) in [Side::RIGHT, Side::LEFT].into_iter().enumerate() {
             let seen = seen_hand(body, frame, hand, config.confidence);
             for gesture in self.hands[n].look(seen, time, config) {
-                happened.push(match gesture {
-                    Gesture::Raised => Happening::HandRaised { hand },
-                    Gesture::Lowered => Happening::HandLowered { hand },
-                    Gesture::Waved => Happening::Waved { hand },
+                let kind = match gesture {
+                    Gesture::Raised => EventKind::HAND_RAISED,
+                    Gesture::Lowered => EventKind::HAND_LOWERED,
+                    Gesture::Waved => EventKind::WAVED,
+                };
+                happened.push(Event {
+                    hand,
+                    ..event(kind)
                 });
             }
         }
@@ -241,51 +185,61 @@ impl Person {
         place: [f64; 2],
         time: f64,
         config: &EventConfig,
-        happened: &mut Vec<Happening>,
+        happened: &mut Vec<Event>,
     ) {
         for (n, zone) in config.zone.iter().enumerate() {
             let state = &mut self.zones[n];
             let before = state.since();
-            let name = || zone.name.clone();
             match state.look(zone.holds(place), time, config.confirm) {
                 Some(true) => {
                     self.dwelt[n] = false;
-                    happened.push(Happening::ZoneEntered { zone: name() });
+                    happened.push(of_zone(EventKind::ZONE_ENTERED, zone, 0.0));
                 }
-                Some(false) => happened.push(Happening::ZoneLeft {
-                    zone: name(),
-                    seconds: state.since() - before,
-                }),
+                Some(false) => {
+                    let seconds = state.since() - before;
+                    happened.push(of_zone(EventKind::ZONE_LEFT, zone, seconds));
+                }
                 None => {}
             }
             let seconds = time - state.since();
             let long = zone.dwell.is_some_and(|dwell| seconds >= dwell);
             if state.get() && long && !self.dwelt[n] {
                 self.dwelt[n] = true;
-                happened.push(Happening::Dwelt {
-                    zone: name(),
-                    seconds,
-                });
+                happened.push(of_zone(EventKind::DWELT, zone, seconds));
             }
         }
     }
 
-    fn leave_zones(&mut self, time: f64, config: &EventConfig, happened: &mut Vec<Happening>) {
+    fn leave_zones(&mut self, time: f64, config: &EventConfig, happened: &mut Vec<Event>) {
         for (zone, state) in config.zone.iter().zip(&mut self.zones) {
             if state.get() {
-                happened.push(Happening::ZoneLeft {
-                    zone: zone.name.clone(),
-                    seconds: self.seen - state.since(),
-                });
+                let seconds = self.seen - state.since();
+                happened.push(of_zone(EventKind::ZONE_LEFT, zone, seconds));
             }
             *state = Steady::new(false, time);
         }
     }
 }
 
+fn event(kind: EventKind) -> Event {
+    Event {
+        kind,
+        ..Event::default()
+    }
+}
+
+fn of_zone(kind: EventKind, zone: &Zone, seconds: f64) -> Event {
+    let mut event = Event {
+        seconds: seconds as f32,
+        ..event(kind)
+    };
+    event.set_zone(&zone.name);
+    event
+}
+
 /// Where a hand is, if its joints are seen well enough.
 fn seen_hand(body: &Body, frame: &BodyFrame, side: Side, least: f32) -> Option<Seen> {
-    let prefix = if side == Side::Right { "r" } else { "l" };
+    let prefix = if side == Side::RIGHT { "r" } else { "l" };
     let index = |name: &str| JOINT_NAMES.iter().position(|n| *n == name);
     let joint = |name: &str| {
         let j = index(name)?;

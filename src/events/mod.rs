@@ -6,7 +6,9 @@
 mod config;
 mod detector;
 mod hand;
+mod line;
 mod steady;
 
 pub use config::{EventConfig, Zone};
-pub use detector::{Detector, Event, Happening, Side};
+pub use detector::Detector;
+pub use line::Line;

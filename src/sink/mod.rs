@@ -1,14 +1,18 @@
 //! Where results go. A message goes to every sink of a list: shared memory, records, pictures with skeletons.
 
 mod error;
+mod events;
 mod flight;
 mod overlay;
+mod picture;
 mod record;
 mod shared_memory;
 
 pub use error::SinkError;
+pub use events::EventSink;
 pub use flight::FlightSink;
 pub use overlay::OverlaySink;
+pub use picture::PictureSink;
 pub use record::RecordSink;
 pub use shared_memory::{SharedMemorySink, Streamed};
 
@@ -32,6 +36,14 @@ pub trait Sink<M> {
     /// # Errors
     /// What the place failed of; what it took before is kept.
     fn take(&mut self, packet: &Packet<'_, M>) -> Result<(), SinkError>;
+
+    /// Tells whoever reads that nothing follows; [`finish`](Self::finish) comes next.
+    ///
+    /// # Errors
+    /// What the place failed of.
+    fn end(&mut self) -> Result<(), SinkError> {
+        Ok(())
+    }
 
     /// Makes what was taken complete, and says in a few words what there is, if that is worth saying.
     ///
@@ -73,12 +85,22 @@ impl<M> Sinks<M> {
         first
     }
 
+    /// Has every sink tell that nothing follows, whether or not another one failed.
+    ///
+    /// # Errors
+    /// The first failure.
+    pub fn end(&mut self) -> Result<(), SinkError> {
+        let ended = self.0.iter_mut().map(|sink| sink.end());
+        ended.fold(Ok(()), Result::and)
+    }
+
     /// Makes all of them complete and returns what they have to say.
     ///
     /// # Errors
     /// The first failure; the others are complete all the same.
-    pub fn finish(self) -> (Vec<String>, Result<(), SinkError>) {
-        let (mut words, mut first) = (Vec::new(), Ok(()));
+    pub fn finish(mut self) -> (Vec<String>, Result<(), SinkError>) {
+        // Readers of all of them hear it before one of them waits for its own.
+        let (mut words, mut first) = (Vec::new(), self.end());
         for sink in self.0 {
             match sink.finish() {
                 Ok(said) => words.extend(said),

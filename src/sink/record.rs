@@ -7,7 +7,10 @@ use crate::record::{Format, RecordWriter, Row};
 
 /// Writes every result to a file.
 #[derive(Debug)]
-pub struct RecordSink<T>(RecordWriter<T>);
+pub struct RecordSink<T> {
+    writer: RecordWriter<T>,
+    says: bool,
+}
 
 impl<T: Row> RecordSink<T> {
     /// Starts a record at `path`; `-` is standard output.
@@ -15,26 +18,34 @@ impl<T: Row> RecordSink<T> {
     /// # Errors
     /// [`SinkError::Create`].
     pub fn create(path: &Path, format: Format) -> Result<Self, SinkError> {
-        RecordWriter::create(path, format)
-            .map(Self)
-            .map_err(|cause| SinkError::Create {
-                path: path.to_owned(),
-                cause,
-            })
+        let writer = RecordWriter::create(path, format).map_err(|cause| SinkError::Create {
+            path: path.to_owned(),
+            cause,
+        })?;
+        Ok(Self { writer, says: true })
+    }
+
+    /// The same, of which the user is not told: it is a step on the way.
+    #[must_use]
+    pub fn untold(self) -> Self {
+        Self {
+            says: false,
+            ..self
+        }
     }
 }
 
 impl<T: Row> Sink<T::Message> for RecordSink<T> {
     fn take(&mut self, packet: &Packet<'_, T::Message>) -> Result<(), SinkError> {
-        let written = self.0.write(packet.message, packet.source);
-        written.map_err(|e| failed(self.0.path().to_owned(), e))
+        let written = self.writer.write(packet.message, packet.source);
+        written.map_err(|e| failed(self.writer.path().to_owned(), e))
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
-        let path = self.0.path().to_owned();
-        let is_file = path.as_os_str() != crate::output::STDOUT;
-        let said = is_file.then(|| format!("→ {}", path.display()));
-        self.0.finish().map_err(|e| failed(path, e))?;
+        let path = self.writer.path().to_owned();
+        let is_told = self.says && path.as_os_str() != crate::output::STDOUT;
+        let said = is_told.then(|| format!("→ {}", path.display()));
+        self.writer.finish().map_err(|e| failed(path, e))?;
         Ok(said)
     }
 }

@@ -7,7 +7,7 @@ use edgecap_client::{LinkError, Message, Publisher};
 
 use super::{Packet, Sink, SinkError};
 use crate::camera::monotonic_ns;
-use crate::message::{BodyFrame, ObservationFrame};
+use crate::message::{BodyFrame, EventFrame, ObservationFrame, PictureFrame};
 
 /// How often leftovers of killed processes are looked for.
 const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
@@ -44,12 +44,37 @@ impl Streamed for BodyFrame {
     }
 }
 
+impl Streamed for EventFrame {
+    fn end(&mut self) {
+        self.flags |= FLAG_END_OF_STREAM;
+        self.first += u64::from(self.count);
+        (self.count, self.present, self.main_person) = (0, 0, 0);
+    }
+
+    fn stamp(&mut self, now: u64) {
+        self.publish_ns = now;
+    }
+}
+
+impl Streamed for PictureFrame {
+    fn end(&mut self) {
+        self.flags |= FLAG_END_OF_STREAM;
+        self.count = 0;
+        self.jpeg.fill(0);
+    }
+
+    fn stamp(&mut self, now: u64) {
+        self.publish_ns = now;
+    }
+}
+
 /// Publishes every result, and the end of the stream when it finishes.
 #[derive(Debug)]
 pub struct SharedMemorySink<M: Streamed> {
     publisher: Publisher<M>,
     last: Box<M>,
     cleaned: Instant,
+    ended: Option<Instant>,
 }
 
 impl<M: Streamed> SharedMemorySink<M> {
@@ -62,6 +87,7 @@ impl<M: Streamed> SharedMemorySink<M> {
             publisher: Publisher::open(camera)?,
             last: Box::default(),
             cleaned: Instant::now(),
+            ended: None,
         })
     }
 
@@ -82,10 +108,18 @@ impl<M: Streamed> Sink<M> for SharedMemorySink<M> {
         Ok(())
     }
 
+    fn end(&mut self) -> Result<(), SinkError> {
+        if self.ended.is_none() {
+            self.ended = Some(Instant::now());
+            self.last.end();
+            self.publish()?;
+        }
+        Ok(())
+    }
+
     fn finish(mut self: Box<Self>) -> Result<Option<String>, SinkError> {
-        self.last.end();
-        self.publish()?;
-        let began = Instant::now();
+        self.end()?;
+        let began = self.ended.unwrap_or_else(Instant::now);
         while self.publisher.subscriber_count() > 0 && began.elapsed() < LAST_WORDS {
             std::thread::sleep(Duration::from_millis(5));
         }

@@ -18,7 +18,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 /// Packed with gzip, which every browser unpacks.
 const PACKED: &str = "/three.min.js";
 
-const ASSETS: [Asset; 9] = [
+const ASSETS: [Asset; 10] = [
     Asset {
         path: "/",
         kind: HTML,
@@ -53,6 +53,11 @@ const ASSETS: [Asset; 9] = [
         path: "/panel.js",
         kind: SCRIPT,
         body: include_bytes!("assets/panel.js"),
+    },
+    Asset {
+        path: "/picture.js",
+        kind: SCRIPT,
+        body: include_bytes!("assets/picture.js"),
     },
     Asset {
         path: "/space.js",

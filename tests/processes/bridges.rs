@@ -9,7 +9,9 @@ use edgecap::camera::monotonic_ns;
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::record::{BodiesRow, RowReader};
 use edgecap_client::Publisher;
-use edgecap_client::message::{Body, BodyFrame, BodyState, World, WorldState};
+use edgecap_client::message::{
+    Body, BodyFrame, BodyState, EventFrame, EventKind, Hand, World, WorldState,
+};
 use glam::{DQuat, DVec3};
 
 use crate::program::stand_in::{StandIn, Watched};
@@ -180,6 +182,41 @@ fn osc_names_every_joint_where_it_stands_and_when() {
     signal(run.pid(), "INT");
     let out = run.wait(Duration::from_secs(20));
     assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn osc_tells_what_happens() {
+    let (socket, address) = listen();
+    let name = stream("osc-events");
+    let mut events = Publisher::<EventFrame>::open(&name).unwrap();
+    let _run = Running::start(&["bridge", "--camera", &name, "--osc", &address]);
+    let mut frame = EventFrame {
+        time_ns: monotonic_ns(),
+        count: 3,
+        ..EventFrame::default()
+    };
+    let [left, waved, main, ..] = &mut frame.events;
+    (left.kind, left.person, left.seconds) = (EventKind::ZONE_LEFT, 6, 1.5);
+    left.set_zone("door");
+    (waved.kind, waved.person, waved.hand) = (EventKind::WAVED, 7, Hand::LEFT);
+    main.kind = EventKind::MAIN_PERSON;
+    let (time, messages) = eventually("events", || {
+        events.publish(&frame).unwrap();
+        receive(&socket)
+    });
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let ago = now.as_secs_f64() - time;
+    assert!((0.0..60.0).contains(&ago), "{ago} s ago");
+    for (found, (event, which, numbers)) in messages.iter().zip([
+        ("zone_left", "door", [6.0, 1.5]),
+        ("waved", "left", [7.0, 0.0]),
+        ("main_person", "", [0.0, 0.0]),
+    ]) {
+        assert_eq!(found.address, format!("/edgecap/{name}/event/{event}"));
+        assert_eq!(found.words, [which]);
+        assert_eq!(found.numbers, numbers);
+    }
+    assert_eq!(messages.len(), 3);
 }
 
 /// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name.

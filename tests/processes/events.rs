@@ -1,15 +1,21 @@
-//! `edgecap events`: a scene with a script, whose events are known to the moment.
+//! Events: a scene with a script, in which what happens is known to the moment.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::time::Duration;
 
 use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES};
-use edgecap::message::{Body, BodyFrame, BodyState, JointState, World, WorldState};
+use edgecap::message::{
+    Body, BodyFrame, BodyState, EventFrame, EventKind, JointState, World, WorldState,
+};
 use edgecap::record::{BodiesRow, Format, RecordWriter};
+use edgecap_client::{Publisher, Subscriber};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::program::{assert_fails, output, stderr};
+use crate::program::stand_in::StandIn;
+use crate::program::{Running, assert_fails, eventually, output, signal, stderr, stream};
 
 const FPS: f64 = 30.0;
 const SETTINGS: &str = "\
@@ -73,9 +79,14 @@ fn scene(t: f64) -> Vec<Body> {
 }
 
 fn record(folder: &Path) -> String {
+    record_of(folder, 0.0, 16.0)
+}
+
+/// The scene from one time to another, seconds.
+fn record_of(folder: &Path, from: f64, to: f64) -> String {
     let path = folder.join("scene.record");
     let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
-    for n in 0..(16.0 * FPS) as u64 {
+    for n in (from * FPS) as u64..(to * FPS) as u64 {
         let bodies = scene(n as f64 / FPS);
         let mut frame = BodyFrame {
             sequence: n,
@@ -179,6 +190,110 @@ fn a_scene_tells_what_happens_once_each_and_in_time() {
 }
 
 #[test]
+fn what_happens_is_published_beside_the_bodies() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("zones.toml");
+    std::fs::write(&settings, SETTINGS).unwrap();
+    let record = record_of(folder.path(), 9.6, 12.6);
+    let camera = stream("events");
+    let stream = Subscriber::<EventFrame>::open(&camera).unwrap();
+    let settings = settings.to_str().unwrap();
+    let args = ["replay", &record, "--name", &camera, "--events", settings];
+    let replay = Running::start(&args);
+    let (mut told, mut lasts) = (Vec::new(), Vec::new());
+    for frame in stream.messages() {
+        let frame = frame.unwrap();
+        assert_eq!(frame.first as usize, told.len(), "none is lost");
+        told.extend(frame.events().iter().map(ToString::to_string));
+        lasts.push((frame.present, frame.main_person));
+    }
+    let script = [
+        "#1 entered",
+        "#2 entered",
+        "#2 zone_entered till",
+        "#2 main_person",
+        "#2 hand_raised right",
+        "#2 dwelt till, 2.0 s",
+        "#2 hand_lowered right",
+    ];
+    assert_eq!(told, script);
+    assert_eq!(lasts[lasts.len() - 2], (2, 2));
+    assert_eq!(lasts.last(), Some(&(0, 0)), "at the end nobody is there");
+    assert!(replay.wait(Duration::from_secs(20)).status.success());
+}
+
+#[test]
+fn events_of_a_run_are_lines_of_json() {
+    let camera = stream("event-lines");
+    let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
+    let mut run = Running::start(&["events", "--camera", &camera]);
+    let lines = BufReader::new(run.0.stdout.take().unwrap()).lines();
+    let (send, said) = std::sync::mpsc::channel();
+    std::thread::spawn(move || lines.for_each(|line| send.send(line.unwrap()).unwrap_or(())));
+    let mut frame = EventFrame {
+        sequence: 5,
+        time_ns: 7,
+        count: 2,
+        ..EventFrame::default()
+    };
+    (frame.events[0].kind, frame.events[0].person) = (EventKind::CAME_BACK, 3);
+    frame.events[0].seconds = 2.5;
+    frame.events[1].kind = EventKind::from(4711);
+    let line = eventually("a line", || {
+        publisher.publish(&frame).unwrap();
+        said.recv_timeout(Duration::from_millis(100)).ok()
+    });
+    let line: Value = serde_json::from_str(&line).unwrap();
+    let wanted = json!({"camera": camera, "frame": 5, "time_ns": 7, "person": 3, "event": "came_back", "seconds": 2.5});
+    assert_eq!(line, wanted, "and nothing of what a later version knows");
+}
+
+/// A run of its own, with the zones that its settings name.
+#[test]
+fn a_run_publishes_what_its_people_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let zones = folder.path().join("zones.toml");
+    std::fs::write(
+        &zones,
+        "confirm = 0.0\n[[zone]]\nname = \"here\"\ncorners = [[-50, 50], [50, 50], [0, -50]]\n",
+    )
+    .unwrap();
+    let config = folder.path().join("edgecap.toml");
+    let camera = StandIn::new(10.0);
+    let name = stream("run-events");
+    std::fs::write(
+        &config,
+        format!(
+            "[[camera]]\nname = \"{name}\"\ninput = \"{}\"\nevents = \"zones.toml\"\n\
+             floor = {{ normal = [0.0, -1.0, 0.0], offset = 1.5 }}\n",
+            camera.input()
+        ),
+    )
+    .unwrap();
+    let stream = Subscriber::<EventFrame>::open(&name).unwrap();
+    let run = Running::start(&["run", "--config", config.to_str().unwrap()]);
+    let mut kinds = Vec::new();
+    eventually("somebody in the zone", || {
+        let frame = stream.next(Duration::from_millis(200)).unwrap()?;
+        kinds.extend(frame.events().iter().map(|e| e.kind));
+        frame.events().iter().find(|e| e.zone() == "here").copied()
+    });
+    assert!(kinds.contains(&EventKind::ENTERED), "{kinds:?}");
+    signal(run.pid(), "INT");
+    let out = run.wait(Duration::from_secs(20));
+    assert!(out.status.success(), "{}", stderr(&out));
+
+    // A mistake in them is the settings', with its place.
+    std::fs::write(
+        &config,
+        "[[camera]]\nevents = { zone = [{ name = \"\", corners = [] }] }\n",
+    )
+    .unwrap();
+    let args = ["config", "check", "--config", config.to_str().unwrap()];
+    assert_fails(&args, 78, &["edgecap.toml:2", "events", "1 to 63 bytes"]);
+}
+
+#[test]
 fn what_cannot_be_a_zone_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let record = record(folder.path());
@@ -187,6 +302,10 @@ fn what_cannot_be_a_zone_is_said() {
         (
             "[[zone]]\nname = \"a\"\ncorners = [[0, 0], [1, 1]]\n",
             "3 or more corners",
+        ),
+        (
+            "[[zone]]\nname = \"12345678901234567890123456789012345678901234567890123456789012345\"\ncorners = []\n",
+            "1 to 63 bytes, found 65",
         ),
         ("confirm = -1.0\n", "confirm"),
         ("zones = 1\n", "zones"),

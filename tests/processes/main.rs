@@ -24,6 +24,7 @@ mod pace;
 mod privacy;
 mod record;
 mod replay;
+mod show_picture;
 mod soak;
 mod supervisor;
 mod view;

@@ -281,11 +281,11 @@ fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
         let name = f.file_name().unwrap_or_default().to_string_lossy();
         f.starts_with(&place) && name.starts_with(CAMERA) && !name.ends_with(".lock")
     });
-    assert_eq!(streams.count(), 2, "observations and bodies");
+    assert_eq!(streams.count(), 3, "observations, bodies and events");
     let of_iceoryx2 = looked
         .iter()
         .filter(|f| f.extension().is_some_and(|e| e == "data"));
-    assert!(of_iceoryx2.count() >= 2, "the same in iceoryx2");
+    assert!(of_iceoryx2.count() >= 3, "the same in iceoryx2");
     for file in &looked {
         // Others' files come and go.
         let Ok(bytes) = fs::read(file) else { continue };

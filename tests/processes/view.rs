@@ -7,9 +7,10 @@ use std::time::Duration;
 use edgecap_client::Publisher;
 use edgecap_client::joints::{BODY_JOINTS, PELVIS};
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, Intrinsics, JointState, World, WorldState,
+    Body, BodyFrame, BodyState, EventFrame, EventKind, Hand, Intrinsics, JointState, World,
+    WorldState,
 };
-use serde_json::Value;
+use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
 use crate::program::browser::Browser;
@@ -56,11 +57,15 @@ impl View {
     }
 
     fn connect(&self, query: &str) -> WebSocket<TcpStream> {
+        self.connect_to(&format!("bodies{query}"))
+    }
+
+    fn connect_to(&self, path: &str) -> WebSocket<TcpStream> {
         let stream = TcpStream::connect(self.host()).unwrap();
         stream
             .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
-        let url = format!("ws://{}/bodies{query}", self.host());
+        let url = format!("ws://{}/{path}", self.host());
         tungstenite::client(url, stream).unwrap().0
     }
 }
@@ -164,6 +169,65 @@ fn bodies_come_over_websocket_as_they_were_published() {
     let wait = Some(Duration::from_millis(600));
     other.get_ref().set_read_timeout(wait).unwrap();
     assert!(other.read().is_err());
+}
+
+#[test]
+fn events_come_over_websocket_none_left_out() {
+    let view = View::start("websocket-events", &[]);
+    let mut publisher = Publisher::<EventFrame>::open(&view.camera).unwrap();
+    let mut frame = EventFrame {
+        sequence: 812,
+        time_ns: 27,
+        count: 2,
+        ..EventFrame::default()
+    };
+    let [left, raised, ..] = &mut frame.events;
+    (left.kind, left.person, left.seconds) = (EventKind::ZONE_LEFT, 3, 4.25);
+    left.set_zone("door");
+    (raised.kind, raised.person, raised.hand) = (EventKind::HAND_RAISED, 4, Hand::RIGHT);
+    let mut heard = |client: &mut WebSocket<TcpStream>| {
+        let wait = Some(Duration::from_millis(200));
+        client.get_ref().set_read_timeout(wait).unwrap();
+        let first = eventually("events", || {
+            publisher.publish(&frame).unwrap();
+            client.read().ok()
+        });
+        let long = Some(Duration::from_secs(60));
+        client.get_ref().set_read_timeout(long).unwrap();
+        first
+    };
+    let mut json = view.connect_to("events");
+    let lines = [heard(&mut json), json.read().unwrap()];
+    let lines = lines.map(|l| serde_json::from_str::<Value>(l.to_text().unwrap()).unwrap());
+    let wanted = [
+        json!({"camera": view.camera, "frame": 812, "time_ns": 27, "person": 3, "event": "zone_left",
+            "zone": "door", "seconds": 4.25}),
+        json!({"camera": view.camera, "frame": 812, "time_ns": 27, "person": 4, "event": "hand_raised",
+            "hand": "right"}),
+    ];
+    assert_eq!(lines, wanted);
+    let mut binary = view.connect_to("events?format=binary");
+    let bytes = heard(&mut binary).into_data();
+    assert_eq!(&bytes[..8], b"EVNT\x01\0\x02\0");
+    let first = 56 + view.camera.len().next_multiple_of(4);
+    assert_eq!(bytes[first..first + 8], [4, 0, 0, 0, 3, 0, 0, 0]);
+    assert_eq!(&bytes[first + 16..first + 20], b"door");
+    // Bodies and events are told apart, and so are cameras.
+    let (head, _) = view.get("/events?history=1&format=binary", "");
+    assert!(head.starts_with("HTTP/1.1 4"), "{head}");
+    // What happens at once comes one by one.
+    let mut rests = view.connect_to("events?format=binary");
+    heard(&mut rests);
+    for sequence in 1000..1012 {
+        frame.sequence = sequence;
+        publisher.publish(&frame).unwrap();
+    }
+    let numbers = std::iter::from_fn(|| {
+        let bytes = rests.read().unwrap().into_data();
+        Some(u64::from_le_bytes(bytes[8..16].try_into().unwrap()))
+    });
+    let numbers: Vec<u64> = numbers.skip_while(|n| *n < 1000).take(12).collect();
+    assert!(numbers.iter().copied().eq(1000..1012), "{numbers:?}");
 }
 
 #[test]

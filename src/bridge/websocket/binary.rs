@@ -25,12 +25,43 @@
 //! | 296 | 21 u8 | `confidence` × 255 |
 //! | 317 | 21 u8 | `joint_states`; two zeros |
 //! | 340 | 16 × 4 i16 | `bone_rotations` × 32767 |
+//!
+//! Events have a form of their own, built alike:
+//!
+//! | byte | type | what |
+//! |---|---|---|
+//! | 0 | 4 bytes | `EVNT` |
+//! | 4 | u16, u16 | version of this form, 1; number of events |
+//! | 8, 16, 24, 32 | u64 | `sequence`, `time_ns`, `publish_ns`, `first` |
+//! | 40 | 3 u32 | `flags`, `present`, `main_person` |
+//! | 52 | u32 | bytes of the camera's name, which follows, filled up with zeros to a multiple of four |
+//! | then | 16 bytes each, and the zone's name | events |
+//!
+//! | byte of an event | type | what |
+//! |---|---|---|
+//! | 0 | u32, u32, f32 | `kind`, `person`, `seconds` |
+//! | 12 | u8, u8 | `hand`; bytes of the zone's name, which follows the two zeros, filled up as above |
+//!
+//! A picture, where the user shows them:
+//!
+//! | byte | type | what |
+//! |---|---|---|
+//! | 0 | 4 bytes | `PICT` |
+//! | 4 | u16, u16 | version of this form, 1; zero |
+//! | 8, 16 | u64 | `sequence`, `capture_ns` |
+//! | 24 | 2 u32 | pixels across and down |
+//! | 32 | u32 | bytes of the camera's name, which follows, filled up as above |
+//! | then | | JPEG |
 
-use crate::message::{Body, BodyFrame};
+use crate::message::{Body, BodyFrame, EventFrame, PictureFrame};
 
 /// How a frame begins.
 pub const MAGIC: &[u8; 4] = b"ECAP";
-/// Version of the form.
+/// How events begin.
+pub const EVENTS_MAGIC: &[u8; 4] = b"EVNT";
+/// How a picture begins.
+pub const PICTURE_MAGIC: &[u8; 4] = b"PICT";
+/// Version of all forms.
 pub const VERSION: u16 = 1;
 /// Bytes before the camera's name.
 pub const HEAD: usize = 128;
@@ -71,12 +102,55 @@ pub fn encode(camera: &str, frame: &BodyFrame) -> Vec<u8> {
     floats(&mut out, world.rotation);
     floats(&mut out, world.translation);
     words(&mut out, [camera.len() as u32]);
-    out.extend(camera.as_bytes());
-    out.resize(out.len().next_multiple_of(4), 0);
+    text(&mut out, camera);
     for body in bodies {
         encode_body(body, &mut out);
     }
     out
+}
+
+/// Writes what has happened.
+pub fn encode_events(camera: &str, frame: &EventFrame) -> Vec<u8> {
+    let events = frame.events();
+    let mut out = Vec::with_capacity(HEAD + camera.len() + events.len() * 32);
+    out.extend(EVENTS_MAGIC);
+    out.extend(VERSION.to_le_bytes());
+    out.extend((events.len() as u16).to_le_bytes());
+    for n in [frame.sequence, frame.time_ns, frame.publish_ns, frame.first] {
+        out.extend(n.to_le_bytes());
+    }
+    words(&mut out, [frame.flags, frame.present, frame.main_person]);
+    words(&mut out, [camera.len() as u32]);
+    text(&mut out, camera);
+    for event in events {
+        words(&mut out, [event.kind.code(), event.person]);
+        floats(&mut out, [event.seconds]);
+        let (hand, zone) = (event.hand.code().min(255) as u8, event.zone());
+        out.extend([hand, zone.len() as u8, 0, 0]);
+        text(&mut out, zone);
+    }
+    out
+}
+
+/// Writes a picture.
+pub fn encode_picture(camera: &str, picture: &PictureFrame) -> Vec<u8> {
+    let mut out = Vec::with_capacity(HEAD + camera.len() + picture.jpeg().len());
+    out.extend(PICTURE_MAGIC);
+    out.extend(VERSION.to_le_bytes());
+    out.extend([0, 0]);
+    out.extend(picture.sequence.to_le_bytes());
+    out.extend(picture.capture_ns.to_le_bytes());
+    words(&mut out, [picture.width, picture.height]);
+    words(&mut out, [camera.len() as u32]);
+    text(&mut out, camera);
+    out.extend(picture.jpeg());
+    out
+}
+
+/// A text, filled up with zeros to a multiple of four.
+fn text(out: &mut Vec<u8>, text: &str) {
+    out.extend(text.as_bytes());
+    out.resize(out.len().next_multiple_of(4), 0);
 }
 
 fn encode_body(body: &Body, out: &mut Vec<u8>) {
@@ -109,6 +183,40 @@ fn floats(out: &mut Vec<u8>, all: impl IntoIterator<Item = f32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn events_lie_where_their_table_says() {
+        use crate::message::{Event, EventKind, Hand};
+        let mut frame = EventFrame {
+            sequence: 7,
+            first: 40,
+            present: 2,
+            main_person: 5,
+            count: 2,
+            ..EventFrame::default()
+        };
+        frame.events[0] = Event {
+            kind: EventKind::ZONE_LEFT,
+            person: 3,
+            seconds: 1.5,
+            ..Event::default()
+        };
+        frame.events[0].set_zone("porch");
+        (frame.events[1].kind, frame.events[1].hand) = (EventKind::WAVED, Hand::RIGHT);
+        let bytes = encode_events("hall7", &frame);
+        assert_eq!(&bytes[..8], b"EVNT\x01\0\x02\0");
+        assert_eq!(bytes[8..16], 7u64.to_le_bytes());
+        assert_eq!(bytes[32..40], 40u64.to_le_bytes());
+        assert_eq!(bytes[44..52], [2, 0, 0, 0, 5, 0, 0, 0]);
+        assert_eq!(&bytes[52..64], b"\x05\0\0\0hall7\0\0\0");
+        assert_eq!(bytes[64..72], [4, 0, 0, 0, 3, 0, 0, 0]);
+        assert_eq!(bytes[72..76], 1.5f32.to_le_bytes());
+        assert_eq!(&bytes[76..88], b"\0\x05\0\0porch\0\0\0");
+        assert_eq!(
+            bytes[88..],
+            [8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0]
+        );
+    }
 
     #[test]
     fn everything_lies_where_the_table_says() {

@@ -9,7 +9,6 @@ use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Bytes, Message, WebSocket};
 
-use super::mailbox::Mailbox;
 use crate::http::{Answer, Ends, Request};
 
 /// How often a client is listened to, and the end looked for.
@@ -28,7 +27,8 @@ pub struct Client {
     pub camera: Option<String>,
     /// The kept past first.
     pub wants_history: bool,
-    is_binary: bool,
+    /// The compact form instead of JSON.
+    pub is_binary: bool,
 }
 
 impl Client {
@@ -56,20 +56,24 @@ impl Client {
             is_binary,
         })
     }
+}
 
-    /// Sends what comes until the client leaves or the server ends.
-    pub fn serve(
-        &self,
-        mut stream: TcpStream,
-        answer: &str,
-        past: Vec<Bytes>,
-        mailbox: &Mailbox,
-        ends: &Ends,
-    ) {
+/// A connection that is to become a WebSocket.
+pub struct Line<'a> {
+    pub stream: TcpStream,
+    /// Of the handshake.
+    pub answer: &'a str,
+    pub ends: &'a Ends,
+}
+
+impl Line<'_> {
+    /// Sends the past, then what `take` gives within the time it is told, until the client leaves or the server ends.
+    pub fn serve(self, past: Vec<Bytes>, take: &dyn Fn(Duration) -> Option<Message>) {
+        let mut stream = self.stream;
         // Small: an old frame in the kernel's buffer cannot be taken back any more.
         let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
         let _ = stream.set_nodelay(true);
-        if stream.write_all(answer.as_bytes()).is_err()
+        if stream.write_all(self.answer.as_bytes()).is_err()
             || stream.set_write_timeout(Some(LOOK_EVERY)).is_err()
         {
             return;
@@ -78,23 +82,21 @@ impl Client {
             .max_message_size(Some(MOST_HEARD))
             .max_frame_size(Some(MOST_HEARD));
         let socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
-        let mut line = Line { socket, ends };
+        let mut line = Open {
+            socket,
+            ends: self.ends,
+        };
         for bytes in past {
             if line.send(Message::Binary(bytes)).is_none() {
                 return;
             }
         }
         let mut listened = Instant::now();
-        while !ends.now() {
-            if let Some(packet) = mailbox.take(LOOK_EVERY) {
-                let message = if self.is_binary {
-                    Message::Binary(packet.binary())
-                } else {
-                    Message::Text(packet.json())
-                };
-                if line.send(message).is_none() {
-                    break;
-                }
+        while !self.ends.now() {
+            if let Some(message) = take(LOOK_EVERY)
+                && line.send(message).is_none()
+            {
+                break;
             }
             if listened.elapsed() >= LOOK_EVERY {
                 listened = Instant::now();
@@ -104,9 +106,6 @@ impl Client {
             }
         }
         line.close();
-        if mailbox.replaced() > 0 {
-            tracing::debug!("a client was too slow for {} frames", mailbox.replaced());
-        }
     }
 }
 
@@ -132,13 +131,13 @@ pub fn handshake(request: &Request) -> Result<String, Answer> {
     }
 }
 
-/// A connection; `None` of its functions says that it is over.
-struct Line<'a> {
+/// An open connection; `None` of its functions says that it is over.
+struct Open<'a> {
     socket: WebSocket<TcpStream>,
     ends: &'a Ends,
 }
 
-impl Line<'_> {
+impl Open<'_> {
     /// Sends, for as long as the client takes something now and then.
     fn send(&mut self, message: Message) -> Option<()> {
         let began = Instant::now();

@@ -1,38 +1,70 @@
 //! Joins who publishes with the clients that are connected.
 
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-use tungstenite::Bytes;
+use tungstenite::{Bytes, Message};
 
-use super::client::{Client, handshake};
-use super::mailbox::Mailbox;
+use super::binary;
+use super::client::{Client, Line, handshake};
+use super::mailbox::{Mailbox, OfCamera};
 use super::packet::Packet;
 use super::sink::HubSink;
+use crate::events;
 use crate::http::{Answer, Request};
-use crate::message::BodyFrame;
+use crate::message::{BodyFrame, EventFrame, PictureFrame};
 
 /// Most bytes of the kept past, whatever the time.
 const MOST_HISTORY: usize = 64 << 20;
 
-/// Frames of all cameras go in; every client gets them. A handle: its clones are the same hub.
+/// Frames and events of all cameras go in; every client gets those that it wants. A handle: its clones are the same hub.
 #[derive(Debug, Clone)]
 pub struct Hub(Arc<Mutex<Inner>>);
 
+/// What serves one client.
+type Serve = Box<dyn FnOnce(Line<'_>) + Send>;
+
+/// A picture on its way to those who look.
+#[derive(Debug)]
+struct Picture {
+    camera: String,
+    bytes: Bytes,
+}
+
+impl OfCamera for Picture {
+    fn camera(&self) -> &str {
+        &self.camera
+    }
+}
+
+/// A client's mailbox, for as long as it is there, and the one camera that it wants.
+#[derive(Debug)]
+struct Place<T> {
+    camera: Option<String>,
+    mailbox: Weak<Mailbox<T>>,
+}
+
 #[derive(Debug)]
 struct Inner {
-    clients: Vec<(Option<String>, Weak<Mailbox>)>,
+    clients: Vec<Place<Arc<Packet>>>,
+    /// Those of events; `true`: in binary.
+    listeners: Vec<(Place<Message>, bool)>,
+    /// Those of pictures; `None`: there are none to be had.
+    viewers: Option<Vec<Place<Arc<Picture>>>>,
     history: VecDeque<(Instant, Bytes)>,
     bytes: usize,
     keep: Duration,
 }
 
 impl Hub {
-    /// Keeps the past of so long for clients that come later; zero: none.
-    pub fn new(keep: Duration) -> Self {
+    /// Keeps the past of so long for clients that come later; zero: none. Pictures go to nobody unless the user `shows` them.
+    pub fn new(keep: Duration, shows: bool) -> Self {
         Self(Arc::new(Mutex::new(Inner {
             clients: Vec::new(),
+            listeners: Vec::new(),
+            viewers: shows.then(Vec::new),
             history: VecDeque::new(),
             bytes: 0,
             keep,
@@ -46,18 +78,47 @@ impl Hub {
             return;
         }
         let packet = Arc::new(Packet::new(camera, frame));
-        inner.clients.retain(|(wanted, mailbox)| {
-            let Some(mailbox) = mailbox.upgrade() else {
-                return false;
-            };
-            if wanted.as_ref().is_none_or(|w| w == camera) {
-                mailbox.put(&packet);
-            }
-            true
-        });
+        inner
+            .clients
+            .retain(|place| place.put(camera, |mailbox| mailbox.replace(&packet)));
         if !inner.keep.is_zero() && !packet.is_end() {
             inner.remember(packet.binary());
         }
+    }
+
+    /// Hands what has happened to everybody who listens: one message an event as JSON, one for all in binary.
+    pub fn tell(&self, camera: &str, frame: &EventFrame) {
+        let binary = OnceCell::new();
+        self.lock().listeners.retain(|(place, is_binary)| {
+            place.put(camera, |mailbox| {
+                if *is_binary {
+                    let encode = || Bytes::from(binary::encode_events(camera, frame));
+                    mailbox.queue(Message::Binary(binary.get_or_init(encode).clone()));
+                } else {
+                    for line in events::Line::all(camera, frame) {
+                        mailbox.queue(Message::Text(line.json().into()));
+                    }
+                }
+            })
+        });
+    }
+
+    /// Whether pictures go to anybody.
+    pub fn shows_pictures(&self) -> bool {
+        self.lock().viewers.is_some()
+    }
+
+    /// Hands a camera's picture to everybody who looks, if the user shows them; one that is too slow gets the newest.
+    pub fn show(&self, camera: &str, picture: &PictureFrame) {
+        let Some(viewers) = &mut self.lock().viewers else {
+            return;
+        };
+        let bytes = Bytes::from(binary::encode_picture(camera, picture));
+        let picture = Arc::new(Picture {
+            camera: camera.to_owned(),
+            bytes,
+        });
+        viewers.retain(|place| place.put(camera, |mailbox| mailbox.replace(&picture)));
     }
 
     /// Where one camera's frames go in.
@@ -68,33 +129,93 @@ impl Hub {
         }
     }
 
-    /// What a request for bodies gets: a stream, or why there is none.
+    /// What a request for bodies, events or pictures gets: a stream, or why there is none.
     pub fn answer(&self, request: &Request) -> Answer {
-        if request.path != "/bodies" {
-            let line = "bodies are at /bodies, over WebSocket";
+        let path = &*request.path;
+        if path == "/features" {
+            return self.features();
+        }
+        if !["/bodies", "/events", "/pictures"].contains(&path) {
+            let line = "bodies are at /bodies and events at /events, over WebSocket";
             return Answer::refusal("404 Not Found", line);
         }
-        let client = match Client::of(request) {
-            Ok(client) => client,
+        if path == "/pictures" && !self.shows_pictures() {
+            let line = "pictures are shown to nobody: --show-picture was not given";
+            return Answer::refusal("404 Not Found", line);
+        }
+        let both = Client::of(request).and_then(|client| Ok((client, handshake(request)?)));
+        let (client, answer) = match both {
+            Ok(both) => both,
             Err(refused) => return refused,
         };
+        if path != "/bodies" && client.wants_history {
+            let line = "history=1: expected at /bodies; nothing else of the past is kept";
+            return Answer::refusal("400 Bad Request", line);
+        }
         let hub = self.clone();
-        let answer = match handshake(request) {
-            Ok(answer) => answer,
-            Err(refused) => return refused,
+        let serve: Serve = match path {
+            "/bodies" => Box::new(move |line| hub.serve_bodies(&client, line)),
+            "/events" => Box::new(move |line| hub.serve_events(&client, line)),
+            _ => Box::new(move |line| hub.serve_pictures(&client, line)),
         };
         Answer::Stream(Box::new(move |stream, ends| {
-            let (mailbox, past) = hub.join(&client);
-            client.serve(stream, &answer, past, &mailbox, &ends);
+            serve(Line {
+                stream,
+                answer: &answer,
+                ends: &ends,
+            });
         }))
     }
 
+    /// What the page may show.
+    fn features(&self) -> Answer {
+        let pictures = self.shows_pictures();
+        Answer::Body {
+            status: "200 OK",
+            kind: "application/json",
+            headers: &[("Cache-Control", "no-store")],
+            body: format!("{{\"pictures\":{pictures}}}\n").into_bytes().into(),
+        }
+    }
+
+    fn serve_bodies(&self, client: &Client, line: Line<'_>) {
+        let (mailbox, past) = self.join(client);
+        let take = |patience| {
+            let packet: Arc<Packet> = mailbox.take(patience)?;
+            Some(match client.is_binary {
+                true => Message::Binary(packet.binary()),
+                false => Message::Text(packet.json()),
+            })
+        };
+        line.serve(past, &take);
+        say_lost("frames", mailbox.lost());
+    }
+
+    fn serve_events(&self, client: &Client, line: Line<'_>) {
+        let mailbox = Arc::new(Mailbox::default());
+        let place = Place::new(client, &mailbox);
+        self.lock().listeners.push((place, client.is_binary));
+        line.serve(Vec::new(), &|patience| mailbox.take(patience));
+        say_lost("events", mailbox.lost());
+    }
+
+    fn serve_pictures(&self, client: &Client, line: Line<'_>) {
+        let mailbox = Arc::new(Mailbox::default());
+        if let Some(viewers) = &mut self.lock().viewers {
+            viewers.push(Place::new(client, &mailbox));
+        }
+        let take = |patience| {
+            let picture: Arc<Picture> = mailbox.take(patience)?;
+            Some(Message::Binary(picture.bytes.clone()))
+        };
+        line.serve(Vec::new(), &take);
+    }
+
     /// A client's place, and what it is to see of the past.
-    fn join(&self, client: &Client) -> (Arc<Mailbox>, Vec<Bytes>) {
+    fn join(&self, client: &Client) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Bytes>) {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
-        let place = (client.camera.clone(), Arc::downgrade(&mailbox));
-        inner.clients.push(place);
+        inner.clients.push(Place::new(client, &mailbox));
         let past = inner.history.iter().map(|(_, bytes)| bytes.clone());
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
@@ -102,6 +223,32 @@ impl Hub {
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn say_lost(what: &str, lost: u64) {
+    if lost > 0 {
+        tracing::debug!("a client was too slow for {lost} {what}");
+    }
+}
+
+impl<T> Place<T> {
+    fn new(client: &Client, mailbox: &Arc<Mailbox<T>>) -> Self {
+        Self {
+            camera: client.camera.clone(),
+            mailbox: Arc::downgrade(mailbox),
+        }
+    }
+
+    /// Lets `put` fill it where it wants this camera; whether the client is still there.
+    fn put(&self, camera: &str, put: impl FnOnce(&Mailbox<T>)) -> bool {
+        let Some(mailbox) = self.mailbox.upgrade() else {
+            return false;
+        };
+        if self.camera.as_ref().is_none_or(|wanted| wanted == camera) {
+            put(&mailbox);
+        }
+        true
     }
 }
 

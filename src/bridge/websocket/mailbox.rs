@@ -1,56 +1,94 @@
-//! What waits for one client: the newest frame of each camera. A client that is too slow loses what was replaced.
+//! What waits for one client. Nobody waits for a client that is too slow: it loses what has to make room.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::Packet;
+/// Events that wait for a client; more of them lose the oldest.
+const MOST_WAITING: usize = 1024;
 
-/// The newest frames that a client has not taken, one a camera, in the order in which they came.
-#[derive(Debug, Default)]
-pub struct Mailbox {
-    waiting: Mutex<Waiting>,
+/// What a client has not taken, in the order in which it came.
+#[derive(Debug)]
+pub struct Mailbox<T> {
+    waiting: Mutex<Waiting<T>>,
     arrived: Condvar,
 }
 
-#[derive(Debug, Default)]
-struct Waiting {
-    packets: Vec<Arc<Packet>>,
-    replaced: u64,
+#[derive(Debug)]
+struct Waiting<T> {
+    items: VecDeque<T>,
+    lost: u64,
 }
 
-impl Mailbox {
-    /// Puts a frame in, in place of an older one of the same camera.
-    pub fn put(&self, packet: &Arc<Packet>) {
+impl<T> Default for Mailbox<T> {
+    fn default() -> Self {
+        Self {
+            waiting: Mutex::new(Waiting {
+                items: VecDeque::new(),
+                lost: 0,
+            }),
+            arrived: Condvar::new(),
+        }
+    }
+}
+
+/// What a newer one of the same camera takes the place of.
+pub trait OfCamera {
+    /// Whose it is.
+    fn camera(&self) -> &str;
+}
+
+impl<T: OfCamera> Mailbox<Arc<T>> {
+    /// Puts something in, in place of what waits of the same camera.
+    pub fn replace(&self, item: &Arc<T>) {
+        self.put(Arc::clone(item), |items| {
+            items.retain(|other| other.camera() != item.camera());
+        });
+    }
+}
+
+impl<T> Mailbox<T> {
+    /// Puts something in behind what waits.
+    pub fn queue(&self, item: T) {
+        self.put(item, |items| {
+            while items.len() >= MOST_WAITING {
+                items.pop_front();
+            }
+        });
+    }
+
+    fn put(&self, item: T, make_room: impl FnOnce(&mut VecDeque<T>)) {
         let mut waiting = self.lock();
-        let before = waiting.packets.len();
-        waiting.packets.retain(|p| p.camera() != packet.camera());
-        waiting.replaced += (before - waiting.packets.len()) as u64;
-        waiting.packets.push(Arc::clone(packet));
+        let before = waiting.items.len();
+        make_room(&mut waiting.items);
+        waiting.lost += (before - waiting.items.len()) as u64;
+        waiting.items.push_back(item);
         self.arrived.notify_one();
     }
 
-    /// Takes the frame that waits longest; waits up to `patience` for one.
-    pub fn take(&self, patience: Duration) -> Option<Arc<Packet>> {
+    /// Takes what waits longest; waits up to `patience` for something.
+    pub fn take(&self, patience: Duration) -> Option<T> {
         let waiting = self.lock();
         let waited = self
             .arrived
-            .wait_timeout_while(waiting, patience, |w| w.packets.is_empty());
+            .wait_timeout_while(waiting, patience, |w| w.items.is_empty());
         let (mut waiting, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        (!waiting.packets.is_empty()).then(|| waiting.packets.remove(0))
+        waiting.items.pop_front()
     }
 
-    /// Frames that this client has lost.
-    pub fn replaced(&self) -> u64 {
-        self.lock().replaced
+    /// How much this client has lost.
+    pub fn lost(&self) -> u64 {
+        self.lock().lost
     }
 
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
+    fn lock(&self) -> MutexGuard<'_, Waiting<T>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Packet;
     use super::*;
     use crate::message::BodyFrame;
 
@@ -65,13 +103,24 @@ mod tests {
             Arc::new(Packet::new(camera, &frame))
         };
         for (camera, sequence) in [("a", 0), ("b", 0), ("a", 1), ("a", 2)] {
-            mailbox.put(&packet(camera, sequence));
+            mailbox.replace(&packet(camera, sequence));
         }
         let mut taken = Vec::new();
         while let Some(p) = mailbox.take(Duration::ZERO) {
             taken.push((p.camera().to_owned(), p.binary()[8]));
         }
         assert_eq!(taken, [("b".to_owned(), 0), ("a".to_owned(), 2)]);
-        assert_eq!(mailbox.replaced(), 2);
+        assert_eq!(mailbox.lost(), 2);
+    }
+
+    #[test]
+    fn a_queue_keeps_the_newest() {
+        let mailbox = Mailbox::default();
+        for n in 0..MOST_WAITING + 3 {
+            mailbox.queue(n);
+        }
+        let taken = std::iter::from_fn(|| mailbox.take(Duration::ZERO));
+        assert!(taken.eq(3..MOST_WAITING + 3));
+        assert_eq!(mailbox.lost(), 3);
     }
 }

@@ -6,6 +6,7 @@ use serde::Serialize;
 use tungstenite::{Bytes, Utf8Bytes};
 
 use super::binary;
+use super::mailbox::OfCamera;
 use crate::message::{BodyFrame, FLAG_END_OF_STREAM};
 use crate::record::{BodiesRow, Row};
 
@@ -37,11 +38,6 @@ impl Packet {
         }
     }
 
-    /// Whose it is.
-    pub fn camera(&self) -> &str {
-        &self.camera
-    }
-
     /// Whether the camera's input has ended with it.
     pub fn is_end(&self) -> bool {
         self.frame.flags & FLAG_END_OF_STREAM != 0
@@ -64,5 +60,11 @@ impl Packet {
     pub fn binary(&self) -> Bytes {
         let encode = || binary::encode(&self.camera, &self.frame).into();
         self.binary.get_or_init(encode).clone()
+    }
+}
+
+impl OfCamera for Packet {
+    fn camera(&self) -> &str {
+        &self.camera
     }
 }

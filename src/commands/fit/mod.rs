@@ -10,10 +10,11 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
+use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use edgecap_client::{Priority, Subscriber};
 use serde::{Deserialize, Serialize};
 
+use super::events;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::job::{self, Supervised};
@@ -24,10 +25,11 @@ use pace::{Fresh, Pace};
 
 use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
+use crate::events::EventConfig;
 use crate::fit::{FitConfig, Fitter};
 use crate::multiview::live::LiveFit;
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
-use crate::sink::{Packet, SharedMemorySink, SinkError, Sinks};
+use crate::sink::{EventSink, Packet, SharedMemorySink, SinkError, Sinks};
 use crate::supervise::{Beat, Heartbeat};
 pub use cameras::choose as choose_cameras;
 use settings::{config, fitter};
@@ -80,6 +82,10 @@ pub struct FitTask {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     pub config: Option<Setting<FitConfig>>,
+    /// What counts as an event, and zones of the floor (TOML)
+    #[arg(long, value_name = "FILE")]
+    #[serde(default)]
+    pub events: Option<Setting<EventConfig>>,
     /// Every frame is a picture of its own: no motion between frames
     #[arg(long, conflicts_with = "cameras")]
     pub stills: bool,
@@ -95,21 +101,20 @@ pub struct FitTask {
 pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
-    let name = task.name();
-    log::name(format!("fit {name}"));
+    log::name(format!("fit {}", task.name()));
     let mut sinks = Sinks::default();
     if let Some(calibration) = &task.calibration {
         let chosen = cameras::choose(&task.cameras, calibration)?;
         let fit = LiveFit::new(chosen.views.clone(), config(task.config.as_ref())?);
         let fit = fit.map_err(|e| Failure::config(e.to_string()))?;
         args.record.add_to::<BodiesRow>(&mut sinks)?;
-        sinks.push(SharedMemorySink::<BodyFrame>::open(name)?);
+        publish(&task, &mut sinks)?;
         return cameras::live(fit, &chosen.names, task.rate, sinks, &stop, &heart);
     }
     let mut fitter = fitter(task.config.as_ref(), task.stills)?;
     let Some(input) = &args.input else {
         args.record.add_to::<BodiesRow>(&mut sinks)?;
-        sinks.push(SharedMemorySink::<BodyFrame>::open(name)?);
+        publish(&task, &mut sinks)?;
         return live(&mut fitter, &task, sinks, &stop, &heart);
     };
     if args.record.is_empty() {
@@ -128,6 +133,16 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         sinks,
         &stop,
     )
+}
+
+/// Bodies, and what happens with them, into shared memory.
+fn publish(task: &FitTask, sinks: &mut Sinks<BodyFrame>) -> anyhow::Result<()> {
+    let config = events::config(task.events.as_ref())?;
+    sinks.push(SharedMemorySink::<BodyFrame>::open(task.name())?);
+    let mut to = Sinks::default();
+    to.push(SharedMemorySink::<EventFrame>::open(task.name())?);
+    sinks.push(EventSink::new(config, to));
+    Ok(())
 }
 
 impl FitTask {

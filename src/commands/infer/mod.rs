@@ -20,11 +20,12 @@ use super::input::{self, InputArgs};
 use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
+use super::progress;
 use super::say;
 use super::stop::Stop;
 use crate::capture::{InputSpec, camera, list_cameras};
 use crate::record::ObservationsRow;
-use crate::sink::{OverlaySink, Packet, SharedMemorySink, Sinks};
+use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
 use crate::supervise::Beat;
 pub(super) use engine_args::{EngineArgs, parse_size};
 pub(super) use observer::{Observer, Step};
@@ -61,6 +62,10 @@ pub struct InferTask {
     pub engine: EngineArgs,
     #[command(flatten)]
     pub pace: PaceArgs,
+    /// Publish what the camera sees, made small, for 'edgecap view --show-picture': otherwise no picture leaves this process
+    #[arg(long)]
+    #[serde(default)]
+    pub show_picture: bool,
     /// Whether a camera may come later.
     #[arg(skip)]
     #[serde(default)]
@@ -95,11 +100,15 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     if task.input.name.is_some() || sinks.is_empty() {
         sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);
     }
+    if task.show_picture {
+        sinks.push(PictureSink::open(&chosen.name)?);
+    }
     let mut observer = Observer::new(source, lens, &task.engine, limits, task.input.mounting())?;
     tracing::info!(source = %chosen.spec, name = %chosen.name, "infer starts");
 
     let mut message = Box::new(ObservationFrame::default());
     let mut observed = 0;
+    let mut bar = None;
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
             match observer.step(&mut message)? {
@@ -123,10 +132,18 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                 picture: observer.picture(),
             })?;
             heart.beat(Beat::Step);
+            // Only an input with an end has a total.
+            if message.frame_total > 0 && !is_supervised {
+                bar.get_or_insert_with(|| progress::bar(message.frame_total.into(), "frames"))
+                    .set_position(message.sequence + 1);
+            }
         }
         Ok(())
     };
     let outcome = observe();
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
     if is_supervised && stop.requested() && outcome.is_ok() {
         // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another one.
         return Err(Failure::silent(exit::INTERRUPTED).into());

@@ -12,10 +12,10 @@ use std::path::PathBuf;
 pub(super) use read::{names, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use indicatif::ProgressBar;
-
 use self::sync::Sync;
 use super::exit::Failure;
+use super::export::Exports;
+use super::progress;
 use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
@@ -51,6 +51,10 @@ pub struct MultiviewArgs {
     /// How views that were not started together are brought to one time
     #[arg(long, value_enum, default_value_t = Sync::Auto)]
     pub sync: Sync,
+    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .csv, .npz or .svg; may be given
+    /// several times
+    #[arg(long, value_name = "FILE")]
+    pub export: Vec<PathBuf>,
     /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -78,6 +82,7 @@ pub(super) fn rate(text: &str) -> Result<f64, String> {
 pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     write::expect_empty(&args.out)?;
     let chosen = write::frames(args.obj.as_deref())?;
+    let exports = Exports::new(&args.export)?;
     let own;
     let body = match &args.body {
         None => MeshBody::shipped(),
@@ -112,7 +117,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         rate: scene.rate,
         paths: !args.no_dct,
     };
-    let bar = ProgressBar::new(1);
+    let bar = progress::bar(1, "steps");
     let total = AtomicUsize::new(0);
     let progress = |found: usize| match found {
         0 => bar.inc(1),
@@ -144,7 +149,9 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
         line.offset_s = *offset;
     }
-    write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
+    let take = write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
+    let exported = exports.write(&take)?;
     say::out(write::table(&report).trim_end());
+    exported.iter().for_each(|line| say::out(line));
     Ok(())
 }

@@ -63,7 +63,7 @@ pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes everything; the folder appears when it is complete.
+/// Writes everything; the folder appears when it is complete. Returns the bodies as a take.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -74,7 +74,7 @@ pub fn run(
     fit: &MultiviewFit,
     report: &MultiviewReport,
     chosen: &Chosen,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Take> {
     let folder = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let put = |name: &str, bytes: &[u8]| -> anyhow::Result<()> {
         let path = folder.beside().join(name);
@@ -105,7 +105,7 @@ pub fn run(
     text.push('\n');
     put("report.json", text.as_bytes())?;
     folder.finish().map_err(|e| Failure::output(out, &e))?;
-    Ok(())
+    Ok(take)
 }
 
 /// SMPL's names, a row a frame of a person: `poses` [n, 72], `trans` [n, 3], `betas` [n, 10], and whose frame it is.

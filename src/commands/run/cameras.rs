@@ -42,7 +42,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         .collect();
     let _figures = figures(runs.first(), &meters)?;
     let page = match runs.first() {
-        Some(first) => first.bridges.serve()?,
+        Some(first) => first.bridges.serve(first.show_picture)?,
         None => None,
     };
     if let Some(page) = &page {
@@ -102,6 +102,12 @@ pub fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
     if args.overlay.is_some() {
         return Err(Failure::usage(
             "--overlay keeps pictures of people: expected a file; for a camera 'edgecap infer --overlay' does",
+        )
+        .into());
+    }
+    if !args.export.is_empty() {
+        return Err(Failure::usage(
+            "--export writes a whole take: expected a file; of a camera 'edgecap record' makes a take, and 'edgecap export' exports it",
         )
         .into());
     }

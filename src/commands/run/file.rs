@@ -2,22 +2,25 @@
 
 use std::sync::mpsc::{SyncSender, sync_channel};
 
-use edgecap_client::message::{BodyFrame, ObservationFrame};
-use edgecap_client::{LinkError, service_name};
+use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
+use edgecap_client::{LinkError, Priority, service_name};
 
 use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
+use crate::commands::events;
+use crate::commands::export::Exports;
 use crate::commands::fit::settings::fitter;
 use crate::commands::infer::{Limits, Observer, Step};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::outputs::finish;
+use crate::commands::relay::PictureRelay;
 use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
 use crate::record::BodiesRow;
-use crate::sink::{OverlaySink, Packet, SharedMemorySink, Sinks};
+use crate::sink::{EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
 
 /// Frames that may be seen before the first of them is written.
 const AHEAD: usize = 4;
@@ -35,12 +38,14 @@ struct Observed {
 /// # Errors
 /// As [`run`](super::run).
 pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<()> {
+    let exports = Exports::new(&args.export)?;
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;
     let mut fitter = fitter(args.fitting.fit.as_ref(), source.is_stills())?;
     let mut sinks = Sinks::default();
     args.record.add_to::<BodiesRow>(&mut sinks)?;
-    let page = args.bridges.serve()?;
+    let kept = exports.keep(&mut sinks)?;
+    let page = args.bridges.serve(args.show_picture)?;
     if let Some(page) = &page {
         say::err(&format!("the page: {}", page.url()));
     }
@@ -49,10 +54,18 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
     }
+    let mut happened = Sinks::default();
+    let events = events::config(args.fitting.events.as_ref())?;
+    args.bridges
+        .add_events_to(&mut happened, &chosen.name, hub)?;
     let mut table = Table::new(args.table);
     match SharedMemorySink::<BodyFrame>::open(&chosen.name) {
         Ok(stream) => {
             sinks.push(stream);
+            if args.show_picture {
+                sinks.push(PictureSink::open(&chosen.name)?);
+            }
+            happened.push(SharedMemorySink::<EventFrame>::open(&chosen.name)?);
             let stream = service_name::<BodyFrame>(&chosen.name);
             table.say(&format!(
                 "{} → shared memory {stream} (Ctrl-C stops)",
@@ -64,9 +77,13 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         // The file's result does not need it.
         Err(e) => tracing::warn!("nobody can watch this run: {e}"),
     }
+    let pictures = PictureRelay::to_page(&chosen.name, hub, Priority::Reserved)?;
+    if !happened.is_empty() {
+        sinks.push(EventSink::new(events, happened));
+    }
 
     let mut tally = Tally::default();
-    let wants_pictures = args.overlay.is_some();
+    let wants_pictures = args.overlay.is_some() || args.show_picture;
     let outcome = std::thread::scope(|threads| -> anyhow::Result<()> {
         let (send, receive) = sync_channel(AHEAD);
         let seeing = threads.spawn(move || {
@@ -98,14 +115,26 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
             if written.is_err() {
                 break;
             }
+            if let Some(pictures) = &pictures {
+                pictures.look()?;
+            }
         }
         let seen = seeing.join();
         let seen = seen.unwrap_or_else(|_| Err(anyhow::anyhow!("the stages ended unexpectedly")));
         written?;
         seen
     });
+    // Publishers wait a little for those who still read.
+    drop(pictures);
     table.finish();
-    let words = finish(sinks, tally.frames, outcome)?;
+    let finished = finish(sinks, tally.frames, outcome);
+    // What was seen before a film broke off is exported, too.
+    let exported = match kept.filter(|_| tally.frames > 0) {
+        Some(kept) => kept.write(&chosen.spec.to_string()),
+        None => Ok(Vec::new()),
+    };
+    let mut words = finished?;
+    words.extend(exported?);
     args.conclude(&tally, &words);
     Ok(())
 }

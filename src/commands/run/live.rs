@@ -18,6 +18,7 @@ use crate::commands::fit::FitTask;
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
+use crate::commands::relay::{EventRelay, PictureRelay};
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
@@ -61,6 +62,7 @@ impl Plan {
                 config: args.fitting.fit.clone(),
                 stills: false,
                 rate: args.fitting.rate,
+                events: args.fitting.events.clone(),
             },
         }
     }
@@ -83,6 +85,12 @@ pub fn run(
     args.record.add_to::<BodiesRow>(&mut sinks)?;
     let flight = args.bridges.add_to(&mut sinks, &plan.name, page)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&plan.name, Priority::Reserved)?;
+    let priority = Priority::Reserved;
+    let mut events = EventRelay::to_bridges(&args.bridges, &plan.name, page, priority)?;
+    let mut pictures = Vec::new();
+    for (camera, _) in &plan.infers {
+        pictures.extend(PictureRelay::to_page(camera, page, priority)?);
+    }
     let stream = service_name::<BodyFrame>(&plan.name);
     table.say(&format!(
         "{} → shared memory {stream} (Ctrl-C stops)",
@@ -107,7 +115,11 @@ pub fn run(
         pulse,
         flight: flight.as_ref(),
     };
-    let outcome = watch(&bodies, stop, &mut infers, &mut fit, told, &mut |frame| {
+    let outcome = watch(&bodies, stop, &mut infers, &mut fit, told, &mut |news| {
+        let News::Bodies(frame) = news else {
+            events.as_mut().map_or(Ok(()), EventRelay::look)?;
+            return Ok(pictures.iter().try_for_each(PictureRelay::look)?);
+        };
         meter.published(frame);
         tally.count(frame);
         table.update(frame, tally.lost);
@@ -118,7 +130,7 @@ pub fn run(
         })?)
     });
     // Publishers wait a little for those who still read.
-    drop(bodies);
+    drop((bodies, events, pictures));
     let mut children: Vec<&mut Child> = infers.children().collect();
     children.push(&mut fit);
     stop_all(&mut children);
@@ -136,6 +148,13 @@ struct Told<'a> {
     flight: Option<&'a Flight>,
 }
 
+/// What a camera's stream brings.
+enum News<'a> {
+    Bodies(&'a BodyFrame),
+    /// It is time to look what has happened.
+    Look,
+}
+
 /// Hands every message to `take` until the input ends, the user stops, or a process fails for good.
 fn watch(
     bodies: &Subscriber<BodyFrame>,
@@ -147,7 +166,7 @@ fn watch(
         pulse,
         flight,
     }: Told<'_>,
-    take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<()>,
+    take: &mut dyn FnMut(News<'_>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut infers_done: Option<Instant> = None;
     let mut end_seen = false;
@@ -161,13 +180,14 @@ fn watch(
             // A fit that somebody ended says so, too, and is started again.
             end_seen = frame.flags & FLAG_END_OF_STREAM != 0;
             if !end_seen {
-                take(&frame)?;
+                take(News::Bodies(&frame))?;
                 received = true;
             }
             if looked.elapsed() >= LOOK_EVERY {
                 break;
             }
         }
+        take(News::Look)?;
         meter.looked();
         // Whoever ends a whole group of processes ends the children, too.
         if stop.requested() {

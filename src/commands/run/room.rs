@@ -53,12 +53,13 @@ pub fn run(runs: &[RunArgs], calibration: &Path, stop: &Stop) -> anyhow::Result<
             config: args.fitting.fit.clone(),
             stills: false,
             rate: args.fitting.rate,
+            events: runs.iter().find_map(|r| r.fitting.events.clone()),
         },
     };
     let meter = Arc::new(Meter::new(&plan.name, &plan.source, &PROCESSES));
     let meters = vec![Arc::clone(&meter)];
     let _figures = figures(Some(&args), &meters)?;
-    let page = args.bridges.serve()?;
+    let page = args.bridges.serve(args.show_picture)?;
     if let Some(page) = &page {
         say::err(&format!("the page: {}", page.url()));
     }

@@ -69,6 +69,12 @@ pub fn fitting(
     if let Some(Setting::Given(config)) = &fitting.fit {
         fit(table, places, "fit.", config)?;
     }
+    if let Some(Setting::Given(events)) = &fitting.events
+        && let Some(mistake) = events.mistake()
+    {
+        let what = format!("events: {mistake}");
+        return Err(table.mistake(places.get("events").copied(), what));
+    }
     let known = FitConfig {
         height: fitting.height,
         ground: fitting.floor,

@@ -7,11 +7,13 @@ use std::path::Path;
 use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings};
 use crate::camera::CameraFile;
 use crate::commands::bridges::BridgeArgs;
+use crate::commands::events;
 use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
 use crate::commands::run::RunArgs;
 use crate::config::{Origin, Setting, merge};
+use crate::events::EventConfig;
 use crate::fit::FitConfig;
 
 /// Where the values of a section came from, by key.
@@ -216,5 +218,11 @@ fn resolved(fitting: FittingArgs, of_all: &FitConfig, typed: bool) -> anyhow::Re
         config.ground = fitting.floor.or(config.ground);
     }
     let fit = (config != FitConfig::default()).then_some(Setting::Given(config));
-    Ok(FittingArgs { fit, ..fitting })
+    let events = events::config(fitting.events.as_ref())?;
+    let events = (events != EventConfig::default()).then_some(Setting::Given(events));
+    Ok(FittingArgs {
+        fit,
+        events,
+        ..fitting
+    })
 }

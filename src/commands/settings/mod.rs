@@ -19,6 +19,7 @@ use super::outputs::RecordArgs;
 use crate::bounded;
 use crate::capture::InputSpec;
 use crate::config::{self, Mistake, Place, Setting, Table};
+use crate::events::EventConfig;
 use crate::fit::{FitConfig, GroundConfig};
 
 pub use effective::{Effective, Origins, effective};
@@ -46,6 +47,9 @@ pub struct FittingArgs {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long = "fit-config", value_name = "FILE")]
     pub fit: Option<Setting<FitConfig>>,
+    /// What counts as an event, and zones of the floor (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub events: Option<Setting<EventConfig>>,
     /// Stature of everybody in view, metres, where it is known
     #[arg(skip)]
     pub height: Option<f64>,
@@ -216,6 +220,9 @@ impl Settings {
                 *path = folder.join(&path);
             }
             if let Some(Setting::File(path)) = &mut camera.fitting.fit {
+                *path = folder.join(&path);
+            }
+            if let Some(Setting::File(path)) = &mut camera.fitting.events {
                 *path = folder.join(&path);
             }
         }

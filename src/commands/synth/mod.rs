@@ -9,10 +9,10 @@ use anyhow::bail;
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use super::exit::Failure;
+use super::progress;
 use crate::capture::{AviWriter, Frame};
 use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use crate::lab::synth::truth::{FORMAT, VERSION};
@@ -105,7 +105,7 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     if args.truth_only {
         return outlines(&args, args.out.as_deref().unwrap_or(Path::new(".")));
     }
-    let bar = ProgressBar::new(args.frames);
+    let bar = progress::bar(args.frames, "frames");
     let reel =
         (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
     let shot = |k: u64| {

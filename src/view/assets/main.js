@@ -1,8 +1,9 @@
-// Joins the stream, the last minute, and what is shown of it.
+// Joins the streams, the last minute, and what is shown of it.
 
 import { decode } from './decode.js';
 import { History } from './history.js';
 import { Panel } from './panel.js';
+import { Picture } from './picture.js';
 import { Space } from './space.js';
 
 const RETRY_MS = 1000;
@@ -10,15 +11,20 @@ const QUIET_MS = 3000;
 const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
 const [history, space, panel] = [new History(), new Space(byId('space')), new Panel()];
+const picture = new Picture(byId('picture'));
 
 /** `at` is the time that is shown, nanoseconds; null: the newest frame. */
 const state = { camera: null, at: null, connected: false, heard: 0, ended: new Set(), changed: true };
 
-function connect(first) {
+/** An address of this server, with the token that the page was opened with. */
+function url(kind, path, more = {}) {
   const query = new URLSearchParams(location.search);
-  query.set('format', 'binary');
-  if (first) query.set('history', '1');
-  const socket = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/bodies?${query}`);
+  for (const [name, value] of Object.entries(more)) query.set(name, value);
+  return `${kind}${location.protocol === 'https:' ? 's' : ''}://${location.host}/${path}?${query}`;
+}
+
+function connect(first) {
+  const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', ...(first && { history: '1' }) }));
   socket.binaryType = 'arraybuffer';
   let opened = false;
   socket.onopen = () => { opened = state.connected = true; };
@@ -59,6 +65,7 @@ function choose(camera) {
 function seek(publishNs) {
   state.at = publishNs;
   state.changed = true;
+  picture.choose(state.camera, publishNs === null);
   pause.textContent = publishNs === null ? 'pause' : 'live';
 }
 
@@ -124,10 +131,12 @@ window.addEventListener('keydown', (e) => {
 // For whoever drives the page by a program.
 window.edgecap = {
   scene: () => ({ ...space.read(), state: say.textContent, frames: history.frames(state.camera).length }),
+  picture: () => picture.read(),
   frames: () => history.frames(state.camera).map((f) => f.sequence),
   choose,
   seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
 };
 
 connect(true);
+picture.start(url);
 requestAnimationFrame(step);

@@ -1,5 +1,6 @@
 //! `edgecap export`: every format is read back by a reader that shares nothing with its writer.
 
+mod blender;
 mod bvh;
 
 use std::collections::BTreeMap;

@@ -1,0 +1,122 @@
+//! Hands on what a camera publishes besides bodies: events, and pictures where the user wants to see them.
+
+use std::time::{Duration, Instant};
+
+use edgecap_client::message::{EventFrame, FLAG_END_OF_STREAM, PictureFrame};
+use edgecap_client::{LinkError, Priority, Subscriber};
+
+use super::bridges::BridgeArgs;
+use crate::bridge::websocket::Hub;
+use crate::sink::{Packet, SinkError, Sinks};
+
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+
+/// From a camera's stream of events to sinks.
+pub struct EventRelay {
+    events: Subscriber<EventFrame>,
+    sinks: Sinks<EventFrame>,
+    cleaned: Instant,
+}
+
+impl EventRelay {
+    /// To the bridges that take events; `None` where there are none.
+    ///
+    /// # Errors
+    /// As [`BridgeArgs::add_events_to`], and shared memory's.
+    pub fn to_bridges(
+        bridges: &BridgeArgs,
+        camera: &str,
+        page: Option<&Hub>,
+        priority: Priority,
+    ) -> anyhow::Result<Option<Self>> {
+        let mut sinks = Sinks::default();
+        bridges.add_events_to(&mut sinks, camera, page)?;
+        match sinks.is_empty() {
+            true => Ok(None),
+            false => Ok(Some(Self::new(camera, priority, sinks)?)),
+        }
+    }
+
+    /// To everybody who listens at a page.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    pub fn to_page(camera: &str, hub: &Hub) -> Result<Self, LinkError> {
+        let mut sinks = Sinks::default();
+        sinks.push(hub.sink(camera));
+        Self::new(camera, Priority::Reader, sinks)
+    }
+
+    fn new(camera: &str, priority: Priority, sinks: Sinks<EventFrame>) -> Result<Self, LinkError> {
+        Ok(Self {
+            events: Subscriber::open_with(camera, priority)?,
+            sinks,
+            cleaned: Instant::now(),
+        })
+    }
+
+    /// Hands on what has come since the last look; waits for nothing.
+    ///
+    /// # Errors
+    /// Shared memory's and the sinks'.
+    pub fn look(&mut self) -> Result<(), SinkError> {
+        while let Some(message) = self.events.next(Duration::ZERO)? {
+            if message.flags & FLAG_END_OF_STREAM == 0 {
+                self.sinks.take(&Packet {
+                    message: &*message,
+                    source: "",
+                    picture: None,
+                })?;
+            }
+        }
+        if self.cleaned.elapsed() > CLEAN_UP_EVERY {
+            self.events.clean_up();
+            self.cleaned = Instant::now();
+        }
+        Ok(())
+    }
+}
+
+/// From a camera's stream of pictures to a page that shows them.
+pub struct PictureRelay {
+    pictures: Subscriber<PictureFrame>,
+    camera: String,
+    hub: Hub,
+}
+
+impl PictureRelay {
+    /// To a page; `None` where it shows no pictures.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    pub fn to_page(
+        camera: &str,
+        page: Option<&Hub>,
+        priority: Priority,
+    ) -> Result<Option<Self>, LinkError> {
+        let Some(hub) = page.filter(|hub| hub.shows_pictures()) else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            pictures: Subscriber::open_with(camera, priority)?,
+            camera: camera.to_owned(),
+            hub: hub.clone(),
+        }))
+    }
+
+    /// Hands on the newest, if it has come since the last look; waits for nothing.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    pub fn look(&self) -> Result<(), LinkError> {
+        if let Some(picture) = self.pictures.newest(Duration::ZERO)? {
+            self.hub.show(&self.camera, &picture);
+        }
+        Ok(())
+    }
+
+    /// Whether nobody publishes any.
+    pub fn is_missing(&self) -> bool {
+        self.pictures.publisher_count() == 0
+    }
+}

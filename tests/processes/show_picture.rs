@@ -1,0 +1,159 @@
+//! Pictures are shown to whoever asks for them with `--show-picture` at both ends, and to nobody else.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+use edgecap::message::{BodyFrame, PictureFrame};
+use edgecap_client::{Publisher, Subscriber};
+use image::codecs::jpeg::JpegEncoder;
+
+use crate::program::browser::Browser;
+use crate::program::stand_in::{StandIn, Watched};
+use crate::program::{Running, eventually, stderr, stream};
+
+/// A page of a camera, and its host and port.
+fn view(camera: &str, more: &[&str]) -> (Running, String) {
+    let mut args = vec!["view", "--camera", camera, "--listen", "127.0.0.1:0"];
+    args.extend(more);
+    let mut run = Running::start(&args);
+    let mut said = String::new();
+    BufReader::new(run.0.stdout.as_mut().unwrap())
+        .read_line(&mut said)
+        .unwrap();
+    let host = said["http://".len()..].split('/').next().unwrap();
+    (run, host.to_owned())
+}
+
+fn get(host: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(host).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+/// Bytes of the next picture that a page sends.
+fn shown(host: &str) -> Vec<u8> {
+    let socket = TcpStream::connect(host).unwrap();
+    let wait = Some(Duration::from_secs(60));
+    socket.set_read_timeout(wait).unwrap();
+    let (mut client, _) = tungstenite::client(format!("ws://{host}/pictures"), socket).unwrap();
+    client.read().unwrap().into_data().to_vec()
+}
+
+#[test]
+fn pictures_go_where_both_ends_ask_for_them_and_nowhere_else() {
+    let camera = StandIn::new(10.0);
+    let run = Watched::start("show-picture", &camera, &["--show-picture"]);
+    let pictures = run.listen::<PictureFrame>();
+    let first = eventually("a picture", || {
+        let picture = pictures.next(Duration::from_millis(200)).unwrap()?;
+        (picture.count > 0).then(|| Box::new(*picture))
+    });
+    let read = image::load_from_memory(first.jpeg()).unwrap();
+    assert_eq!((read.width(), read.height()), (first.width, first.height));
+    assert!(first.width <= 480 && first.height <= 360);
+
+    let (_with, host) = view(&run.name, &["--show-picture"]);
+    assert!(get(&host, "/features").ends_with("{\"pictures\":true}\n"));
+    let bytes = shown(&host);
+    assert_eq!(&bytes[..4], b"PICT");
+    let jpeg = 36 + run.name.len().next_multiple_of(4);
+    let read = image::load_from_memory(&bytes[jpeg..]).unwrap();
+    assert_eq!(read.width(), first.width);
+
+    // Pictures are there to be had, but this page was not asked to show them.
+    let (_without, host) = view(&run.name, &[]);
+    assert!(get(&host, "/features").ends_with("{\"pictures\":false}\n"));
+    let refused = get(&host, "/pictures");
+    assert!(refused.starts_with("HTTP/1.1 404"), "{refused}");
+    assert!(refused.contains("--show-picture"), "{refused}");
+
+    drop(pictures);
+    let out = run.stop();
+    assert!(out.status.success(), "{}", stderr(&out));
+    let said = stderr(&out);
+    assert!(said.contains("--show-picture: pictures of"), "{said}");
+}
+
+#[test]
+fn a_run_without_the_flag_has_no_pictures_and_its_viewer_is_told() {
+    let camera = StandIn::new(10.0);
+    let run = Watched::start("no-picture", &camera, &[]);
+    let bodies = run.listen::<BodyFrame>();
+    eventually("bodies", || {
+        bodies.next(Duration::from_millis(200)).unwrap()
+    });
+    let pictures = Subscriber::<PictureFrame>::open(&run.name).unwrap();
+    let (mut viewer, host) = view(&run.name, &["--show-picture"]);
+    let lines = BufReader::new(viewer.0.stderr.take().unwrap()).lines();
+    let said: Vec<String> = lines.map(Result::unwrap).take(2).collect();
+    assert!(said[0].contains(&format!("the page at {host}")), "{said:?}");
+    assert!(
+        said[1].contains("publishes no pictures: 'edgecap run --show-picture'"),
+        "{said:?}"
+    );
+    assert_eq!(pictures.publisher_count(), 0);
+    assert!(
+        pictures
+            .newest(Duration::from_millis(300))
+            .unwrap()
+            .is_none()
+    );
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_the_picture_only_where_it_was_asked_for() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let camera = stream("browser-picture");
+    let mut bodies = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let mut pictures = Publisher::<PictureFrame>::open(&camera).unwrap();
+    let colour = [200, 90, 30];
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, 90)
+        .encode(
+            &colour.repeat(64 * 48),
+            64,
+            48,
+            image::ExtendedColorType::Rgb8,
+        )
+        .unwrap();
+    let mut picture = PictureFrame {
+        sequence: 41,
+        width: 64,
+        height: 48,
+        count: jpeg.len() as u32,
+        ..PictureFrame::default()
+    };
+    picture.jpeg[..jpeg.len()].copy_from_slice(&jpeg);
+    let mut publish = || {
+        bodies.publish(&BodyFrame::default()).unwrap();
+        pictures.publish(&picture).unwrap();
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    for (flags, is_shown) in [(&["--show-picture"][..], true), (&[], false)] {
+        let (_view, host) = view(&camera, flags);
+        browser.open(&format!("http://{host}/"));
+        browser.until("window.edgecap");
+        let seen = (0..100).find_map(|_| {
+            publish();
+            Some(browser.value("edgecap.picture()")).filter(|p| !p.is_null())
+        });
+        assert_eq!(seen.is_some(), is_shown, "{flags:?}: {seen:?}");
+        let Some(seen) = seen else { continue };
+        assert_eq!(
+            (&seen["width"], &seen["sequence"]),
+            (&64.into(), &41.into())
+        );
+        for (n, wanted) in colour.iter().enumerate() {
+            let found = seen["colour"][n].as_f64().unwrap();
+            assert!((found - f64::from(*wanted)).abs() < 6.0, "{seen}");
+        }
+    }
+}
