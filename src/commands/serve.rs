@@ -66,11 +66,6 @@ impl PageServer {
             given => given.clone(),
         };
         let (access, hub) = (Access::new(token.clone()), Hub::new(HISTORY, show_picture));
-        if show_picture {
-            tracing::warn!(
-                "--show-picture: whoever opens the page at {address} sees what cameras see that publish their pictures"
-            );
-        }
         let bodies = hub.clone();
         let server = Server::start(address, move |request| {
             // The page itself tells nothing of anybody.
@@ -83,6 +78,12 @@ impl PageServer {
                 "--listen {address}: {e}; choose another address, or stop who has it"
             ))
         })?;
+        if show_picture {
+            tracing::warn!(
+                "--show-picture: whoever opens the page at {} sees what cameras see that publish their pictures",
+                server.address()
+            );
+        }
         Ok(Self { server, hub, token })
     }
 

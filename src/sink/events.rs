@@ -10,6 +10,8 @@ pub struct EventSink {
     sinks: Sinks<EventFrame>,
     /// How many events there were.
     told: u64,
+    /// Those of the newest frame.
+    flags: u32,
 }
 
 impl EventSink {
@@ -19,12 +21,14 @@ impl EventSink {
             detector: Detector::new(config),
             sinks,
             told: 0,
+            flags: 0,
         }
     }
 
     /// What has happened by this frame, a message for each [`MAX_EVENTS`] events.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<EventFrame> {
         let happened = self.detector.look(frame);
+        self.flags = frame.flags;
         let messages = happened.chunks(MAX_EVENTS).map(|part| {
             let mut message = EventFrame {
                 sequence: frame.sequence,
@@ -58,6 +62,17 @@ impl Sink<BodyFrame> for EventSink {
     }
 
     fn end(&mut self) -> Result<(), SinkError> {
+        if self.told == 0 {
+            // Nothing has told readers yet whether the end is that of a file.
+            self.sinks.take(&Packet {
+                message: &EventFrame {
+                    flags: self.flags,
+                    ..EventFrame::default()
+                },
+                source: "",
+                picture: None,
+            })?;
+        }
         self.sinks.end()
     }
 

@@ -7,14 +7,14 @@ use std::time::Duration;
 use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES};
 use edgecap::message::{
-    Body, BodyFrame, BodyState, EventFrame, EventKind, JointState, World, WorldState,
+    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_FILE_TIME, JointState, World,
+    WorldState,
 };
 use edgecap::record::{BodiesRow, Format, RecordWriter};
 use edgecap_client::{Publisher, Subscriber};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::program::stand_in::StandIn;
 use crate::program::{Running, assert_fails, eventually, output, signal, stderr, stream};
 
 const FPS: f64 = 30.0;
@@ -91,6 +91,8 @@ fn record_of(folder: &Path, from: f64, to: f64) -> String {
         let mut frame = BodyFrame {
             sequence: n,
             pose_ns: (n as f64 / FPS * 1e9) as u64,
+            // The script's time, however late a replay is.
+            flags: FLAG_FILE_TIME,
             count: bodies.len() as u32,
             world: World {
                 rotation: [1.0, 0.0, 0.0, 0.0],
@@ -194,7 +196,7 @@ fn what_happens_is_published_beside_the_bodies() {
     let folder = tempfile::tempdir().unwrap();
     let settings = folder.path().join("zones.toml");
     std::fs::write(&settings, SETTINGS).unwrap();
-    let record = record_of(folder.path(), 9.6, 12.6);
+    let record = record_of(folder.path(), 9.4, 12.4);
     let camera = stream("events");
     let stream = Subscriber::<EventFrame>::open(&camera).unwrap();
     let settings = settings.to_str().unwrap();
@@ -259,14 +261,13 @@ fn a_run_publishes_what_its_people_do() {
     )
     .unwrap();
     let config = folder.path().join("edgecap.toml");
-    let camera = StandIn::new(10.0);
     let name = stream("run-events");
     std::fs::write(
         &config,
         format!(
-            "[[camera]]\nname = \"{name}\"\ninput = \"{}\"\nevents = \"zones.toml\"\n\
-             floor = {{ normal = [0.0, -1.0, 0.0], offset = 1.5 }}\n",
-            camera.input()
+            "[network]\nsize = \"256x160\"\n\
+             [[camera]]\nname = \"{name}\"\ninput = \"demo\"\nlive = true\nevents = \"zones.toml\"\n\
+             floor = {{ normal = [0.0, -1.0, 0.0], offset = 1.5 }}\n"
         ),
     )
     .unwrap();

@@ -12,6 +12,7 @@ mod doctor;
 mod events;
 mod export;
 mod faults;
+mod film;
 mod flip_test;
 mod follow_people;
 mod hangs;

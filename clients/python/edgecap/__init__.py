@@ -6,7 +6,7 @@
             print(body.id, list(body.position), body.joint("r_wrist"), body.angle("r_elbow_flexion"))
 
 The loop waits for a run that is not there yet, says on the logger `edgecap` when it goes and when it comes back, and
-ends with the input.  Where frames may fail to come, take them one by one:
+ends where a file does.  Where frames may fail to come, take them one by one:
 
     stream = edgecap.bodies("camera0")
     frame = stream.next(timeout_s=0.1)      # the oldest frame not yet read, or None

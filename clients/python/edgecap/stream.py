@@ -11,13 +11,14 @@ from typing import Any, Final, Generic
 
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
 from .event import EventFrame
-from .message import FLAG_END_OF_STREAM, BodyFrame, ObservationFrame
+from .message import FLAG_END_OF_STREAM, FLAG_FILE_TIME, BodyFrame, ObservationFrame
 from .place import cameras, reading_dirs
 from .ring import SLOTS, Kind, M, Ring, open_in
 from .wake import Wake
 
 _LOOK_EVERY_S: Final = 0.2
 _SEARCH_EVERY_S: Final = 0.02
+_END_OF_FILE: Final = FLAG_END_OF_STREAM | FLAG_FILE_TIME
 _SILENT_FOR_S: Final = 1.0
 """How long nobody may publish before a loop says that it waits."""
 
@@ -25,7 +26,7 @@ log = logging.getLogger("edgecap")
 
 
 class Stream(Generic[M]):
-    """A reader of one camera's stream, which need not be there yet: an iterator that ends with the input.
+    """A reader of one camera's stream, which need not be there yet: an iterator that ends where a file does.
 
     Raises `AccessError` where the stream may not be read, `VersionError` where it has messages of another version.
     """
@@ -87,7 +88,7 @@ class Stream(Generic[M]):
         return int(self._alive)
 
     def __iter__(self) -> Iterator[M]:
-        """Every message until the input ends.  Says on the logger `edgecap` whom it waits for.
+        """Every message until a file ends.  A camera's run that has stopped is waited for: `edgecap`, the logger, says so.
 
         Raises `NoFrame` after `timeout_s` without a message, if the stream was opened with one.
         """
@@ -99,7 +100,7 @@ class Stream(Generic[M]):
                 continue
             yield message
             watch.begin()
-            if getattr(message, "flags", 0) & FLAG_END_OF_STREAM:
+            if getattr(message, "flags", 0) & _END_OF_FILE == _END_OF_FILE:
                 return
 
     def close(self) -> None:
@@ -241,7 +242,7 @@ class _Watch:
 
 
 def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[BodyFrame]:
-    """Every body frame, oldest unread first, until the input ends.
+    """Every body frame, oldest unread first, until a file ends.
 
     A loop over it waits where nobody publishes; with `timeout_s` it raises `NoFrame` after so long without a frame.
     """
@@ -249,12 +250,12 @@ def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[Bo
 
 
 def observations(camera: str = "camera0", timeout_s: float | None = None) -> Stream[ObservationFrame]:
-    """Every observation frame, oldest unread first, until the input ends; otherwise as `bodies`."""
+    """Every observation frame, oldest unread first, until a file ends; otherwise as `bodies`."""
     return Stream(camera, "observations", 1, ObservationFrame, timeout_s)
 
 
 def events(camera: str = "camera0", timeout_s: float | None = None) -> Stream[EventFrame]:
-    """Whatever happens, oldest unread first, until the input ends; otherwise as `bodies`.
+    """Whatever happens, oldest unread first, until a file ends; otherwise as `bodies`.
 
     A message comes when something has happened, so silence is no sign of a failure.
     """

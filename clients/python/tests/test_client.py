@@ -21,6 +21,9 @@ CLIENT = pathlib.Path(__file__).parents[1]
 REPOSITORY = CLIENT.parents[1]
 
 
+END_OF_FILE = edgecap.FLAG_END_OF_STREAM | edgecap.FLAG_FILE_TIME
+
+
 class InPlace(unittest.TestCase):
     """A test with a runtime folder of its own."""
 
@@ -82,13 +85,19 @@ class Streams(InPlace):
             writer = Writer(self.folder)
             writer.publish(frame(2))
             writer.publish(frame(3, (), edgecap.FLAG_END_OF_STREAM))
+            self._until(lambda: got == [1, 2, 3])
+            writer.close()
+            self._until(lambda: sum("its publisher has gone" in m for m in log.output) == 2)
+            writer = Writer(self.folder)
+            writer.publish(frame(4))
+            writer.publish(frame(5, (), END_OF_FILE))
             loop.join(30)
             writer.close()
-        self.assertEqual(got, [1, 2, 3], "it ends with the input")
-        told = [m.split(": ", 1)[-1].removeprefix("edgecap:") for m in log.output]
-        self.assertEqual(len(told), 4, log.output)
+        self.assertEqual(got, [1, 2, 3, 4, 5], "a camera that is stopped is waited for, a file ends")
+        self.assertEqual(len(log.output), 6, log.output)
         self.assertTrue(log.output[1].endswith("is published"), log.output)
-        self.assertTrue(log.output[3].endswith("is published again"), log.output)
+        for line in (3, 5):
+            self.assertTrue(log.output[line].endswith("is published again"), log.output)
 
     def _until(self, done) -> None:
         begin = time.monotonic()
@@ -136,7 +145,7 @@ class Streams(InPlace):
         # It begins with the newest frame: one is there before it comes.
         writer.publish(frame(7))
         line = child.stdout.readline()
-        writer.publish(frame(8, (), edgecap.FLAG_END_OF_STREAM))
+        writer.publish(frame(8, (), END_OF_FILE))
         self.assertEqual(child.wait(30), 0)
         child.stdout.close()
         writer.close()

@@ -18,7 +18,7 @@ use iceoryx2::sample::Sample;
 use crate::domain::Domain;
 use crate::error::LinkError;
 use crate::link::{Link, MAX_SUBSCRIBERS, Side};
-use crate::message::FLAG_END_OF_STREAM;
+use crate::message::{FLAG_END_OF_STREAM, FLAG_FILE_TIME};
 use crate::place;
 use crate::ring::{BUFFER, LOOK_EVERY, RingReader};
 use crate::service::FileService;
@@ -26,6 +26,9 @@ use crate::stream::{Message, check_camera, service_name};
 
 /// The kernel counts waits in microseconds and takes none for a wait without end: shorter ones only look.
 const SHORTEST_WAIT: Duration = Duration::from_micros(10);
+
+/// What the last message of a file says.
+const END_OF_FILE: u32 = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
 
 /// Where a reader looks, and which places it may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -172,8 +175,8 @@ impl<M: Message> Subscriber<M> {
         Ok(newest)
     }
 
-    /// Every message, oldest unread first, until the input ends; waits where nobody publishes. Drop each before taking the
-    /// third one.
+    /// Every message, oldest unread first, until a file ends; waits where nobody publishes, also for a camera's run that was
+    /// stopped. Drop each before taking the third one.
     ///
     /// # Errors
     /// As [`next`](Self::next).
@@ -184,7 +187,7 @@ impl<M: Message> Subscriber<M> {
                 let message = self.next(LOOK_EVERY).transpose();
                 if let Some(message) = message {
                     has_ended = match &message {
-                        Ok(m) => m.flags() & FLAG_END_OF_STREAM != 0,
+                        Ok(m) => m.flags() & END_OF_FILE == END_OF_FILE,
                         Err(_) => true,
                     };
                     return Some(message);

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use edgecap_client::Publisher;
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, Event, EventFrame, FLAG_END_OF_STREAM, Observation,
+    Body, BodyFrame, BodyState, Event, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation,
     ObservationFrame, World, WorldState,
 };
 
@@ -185,7 +185,7 @@ fn the_python_of_the_readme_works_as_printed() {
         assert!(start.elapsed() < Duration::from_secs(60), "it says nothing");
     };
     frame.count = 0;
-    frame.flags = FLAG_END_OF_STREAM;
+    frame.flags = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
     publisher.publish(&frame).unwrap();
     let said: Vec<String> = std::iter::once(first).chain(lines).collect();
     assert!(python.wait().unwrap().success());

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{
     BUFFER, LinkError, MAX_SUBSCRIBERS, Message, Priority, Publisher, Subscriber,
 };
@@ -34,11 +34,16 @@ fn messages_arrive_in_order_and_whole() {
 }
 
 #[test]
-fn messages_end_with_the_input() {
+fn messages_end_where_a_file_does() {
     let camera = camera("end");
     let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
     let subscriber = Subscriber::<BodyFrame>::open(&camera).unwrap();
-    for (sequence, flags) in [(0, 0), (1, 0), (2, FLAG_END_OF_STREAM), (3, 0)] {
+    for (sequence, flags) in [
+        (0, 0),
+        (1, FLAG_END_OF_STREAM),
+        (2, FLAG_END_OF_STREAM | FLAG_FILE_TIME),
+        (3, 0),
+    ] {
         let message = BodyFrame {
             sequence,
             flags,

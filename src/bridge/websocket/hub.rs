@@ -88,6 +88,9 @@ impl Hub {
 
     /// Hands what has happened to everybody who listens: one message an event as JSON, one for all in binary.
     pub fn tell(&self, camera: &str, frame: &EventFrame) {
+        if frame.count == 0 {
+            return;
+        }
         let binary = OnceCell::new();
         self.lock().listeners.retain(|(place, is_binary)| {
             place.put(camera, |mailbox| {
