@@ -85,7 +85,7 @@ impl BridgeArgs {
             listen: Some(address),
             token: self.token.clone(),
         };
-        PageServer::start(&page, show_picture).map(Some)
+        PageServer::start("--view", &page, show_picture).map(Some)
     }
 
     /// Adds what `camera`'s bodies go to; returns who saves the last minute, if somebody is to.

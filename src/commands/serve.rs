@@ -55,11 +55,11 @@ pub struct PageServer {
 }
 
 impl PageServer {
-    /// Serves what its hub is given; pictures only to a user who wants to `show_picture`.
+    /// Serves what its hub is given at the address that `flag` names; pictures only to a user who wants to `show_picture`.
     ///
     /// # Errors
     /// Exit code 69 where the address cannot be had.
-    pub fn start(args: &PageArgs, show_picture: bool) -> anyhow::Result<Self> {
+    pub fn start(flag: &str, args: &PageArgs, show_picture: bool) -> anyhow::Result<Self> {
         let address = args.listen.unwrap_or(ADDRESS);
         let token = match &args.token {
             None if !address.ip().is_loopback() => Some(Access::random_token()?),
@@ -75,7 +75,7 @@ impl PageServer {
         });
         let server = server.map_err(|e| {
             Failure::unavailable(format!(
-                "--listen {address}: {e}; choose another address, or stop who has it"
+                "{flag} {address}: {e}; choose another address, or stop who has it"
             ))
         })?;
         if show_picture {

@@ -43,7 +43,7 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     for name in &args.cameras {
         Subscriber::<BodyFrame>::open(name)?;
     }
-    let server = PageServer::start(&args.page, args.show_picture)?;
+    let server = PageServer::start("--listen", &args.page, args.show_picture)?;
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
     let mut followed: BTreeMap<String, JoinHandle<anyhow::Result<()>>> = BTreeMap::new();
     let mut told = false;

@@ -65,7 +65,8 @@ fn a_run_exports_what_export_makes_of_its_record() {
     // Said before anything is computed.
     let wrong = at("a.fbx");
     assert_fails(&[&run[..], &["--export", &wrong]].concat(), 64, &["a.fbx"]);
-    let live = [&run[..], &["--live", "--export", &at("b.csv")]].concat();
+    let whole = at("b.csv");
+    let live = [&run[..], &["--live", "--export", &whole]].concat();
     assert_fails(&live, 64, &["--export", "edgecap record"]);
 }
 

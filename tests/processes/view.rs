@@ -329,6 +329,11 @@ fn the_page_is_in_the_program_and_strangers_are_refused() {
         69,
         &["--listen", "choose another address"],
     );
+    assert_fails(
+        &["bridge", "--view", view.host()],
+        69,
+        &["--view", "choose another address"],
+    );
     assert_fails(&["view", "--camera", "a/b"], 64, &["a/b"]);
     signal(view.run.pid(), "INT");
     let out = view.run.wait(Duration::from_secs(20));
