@@ -72,7 +72,7 @@ enum Verb {
     /// Pictures in, observations out
     Infer(infer::InferArgs),
     /// Observations in, bodies out
-    Fit(fit::FitArgs),
+    Fit(Box<fit::FitArgs>),
     /// Say what happens in front of a camera: who enters and leaves, zones, raised and waving hands
     Events(events::EventsArgs),
     /// Hand on the bodies of a running camera as OSC, as VMC, or over WebSocket
@@ -130,7 +130,7 @@ pub fn main() -> u8 {
         Verb::Watch(args) => watch::watch(args),
         Verb::View(args) => view::view(args),
         Verb::Infer(args) => infer::infer(args),
-        Verb::Fit(args) => fit::fit(args),
+        Verb::Fit(args) => fit::fit(*args),
         Verb::Events(args) => events::events(args),
         Verb::Bridge(args) => bridge::bridge(args),
         Verb::Record(args) => record::record(args),
