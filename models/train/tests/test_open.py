@@ -7,6 +7,7 @@ import io
 import json
 import math
 import pathlib
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -212,6 +213,16 @@ class Run(unittest.TestCase):
         terms.require_open_weights(self.at / "stage1.safetensors")
         with self.assertRaisesRegex(SystemExit, "no --pack"):
             export.export_stage1(ema, meta, self.at / "stage1.safetensors", self.at, False, True)
+
+    def test_stage_2_takes_open_motion_alone(self) -> None:
+        closed = scenes_folder(self.at / "pack", mark=False)
+        call = [sys.executable, str(KIT / "stage2.py"), str(closed), str(self.at / "run"), "--cpu", "--open"]
+        r = subprocess.run(call, capture_output=True, text=True, check=False)
+        self.assertIn("found no open.json", r.stderr)
+        terms.mark(closed, terms.BODY | terms.MOCAP)
+        for more in (("--mistakes", "mistakes.pt"), ("--init", str(KIT.parent / "weights/stage2.safetensors"))):
+            r = subprocess.run([*call, *more], capture_output=True, text=True, check=False)
+            self.assertRegex(r.stderr, "neither --mistakes|expected weights trained on open data")
 
     def test_anything_else_is_refused(self) -> None:
         closed = scenes_folder(self.at / "closed", mark=False)
