@@ -25,9 +25,11 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.fps = int(fps)
 if path.endswith(".bvh"):
-    bpy.ops.import_anim.bvh(filepath=path, global_scale=0.01, frame_start=0)
+    bpy.ops.import_anim.bvh(filepath=path, global_scale=0.01, frame_start=1)
+    first = 1
 else:
     bpy.ops.import_scene.gltf(filepath=path)
+    first = 0
 
 
 def upright(p):
@@ -37,7 +39,7 @@ def upright(p):
 
 found = {}
 for frame in frames:
-    scene.frame_set(int(frame))
+    scene.frame_set(first + int(frame))
     places = found[frame] = {}
     for armature in (o for o in scene.objects if o.type == "ARMATURE"):
         for bone in armature.pose.bones:
