@@ -127,7 +127,11 @@ fn a_run_is_seen_and_its_shared_memory_is_cleared_only_when_it_has_gone() {
     let repair = || here(&["doctor", "--repair"]).output().unwrap();
     let refused = repair();
     assert_eq!(refused.status.code(), Some(69));
-    assert!(crate::program::stderr(&refused).contains("camera0.bodies in use"));
+    let said = crate::program::stderr(&refused);
+    assert!(
+        said.contains("camera0.bodies") && said.contains(" in use"),
+        "{said}"
+    );
     drop(fit);
     assert_eq!(repair().status.code(), Some(0));
     assert!(report(&doctor())[7].starts_with("note"));
