@@ -1,27 +1,32 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
+use std::fmt::Display;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use indicatif::ProgressBar;
+use serde::Serialize;
 
 use super::exit::Failure;
 use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
 };
+use crate::lab::multiview::{TablesOptions, tables};
 use crate::output;
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct EvalArgs {
     /// Predictions: the JSON lines that `infer --jsonl` or `run --jsonl` wrote
-    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    #[arg(long, value_name = "FILE", required_unless_present = "multiview", num_args = 1..)]
     pub predictions: Vec<PathBuf>,
     /// Ground truth; several files of one kind count as one set
     #[arg(
         long,
         value_name = "FILE",
         num_args = 1..,
-        required_unless_present = "no_people"
+        required_unless_present_any = ["no_people", "multiview"]
     )]
     pub truth: Vec<PathBuf>,
     /// How the truth is written
@@ -48,6 +53,15 @@ pub struct EvalArgs {
     /// Least height of such a person, in pixels of the network's 512x320 input
     #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
     pub min_height: f64,
+    /// Nothing is read: bodies from one to four views of synthetic people are fitted and measured, minutes long
+    #[arg(long, conflicts_with_all = ["predictions", "truth", "no_people"])]
+    pub multiview: bool,
+    /// With --multiview: how many people, each with a motion of their own, figures are the mean of
+    #[arg(long, value_name = "N", default_value_t = 5, requires = "multiview", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// With --multiview: frames of each
+    #[arg(long, value_name = "N", default_value_t = 60, requires = "multiview", value_parser = clap::value_parser!(u64).range(10..=10_000))]
+    pub frames: u64,
     /// Write every figure as JSON; '-' for standard output, in place of the table
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -58,6 +72,19 @@ pub struct EvalArgs {
 /// # Errors
 /// When a file cannot be read, is not what it should be, or no prediction belongs to the truth.
 pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
+    if args.multiview {
+        let options = TablesOptions {
+            seeds: args.seeds,
+            frames: args.frames,
+        };
+        let bar = ProgressBar::new(1);
+        let tables = tables(options, &|done, of| {
+            bar.set_length(of);
+            bar.set_position(done);
+        });
+        bar.finish_and_clear();
+        return show(&tables, args.json.as_deref());
+    }
     let mut predictions = Predictions::default();
     for path in &args.predictions {
         predictions.append(Predictions::read(path).map_err(coded)?);
@@ -88,11 +115,15 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         };
         evaluate(&predictions, &truth, &options).map_err(coded)?
     };
-    let to_stdout = args.json.as_deref().is_some_and(|p| p.as_os_str() == "-");
-    if let Some(path) = &args.json {
-        let mut text = serde_json::to_string_pretty(&report)?;
+    show(&report, args.json.as_deref())
+}
+
+/// Prints the table, and writes the figures as JSON where that is wanted.
+fn show(report: &(impl Serialize + Display), json: Option<&Path>) -> anyhow::Result<()> {
+    if let Some(path) = json {
+        let mut text = serde_json::to_string_pretty(report)?;
         text.push('\n');
-        if to_stdout {
+        if path.as_os_str() == "-" {
             return Ok(std::io::stdout().write_all(text.as_bytes())?);
         }
         output::write(path, text.as_bytes()).map_err(|e| Failure::output(path, &e))?;

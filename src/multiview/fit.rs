@@ -26,6 +26,9 @@ pub struct MultiviewOptions {
     pub rate: f64,
     /// Whether paths are smoothed by windows of few cosines.
     pub paths: bool,
+    /// Whether stage one goes from joints in space over a coarse energy to the fine one, as it should: without, the fine one
+    /// starts from the mean pose, turned as the trunk is.
+    pub hierarchy: bool,
 }
 
 /// One frame of one person.
@@ -95,7 +98,7 @@ pub fn fit_tracks(
     progress(tracks.iter().map(|t| t.moments.len()).sum());
     let mut people: Vec<PersonFit> = tracks
         .into_iter()
-        .filter_map(|t| stage_one(body, views, &weights, t, progress))
+        .filter_map(|t| stage_one(body, views, &weights, t, options.hierarchy, progress))
         .collect();
     weights = weigh(views, &weights, &people);
     let bridged = (BRIDGED * options.rate).round() as usize;
@@ -149,6 +152,7 @@ fn stage_one(
     views: &[View],
     weights: &[f64],
     track: Track,
+    hierarchy: bool,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Option<PersonFit> {
     let mut moments = track.moments;
@@ -157,14 +161,17 @@ fn stage_one(
     };
     let mut fits: Vec<Option<(Fitted, f64)>> = moments
         .par_iter_mut()
-        .map_init(StageOne::default, |stage, (_, moment)| {
-            let fitted = solve(stage, moment, None);
-            progress(0);
-            fitted
-        })
+        .map_init(
+            || StageOne::new(hierarchy),
+            |stage, (_, moment)| {
+                let fitted = solve(stage, moment, None);
+                progress(0);
+                fitted
+            },
+        )
         .collect();
     // From the neighbours, forth and back: what ended in a bad place, or had no place to start.
-    let mut stage = StageOne::default();
+    let mut stage = StageOne::new(hierarchy);
     let count = fits.len();
     for (k, from) in (1..count)
         .map(|k| (k, k - 1))

@@ -25,9 +25,10 @@ mod triangulate;
 
 pub use agreement::agreement;
 pub use between::between;
+pub use dct::windows;
 pub use energy::Fitted;
 pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_tracks};
-pub use one_view::one_view;
+pub use one_view::{one_view, stage_three};
 pub use people::{Detections, Track, nearest_sight, track};
 pub use points::{all as body_joints, evidence as evidence_joints};
 pub use prior::PosePrior;

@@ -6,8 +6,35 @@ use glam::DVec3;
 use super::people::{Detections, Track, nearest_sight};
 use super::stage_one::Moment;
 use crate::camera::View;
+use crate::fit::Fitter;
 use crate::joints::EVIDENCE_JOINTS;
-use crate::message::{Body, BodyState};
+use crate::message::{Body, BodyFrame, BodyState, MAX_PEOPLE, Observation, ObservationFrame};
+
+/// Stage III's bodies by frame, of what a view sees `rate` times a second; camera axes, metres.
+pub fn stage_three<'a>(
+    fitter: &mut Fitter,
+    view: &View,
+    frames: impl Iterator<Item = &'a [Observation]>,
+    rate: f64,
+) -> Vec<Vec<Body>> {
+    let mut frame = Box::new(ObservationFrame {
+        width: view.size[0],
+        height: view.size[1],
+        intrinsics: view.intrinsics(),
+        ..ObservationFrame::default()
+    });
+    let mut out = Box::new(BodyFrame::default());
+    let each = frames.enumerate().map(|(k, people)| {
+        frame.sequence = k as u64;
+        // Times in a file may be missing or out of order.
+        frame.capture_ns = (1e9 * k as f64 / rate).round() as u64;
+        frame.count = people.len().min(MAX_PEOPLE) as u32;
+        frame.people[..frame.count as usize].copy_from_slice(&people[..frame.count as usize]);
+        fitter.update(&frame, &mut out);
+        out.bodies().to_vec()
+    });
+    each.collect()
+}
 
 /// People of Stage III over time, as the fit wants them. `bodies` and `seen` are by frame; bodies in camera axes, metres.
 pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<Track> {

@@ -70,12 +70,21 @@ impl Moment {
 }
 
 /// Working memory of the stage.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct StageOne {
     solver: Solver,
+    hierarchy: bool,
 }
 
 impl StageOne {
+    /// The stage; without `hierarchy` the fine energy is all there is.
+    pub fn new(hierarchy: bool) -> Self {
+        Self {
+            solver: Solver::default(),
+            hierarchy,
+        }
+    }
+
     /// Fits one frame from its joints in space, or from `near`, a body of another frame, whichever ends better. `None` where
     /// neither is known.
     pub fn fit(
@@ -92,7 +101,7 @@ impl StageOne {
             let Some(mut fitted) = start else {
                 continue;
             };
-            if coarse {
+            if coarse && self.hierarchy {
                 self.solve(
                     body,
                     views,
@@ -179,6 +188,9 @@ impl StageOne {
             MeshPose { pelvis, rotations },
             &betas[..SHAPES.min(body.components())],
         );
+        if !self.hierarchy {
+            return Some(fitted);
+        }
         let mut targets: Targets = [None; BODY_JOINTS];
         for (target, joint) in targets.iter_mut().zip(moment.joints) {
             *target = joint.map(|p| (p, START));

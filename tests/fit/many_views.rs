@@ -3,272 +3,64 @@
 
 use std::path::Path;
 
-use edgecap::body::BodyModel;
-use edgecap::body::mesh::{MeshBody, MeshPose, PosedTree, Skin};
+use edgecap::camera::View;
 use edgecap::camera::calibration::write_pose2sim;
-use edgecap::camera::{Brown, View};
-use edgecap::joints::{EVIDENCE_JOINTS, MIRROR};
-use edgecap::message::{Observation, ObservationFrame};
-use edgecap::multiview::{
-    Detections, MultiviewFit, MultiviewOptions, PosePrior, Sight, evidence_joints, fit,
-};
+use edgecap::lab::multiview::own::{Walker, observe, own, ring, steady};
+use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
+use edgecap::lab::synth::detector::{Flaws, LEGS, exchange};
+use edgecap::message::ObservationFrame;
+use edgecap::multiview::{MultiviewFit, MultiviewOptions};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
-use glam::{DMat3, DQuat, DVec2, DVec3};
-use rand::rngs::SmallRng;
-use rand::{Rng, SeedableRng};
+use glam::DVec3;
 
 use crate::program::{assert_fails, output, stderr};
-use crate::scene::gauss;
 
-const RATE: f64 = 30.0;
-
-/// Cameras round the origin, 4.2 m away and 1.6 m high; the world's y points up.
-pub fn ring(count: usize) -> Vec<View> {
-    [0.0, 120.0, 240.0, 60.0, 300.0, 180.0f64][..count]
-        .iter()
-        .map(|degrees| {
-            let a = degrees.to_radians();
-            let position = DVec3::new(4.2 * a.sin(), 1.6, 4.2 * a.cos());
-            let z = (DVec3::new(0.0, 1.0, 0.0) - position).normalize();
-            let x = z.cross(DVec3::Y).normalize();
-            View {
-                name: format!("{degrees}"),
-                size: [1080, 1080],
-                focal: DVec2::splat(1150.0),
-                centre: DVec2::splat(540.0),
-                distortion: Brown {
-                    radial: [-0.05, 0.02, 0.0],
-                    tangential: [0.0005, -0.0003],
-                },
-                rotation: DMat3::from_cols(x, z.cross(x), z).transpose(),
-                position,
-            }
-        })
-        .collect()
-}
-
-/// Somebody who walks about a place, waves and turns, 1/30 s a frame.
-fn motion(frames: usize, seed: u64, place: DVec3) -> Vec<MeshPose> {
-    let mut rng = SmallRng::seed_from_u64(seed);
-    let speed = rng.random_range(0.7..1.3);
-    let heading = rng.random_range(0.0..6.0);
-    let mean = PosePrior::shipped().mean();
-    (0..frames)
-        .map(|k| {
-            let t = k as f64 / RATE * speed;
-            let step = (4.0 * t).sin();
-            let mut rotations = mean;
-            let mut bend = |joint: usize, x: f64, z: f64| {
-                rotations[joint] =
-                    DQuat::from_rotation_z(z) * DQuat::from_rotation_x(x) * rotations[joint];
-            };
-            bend(1, -0.1 - 0.35 * step, 0.0);
-            bend(2, -0.1 + 0.35 * step, 0.0);
-            bend(4, 0.25 + 0.25 * (4.0 * t + 1.2).sin(), 0.0);
-            bend(5, 0.25 - 0.25 * (4.0 * t + 1.2).sin(), 0.0);
-            bend(16, 0.0, 0.25 * (2.2 * t).sin());
-            bend(17, 0.0, 0.3 * (1.7 * t).cos());
-            bend(3, 0.05 * step, 0.08 * (1.3 * t).sin());
-            rotations[0] = DQuat::from_rotation_y(heading + 0.8 * (0.6 * t).sin());
-            MeshPose {
-                pelvis: place
-                    + DVec3::new(
-                        0.4 * (0.9 * t).sin(),
-                        0.92 + 0.02 * (8.0 * t).cos(),
-                        0.3 * (0.7 * t).cos(),
-                    ),
-                rotations,
-            }
-        })
-        .collect()
-}
-
-#[derive(Clone, Copy)]
-struct Spoil {
-    /// Pixels per axis.
-    noise: f64,
-    /// Of joints against the model's, metres per axis.
-    bias: f64,
-    /// Part of joints that are anywhere.
-    outliers: f64,
-    /// Part of the first view's frames with legs exchanged.
-    exchanged: f64,
-}
-
-const DETECTOR: Spoil = Spoil {
-    noise: 5.0,
-    bias: 0.012,
-    outliers: 0.03,
-    exchanged: 0.0,
-};
-
-struct Person {
-    betas: Vec<f64>,
-    poses: Vec<MeshPose>,
-    joints: Vec<[DVec3; EVIDENCE_JOINTS]>,
-}
-
-fn person(frames: usize, seed: u64, place: DVec3) -> Person {
-    let body = MeshBody::shipped();
-    let mut rng = SmallRng::seed_from_u64(100 + seed);
-    let betas: Vec<f64> = (0..10).map(|_| 0.9 * gauss(&mut rng)).collect();
-    let (shape, poses) = (body.person(&betas), motion(frames, seed, place));
-    let mut posed = PosedTree::default();
-    let joints = poses
-        .iter()
-        .map(|pose| {
-            body.kinematics(pose, &shape, &mut posed);
-            evidence_joints(body, &posed)
-        })
-        .collect();
-    Person {
-        betas,
-        poses,
-        joints,
-    }
-}
-
-fn observe(
-    views: &[View],
-    people: &[Person],
-    spoil: Spoil,
-    seed: u64,
-) -> Vec<Vec<Vec<Observation>>> {
-    let mut rng = SmallRng::seed_from_u64(seed);
-    let mut bias = [DVec3::ZERO; EVIDENCE_JOINTS];
-    for b in &mut bias[2..] {
-        *b = spoil.bias * DVec3::new(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng));
-    }
-    let frames = people[0].joints.len();
-    let run = (frames as f64 * spoil.exchanged) as usize;
-    (0..frames)
-        .map(|k| {
-            let each = views.iter().enumerate().map(|(v, view)| {
-                let mut seen: Vec<Observation> = people
-                    .iter()
-                    .map(|person| {
-                        let mut o = Observation {
-                            score: 0.8,
-                            ..Observation::default()
-                        };
-                        for (j, off) in bias.iter().enumerate() {
-                            let mut p = view.project(person.joints[k][j] + *off).expect("in front");
-                            p += spoil.noise * DVec2::new(gauss(&mut rng), gauss(&mut rng));
-                            if rng.random_bool(spoil.outliers) {
-                                p += DVec2::new(
-                                    rng.random_range(-110.0..110.0),
-                                    rng.random_range(-110.0..110.0),
-                                );
-                            }
-                            let sure = if rng.random_bool(0.05) {
-                                0.0
-                            } else {
-                                rng.random_range(0.5..0.95)
-                            };
-                            o.joints2d[j] = [p.x as f32, p.y as f32, sure];
-                        }
-                        if v == 0 && k >= frames / 4 && k < frames / 4 + run {
-                            for right in [8, 9, 10] {
-                                o.joints2d.swap(right, MIRROR[right]);
-                            }
-                        }
-                        o
-                    })
-                    .collect();
-                // In no order.
-                if seen.len() > 1 {
-                    let by = rng.random_range(0..seen.len());
-                    seen.rotate_left(by);
-                }
-                seen
-            });
-            each.collect()
-        })
-        .collect()
+fn fitted(trial: &Trial, paths: bool) -> MultiviewFit {
+    let options = MultiviewOptions {
+        rate: trial.rate,
+        paths,
+        hierarchy: true,
+    };
+    trial.fit(options, &|_| ())
 }
 
 /// Mean distance of evidence joints, and of the rest meshes' vertices without their offset, millimetres.
-fn errors(found: &MultiviewFit, truth: &Person) -> (f64, f64) {
-    let body = MeshBody::shipped();
-    let person = &found.people[0];
-    let (mut sum, mut count) = (0.0, 0.0_f64);
-    for f in &person.frames {
-        for (a, b) in evidence_joints(body, &f.body.posed)
-            .iter()
-            .zip(&truth.joints[f.frame])
-        {
-            sum += a.distance(*b);
-            count += 1.0;
-        }
-    }
-    let rest = |betas: &[f64]| -> Vec<DVec3> {
-        let skin = Skin::new(body, &body.person(betas));
-        let all: Vec<DVec3> = skin.rest().map(|v| v.as_dvec3()).collect();
-        let mean = all.iter().sum::<DVec3>() / all.len() as f64;
-        all.iter().map(|v| *v - mean).collect()
-    };
-    let (a, b) = (rest(&person.betas), rest(&truth.betas));
-    let shape = a.iter().zip(&b).map(|(a, b)| a.distance(*b)).sum::<f64>() / a.len() as f64;
-    (1e3 * sum / count, 1e3 * shape)
-}
-
-fn run(count: usize, people: &[Person], spoil: Spoil, paths: bool, seed: u64) -> MultiviewFit {
-    let views = ring(count);
-    let frames: Vec<Vec<Detections>> = observe(&views, people, spoil, seed)
-        .iter()
-        .map(|frame| {
-            let each = views.iter().zip(frame);
-            each.map(|(view, seen)| seen.iter().map(|o| Sight::new(view, o)).collect())
-                .collect()
-        })
-        .collect();
-    let options = MultiviewOptions { rate: RATE, paths };
-    fit(
-        MeshBody::shipped(),
-        &views,
-        &vec![true; count],
-        &frames,
-        options,
-        &|_| (),
-    )
+fn errors(trial: &Trial, found: &MultiviewFit) -> (f64, f64) {
+    let errors = trial.errors(found);
+    let shape = errors.shape.expect("of the same model");
+    (1e3 * errors.joints, 1e3 * shape)
 }
 
 #[test]
 fn what_is_seen_exactly_is_found() {
-    let exact = Spoil {
-        noise: 0.0,
-        bias: 0.0,
-        outliers: 0.0,
-        exchanged: 0.0,
-    };
-    let truth = person(10, 1, DVec3::ZERO);
-    let found = run(3, std::slice::from_ref(&truth), exact, false, 1);
+    let trial = own(1, 3, 10, Flaws::NONE);
+    let found = fitted(&trial, false);
     assert_eq!((found.people.len(), found.people[0].frames.len()), (1, 10));
-    let (joints, shape) = errors(&found, &truth);
+    let (joints, shape) = errors(&trial, &found);
     assert!(
         joints < 8.0 && shape < 12.0,
         "{joints:.1} mm, shape {shape:.1} mm"
     );
-    assert_eq!(truth.poses.len(), 10);
 }
 
 #[test]
 fn a_detector_s_mistakes_are_outvoted() {
-    let truth = person(40, 2, DVec3::ZERO);
-    let people = std::slice::from_ref(&truth);
-    let (joints, shape) = errors(&run(3, people, DETECTOR, true, 2), &truth);
+    let trial = own(2, 3, 40, steady(2));
+    let (joints, shape) = errors(&trial, &fitted(&trial, true));
     println!("joints {joints:.1} mm, shape {shape:.1} mm");
     assert!(
         joints < 35.0 && shape < 20.0,
         "{joints:.1} mm, shape {shape:.1} mm"
     );
-    let exchanged = Spoil {
-        exchanged: 0.3,
-        ..DETECTOR
-    };
-    let found = run(3, people, exchanged, true, 2);
-    let (healed, _) = errors(&found, &truth);
+    let mut exchanged = trial.clone();
+    for views in exchanged.seen.iter_mut().skip(10).take(12) {
+        for seen in &mut views[0] {
+            exchange(seen, LEGS);
+        }
+    }
+    let found = fitted(&exchanged, true);
+    let (healed, _) = errors(&exchanged, &found);
     let limbs: usize = found.people[0].frames.iter().map(|f| f.moment.healed).sum();
     println!("legs of one view exchanged in 30 %: {healed:.1} mm, {limbs} healed");
     assert!(
@@ -284,10 +76,16 @@ fn everyone_keeps_their_identity() {
         DVec3::new(0.9, 0.0, 0.4),
         DVec3::new(0.0, 0.0, -1.1),
     ];
-    let people: Vec<Person> = (0..3)
-        .map(|k| person(20, 10 + k, places[k as usize]))
+    let people: Vec<Walker> = (0..3)
+        .map(|k| Walker::new(20, 10 + k, places[k as usize]))
         .collect();
-    let found = run(4, &people, DETECTOR, false, 3);
+    let views = ring(4);
+    let trial = Trial {
+        seen: observe(&views, &people, steady(3), 3),
+        views,
+        ..own(3, 1, 1, Flaws::NONE)
+    };
+    let found = fitted(&trial, false);
     assert_eq!(found.people.len(), 3);
     let mut taken = Vec::new();
     for p in &found.people {
@@ -313,9 +111,8 @@ fn everyone_keeps_their_identity() {
 
 /// Calibration and records of `frames` frames of one person, as files.
 pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
-    let (views, truth) = (ring(count), person(frames, 5, DVec3::ZERO));
+    let Trial { views, seen, .. } = own(5, count, frames, steady(5));
     std::fs::write(folder.join("Calib.toml"), write_pose2sim(&views)).unwrap();
-    let seen = observe(&views, std::slice::from_ref(&truth), DETECTOR, 5);
     for (v, view) in views.iter().enumerate() {
         let path = folder.join(format!("{}.jsonl", view.name));
         let mut file = RecordWriter::<ObservationsRow>::create(&path, Format::Jsonl).unwrap();
@@ -326,10 +123,10 @@ pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
                 width: view.size[0],
                 height: view.size[1],
                 intrinsics: view.intrinsics(),
-                count: 1,
+                count: frame[v].len() as u32,
                 ..ObservationFrame::default()
             };
-            message.people[0] = frame[v][0];
+            message.people[..frame[v].len()].copy_from_slice(&frame[v]);
             file.write(&message, "").unwrap();
         }
         file.finish().unwrap();
@@ -386,7 +183,7 @@ fn the_verb_writes_what_it_says() {
     }
     let lines = std::fs::File::open(at("run/bodies.jsonl")).unwrap();
     let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
-    let truth = person(12, 5, DVec3::ZERO);
+    let truth = own(5, 3, 12, Flaws::NONE);
     let mut count = 0;
     while let Some(row) = rows.read().unwrap() {
         let [body] = &row.people[..] else {
@@ -500,30 +297,32 @@ fn views_that_do_not_go_together_are_refused() {
     );
 }
 
-/// The table of docs/multiview.md: `cargo test --release --test fit -- --ignored long_views --nocapture`.
+/// The experiments of `eval --multiview`, few of them: every row is there, and in the direction in which it should be.
 #[test]
 #[ignore = "long: minutes"]
-fn long_views_and_paths() {
-    for count in [2, 3, 4] {
-        for paths in [false, true] {
-            let (mut joints, mut shape, mut seconds) = (0.0, 0.0, 0.0);
-            const SEEDS: u64 = 5;
-            for seed in 0..SEEDS {
-                let truth = person(60, seed, DVec3::ZERO);
-                let start = std::time::Instant::now();
-                let found = run(count, std::slice::from_ref(&truth), DETECTOR, paths, seed);
-                seconds += start.elapsed().as_secs_f64();
-                let (j, s) = errors(&found, &truth);
-                joints += j / SEEDS as f64;
-                shape += s / SEEDS as f64;
-            }
-            let each = 1e3 * seconds / (60.0 * SEEDS as f64);
-            println!(
-                "{count} views, paths {paths}: joints {joints:.1} mm, shape {shape:.1} mm, {each:.0} ms a frame"
-            );
-            if count >= 3 {
-                assert!(joints < 30.0, "{joints}");
-            }
-        }
+fn long_tables_of_views_and_paths() {
+    let tables = tables(
+        TablesOptions {
+            seeds: 2,
+            frames: 40,
+        },
+        &|_, _| (),
+    );
+    println!("{tables}");
+    let at = |views: usize, paths: bool| {
+        let of = |l: &&Line| l.views == views && l.paths == paths && l.hierarchy;
+        tables.synth.iter().find(of).unwrap().errors
+    };
+    assert_eq!((tables.synth.len(), tables.model.len()), (16, 4));
+    for paths in [false, true] {
+        assert!(at(4, paths).joints < at(2, paths).joints);
+        assert!(at(2, paths).aligned < at(1, paths).aligned);
     }
+    for line in tables.model.iter().chain(&tables.exchanged) {
+        assert!(
+            line.errors.found > 0.95 && line.errors.joints < 0.04,
+            "{line:?}"
+        );
+    }
+    assert!(tables.times.is_some());
 }

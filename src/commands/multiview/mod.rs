@@ -116,6 +116,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let options = MultiviewOptions {
         rate: scene.rate,
         paths: !args.no_dct,
+        hierarchy: true,
     };
     let bar = progress::bar(1, "steps");
     let total = AtomicUsize::new(0);

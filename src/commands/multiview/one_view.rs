@@ -8,8 +8,7 @@ use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
 use crate::commands::view_file::{ViewFile, together};
-use crate::message::{Body, BodyFrame, MAX_PEOPLE, ObservationFrame};
-use crate::multiview::{Detections, Sight, Track, one_view};
+use crate::multiview::{Detections, Sight, Track, one_view, stage_three};
 use crate::record::CameraSource;
 
 /// Reads the view, and finds everyone in it.
@@ -51,7 +50,9 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
         .iter()
         .map(|people| people.iter().map(|o| Sight::new(&view, o)).collect())
         .collect();
-    let tracks = one_view(&view, &bodies(&file, &view, rate)?, &frames);
+    let people = file.frames.iter().map(Vec::as_slice);
+    let bodies = stage_three(&mut fitter(None, false)?, &view, people, rate);
+    let tracks = one_view(&view, &bodies, &frames);
     let scene = Scene {
         views: vec![view],
         frames: frames.into_iter().map(|f| vec![f]).collect(),
@@ -76,26 +77,4 @@ fn camera_axes(file: &ViewFile) -> View {
         rotation: DMat3::IDENTITY,
         position: DVec3::ZERO,
     }
-}
-
-/// Stage III's bodies, by frame.
-fn bodies(file: &ViewFile, view: &View, rate: f64) -> anyhow::Result<Vec<Vec<Body>>> {
-    let mut fitter = fitter(None, false)?;
-    let mut frame = Box::new(ObservationFrame {
-        width: view.size[0],
-        height: view.size[1],
-        intrinsics: view.intrinsics(),
-        ..ObservationFrame::default()
-    });
-    let mut out = Box::new(BodyFrame::default());
-    let each = file.frames.iter().enumerate().map(|(k, people)| {
-        frame.sequence = k as u64;
-        // Times in the file may be missing or out of order.
-        frame.capture_ns = (1e9 * k as f64 / rate).round() as u64;
-        frame.count = people.len().min(MAX_PEOPLE) as u32;
-        frame.people[..frame.count as usize].copy_from_slice(&people[..frame.count as usize]);
-        fitter.update(&frame, &mut out);
-        out.bodies().to_vec()
-    });
-    Ok(each.collect())
 }

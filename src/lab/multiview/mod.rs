@@ -1,0 +1,16 @@
+//! Bodies from several views against exact truth: people with known joints go in, how far fitted bodies are from them comes
+//! out, by number of views and by what the fit does.
+//!
+//! Two kinds of people: those of [`synth`](super::synth), whose skin and joints are not those of the fitted model
+//! ([`studio`]), and bodies of the model itself ([`own`]), whose shape can be compared as well.
+
+pub mod own;
+mod report;
+mod studio;
+mod tables;
+mod trial;
+
+pub use report::{Line, Tables, Times};
+pub use studio::studio;
+pub use tables::{TablesOptions, tables};
+pub use trial::{Errors, Trial};

@@ -1,0 +1,125 @@
+//! What came out, as JSON and as the tables of the book.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+
+use super::Errors;
+
+/// Means over all seeds of one experiment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// What was tried.
+    pub what: String,
+    /// Number of cameras.
+    pub views: usize,
+    /// Whether stage one went from joints in space over a coarse to a fine energy.
+    pub hierarchy: bool,
+    /// Whether paths were made of few cosines.
+    pub paths: bool,
+    /// The errors.
+    pub errors: Errors,
+}
+
+/// Time on one core.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Times {
+    /// Number of cameras.
+    pub views: usize,
+    /// Of a frame in stage one, who is who included, milliseconds.
+    pub stage_one_ms: f64,
+    /// Of a window of 30 frames in stage two, seconds; windows overlap by half.
+    pub window_s: f64,
+}
+
+/// All experiments.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tables {
+    /// People, each with a motion of their own.
+    pub seeds: u64,
+    /// Frames of each.
+    pub frames: u64,
+    /// People of `synth`, who are not of the fitted model.
+    pub synth: Vec<Line>,
+    /// Bodies of the fitted model.
+    pub model: Vec<Line>,
+    /// The same with limbs of one view exchanged in 30 % of its frames.
+    pub exchanged: Vec<Line>,
+    /// What it took.
+    pub times: Option<Times>,
+}
+
+fn mm(metres: f64) -> String {
+    format!("{:.1}", 1e3 * metres)
+}
+
+fn yes(x: bool) -> &'static str {
+    if x { "yes" } else { "no" }
+}
+
+impl Display for Tables {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (seeds, frames) = (self.seeds, self.frames);
+        writeln!(f, "People of synth, {seeds} seeds, {frames} frames:\n")?;
+        writeln!(
+            f,
+            "| views | hierarchy | DCT | frames found | joints, mm | aligned, mm | stature, mm |"
+        )?;
+        writeln!(f, "|---|---|---|---|---|---|---|")?;
+        for l in &self.synth {
+            let e = l.errors;
+            writeln!(
+                f,
+                "| {} | {} | {} | {:.0} % | {} | {} | {} |",
+                l.views,
+                yes(l.hierarchy),
+                yes(l.paths),
+                100.0 * e.found,
+                mm(e.joints),
+                mm(e.aligned),
+                mm(e.stature)
+            )?;
+        }
+        writeln!(
+            f,
+            "\nBodies of the fitted model, {seeds} seeds, {frames} frames:\n"
+        )?;
+        writeln!(
+            f,
+            "| errors | views | DCT | joints, mm | shape at rest, mm |"
+        )?;
+        writeln!(f, "|---|---|---|---|---|")?;
+        for l in &self.model {
+            let shape = l.errors.shape.map_or("-".into(), mm);
+            let joints = mm(l.errors.joints);
+            writeln!(
+                f,
+                "| {} | {} | {} | {joints} | {shape} |",
+                l.what,
+                l.views,
+                yes(l.paths)
+            )?;
+        }
+        writeln!(
+            f,
+            "\nLimbs of one view of three exchanged in 30 % of its frames:\n"
+        )?;
+        writeln!(
+            f,
+            "| exchanged | joints, mm | against nothing |\n|---|---|---|"
+        )?;
+        let plain = self.exchanged.first().map_or(0.0, |l| l.errors.joints);
+        for l in &self.exchanged {
+            let more = 100.0 * (l.errors.joints / plain - 1.0);
+            writeln!(f, "| {} | {} | {more:+.1} % |", l.what, mm(l.errors.joints))?;
+        }
+        if let Some(t) = self.times {
+            writeln!(
+                f,
+                "\nOne core, {} views: stage one {:.1} ms a frame, stage two {:.2} s a window.",
+                t.views, t.stage_one_ms, t.window_s
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,171 @@
+//! The experiments: trials by number of views and by what the fit does, means over seeds.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+use rustix::time::{ClockId, clock_gettime};
+
+use super::own::{own, steady};
+use super::{Errors, Line, Tables, Times, Trial, studio};
+use crate::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
+use crate::multiview::{MultiviewOptions, windows};
+
+/// Share of one view's frames in which limbs are exchanged.
+const EXCHANGED: f64 = 0.3;
+/// Most views.
+const VIEWS: usize = 4;
+/// Views of the experiments that do not vary them.
+const THREE: usize = 3;
+
+/// How much is tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TablesOptions {
+    /// People, each with a motion of their own.
+    pub seeds: u64,
+    /// Frames of each.
+    pub frames: u64,
+}
+
+/// Runs all experiments. `progress` hears of every trial that is done, out of how many.
+pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> Tables {
+    let done = Mutex::new(0);
+    let ways = [(false, false), (false, true), (true, false), (true, true)];
+    // Bodies of synth: every number of views in four ways. The model's own: three views in two ways, two detectors; and with
+    // exchanges none, legs, arms, both.
+    let total = options.seeds * (4 * VIEWS as u64 + 4 + 4);
+    let mean = |title: String,
+                views: usize,
+                (hierarchy, paths): (bool, bool),
+                trial: &(dyn Fn(u64) -> Trial + Sync)| {
+        let errors = (1..=options.seeds).into_par_iter().map(|seed| {
+            let trial = trial(seed);
+            let options = MultiviewOptions {
+                rate: trial.rate,
+                paths,
+                hierarchy,
+            };
+            let errors = trial.errors(&trial.fit(options, &|_| ()));
+            let mut done = done.lock().unwrap_or_else(|e| e.into_inner());
+            *done += 1;
+            progress(*done, total);
+            errors
+        });
+        Line {
+            what: title,
+            views,
+            hierarchy,
+            paths,
+            errors: average(&errors.collect::<Vec<_>>()),
+        }
+    };
+    let mut synth = Vec::new();
+    for views in 1..=VIEWS {
+        for way in ways {
+            synth.push(mean("people of synth".into(), views, way, &|seed| {
+                studio(seed, views, options.frames, Flaws::MEASURED)
+            }));
+        }
+    }
+    let frames = options.frames as usize;
+    let mut model = Vec::new();
+    for paths in [false, true] {
+        let way = (true, paths);
+        model.push(mean(
+            "errors new in every frame".into(),
+            THREE,
+            way,
+            &|seed| own(seed, THREE, frames, steady(seed)),
+        ));
+        model.push(mean("errors as measured".into(), THREE, way, &|seed| {
+            own(seed, THREE, frames, Flaws::MEASURED)
+        }));
+    }
+    let limbs: [(&str, &[_]); 4] = [
+        ("nothing", &[]),
+        ("legs", &[LEGS]),
+        ("arms", &[ARMS]),
+        ("arms and legs", &[ARMS, LEGS]),
+    ];
+    let exchanged = limbs
+        .into_iter()
+        .map(|(name, limbs)| {
+            mean(name.into(), THREE, (true, true), &|seed| {
+                let mut trial = own(seed, THREE, frames, steady(seed));
+                let first = frames / 4;
+                let run = (EXCHANGED * frames as f64).round() as usize;
+                for views in trial.seen.iter_mut().skip(first).take(run) {
+                    for seen in &mut views[0] {
+                        limbs.iter().for_each(|limb| exchange(seen, *limb));
+                    }
+                }
+                trial
+            })
+        })
+        .collect();
+    Tables {
+        seeds: options.seeds,
+        frames: options.frames,
+        synth,
+        model,
+        exchanged,
+        times: times(frames.max(60)),
+    }
+}
+
+fn average(all: &[Errors]) -> Errors {
+    // Where nobody was found there is no distance.
+    let met: Vec<&Errors> = all.iter().filter(|e| e.found > 0.0).collect();
+    let mean = |of: &dyn Fn(&Errors) -> f64| {
+        met.iter().map(|e| of(e)).sum::<f64>() / met.len().max(1) as f64
+    };
+    Errors {
+        found: all.iter().map(|e| e.found).sum::<f64>() / all.len().max(1) as f64,
+        joints: mean(&|e| e.joints),
+        aligned: mean(&|e| e.aligned),
+        shape: met
+            .iter()
+            .all(|e| e.shape.is_some())
+            .then(|| mean(&|e| e.shape.unwrap_or(0.0))),
+        stature: mean(&|e| e.stature),
+    }
+}
+
+/// Time on one core, of the processor and not of the clock, so that other programs do not count.
+fn times(frames: usize) -> Option<Times> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .ok()?;
+    let trial = own(1, THREE, frames, steady(1));
+    let last = Mutex::new(0.0);
+    let options = MultiviewOptions {
+        rate: trial.rate,
+        paths: true,
+        hierarchy: true,
+    };
+    let (begin, end) = pool.install(|| {
+        // The second time everything that is made once is there.
+        let warm = Trial {
+            seen: trial.seen[..10].to_vec(),
+            ..trial.clone()
+        };
+        warm.fit(options, &|_| ());
+        let begin = spent();
+        trial.fit(options, &|_| {
+            *last.lock().unwrap_or_else(|e| e.into_inner()) = spent();
+        });
+        (begin, spent())
+    });
+    let middle = last.into_inner().unwrap_or_else(|e| e.into_inner());
+    Some(Times {
+        views: THREE,
+        stage_one_ms: 1e3 * (middle - begin) / frames as f64,
+        window_s: (end - middle) / windows(frames).len() as f64,
+    })
+}
+
+/// Seconds of processor that this thread has used.
+fn spent() -> f64 {
+    let t = clock_gettime(ClockId::ThreadCPUTime);
+    t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+}

@@ -1,0 +1,120 @@
+//! One person before several cameras: what they see goes in, how far the fitted body is from the truth comes out.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::body::mesh::{MeshBody, Skin};
+use crate::camera::View;
+use crate::fit::{FitConfig, Fitter};
+use crate::joints::EVIDENCE_JOINTS;
+use crate::lab::eval::align_similarity;
+use crate::message::Observation;
+use crate::multiview::{
+    Detections, MultiviewFit, MultiviewOptions, Sight, evidence_joints, fit, fit_tracks, one_view,
+    stage_three, stature,
+};
+
+/// What is seen of one person, and what is true about them.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// The cameras.
+    pub views: Vec<View>,
+    /// By frame, by view, who is seen there.
+    pub seen: Vec<Vec<Vec<Observation>>>,
+    /// By frame, the evidence joints in the world, metres.
+    pub joints: Vec<[DVec3; EVIDENCE_JOINTS]>,
+    /// Crown to floor, metres.
+    pub stature: f64,
+    /// Shape coefficients of bodies of the fitted model.
+    pub betas: Option<Vec<f64>>,
+    /// Frames a second.
+    pub rate: f64,
+}
+
+/// How far fitted bodies are from the truth; lengths in metres.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Errors {
+    /// Share of frames with a body.
+    pub found: f64,
+    /// Mean distance of evidence joints in the world.
+    pub joints: f64,
+    /// The same after every frame's body is moved, turned and scaled onto the truth.
+    pub aligned: f64,
+    /// Mean distance of the rest mesh's vertices, their common offset left out.
+    pub shape: Option<f64>,
+    /// Difference of statures, without sign.
+    pub stature: f64,
+}
+
+impl Trial {
+    /// Fits the person. One view starts from Stage III.
+    pub fn fit(
+        &self,
+        options: MultiviewOptions,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> MultiviewFit {
+        let body = MeshBody::shipped();
+        let frames: Vec<Vec<Detections>> = self
+            .seen
+            .iter()
+            .map(|frame| {
+                let each = self.views.iter().zip(frame);
+                each.map(|(view, seen)| seen.iter().map(|o| Sight::new(view, o)).collect())
+                    .collect()
+            })
+            .collect();
+        let [view] = &self.views[..] else {
+            let used = vec![true; self.views.len()];
+            return fit(body, &self.views, &used, &frames, options, progress);
+        };
+        let mut fitter = Fitter::new(FitConfig::default()).expect("the usual settings are valid");
+        let people = self.seen.iter().map(|views| views[0].as_slice());
+        let bodies = stage_three(&mut fitter, view, people, self.rate);
+        let seen: Vec<Detections> = frames.into_iter().map(|mut f| f.swap_remove(0)).collect();
+        let tracks = one_view(view, &bodies, &seen);
+        fit_tracks(body, &self.views, vec![1.0], tracks, options, progress)
+    }
+
+    /// Errors of the person who was found most often.
+    pub fn errors(&self, found: &MultiviewFit) -> Errors {
+        let body = MeshBody::shipped();
+        let Some(person) = found.people.iter().max_by_key(|p| p.frames.len()) else {
+            return Errors::default();
+        };
+        let (mut joints, mut aligned) = (0.0, 0.0);
+        for f in &person.frames {
+            let own = evidence_joints(body, &f.body.posed).map(|p| p.to_array());
+            let truth = self.joints[f.frame].map(|p| p.to_array());
+            joints += mean_distance(&own, &truth);
+            aligned += mean_distance(&align_similarity(&own, &truth), &truth);
+        }
+        let frames = person.frames.len() as f64;
+        Errors {
+            found: frames / self.joints.len() as f64,
+            joints: joints / frames,
+            aligned: aligned / frames,
+            shape: self.betas.as_ref().map(|b| at_rest(&person.betas, b)),
+            stature: (stature(body, &person.betas) - self.stature).abs(),
+        }
+    }
+}
+
+fn mean_distance(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let each = a.iter().zip(b);
+    let sum: f64 = each
+        .map(|(p, q)| DVec3::from(*p).distance(DVec3::from(*q)))
+        .sum();
+    sum / a.len() as f64
+}
+
+/// Mean distance of two people's vertices at rest, their offset left out, metres.
+fn at_rest(a: &[f64], b: &[f64]) -> f64 {
+    let body = MeshBody::shipped();
+    let rest = |betas: &[f64]| -> Vec<[f64; 3]> {
+        let skin = Skin::new(body, &body.person(betas));
+        let all: Vec<DVec3> = skin.rest().map(|v| v.as_dvec3()).collect();
+        let mean = all.iter().sum::<DVec3>() / all.len() as f64;
+        all.iter().map(|v| (*v - mean).to_array()).collect()
+    };
+    mean_distance(&rest(a), &rest(b))
+}
