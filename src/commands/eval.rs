@@ -4,10 +4,10 @@ use std::fmt::Display;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::exit::Failure;
+use super::progress;
 use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
@@ -77,7 +77,7 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
             seeds: args.seeds,
             frames: args.frames,
         };
-        let bar = ProgressBar::new(1);
+        let bar = progress::bar(1, "fits");
         let tables = tables(options, &|done, of| {
             bar.set_length(of);
             bar.set_position(done);

@@ -8,6 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::points;
 use super::prior::PosePrior;
 use super::sight::Sight;
+use super::silhouette::Rim;
 use super::triangulate::{robust, robust_weight};
 use crate::body::BodyModel;
 use crate::body::mesh::{FREEDOM, MeshBody, MeshPose, Person, PosedTree};
@@ -20,7 +21,7 @@ pub const SHAPES: usize = 10;
 /// Expected error of a joint in a view, metres at the person: 5 pixels of a person 690 pixels high.
 const NOISE: f64 = 0.0123;
 /// Weight of a squared metre.
-const DATA: f64 = 1.0 / (NOISE * NOISE);
+pub const DATA: f64 = 1.0 / (NOISE * NOISE);
 /// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts little.
 const LIFTED: f64 = 0.03;
 const LIFTED_SIGMA: f64 = 0.5;
@@ -108,6 +109,8 @@ pub struct Energy<'a> {
     pub target_sigma: f64,
     /// Where one view alone places the joints: told from their image, so they count little beside it.
     pub lifted: Option<&'a [Option<DVec3>; EVIDENCE_JOINTS]>,
+    /// Outlines in views with masks.
+    pub rims: &'a [Rim<'a>],
     /// Weight of the pose prior.
     pub prior: f64,
     /// Weight of the shape prior.
@@ -192,6 +195,7 @@ impl LeastSquares for Energy<'_> {
         let joints = (0..self.counts())
             .filter_map(|j| Some(self.joint(j, points::point(self.body, &at.posed, j)?).0));
         let mut cost: f64 = joints.sum();
+        cost += self.rims.iter().map(|r| r.cost(self.body, at)).sum::<f64>();
         if self.free != Free::Root {
             cost += self.prior * PosePrior::shipped().cost(&at.pose.rotations);
             cost += RIGID
@@ -227,6 +231,9 @@ impl LeastSquares for Energy<'_> {
                     out.add(k, l, row.dot(cl));
                 }
             }
+        }
+        for rim in self.rims {
+            rim.add(self.body, at, self.shapes(), out);
         }
         if self.free != Free::Root {
             PosePrior::shipped().add(&at.pose.rotations, self.prior, out);

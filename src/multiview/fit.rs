@@ -6,6 +6,7 @@ use super::energy::Fitted;
 use super::people::{Detections, Track, track};
 use super::points;
 use super::sight::distance;
+use super::silhouette::{Masks, contours};
 use super::stage_one::{Moment, StageOne, between};
 use super::stage_two::{median_shape, refit};
 use crate::body::mesh::MeshBody;
@@ -63,13 +64,14 @@ pub struct MultiviewFit {
 }
 
 /// Fits everyone. `frames`: per frame, per view, who is seen there; `used`: which views count, the others are only measured.
-/// `progress` hears of every fitted frame, out of how many.
+/// `progress` hears of every fitted frame, out of how many. With `masks` outlines count as well as joints.
 pub fn fit(
     body: &MeshBody,
     views: &[View],
     used: &[bool],
     frames: &[Vec<Detections>],
     options: MultiviewOptions,
+    masks: Option<&Masks<'_>>,
     progress: &(dyn Fn(usize) + Sync),
 ) -> MultiviewFit {
     let chosen: Vec<Vec<Detections>> = frames
@@ -83,7 +85,7 @@ pub fn fit(
         .collect();
     let tracks = track(views, &chosen, options.rate);
     let weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
-    fit_tracks(body, views, weights, tracks, options, progress)
+    fit_tracks(body, views, weights, tracks, options, masks, progress)
 }
 
 /// Fits people who are told apart already; `weights`: how much every view counts.
@@ -93,12 +95,22 @@ pub fn fit_tracks(
     mut weights: Vec<f64>,
     tracks: Vec<Track>,
     options: MultiviewOptions,
+    masks: Option<&Masks<'_>>,
     progress: &(dyn Fn(usize) + Sync),
 ) -> MultiviewFit {
     progress(tracks.iter().map(|t| t.moments.len()).sum());
     let mut people: Vec<PersonFit> = tracks
         .into_iter()
-        .filter_map(|t| stage_one(body, views, &weights, t, options.hierarchy, progress))
+        .filter_map(|t| {
+            stage_one(
+                body,
+                views,
+                &weights,
+                t,
+                options.hierarchy,
+                (masks, progress),
+            )
+        })
         .collect();
     weights = weigh(views, &weights, &people);
     let bridged = (BRIDGED * options.rate).round() as usize;
@@ -153,7 +165,7 @@ fn stage_one(
     weights: &[f64],
     track: Track,
     hierarchy: bool,
-    progress: &(dyn Fn(usize) + Sync),
+    (masks, progress): (Option<&Masks<'_>>, &(dyn Fn(usize) + Sync)),
 ) -> Option<PersonFit> {
     let mut moments = track.moments;
     let solve = |stage: &mut StageOne, moment: &mut Moment, near: Option<&Fitted>| {
@@ -189,6 +201,18 @@ fn stage_one(
                 fits[k] = again;
             }
         }
+    }
+    if let Some(masks) = masks {
+        moments.par_iter_mut().zip(&mut fits).for_each_init(
+            || StageOne::new(hierarchy),
+            |stage, ((frame, moment), fitted)| {
+                let Some((fitted, _)) = fitted else {
+                    return;
+                };
+                moment.contours = contours(masks, *frame, views, moment);
+                stage.outline(body, views, weights, moment, fitted);
+            },
+        );
     }
     let frames: Vec<PersonFrame> = moments
         .into_iter()
@@ -239,6 +263,7 @@ fn pieces(
                         joints,
                         healed: 0,
                         lifted: false,
+                        contours: Vec::new(),
                     };
                     piece.push(PersonFrame {
                         frame: last.frame + k,

@@ -1,7 +1,8 @@
 //! Several calibrated views go in, bodies with a shape, a pose and a mesh come out, frame by frame and smooth over time.
 //!
 //! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): `people` tells who is who,
-//! `stage_one` fits every frame, `stage_two` holds the shape and makes paths of few cosines. World axes are those of the
+//! `stage_one` fits every frame, with
+//! `silhouette` where there are masks, `stage_two` holds the shape and makes paths of few cosines. World axes are those of the
 //! calibration, metres.
 
 mod agreement;
@@ -18,6 +19,7 @@ mod prior;
 mod publish;
 mod report;
 mod sight;
+mod silhouette;
 mod stage_one;
 mod stage_two;
 pub mod time;
@@ -35,5 +37,6 @@ pub use prior::PosePrior;
 pub use publish::bodies;
 pub use report::{MultiviewReport, Observed, PersonReport, ViewReport, report, stature};
 pub use sight::{Ray, Sight, distance};
+pub use silhouette::{Contour, Mask, Masks};
 pub use stage_one::Moment;
 pub use triangulate::{Joints3d, triangulate};

@@ -50,6 +50,7 @@ pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<T
                 joints: joints.map(Some),
                 healed: 0,
                 lifted: true,
+                contours: Vec::new(),
             };
             match tracks.iter_mut().find(|t| t.id == body.id) {
                 Some(track) => track.moments.push((frame, moment)),

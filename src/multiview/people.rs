@@ -215,6 +215,7 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
             joints: points,
             healed: 0,
             lifted: false,
+            contours: Vec::new(),
         },
     ));
     t.states.push(states);

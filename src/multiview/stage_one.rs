@@ -8,6 +8,7 @@ use super::exchange;
 use super::points;
 use super::prior::PosePrior;
 use super::sight::Sight;
+use super::silhouette::{self, Contour};
 use crate::body::BodyModel;
 use crate::body::mesh::{MeshBody, MeshPose};
 use crate::camera::View;
@@ -37,6 +38,8 @@ pub struct Moment {
     pub healed: usize,
     /// Whether one view alone told `joints`: then they are evidence of their own.
     pub lifted: bool,
+    /// Where masks end, by view; empty without masks.
+    pub contours: Vec<Option<Contour>>,
 }
 
 impl Moment {
@@ -148,6 +151,20 @@ impl StageOne {
         Some((fitted, cost))
     }
 
+    /// Fits a body that joints have placed to its contours as well.
+    pub fn outline(
+        &mut self,
+        body: &MeshBody,
+        views: &[View],
+        weights: &[f64],
+        moment: &Moment,
+        fitted: &mut Fitted,
+    ) {
+        let settings = (FINE, PRIOR[1], SHAPE);
+        let scene = (body, views, weights);
+        silhouette::refine(&mut self.solver, scene, moment, fitted, settings);
+    }
+
     fn solve(
         &mut self,
         body: &MeshBody,
@@ -165,6 +182,7 @@ impl StageOne {
             targets: None,
             target_sigma: FINE,
             lifted: moment.lifted(),
+            rims: &[],
             prior,
             shape: SHAPE,
             free: Free::All,
@@ -204,6 +222,7 @@ impl StageOne {
                 targets: Some(&targets),
                 target_sigma: COARSE,
                 lifted: None,
+                rims: &[],
                 prior: PRIOR[1],
                 shape: SHAPE,
                 free,

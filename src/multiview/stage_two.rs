@@ -10,6 +10,7 @@ use super::dct;
 use super::energy::{Energy, Fitted, Free, Targets};
 use super::exchange;
 use super::points;
+use super::silhouette::{self, Rim};
 use super::stage_one::{FINE, Moment};
 use crate::body::mesh::MeshBody;
 use crate::camera::View;
@@ -43,7 +44,17 @@ pub fn refit(
     fits: &mut [Fitted],
     paths: bool,
 ) {
+    let masked = moments.iter().any(|m| !m.contours.is_empty());
+    let mut rims: Vec<Vec<Rim<'_>>> = vec![Vec::new(); fits.len()];
     for turn in 0..if paths { TURNS } else { 2 } {
+        // Outlines take long to find and change little.
+        if masked && (turn == 0 || turn == TURNS / 2) {
+            rims = moments
+                .par_iter()
+                .zip(fits.par_iter())
+                .map(|(moment, fitted)| silhouette::rims(body, views, weights, moment, fitted, 1.0))
+                .collect();
+        }
         let targets: Vec<Targets> = if paths {
             project(body, fits)
         } else {
@@ -52,40 +63,44 @@ pub fn refit(
         let each = moments
             .par_iter_mut()
             .zip(fits.par_iter_mut())
-            .zip(&targets);
-        each.for_each_init(Solver::default, |solver, ((moment, fitted), targets)| {
-            if turn == TURNS / 2 {
-                let joints = points::evidence(body, &fitted.posed);
-                for (view, sight) in views.iter().zip(&mut moment.sights) {
-                    moment.healed += sight
-                        .as_mut()
-                        .map_or(0, |s| exchange::follow(view, s, &joints));
+            .zip(targets.par_iter().zip(&rims));
+        each.for_each_init(
+            Solver::default,
+            |solver, ((moment, fitted), (targets, rims))| {
+                if turn == TURNS / 2 {
+                    let joints = points::evidence(body, &fitted.posed);
+                    for (view, sight) in views.iter().zip(&mut moment.sights) {
+                        moment.healed += sight
+                            .as_mut()
+                            .map_or(0, |s| exchange::follow(view, s, &joints));
+                    }
                 }
-            }
-            let seen = moment.seen(views, weights);
-            let energy = Energy {
-                body,
-                seen: &seen,
-                sigma: FINE,
-                targets: paths.then_some(targets),
-                target_sigma: dct::SIGMA,
-                lifted: moment.lifted(),
-                prior: 1.0,
-                shape: 0.0,
-                free: Free::Pose,
-            };
-            let iterations = if paths { STEPS } else { 10 };
-            let mut spare = fitted.clone();
-            solver.solve(
-                &energy,
-                Effort {
-                    iterations,
-                    tolerance: 1e-5,
-                },
-                fitted,
-                &mut spare,
-            );
-        });
+                let seen = moment.seen(views, weights);
+                let energy = Energy {
+                    body,
+                    seen: &seen,
+                    sigma: FINE,
+                    targets: paths.then_some(targets),
+                    target_sigma: dct::SIGMA,
+                    lifted: moment.lifted(),
+                    rims,
+                    prior: 1.0,
+                    shape: 0.0,
+                    free: Free::Pose,
+                };
+                let iterations = if paths { STEPS } else { 10 };
+                let mut spare = fitted.clone();
+                solver.solve(
+                    &energy,
+                    Effort {
+                        iterations,
+                        tolerance: 1e-5,
+                    },
+                    fitted,
+                    &mut spare,
+                );
+            },
+        );
     }
 }
 

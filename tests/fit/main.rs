@@ -15,4 +15,6 @@ mod noise;
 mod one_view;
 mod place;
 mod rate;
+mod silhouettes;
+mod six_people;
 mod time_offsets;

@@ -7,12 +7,14 @@ mod error;
 mod kinematics;
 mod read;
 mod skin;
+mod surface;
 
 use std::sync::OnceLock;
 
 pub use error::MeshError;
 pub use kinematics::{MeshPose, Person, PosedTree};
 pub use skin::Skin;
+pub use surface::Surface;
 
 use super::model::Elimination;
 

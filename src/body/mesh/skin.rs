@@ -30,7 +30,7 @@ impl Weights {
         weights
     }
 
-    fn of(&self, vertex: usize) -> &[(u8, f32)] {
+    pub(super) fn of(&self, vertex: usize) -> &[(u8, f32)] {
         &self.entries[self.first[vertex] as usize..self.first[vertex + 1] as usize]
     }
 }

@@ -1,5 +1,6 @@
 //! `edgecap multiview`: several calibrated views of the same people in, bodies with shape, pose and mesh out.
 
+mod masks;
 mod one_view;
 mod read;
 mod sync;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 pub(super) use read::{names, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use self::masks::MaskFolder;
 use self::sync::Sync;
 use super::exit::Failure;
 use super::export::Exports;
@@ -20,7 +22,7 @@ use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::calibration;
-use crate::multiview::{MultiviewOptions, fit, fit_tracks, nearest_sight, report};
+use crate::multiview::{Masks, MultiviewOptions, fit, fit_tracks, nearest_sight, report};
 
 /// Options of `edgecap multiview`.
 #[derive(Debug, Clone, clap::Args)]
@@ -39,6 +41,10 @@ pub struct MultiviewArgs {
     /// Do not smooth: every frame stands for itself
     #[arg(long)]
     pub no_dct: bool,
+    /// Folder of who every pixel shows: CAMERA/000000.png and so on, one grey picture a frame, 0 where nobody is, one value a
+    /// person; as 'synth --views --masks' makes them
+    #[arg(long, value_name = "FOLDER")]
+    pub masks: Option<PathBuf>,
     /// Measure a camera against the bodies that the others give, without using it; may be given several times
     #[arg(long, value_name = "CAMERA")]
     pub hold_out: Vec<String>,
@@ -118,6 +124,12 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         paths: !args.no_dct,
         hierarchy: true,
     };
+    let folder = match &args.masks {
+        Some(path) => Some(MaskFolder::open(path, &scene)?),
+        None => None,
+    };
+    let read = |frame: usize, view: usize| folder.as_ref()?.mask(frame, view);
+    let masks: Option<&Masks<'_>> = args.masks.is_some().then_some(&read);
     let bar = progress::bar(1, "steps");
     let total = AtomicUsize::new(0);
     let progress = |found: usize| match found {
@@ -125,10 +137,16 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         n => bar.set_length(total.fetch_add(n, Ordering::Relaxed) as u64 + n as u64),
     };
     let fitted = match alone {
-        Some(tracks) => fit_tracks(body, views, vec![1.0], tracks, options, &progress),
-        None => fit(body, views, &used, frames, options, &progress),
+        Some(tracks) => {
+            let weights = vec![1.0];
+            fit_tracks(body, views, weights, tracks, options, masks, &progress)
+        }
+        None => fit(body, views, &used, frames, options, masks, &progress),
     };
     bar.finish_and_clear();
+    if let Some(folder) = &folder {
+        folder.whole()?;
+    }
     if fitted.people.is_empty() && views.len() == 1 {
         return Err(Failure::data(format!(
             "expected somebody in the view of camera {}, found nobody who stays in {} frames",

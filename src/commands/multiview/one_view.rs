@@ -59,6 +59,7 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
         times: file.times[..count].to_vec(),
         rate,
         offsets: vec![None],
+        in_step: true,
         in_world: args.calibration.is_some(),
         notes,
     };

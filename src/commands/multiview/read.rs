@@ -27,6 +27,8 @@ pub struct Scene {
     pub rate: f64,
     /// By how many seconds each view started before the first one, where that was told.
     pub offsets: Vec<Option<f64>>,
+    /// Whether frames are the files' own, not made of those before and after.
+    pub in_step: bool,
     /// Whether axes are a calibration's, not the camera's own.
     pub in_world: bool,
     /// What was recognised.
@@ -76,6 +78,7 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
         times,
         rate,
         offsets,
+        in_step,
     } = bring_together(how, &views, seen, &mut notes)?;
     let frames = |views: &[View]| -> Vec<Vec<Detections>> {
         let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| {
@@ -116,6 +119,7 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
         times,
         rate,
         offsets,
+        in_step,
         in_world: true,
         notes,
     })

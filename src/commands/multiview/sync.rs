@@ -40,6 +40,8 @@ pub struct Together {
     pub rate: f64,
     /// By how many seconds each view started before the first one, where that was told.
     pub offsets: Vec<Option<f64>>,
+    /// Whether frames are the files' own, not made of those before and after.
+    pub in_step: bool,
 }
 
 /// Brings views to one time; one file a view.
@@ -122,6 +124,7 @@ pub fn bring_together(
             times,
             rate,
             offsets,
+            in_step: true,
         });
     }
     let shifts: Vec<f64> = offsets.iter().map(|o| o.unwrap_or(0.0)).collect();
@@ -193,6 +196,7 @@ fn sampled(
         times: Vec::new(),
         rate: rates[lead],
         offsets,
+        in_step: false,
     };
     for time in &seen[lead].times {
         let common = seconds(lead, *time) - shifts[lead];

@@ -13,4 +13,4 @@ mod trial;
 pub use report::{Line, Tables, Times};
 pub use studio::studio;
 pub use tables::{TablesOptions, tables};
-pub use trial::{Errors, Trial};
+pub use trial::{Cast, Errors, Trial};

@@ -1,17 +1,18 @@
 //! Bodies of the fitted model itself, who walk about and wave before a ring of cameras.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3, Vec2};
 
-use super::Trial;
+use super::{Cast, Trial};
 use crate::body::BodyModel;
-use crate::body::mesh::{MeshBody, MeshPose, PosedTree};
+use crate::body::mesh::{MeshBody, MeshPose, PosedTree, Skin};
 use crate::camera::{Brown, View};
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::lab::synth::detector::{Detector, Flaws};
 use crate::lab::synth::noise::Dice;
+use crate::lab::synth::raster::{Buffer, NOBODY};
 use crate::lab::synth::truth::{ABSENT, TruthCamera, TruthFrame, TruthPerson, VISIBLE};
 use crate::message::Observation;
-use crate::multiview::{PosePrior, body_joints, evidence_joints, stature};
+use crate::multiview::{Mask, PosePrior, body_joints, evidence_joints, stature};
 
 /// Frames a second.
 pub const RATE: f64 = 30.0;
@@ -55,11 +56,35 @@ impl Walker {
         }
     }
 
+    /// What a view shows of them: 1 where they are.
+    pub fn mask(&self, frame: usize, view: &View) -> Mask {
+        let body = MeshBody::shipped();
+        let person = body.person(&self.betas);
+        let (mut posed, mut vertices) = (PosedTree::default(), Vec::new());
+        body.kinematics(&self.poses[frame], &person, &mut posed);
+        Skin::new(body, &person).pose(body, &self.poses[frame], &posed, &mut vertices);
+        let placed: Vec<(Vec2, f32)> = vertices
+            .iter()
+            .map(|v| {
+                let point = v.as_dvec3();
+                let pixel = view.project(point).unwrap_or(DVec2::NAN).as_vec2();
+                (pixel, view.to_camera(point).z as f32)
+            })
+            .collect();
+        let [width, height] = view.size.map(|s| s as usize);
+        let mut buffer = Buffer::new(width, height);
+        buffer.draw(0, &placed, body.faces());
+        Mask {
+            size: view.size,
+            owners: buffer.who.iter().map(|w| u8::from(*w != NOBODY)).collect(),
+        }
+    }
+
     fn truth(&self, id: u32, frame: usize, view: &View) -> TruthPerson {
         let joints = &self.body_joints[frame];
         let pixels = joints.map(|p| view.project(p).unwrap_or(DVec2::NAN).as_vec2());
         let [width, height] = view.size.map(|s| s as f32);
-        let inside = |p: glam::Vec2| p.x >= 0.0 && p.y >= 0.0 && p.x < width && p.y < height;
+        let inside = |p: Vec2| p.x >= 0.0 && p.y >= 0.0 && p.x < width && p.y < height;
         TruthPerson {
             id,
             stature: self.stature as f32,
@@ -194,9 +219,10 @@ pub fn own(seed: u64, views: usize, frames: usize, flaws: Flaws) -> Trial {
     Trial {
         views,
         seen,
-        joints: walker.joints,
+        joints: walker.joints.clone(),
         stature: walker.stature,
-        betas: Some(walker.betas),
+        betas: Some(walker.betas.clone()),
         rate: RATE,
+        cast: Cast::Walker(Box::new(walker)),
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Trial;
+use super::{Cast, Trial};
 use crate::joints::EVIDENCE_JOINTS;
 use crate::lab::synth::detector::{Detector, Flaws};
 use crate::lab::synth::studio::Studio;
@@ -44,5 +44,6 @@ pub fn studio(seed: u64, views: usize, frames: u64, flaws: Flaws) -> Trial {
         stature: f64::from(world.first().map_or(0.0, |p| p.stature)),
         betas: None,
         rate: RATE.into(),
+        cast: Cast::Studio(Box::new(studio)),
     }
 }

@@ -8,7 +8,7 @@ use rustix::time::{ClockId, clock_gettime};
 use super::own::{own, steady};
 use super::{Errors, Line, Tables, Times, Trial, studio};
 use crate::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use crate::multiview::{MultiviewOptions, windows};
+use crate::multiview::{Mask, Masks, MultiviewOptions, windows};
 
 /// Share of one view's frames in which limbs are exchanged.
 const EXCHANGED: f64 = 0.3;
@@ -16,6 +16,9 @@ const EXCHANGED: f64 = 0.3;
 const VIEWS: usize = 4;
 /// Views of the experiments that do not vary them.
 const THREE: usize = 3;
+
+/// Frames by which masks are timed: they are all in memory.
+const MASKED: usize = 12;
 
 /// How much is tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,13 +32,20 @@ pub struct TablesOptions {
 /// Runs all experiments. `progress` hears of every trial that is done, out of how many.
 pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> Tables {
     let done = Mutex::new(0);
-    let ways = [(false, false), (false, true), (true, false), (true, true)];
-    // Bodies of synth: every number of views in four ways. The model's own: three views in two ways, two detectors; and with
-    // exchanges none, legs, arms, both.
-    let total = options.seeds * (4 * VIEWS as u64 + 4 + 4);
+    // Hierarchy, masks, paths.
+    let ways = [
+        [false, false, false],
+        [false, false, true],
+        [true, false, false],
+        [true, false, true],
+        [true, true, false],
+        [true, true, true],
+    ];
+    // The model's own bodies: two detectors with the hierarchy; and with exchanges none, legs, arms, both.
+    let total = options.seeds * (6 * VIEWS as u64 + 8 + 4);
     let mean = |title: String,
                 views: usize,
-                (hierarchy, paths): (bool, bool),
+                [hierarchy, masks, paths]: [bool; 3],
                 trial: &(dyn Fn(u64) -> Trial + Sync)| {
         let errors = (1..=options.seeds).into_par_iter().map(|seed| {
             let trial = trial(seed);
@@ -44,7 +54,9 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
                 paths,
                 hierarchy,
             };
-            let errors = trial.errors(&trial.fit(options, &|_| ()));
+            let drawn = |frame: usize, view: usize| Some(trial.mask(frame, view));
+            let shown: Option<&Masks<'_>> = masks.then_some(&drawn);
+            let errors = trial.errors(&trial.fit(options, shown, &|_| ()));
             let mut done = done.lock().unwrap_or_else(|e| e.into_inner());
             *done += 1;
             progress(*done, total);
@@ -55,6 +67,7 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
             views,
             hierarchy,
             paths,
+            masks,
             errors: average(&errors.collect::<Vec<_>>()),
         }
     };
@@ -68,8 +81,7 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
     }
     let frames = options.frames as usize;
     let mut model = Vec::new();
-    for paths in [false, true] {
-        let way = (true, paths);
+    for way in ways.into_iter().filter(|way| way[0]) {
         model.push(mean(
             "errors new in every frame".into(),
             THREE,
@@ -89,7 +101,7 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
     let exchanged = limbs
         .into_iter()
         .map(|(name, limbs)| {
-            mean(name.into(), THREE, (true, true), &|seed| {
+            mean(name.into(), THREE, [true, false, true], &|seed| {
                 let mut trial = own(seed, THREE, frames, steady(seed));
                 let first = frames / 4;
                 let run = (EXCHANGED * frames as f64).round() as usize;
@@ -149,17 +161,38 @@ fn times(frames: usize) -> Option<Times> {
             seen: trial.seen[..10].to_vec(),
             ..trial.clone()
         };
-        warm.fit(options, &|_| ());
+        warm.fit(options, None, &|_| ());
         let begin = spent();
-        trial.fit(options, &|_| {
+        trial.fit(options, None, &|_| {
             *last.lock().unwrap_or_else(|e| e.into_inner()) = spent();
         });
         (begin, spent())
     });
+    let masks: Vec<Vec<Mask>> = (0..MASKED)
+        .map(|k| (0..THREE).map(|v| trial.mask(k, v)).collect())
+        .collect();
+    let few = Trial {
+        seen: trial.seen[..MASKED].to_vec(),
+        ..trial.clone()
+    };
+    let at_hand = |frame: usize, view: usize| Some(masks[frame][view].clone());
+    let of = |masks: Option<&Masks<'_>>| {
+        let options = MultiviewOptions {
+            paths: false,
+            ..options
+        };
+        pool.install(|| {
+            let begin = spent();
+            few.fit(options, masks, &|_| ());
+            spent() - begin
+        })
+    };
+    let masks_s = of(Some(&at_hand)) - of(None);
     let middle = last.into_inner().unwrap_or_else(|e| e.into_inner());
     Some(Times {
         views: THREE,
         stage_one_ms: 1e3 * (middle - begin) / frames as f64,
+        masks_ms: 1e3 * masks_s / MASKED as f64,
         window_s: (end - middle) / windows(frames).len() as f64,
     })
 }

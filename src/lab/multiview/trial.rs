@@ -3,20 +3,33 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::own::Walker;
 use crate::body::mesh::{MeshBody, Skin};
 use crate::camera::View;
 use crate::fit::{FitConfig, Fitter};
 use crate::joints::EVIDENCE_JOINTS;
 use crate::lab::eval::align_similarity;
+use crate::lab::synth::studio::Studio;
 use crate::message::Observation;
 use crate::multiview::{
-    Detections, MultiviewFit, MultiviewOptions, Sight, evidence_joints, fit, fit_tracks, one_view,
-    stage_three, stature,
+    Detections, Mask, Masks, MultiviewFit, MultiviewOptions, Sight, evidence_joints, fit,
+    fit_tracks, one_view, stage_three, stature,
 };
+
+/// Who is before the cameras.
+#[derive(Debug, Clone)]
+pub enum Cast {
+    /// A body of the fitted model.
+    Walker(Box<Walker>),
+    /// A dressed person in a hall.
+    Studio(Box<Studio>),
+}
 
 /// What is seen of one person, and what is true about them.
 #[derive(Debug, Clone)]
 pub struct Trial {
+    /// Who is seen.
+    pub cast: Cast,
     /// The cameras.
     pub views: Vec<View>,
     /// By frame, by view, who is seen there.
@@ -47,10 +60,25 @@ pub struct Errors {
 }
 
 impl Trial {
+    /// The mask of a frame in a view.
+    pub fn mask(&self, frame: usize, view: usize) -> Mask {
+        match &self.cast {
+            Cast::Walker(walker) => walker.mask(frame, &self.views[view]),
+            Cast::Studio(studio) => {
+                let view = &studio.cameras[view];
+                Mask {
+                    size: [view.width, view.height],
+                    owners: studio.owners(view, frame as u64),
+                }
+            }
+        }
+    }
+
     /// Fits the person. One view starts from Stage III.
     pub fn fit(
         &self,
         options: MultiviewOptions,
+        masks: Option<&Masks<'_>>,
         progress: &(dyn Fn(usize) + Sync),
     ) -> MultiviewFit {
         let body = MeshBody::shipped();
@@ -65,14 +93,15 @@ impl Trial {
             .collect();
         let [view] = &self.views[..] else {
             let used = vec![true; self.views.len()];
-            return fit(body, &self.views, &used, &frames, options, progress);
+            return fit(body, &self.views, &used, &frames, options, masks, progress);
         };
         let mut fitter = Fitter::new(FitConfig::default()).expect("the usual settings are valid");
         let people = self.seen.iter().map(|views| views[0].as_slice());
         let bodies = stage_three(&mut fitter, view, people, self.rate);
         let seen: Vec<Detections> = frames.into_iter().map(|mut f| f.swap_remove(0)).collect();
         let tracks = one_view(view, &bodies, &seen);
-        fit_tracks(body, &self.views, vec![1.0], tracks, options, progress)
+        let weights = vec![1.0];
+        fit_tracks(body, &self.views, weights, tracks, options, masks, progress)
     }
 
     /// Errors of the person who was found most often.

@@ -13,6 +13,7 @@ use super::measure::outline;
 use super::noise::Dice;
 use super::place::{Place, Room};
 use super::scene::{Light, Person, Scene, Sensor};
+use super::survey::{SUPERSAMPLE, survey};
 use super::truth::TruthFrame;
 use super::world::{WorldFrame, WorldPerson};
 use crate::camera::{Brown, View};
@@ -123,6 +124,23 @@ impl Studio {
     pub fn outline(&self, view: usize, frame: u64) -> TruthFrame {
         let (stances, time) = (&self.clip.stances[frame as usize], self.clip.time_ns(frame));
         outline(&self.clip.scene, &self.cameras[view], stances, frame, time)
+    }
+
+    /// Whom every pixel of a camera shows in frame number `frame`, by identity, as if the hall were empty of furniture.
+    pub fn owners(&self, camera: &Camera, frame: u64) -> Vec<u8> {
+        let scene = Scene {
+            camera: *camera,
+            ..self.clip.scene.clone()
+        };
+        let samples = SUPERSAMPLE * SUPERSAMPLE * (camera.width * camera.height) as usize;
+        let nothing = vec![f32::INFINITY; samples];
+        let stances = &self.clip.stances[frame as usize];
+        let (survey, _) = survey(&scene, &nothing, stances);
+        let ids: Vec<u8> = stances
+            .iter()
+            .map(|s| scene.people[s.person].id as u8)
+            .collect();
+        survey.owners(&ids)
     }
 
     /// Where everybody is in frame number `frame`.

@@ -1,0 +1,110 @@
+//! Masks of a folder, one picture a frame of a camera.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use super::read::Scene;
+use crate::bounded;
+use crate::commands::exit::Failure;
+use crate::multiview::Mask;
+
+/// Largest file of a mask, bytes.
+const LARGEST: u64 = 64 << 20;
+
+/// A folder with a folder of numbered masks a camera.
+pub struct MaskFolder {
+    /// By view.
+    folders: Vec<PathBuf>,
+    sizes: Vec<[u32; 2]>,
+    /// What was wrong with the first mask that could not be read.
+    failed: Mutex<Option<Failure>>,
+}
+
+impl MaskFolder {
+    /// Finds the masks of the scene's cameras.
+    ///
+    /// # Errors
+    /// When there are none of any camera, or the views' frames are not the masks'.
+    pub fn open(path: &Path, scene: &Scene) -> anyhow::Result<Self> {
+        if !scene.in_step {
+            return Err(Failure::data(
+                "expected views that go frame by frame where there are --masks, found others; give --sync none if they started together",
+            )
+            .into());
+        }
+        let views = &scene.views;
+        let folders: Vec<PathBuf> = views.iter().map(|v| path.join(&v.name)).collect();
+        if !folders.iter().any(|f| f.is_dir()) {
+            let names: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
+            return Err(Failure::data(format!(
+                "expected a folder of masks in {} for one of the cameras {}, found none",
+                path.display(),
+                names.join(", ")
+            ))
+            .into());
+        }
+        let found = Self {
+            folders,
+            sizes: views.iter().map(|v| v.size).collect(),
+            failed: Mutex::new(None),
+        };
+        // Before minutes of work: what is wrong with one is mostly wrong with all.
+        (0..views.len()).for_each(|view| drop(found.mask(0, view)));
+        found.whole()?;
+        Ok(found)
+    }
+
+    /// The mask of a frame; none where there is no file, or it is none.
+    pub fn mask(&self, frame: usize, view: usize) -> Option<Mask> {
+        let path = self.folders[view].join(format!("{frame:06}.png"));
+        if !path.exists() {
+            return None;
+        }
+        match self.read(&path, view) {
+            Ok(mask) => Some(mask),
+            Err(failure) => {
+                let mut failed = self.failed.lock().unwrap_or_else(|e| e.into_inner());
+                failed.get_or_insert(failure);
+                None
+            }
+        }
+    }
+
+    fn read(&self, path: &Path, view: usize) -> Result<Mask, Failure> {
+        let bytes = bounded::read(path, LARGEST).map_err(|e| Failure::no_input(path, &e))?;
+        let shown = path.display();
+        let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes));
+        reader.set_format(image::ImageFormat::Png);
+        let picture = reader.decode().map_err(|e| {
+            Failure::data(format!(
+                "expected a mask as PNG, found {shown}, which is none: {e}"
+            ))
+        })?;
+        let image::DynamicImage::ImageLuma8(grey) = picture else {
+            return Err(Failure::data(format!(
+                "expected a grey mask of 8 bits a pixel, found {:?} in {shown}",
+                picture.color()
+            )));
+        };
+        let (size, [width, height]) = (grey.dimensions(), self.sizes[view]);
+        if size != (width, height) {
+            return Err(Failure::data(format!(
+                "expected a mask of {width}x{height} pixels as the view has them, found {}x{} in {shown}",
+                size.0, size.1
+            )));
+        }
+        Ok(Mask {
+            size: [width, height],
+            owners: grey.into_raw(),
+        })
+    }
+
+    /// Whether every mask that was there could be read.
+    ///
+    /// # Errors
+    /// What was wrong with the first that could not.
+    pub fn whole(&self) -> anyhow::Result<()> {
+        let mut failed = self.failed.lock().unwrap_or_else(|e| e.into_inner());
+        failed.take().map_or(Ok(()), |f| Err(f.into()))
+    }
+}

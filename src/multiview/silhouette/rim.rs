@@ -1,0 +1,127 @@
+//! Which vertex belongs to which place of a contour, and what that costs.
+
+use glam::{DVec2, DVec3};
+
+use super::contour::{Contour, Point};
+use super::outline::{Outline, Rimmed};
+use crate::body::mesh::{FREEDOM, MeshBody, Surface};
+use crate::camera::View;
+use crate::multiview::energy::{DATA, Fitted};
+use crate::solve::NormalEquations;
+
+/// What a whole contour weighs, in joints.
+const JOINTS: f64 = 40.0;
+/// Distance from which on absolute distances count, metres.
+const EVEN: f64 = 0.005;
+/// Least cosine between the directions in which outline and contour end.
+const ALIKE: f64 = 0.4;
+/// Nearer to a camera nothing is seen.
+const NEAREST: f64 = 0.1;
+
+/// A vertex and the line that it should be on.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    vertex: usize,
+    at: Point,
+    weight: f64,
+}
+
+/// One view's pairs.
+#[derive(Debug, Clone)]
+pub struct Rim<'a> {
+    view: &'a View,
+    depth: f64,
+    pairs: Vec<Pair>,
+}
+
+impl<'a> Rim<'a> {
+    /// Pairs an outline with a contour, both ways; `reach`: metres at `depth`; `even`: distances count as they are, not squared.
+    pub fn new(
+        view: &'a View,
+        depth: f64,
+        weight: f64,
+        outline: &Outline,
+        contour: &Contour,
+        reach: f64,
+        even: bool,
+    ) -> Self {
+        let reach = reach / depth;
+        let mut pairs = Vec::new();
+        let mut pair = |rimmed: &Rimmed, at: &Point| {
+            let off = depth * at.normal.dot(rimmed.plane - at.plane).abs();
+            let weight = if even { EVEN / off.max(EVEN) } else { 1.0 };
+            pairs.push(Pair {
+                vertex: rimmed.vertex as usize,
+                at: *at,
+                weight,
+            });
+        };
+        let alike = |r: &Rimmed, p: &Point| r.normal.dot(p.normal) > ALIKE;
+        for r in &outline.rim {
+            let of = contour.points.iter().filter(|p| alike(r, p));
+            if let Some(p) = nearest(of.map(|p| (p, p.plane.distance_squared(r.plane))), reach) {
+                pair(r, p);
+            }
+        }
+        for p in &contour.points {
+            let of = outline.rim.iter().filter(|r| alike(r, p));
+            if let Some(r) = nearest(of.map(|r| (r, p.plane.distance_squared(r.plane))), reach) {
+                pair(r, p);
+            }
+        }
+        let all = (outline.rim.len() + contour.points.len()).max(1) as f64;
+        for p in &mut pairs {
+            p.weight *= weight * DATA * JOINTS / all;
+        }
+        Self { view, depth, pairs }
+    }
+
+    /// Signed distance of a vertex from its line, metres, and how it changes with the vertex' place.
+    fn off(&self, pair: &Pair, at: DVec3) -> Option<(f64, DVec3)> {
+        let p = self.view.to_camera(at);
+        (p.z > NEAREST).then(|| {
+            let n = pair.at.normal;
+            let flat = DVec2::new(p.x, p.y) / p.z;
+            let off = self.depth * n.dot(flat - pair.at.plane);
+            let scale = self.depth / p.z;
+            let by = scale * DVec3::new(n.x, n.y, -n.dot(flat));
+            (off, self.view.rotation.transpose() * by)
+        })
+    }
+
+    /// The cost.
+    pub fn cost(&self, body: &MeshBody, at: &Fitted) -> f64 {
+        let surface = Surface::new(body, &at.person, &at.posed);
+        let each = self.pairs.iter().map(|pair| {
+            let off = self.off(pair, surface.vertex(pair.vertex));
+            off.map_or(0.0, |(off, _)| pair.weight * off * off)
+        });
+        each.sum()
+    }
+
+    /// Adds gradient and Gauss–Newton matrix; `shapes` coefficients follow the pose.
+    pub fn add(&self, body: &MeshBody, at: &Fitted, shapes: usize, out: &mut NormalEquations) {
+        let mut surface = Surface::new(body, &at.person, &at.posed);
+        surface.prepare(shapes);
+        let mut row: Vec<(usize, f64)> = Vec::with_capacity(FREEDOM + shapes);
+        for pair in &self.pairs {
+            let Some((off, by)) = self.off(pair, surface.vertex(pair.vertex)) else {
+                continue;
+            };
+            row.clear();
+            surface.jacobian(pair.vertex, |k, moves| row.push((k, moves.dot(by))));
+            for (a, &(k, ck)) in row.iter().enumerate() {
+                out.pull(k, pair.weight * off * ck);
+                for &(l, cl) in &row[..=a] {
+                    out.add(k, l, pair.weight * ck * cl);
+                }
+            }
+        }
+    }
+}
+
+fn nearest<'b, T>(of: impl Iterator<Item = (&'b T, f64)>, reach: f64) -> Option<&'b T> {
+    of.filter(|(_, d)| *d < reach * reach)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(t, _)| t)
+}
