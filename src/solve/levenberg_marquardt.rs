@@ -26,6 +26,19 @@ pub struct Effort {
     pub tolerance: f64,
 }
 
+impl Effort {
+    /// Of a pose that starts from a good guess, as the last frame's.
+    pub const WARM: Self = Self {
+        iterations: 4,
+        tolerance: 0.01,
+    };
+    /// Of a pose that starts from nothing.
+    pub const COLD: Self = Self {
+        iterations: 25,
+        tolerance: 1e-4,
+    };
+}
+
 /// What a solve leaves behind.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {

@@ -49,15 +49,6 @@ const LIMB_STUCK: f64 = 14.0;
 /// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed anew.
 const REACQUIRE_AFTER: f64 = 0.25;
 const REACQUIRE_APART: f64 = 0.2;
-/// Effort with a good guess and without.
-const WARM: Effort = Effort {
-    iterations: 4,
-    tolerance: 0.01,
-};
-const COLD: Effort = Effort {
-    iterations: 25,
-    tolerance: 1e-4,
-};
 
 /// What every track of a fitter shares.
 #[derive(Debug)]
@@ -185,7 +176,7 @@ impl Track {
         let mut solution = cx.solver.solve(
             &problem(cx.skeleton, &lengths, &targets),
             &predicted,
-            WARM,
+            Effort::WARM,
             &mut self.posed,
         );
         if evidence.known3d {
@@ -421,7 +412,7 @@ impl Track {
             let found = cx.solver.solve(
                 &problem(cx.skeleton, lengths, &trial),
                 &start,
-                WARM,
+                Effort::WARM,
                 &mut posed,
             );
             if found.cost < solution.cost - 0.4 * strain {
@@ -490,14 +481,17 @@ fn cold_solve(
     posed: &mut Posed,
 ) -> Solution {
     let weights2d = std::mem::replace(&mut targets.weights2d, [0.0; EVIDENCE_JOINTS]);
-    let first = cx
-        .solver
-        .solve(&problem(cx.skeleton, lengths, targets), start, COLD, posed);
+    let first = cx.solver.solve(
+        &problem(cx.skeleton, lengths, targets),
+        start,
+        Effort::COLD,
+        posed,
+    );
     targets.weights2d = weights2d;
     cx.solver.solve(
         &problem(cx.skeleton, lengths, targets),
         &first.pose,
-        COLD,
+        Effort::COLD,
         posed,
     )
 }

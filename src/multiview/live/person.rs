@@ -35,15 +35,6 @@ const MET: f64 = 0.006;
 const PERSISTENCE: f64 = 0.4;
 /// Joints that must be known for a pose to start.
 const LEAST_JOINTS: usize = 8;
-/// Effort with a good guess and without.
-const WARM: Effort = Effort {
-    iterations: 4,
-    tolerance: 0.01,
-};
-const COLD: Effort = Effort {
-    iterations: 25,
-    tolerance: 1e-4,
-};
 
 /// What all people of a fit share.
 #[derive(Debug)]
@@ -230,7 +221,13 @@ impl Person {
         let pose = first_pose(skeleton, hips, &relative(joints, hips))?;
         let mut targets = self.targets(seen, pose, cx);
         targets.weights_motion = [0.0; DOF];
-        let found = solve(cx.solver, self.build.lengths(), &targets, &pose, COLD);
+        let found = solve(
+            cx.solver,
+            self.build.lengths(),
+            &targets,
+            &pose,
+            Effort::COLD,
+        );
         if !found.pose.is_finite() {
             return None;
         }
@@ -248,7 +245,13 @@ impl Person {
     ) {
         let mut targets = self.targets(seen, predicted, cx);
         targets.weights_motion = self.motion.weights(cx.model);
-        let mut found = solve(cx.solver, self.build.lengths(), &targets, &predicted, WARM);
+        let mut found = solve(
+            cx.solver,
+            self.build.lengths(),
+            &targets,
+            &predicted,
+            Effort::WARM,
+        );
         self.free_limbs(joints, &mut targets, &mut found, cx);
         if !found.pose.is_finite() {
             // The prediction is finite because every pose before it was.
@@ -289,7 +292,13 @@ impl Person {
                 trial.predicted.angles[k] = angle;
                 trial.weights_motion[6 + k] = 0.0;
             }
-            let other = solve(cx.solver, self.build.lengths(), &trial, &start, WARM);
+            let other = solve(
+                cx.solver,
+                self.build.lengths(),
+                &trial,
+                &start,
+                Effort::WARM,
+            );
             let nearer = off(limb.middle, &other) + off(limb.end, &other)
                 < 0.6 * (off(limb.middle, found) + off(limb.end, found));
             if nearer && other.pose.is_finite() {

@@ -52,6 +52,17 @@ wait $!
 echo "ends with $?"
 cat /tmp/log
 
+for wrap in wrap_sequence_number wrap_timestamp; do
+    echo "--- $wrap: the driver's counter starts anew while pictures come"
+    $control -c $wrap=1
+    $probe /dev/video0 200 > /tmp/log 2>&1
+    echo "ends with $?"
+    grep waiting /tmp/log
+    grep -c 'after the last' /tmp/log
+    tail -n 3 /tmp/log
+    $control -c $wrap=0
+done
+
 echo "--- starting fails once"
 for trouble in reqbufs qbuf streamon; do
     $control -c inject_vidioc_${trouble}_error=1
