@@ -24,6 +24,7 @@ mod stage_one;
 mod stage_two;
 pub mod time;
 mod triangulate;
+mod world;
 
 pub use agreement::agreement;
 pub use between::between;
@@ -40,3 +41,4 @@ pub use sight::{Ray, Sight, distance};
 pub use silhouette::{Contour, Mask, Masks};
 pub use stage_one::Moment;
 pub use triangulate::{Joints3d, triangulate};
+pub use world::world;

@@ -22,11 +22,14 @@ fn distances(views: &[View]) -> Vec<f64> {
         .collect()
 }
 
+/// Eight seconds: feet must have been far enough apart both ways to tell the floor's slope.
+const FRAMES: usize = 240;
+
 #[test]
 fn a_walk_gives_the_calibration_that_multiview_reads() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    let truth = files(folder.path(), 3, 90);
+    let truth = files(folder.path(), 3, FRAMES);
     let (lens, out, run) = (at("Calib.toml"), at("found.toml"), at("run"));
     let views = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
     let given = |verb: &'static str, more: &[&'static str]| -> Vec<String> {
@@ -46,19 +49,18 @@ fn a_walk_gives_the_calibration_that_multiview_reads() {
     for (found, truth) in distances(&found).iter().zip(distances(&truth)) {
         assert!((found - truth).abs() < 0.15, "{found} for {truth}");
     }
-    // Who walks there stands where their legs end, which is not at the world's 0; ankles are 8 cm above it. They walk one way
-    // and lean a little, so up is off by some degrees, which three cameras round them even out.
-    let ankles = own(5, 3, 90, Flaws::NONE).joints;
+    // Who walks there stands where their legs end, which is not at the world's 0; ankles are 8 cm above it.
+    let ankles = own(5, 3, FRAMES, Flaws::NONE).joints;
     let low = ankles.iter().flat_map(|j| [j[10].y, j[13].y]);
     let truth = 1.6 - (low.fold(f64::INFINITY, f64::min) - 0.08);
-    let heights: Vec<f64> = found.iter().map(|view| view.position.z).collect();
-    let mean = heights.iter().sum::<f64>() / heights.len() as f64;
-    println!("heights {heights:.2?}, mean {mean:.2}, truth {truth:.2} m");
-    assert!((mean - truth).abs() < 0.2, "{heights:?}, not {truth}");
-    assert!(
-        heights.iter().all(|h| (h - truth).abs() < 0.5),
-        "{heights:?}, not {truth}"
-    );
+    for view in &found {
+        let height = view.position.z;
+        assert!(
+            (height - truth).abs() < 0.3,
+            "{}: {height}, not {truth} m",
+            view.name
+        );
+    }
     let mut args = given("multiview", &[]);
     args.extend(["--calibration", &out, "--out", &run].map(ToOwned::to_owned));
     let args: Vec<&str> = args.iter().map(String::as_str).collect();

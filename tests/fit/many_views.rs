@@ -12,7 +12,7 @@ use edgecap::message::ObservationFrame;
 use edgecap::multiview::{MultiviewFit, MultiviewOptions};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::program::{assert_fails, output, stderr};
 
@@ -205,6 +205,34 @@ fn the_verb_writes_what_it_says() {
     );
     // A full folder is not written into.
     assert_fails(&args, 64, &["holds files"]);
+}
+
+/// A calibration may have any axis up; exports and readers take y of the world for it.
+#[test]
+fn who_stands_in_a_calibration_with_z_up_stands_in_the_world() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut views = files(folder.path(), 3, 12);
+    let y_to_z = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    for view in &mut views {
+        view.rotation *= y_to_z.transpose();
+        view.position = y_to_z * view.position;
+    }
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    std::fs::write(&calibration, write_pose2sim(&views)).unwrap();
+    let seen = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(seen.iter().flat_map(|v| ["--view", v]));
+    let out = output(&args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let lines = std::fs::File::open(at("run/bodies.jsonl")).unwrap();
+    let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+    let row = rows.read().unwrap().unwrap();
+    let [head, ankle] = [0, 10].map(|j| DVec3::from(row.people[0].joints3d[j].map(f64::from)));
+    let tall = head - ankle;
+    assert!(tall.z > 1.2, "{tall}");
+    let in_world = row.message().world.direction(tall.as_vec3().to_array());
+    assert!(in_world[1] > 1.2, "{in_world:?}");
 }
 
 #[test]

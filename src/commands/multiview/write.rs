@@ -9,8 +9,8 @@ use glam::DVec3;
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
 use crate::export::{Format, Take, encode};
-use crate::message::{Body, BodyFrame, MAX_PEOPLE, WorldState};
-use crate::multiview::{MultiviewFit, MultiviewReport, bodies};
+use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
+use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
 use crate::output::AtomicFolder;
 use crate::record::{BodiesRow, Row};
@@ -152,6 +152,10 @@ fn lines(
             by_frame[frame].push(b);
         }
     }
+    let world = match scene.in_world {
+        true => world(&scene.views),
+        false => World::default(),
+    };
     let mut out = Vec::new();
     for (k, people) in by_frame.iter().enumerate() {
         let mut frame = BodyFrame {
@@ -161,11 +165,9 @@ fn lines(
             publish_ns: scene.times[k],
             count: people.len().min(MAX_PEOPLE) as u32,
             frame_total: scene.frames.len() as u32,
+            world,
             ..BodyFrame::default()
         };
-        if scene.in_world {
-            frame.world.state = WorldState::GIVEN;
-        }
         for (slot, b) in frame.bodies.iter_mut().zip(people) {
             *slot = *b;
         }

@@ -18,10 +18,11 @@ use std::collections::HashSet;
 
 use self::identity::Identities;
 use self::person::{Context, Person};
-use self::publish::{world, write_body};
+use self::publish::write_body;
 use self::seen::Seen;
 use super::people::{REACH, closeness, groups};
 use super::sight::Sight;
+use super::world;
 use crate::assignment::Matcher;
 use crate::body::skeleton::Skeleton;
 use crate::camera::View;
