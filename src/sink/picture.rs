@@ -69,6 +69,9 @@ impl PictureSink {
 /// Makes a picture small; `false` where it fits in no message.
 fn pack(picture: &Frame, message: &mut PictureFrame) -> bool {
     let (width, height) = (picture.width, picture.height);
+    if width == 0 || height == 0 {
+        return false;
+    }
     let Some(whole) = ImageBuffer::<Rgb<u8>, _>::from_raw(width, height, &picture.rgb[..]) else {
         return false;
     };
