@@ -343,8 +343,18 @@ fn long_tables_of_views_and_paths() {
     };
     assert_eq!((tables.synth.len(), tables.model.len()), (24, 8));
     for paths in [false, true] {
-        assert!(at(4, paths).joints < at(2, paths).joints);
-        assert!(at(2, paths).aligned < at(1, paths).aligned);
+        let joints = [1, 2, 3, 4].map(|views| at(views, paths).joints);
+        assert!(
+            joints.is_sorted_by(|fewer, more| fewer > more),
+            "{joints:?}"
+        );
+    }
+    for views in [1, 2, 3, 4] {
+        let [every_frame, smooth] = [false, true].map(|paths| at(views, paths).joints);
+        assert!(
+            smooth < every_frame,
+            "{views} views: {smooth}, {every_frame}"
+        );
     }
     for line in tables.model.iter().chain(&tables.exchanged) {
         assert!(
