@@ -62,7 +62,8 @@ pub struct Body {
     /// Length of the bone that ends in each joint, metres, as the pose was solved with; 0 for the pelvis. With `angles` they
     /// give `joints3d`.
     pub bone_lengths: [f32; BODY_JOINTS],
-    /// Local rotations for [`HUMANOID_BONES`], xyzw, from a T-pose with axes x left, y up, z front.
+    /// Local rotations for [`HUMANOID_BONES`](crate::joints::HUMANOID_BONES), xyzw, from a T-pose with axes x left, y up,
+    /// z front.
     pub bone_rotations: [[f32; 4]; HUMANOID_BONE_COUNT],
     /// Where each joint's position comes from.
     pub joint_states: [JointState; BODY_JOINTS],
@@ -137,7 +138,7 @@ impl Default for World {
 #[type_name("EdgecapBodyFrameV2")]
 #[repr(C)]
 pub struct BodyFrame {
-    /// [`ObservationFrame::sequence`] of the newest frame behind this message.
+    /// [`ObservationFrame::sequence`](super::ObservationFrame::sequence) of the newest frame behind this message.
     pub sequence: u64,
     /// When that picture was taken.
     pub capture_ns: u64,
@@ -159,7 +160,7 @@ pub struct BodyFrame {
     pub flags: u32,
     /// Valid entries of `bodies`.
     pub count: u32,
-    /// [`ObservationFrame::frame_total`].
+    /// [`ObservationFrame::frame_total`](super::ObservationFrame::frame_total).
     pub frame_total: u32,
     /// The floor-aligned world; [`BodyFrame::in_world`] takes bodies there.
     pub world: World,
