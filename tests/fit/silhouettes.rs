@@ -105,11 +105,14 @@ fn the_verb_reads_masks_and_refuses_others() {
         }
         args
     };
-    let run_with = |masks: &Path| args(masks);
-    let refused = |masks: &Path, words: &[&str]| {
-        let args = run_with(masks);
+    let bodies = Path::new(&run).join("bodies.npz");
+    let fails = |masks: &Path, words: &[&str]| {
+        let args = args(masks);
         let args: Vec<&str> = args.iter().map(String::as_str).collect();
         assert_fails(&args, 65, words);
+    };
+    let refused = |masks: &Path, words: &[&str]| {
+        fails(masks, words);
         assert!(!Path::new(&run).exists(), "a failed run leaves no folder");
     };
     refused(
@@ -122,10 +125,18 @@ fn the_verb_reads_masks_and_refuses_others() {
     refused(&masks, &["PNG", "000000.png"]);
     image::GrayImage::new(20, 10).save(&first).unwrap();
     refused(&masks, &["1080x1080", "20x10"]);
-    std::fs::write(&first, whole).unwrap();
+    std::fs::write(&first, &whole).unwrap();
+    // A later one that is none: the rest was fitted, and is kept.
+    let later = masks.join("120/000003.png");
+    let good = std::fs::read(&later).unwrap();
+    std::fs::write(&later, &good[..40]).unwrap();
+    fails(&masks, &["PNG", "000003.png"]);
+    assert!(bodies.exists(), "what was computed is kept");
+    std::fs::remove_dir_all(&run).unwrap();
+    std::fs::write(&later, good).unwrap();
     let all = args(&masks);
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
     let out = output(&all);
     assert!(out.status.success(), "{}", stderr(&out));
-    assert!(Path::new(&run).join("bodies.npz").exists());
+    assert!(bodies.exists());
 }

@@ -21,7 +21,7 @@ use super::progress;
 use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
-use crate::camera::calibration;
+use crate::camera::{View, calibration};
 use crate::multiview::{Masks, MultiviewOptions, fit, fit_tracks, nearest_sight, report};
 
 /// Options of `edgecap multiview`.
@@ -144,23 +144,11 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         None => fit(body, views, &used, frames, options, masks, &progress),
     };
     bar.finish_and_clear();
-    if let Some(folder) = &folder {
-        folder.whole()?;
-    }
-    if fitted.people.is_empty() && views.len() == 1 {
-        return Err(Failure::data(format!(
-            "expected somebody in the view of camera {}, found nobody who stays in {} frames",
-            views[0].name,
-            frames.len()
-        ))
-        .into());
-    }
+    // A mask that cannot be read counts as none: bodies are written all the same.
+    let masked = folder.as_ref().map_or(Ok(()), MaskFolder::whole);
     if fitted.people.is_empty() {
-        return Err(Failure::data(format!(
-            "expected somebody whom two cameras see in the same place, found nobody in {} frames; check that views are of one moment and the calibration is theirs",
-            frames.len()
-        ))
-        .into());
+        masked?;
+        return Err(nobody(views, frames.len()));
     }
     let other = |v: usize, f: usize, joints: &_| nearest_sight(&views[v], &frames[f][v], joints);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
@@ -169,8 +157,22 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         line.offset_s = *offset;
     }
     let take = write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
-    let exported = exports.write(&take)?;
     say::out(write::table(&report).trim_end());
+    let exported = exports.write(&take)?;
     exported.iter().for_each(|line| say::out(line));
-    Ok(())
+    masked
+}
+
+/// Why there is nothing to write.
+fn nobody(views: &[View], frames: usize) -> anyhow::Error {
+    let wanted = match views {
+        [view] => format!(
+            "expected somebody in the view of camera {}, found nobody who stays in {frames} frames",
+            view.name
+        ),
+        _ => format!(
+            "expected somebody whom two cameras see in the same place, found nobody in {frames} frames; check that views are of one moment and the calibration is theirs"
+        ),
+    };
+    Failure::data(wanted).into()
 }
