@@ -70,7 +70,8 @@ fn somebody_who_comes_close_is_looked_at_with_a_smaller_input() {
 }
 
 #[test]
-fn the_demo_needs_no_other_input() {
+#[ignore = "long: the demo twice at full size on one thread"]
+fn long_the_demo_needs_no_other_input() {
     let demo = ["--input", "demo"];
     assert_eq!(people(&demo, &[]), people(&demo, &["--size", "512x320"]));
 }

@@ -51,10 +51,14 @@ fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
 fn demo(test: &str, folder: &tempfile::TempDir) -> Command {
     let mut command = edgecap();
     let result = folder.path().join("bodies.jsonl");
-    command.args(["run", "--input", "demo", "--name", &stream(test), "--jsonl"]);
+    command.args(["run", "--input", "demo", "--size", SIZE, "--name"]);
+    command.args([&stream(test), "--jsonl"]);
     command.arg(result);
     command
 }
+
+/// A small input is soon through, and its people are found as well.
+const SIZE: &str = "256x160";
 
 /// What a program says up to `words` and a little after.
 fn read_until(stderr: &mut impl Read, words: &str) -> String {
@@ -107,7 +111,9 @@ fn watch_waits_shows_the_bodies_and_ends_with_the_input() {
     let mut stderr = watch.0.stderr.take().unwrap();
     let mut said = read_until(&mut stderr, "nobody publishes there yet");
     let mut run = edgecap();
-    run.args(["run", "--input", "demo", "--name", &name, "--jsonl"]);
+    run.args([
+        "run", "--input", "demo", "--size", SIZE, "--name", &name, "--jsonl",
+    ]);
     run.arg(folder.path().join("bodies.jsonl"));
     assert!(run.output().unwrap().status.success());
 

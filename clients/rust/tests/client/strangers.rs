@@ -2,9 +2,6 @@
 //!
 //! Tests start this program again as another process (`role`), under another user where they run as root.
 
-#[path = "../../../tests/program/tools.rs"]
-mod tools;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{PermissionsExt, chown};
@@ -129,7 +126,7 @@ impl Player {
 
 fn role_of(name: &str, folder: &Path) -> Command {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "role", "--nocapture"]);
+    command.args(["--exact", "strangers::role", "--nocapture"]);
     command.env(ROLE, name).env(PLACE, folder);
     command
 }
@@ -186,7 +183,7 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
     fs::set_permissions(&folder, fs::Permissions::from_mode(0o750)).unwrap();
     let play = |role: &str, user: u32, group: u32| {
         let mut command = Command::new(&program);
-        command.args(["--exact", "role", "--nocapture"]);
+        command.args(["--exact", "strangers::role", "--nocapture"]);
         command.env(ROLE, role).env(PLACE, &folder).current_dir("/");
         Player::start({
             command.uid(user).gid(group);
@@ -225,7 +222,7 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
     let mut python = Command::new("python3");
     python.args(["-B", "-c", script]).current_dir("/");
     python.env("PYTHONPATH", &client).env(PLACE, &folder);
-    if tools::has("python3") {
+    if crate::tools::has("python3") {
         assert!(python.uid(MEMBER).gid(GROUP).status().unwrap().success());
     }
 }
@@ -405,7 +402,7 @@ fn memory_that_is_full_is_told_and_kills_nobody() {
     }
     let (status, said) = mounted(
         "1m",
-        &format!("{ROLE}=full $PROGRAM --exact role --nocapture"),
+        &format!("{ROLE}=full $PROGRAM --exact strangers::role --nocapture"),
     );
     assert!(status.success(), "{said}");
     assert!(
@@ -416,10 +413,10 @@ fn memory_that_is_full_is_told_and_kills_nobody() {
     let (status, said) = mounted(
         "64m",
         &format!(
-            "{ROLE}=writer $PROGRAM --exact role --nocapture > $HERE/said & writer=$!; \
+            "{ROLE}=writer $PROGRAM --exact strangers::role --nocapture > $HERE/said & writer=$!; \
              while ! grep -q publishes $HERE/said; do sleep 0.05; done; \
              dd if=/dev/zero of=$HERE/fill bs=4k 2> /dev/null || true; \
-             {ROLE}=reader timeout 3 $PROGRAM --exact role --nocapture || true; \
+             {ROLE}=reader timeout 3 $PROGRAM --exact strangers::role --nocapture || true; \
              kill -0 $writer; kill $writer"
         ),
     );
@@ -471,7 +468,7 @@ fn python_finds_out_too() {
         "PYTHONPATH",
         concat!(env!("CARGO_MANIFEST_DIR"), "/../python"),
     );
-    if !tools::has("python3") {
+    if !crate::tools::has("python3") {
         return;
     }
     let mut python = Player::start(command);

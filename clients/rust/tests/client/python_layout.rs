@@ -1,8 +1,5 @@
 //! The Python client's structures must lie in memory as ours do, and its world be ours; README's Python works as printed.
 
-#[path = "../../../tests/program/tools.rs"]
-mod tools;
-
 use std::fmt::Debug;
 use std::io::{BufRead, BufReader};
 use std::mem::{offset_of, size_of};
@@ -20,7 +17,7 @@ use edgecap_client::message::{
 /// The numbers that a Python script prints; `None` without Python.
 fn python<T: FromStr<Err: Debug>>(script: &str) -> Option<Vec<T>> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../python");
-    if !tools::has("python3") {
+    if !crate::tools::has("python3") {
         return None;
     }
     let run = Command::new("python3")
@@ -134,10 +131,10 @@ fn python_takes_bodies_to_the_same_world() {
 
 #[test]
 fn the_python_of_the_readme_works_as_printed() {
-    if !tools::has("python3") {
+    if !crate::tools::has("python3") {
         return;
     }
-    let readme = include_str!("../../../README.md");
+    let readme = include_str!("../../../../README.md");
     assert!(readme.contains("`export PYTHONPATH=clients/python`"));
     let code = readme.split("```python\n").nth(1).unwrap();
     let code = code.split("```").next().unwrap();
