@@ -18,7 +18,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 /// Packed with gzip, which every browser unpacks.
 const PACKED: &str = "/three.min.js";
 
-const ASSETS: [Asset; 10] = [
+const ASSETS: [Asset; 11] = [
     Asset {
         path: "/",
         kind: HTML,
@@ -38,6 +38,11 @@ const ASSETS: [Asset; 10] = [
         path: "/decode.js",
         kind: SCRIPT,
         body: include_bytes!("assets/decode.js"),
+    },
+    Asset {
+        path: "/happened.js",
+        kind: SCRIPT,
+        body: include_bytes!("assets/happened.js"),
     },
     Asset {
         path: "/history.js",

@@ -387,6 +387,29 @@ fn long_a_browser_shows_who_is_published() {
     let rows = browser.value("document.querySelectorAll('#people tbody tr').length");
     assert_eq!(rows, 10);
 
+    // What happens stands beside it, the newest first; and what had happened by an earlier frame.
+    let mut events = Publisher::<EventFrame>::open(&view.camera).unwrap();
+    for (sequence, kind) in [(30, EventKind::ENTERED), (140, EventKind::WAVED)] {
+        let mut frame = EventFrame {
+            sequence,
+            time_ns: crowd(10, sequence).pose_ns,
+            count: 1,
+            ..EventFrame::default()
+        };
+        let event = &mut frame.events[0];
+        (event.kind, event.person, event.hand) = (kind, 3, Hand::NONE);
+        if kind == EventKind::WAVED {
+            event.hand = Hand::LEFT;
+        }
+        events.publish(&frame).unwrap();
+    }
+    let lines = "[...document.querySelectorAll('#events tr')].map((r) => [...r.cells].map((c) => c.textContent))";
+    browser.until(&format!("{lines}.length === 2"));
+    assert_eq!(
+        browser.value(lines),
+        json!([["#3", "waved with the left hand", "0 s ago"], ["#3", "came", "0 s ago"]])
+    );
+
     // Back to an earlier frame, and to the newest again.
     let all = browser.value("edgecap.frames()");
     let all: Vec<u64> = serde_json::from_value(all).unwrap();
@@ -395,6 +418,7 @@ fn long_a_browser_shows_who_is_published() {
     browser.until("edgecap.scene().sequence < 120");
     let scene = browser.value("edgecap.scene()");
     shows(&scene, &crowd(10, scene["sequence"].as_u64().unwrap()));
+    browser.until(&format!("{lines}.length === 1"));
     browser.value("edgecap.seek(0)");
     browser.until("edgecap.scene().sequence === 149");
     if let Some(path) = std::env::var_os("EDGECAP_SCREENSHOT") {

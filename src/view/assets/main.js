@@ -1,6 +1,7 @@
 // Joins the streams, the last minute, and what is shown of it.
 
 import { decode } from './decode.js';
+import { Happened } from './happened.js';
 import { History } from './history.js';
 import { Panel } from './panel.js';
 import { Picture } from './picture.js';
@@ -12,6 +13,7 @@ const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
 const [history, space, panel] = [new History(), new Space(byId('space')), new Panel()];
 const picture = new Picture(byId('picture'));
+const happened = new Happened(byId('events'));
 
 /** `at` is the time that is shown, nanoseconds; null: the newest frame. */
 const state = { camera: null, at: null, connected: false, heard: 0, ended: new Set(), changed: true };
@@ -58,6 +60,7 @@ function choose(camera) {
   select.value = camera;
   space.clear();
   panel.clear();
+  happened.clear();
   seek(null);
 }
 
@@ -91,12 +94,13 @@ function step(now) {
   requestAnimationFrame(step);
   const since = performance.now();
   const frames = history.frames(state.camera);
-  if (state.changed && frames.length > 0) {
+  if ((state.changed || happened.changed) && frames.length > 0) {
     state.changed = false;
     const index = shownIndex();
     const frame = frames[index];
     space.show(frame, frames.slice(Math.max(0, index - 600), index));
     panel.show(frame, frames, index, now);
+    happened.show(frame);
     const ago = (frame.publishNs - newest().publishNs) / 1e9;
     scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
     if (document.activeElement !== scrub || state.at === null) scrub.value = ago;
@@ -132,6 +136,7 @@ window.addEventListener('keydown', (e) => {
 window.edgecap = {
   scene: () => ({ ...space.read(), state: say.textContent, frames: history.frames(state.camera).length }),
   picture: () => picture.read(),
+  events: () => happened.until(history.frames(state.camera)[shownIndex()]),
   frames: () => history.frames(state.camera).map((f) => f.sequence),
   choose,
   seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
@@ -139,4 +144,5 @@ window.edgecap = {
 
 connect(true);
 picture.start(url);
+happened.connect(url);
 requestAnimationFrame(step);
