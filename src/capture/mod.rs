@@ -15,7 +15,7 @@ mod jpeg;
 mod letterbox;
 mod limits;
 mod mounting;
-#[cfg(feature = "mp4")]
+#[cfg(any(test, feature = "mp4"))]
 mod mp4;
 mod natural;
 mod paced;

@@ -87,3 +87,43 @@ proptest! {
         prop_assert_eq!(error.exit_code(), 65);
     }
 }
+
+/// 16 pictures of 64×48 pixels.
+const TINY: &[u8] = include_bytes!("../../fuzz/seeds/tiny.mp4");
+
+fn opened(bytes: &[u8]) -> Result<Mp4Source, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tiny.mp4");
+    std::fs::write(&path, bytes).unwrap();
+    match Mp4Source::open(&path) {
+        Ok(film) => Ok(film.expect("H.264")),
+        Err(e) => {
+            assert_eq!(e.exit_code(), 65);
+            Err(e.to_string())
+        }
+    }
+}
+
+fn place_of(name: &[u8; 4]) -> usize {
+    TINY.windows(4).position(|w| w == name).unwrap()
+}
+
+#[test]
+fn a_box_without_a_size_does_not_hang_and_billions_of_samples_need_no_memory() {
+    let mut film = opened(TINY).unwrap();
+    let mut pictures = 0;
+    while film.next().unwrap().is_some() {
+        pictures += 1;
+    }
+    assert!(pictures > 0 && film.frame_count() == Some(pictures));
+    for name in [b"edts", b"tkhd", b"mdhd", b"vmhd", b"stss"] {
+        let mut damaged = TINY.to_vec();
+        damaged[place_of(name) - 4..][..8].copy_from_slice(b"\0\0\0\0what");
+        let said = opened(&damaged).err().unwrap();
+        assert!(said.contains("a size that cannot be"), "{said}");
+    }
+    let mut many = TINY.to_vec();
+    many[place_of(b"stsz") + 8..][..8].copy_from_slice(&[0, 0, 0, 1, 255, 255, 255, 255]);
+    let said = opened(&many).err().unwrap();
+    assert!(said.contains("more samples than it can hold"), "{said}");
+}

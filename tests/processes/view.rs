@@ -407,7 +407,10 @@ fn long_a_browser_shows_who_is_published() {
     browser.until(&format!("{lines}.length === 2"));
     assert_eq!(
         browser.value(lines),
-        json!([["#3", "waved with the left hand", "0 s ago"], ["#3", "came", "0 s ago"]])
+        json!([
+            ["#3", "waved with the left hand", "0 s ago"],
+            ["#3", "came", "0 s ago"]
+        ])
     );
 
     // Back to an earlier frame, and to the newest again.

@@ -1,4 +1,4 @@
-//! H.264 films in MP4 files without any other program: a path goes in, frames come out. Feature `mp4`.
+//! H.264 films in MP4 files: a path goes in, frames come out.
 //!
 //! The container is read by `re_mp4`, pictures by Cisco's OpenH264, built from source. Other codecs are left to ffmpeg.
 
@@ -12,12 +12,13 @@ use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
 use openh264::formats::YUVSource;
 use re_mp4::{Mp4, Sample, StsdBoxContent, TrackKind};
 
-use super::error::{CaptureError, name_of};
-use super::exif::Orientation;
-use super::frame::Frame;
-use super::limits::check_size;
-use super::source::Source;
-use super::yuv::{Matrix, Range, YuvToRgb};
+use super::boxes::{Guarded, Walk};
+use crate::capture::error::{CaptureError, name_of};
+use crate::capture::exif::Orientation;
+use crate::capture::frame::Frame;
+use crate::capture::limits::check_size;
+use crate::capture::source::Source;
+use crate::capture::yuv::{Matrix, Range, YuvToRgb};
 
 /// Height from which untagged film is taken for BT.709, as players do.
 const HIGH_DEFINITION_LINES: usize = 720;
@@ -67,8 +68,14 @@ impl Mp4Source {
                 ),
             )
         };
-        let reader = BufReader::new(file.try_clone().map_err(io)?);
-        let mp4 = quietly(move || Mp4::read(reader, file_bytes))
+        let mut reader = BufReader::new(file.try_clone().map_err(io)?);
+        let (reader, end) = Walk::through(&mut reader, file_bytes)
+            .and_then(|walk| {
+                let end = walk.end();
+                Ok((Guarded::new(reader, walk, file_bytes)?, end))
+            })
+            .map_err(|e| damaged(&format!("found damage ({e})")))?;
+        let mp4 = quietly(move || Mp4::read(reader, end))
             .ok_or_else(|| damaged("its tables contradict each other"))?
             .map_err(|e| damaged(&format!("found damage ({e})")))?;
         let track = mp4

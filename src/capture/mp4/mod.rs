@@ -1,0 +1,8 @@
+//! Films in MP4 files without any other program. Feature `mp4`; what guards its reader is tested without it.
+
+mod boxes;
+#[cfg(feature = "mp4")]
+mod film;
+
+#[cfg(feature = "mp4")]
+pub use film::Mp4Source;
