@@ -26,6 +26,7 @@ mod resize;
 mod source;
 mod spec;
 mod stand_in;
+mod stored;
 mod y4m;
 mod yuv;
 
@@ -49,7 +50,8 @@ pub use photo::{PhotoDecoder, PhotoSource};
 pub use raw::{RawDecoder, RawPicture};
 pub use resize::{PADDING, Resizer};
 pub use source::Source;
-pub use spec::{InputSpec, OpenOptions, open, open_bytes};
+pub use spec::{InputSpec, OpenOptions, open};
 pub use stand_in::StandIn;
+pub use stored::open_bytes;
 pub use y4m::Y4mReader;
 pub use yuv::{Matrix, Range, YuvToRgb};

@@ -3,23 +3,21 @@
 use std::convert::Infallible;
 use std::fmt;
 use std::fs::{File, FileType};
-use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::avi::{AviReader, is_avi};
 use super::camera::{CameraSource, ControlSetting, list_cameras};
 use super::error::{CaptureError, name_of};
-use super::ffmpeg::{Ffmpeg, FfmpegSource};
-use super::photo::{PhotoSource, is_jpeg, is_png};
 use super::pipe::PipeSource;
 use super::source::Source;
 use super::stand_in::StandIn;
-use super::y4m::{self, Y4mReader};
+use super::stored::open_stored;
+use super::y4m::Y4mReader;
 use crate::camera::SystemClock;
 
-/// Bytes read at once from files and pipes.
+/// Bytes read at once from pipes.
 const BUFFER_BYTES: usize = 1 << 18;
 /// What standard input is called.
 const STDIN: &str = "standard input";
@@ -107,18 +105,6 @@ pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, 
     }
 }
 
-/// Opens a film in memory: YUV4MPEG2 or Motion-JPEG AVI.
-///
-/// # Errors
-/// [`CaptureError::Data`] for other bytes.
-pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, CaptureError> {
-    if bytes.starts_with(y4m::MAGIC) {
-        let reader = Y4mReader::new(Cursor::new(bytes), name, Some(bytes.len() as u64))?;
-        return Ok(Box::new(reader));
-    }
-    Ok(Box::new(AviReader::new(Cursor::new(bytes), name)?))
-}
-
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
     let meta = match std::fs::metadata(path) {
@@ -128,9 +114,6 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         other => other.map_err(io)?,
     };
     let kind = meta.file_type();
-    if kind.is_dir() {
-        return Ok(Box::new(PhotoSource::folder(path, options.fps)?));
-    }
     if kind.is_char_device() {
         if libc::major(meta.rdev()) != VIDEO_MAJOR {
             return Err(CaptureError::data(
@@ -151,7 +134,7 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         };
         return Ok(Box::new(PipeSource::start(name, open)));
     }
-    open_file(path, options)
+    open_stored(path, options.fps)
 }
 
 /// A device file that is not there, with those that are.
@@ -175,70 +158,6 @@ fn no_such_camera(path: &Path) -> CaptureError {
 /// A named pipe can be read once, from front to back: it carries YUV4MPEG2, like standard input.
 fn is_pipe(kind: FileType) -> bool {
     kind.is_fifo() || kind.is_socket()
-}
-
-fn open_file(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
-    let io = |e| CaptureError::from_io(path, e);
-    let mut file = File::open(path).map_err(io)?;
-    let length = file.metadata().map_err(io)?.len();
-    let mut head = Vec::new();
-    file.by_ref().take(64).read_to_end(&mut head).map_err(io)?;
-    file.seek(SeekFrom::Start(0)).map_err(io)?;
-    if head.is_empty() {
-        return Err(CaptureError::data(
-            name_of(path),
-            "expected a picture or film, found an empty file; copy it again",
-        ));
-    }
-    if is_jpeg(&head) || is_png(&head) {
-        return Ok(Box::new(PhotoSource::file(path, options.fps)));
-    }
-    let reader = BufReader::with_capacity(BUFFER_BYTES, file);
-    if head.starts_with(y4m::MAGIC) {
-        return Ok(Box::new(Y4mReader::new(
-            reader,
-            name_of(path),
-            Some(length),
-        )?));
-    }
-    if is_avi(&head) {
-        let film = AviReader::new(reader, name_of(path))?;
-        if film.is_motion_jpeg() {
-            return Ok(Box::new(film));
-        }
-    }
-    if !is_film(&head, path) {
-        return Err(CaptureError::data(
-            name_of(path),
-            "expected a photo (JPEG, PNG), a folder of photos, a film or a camera, found other bytes; check the path",
-        ));
-    }
-    #[cfg(feature = "mp4")]
-    if head.get(4..8) == Some(b"ftyp")
-        && let Some(film) = super::mp4::Mp4Source::open(path)?
-    {
-        return Ok(Box::new(film));
-    }
-    Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
-}
-
-/// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it: a
-/// name counts only for kinds whose first bytes do not tell.
-fn is_film(head: &[u8], path: &Path) -> bool {
-    let container = is_avi(head)
-        || head.get(4..8) == Some(b"ftyp")
-        || head.starts_with(&[0x1A, 0x45, 0xDF, 0xA3])
-        || head.starts_with(b"FLV")
-        || head.starts_with(b"OggS");
-    container
-        || path.extension().is_some_and(|e| {
-            [
-                "mp4", "m4v", "mov", "mpg", "mpeg", "ts", "m2ts", "wmv", "3gp", "h264", "265",
-                "264", "gif",
-            ]
-            .iter()
-            .any(|k| e.eq_ignore_ascii_case(k))
-        })
 }
 
 fn open_camera(

@@ -19,7 +19,7 @@ use super::demo;
 use super::error::{CaptureError, name_of};
 use super::frame::Frame;
 use super::source::Source;
-use super::spec::{InputSpec, OpenOptions, open, open_bytes};
+use super::stored::{open_bytes, open_stored};
 use crate::camera::{Clock, monotonic_ns};
 
 /// Longest that one step takes while no picture comes.
@@ -99,7 +99,7 @@ impl<C: Clock> StandIn<C> {
     fn film(&self, state: &State) -> Result<Box<dyn Source>, CaptureError> {
         match &state.film {
             None => open_bytes("demo", demo::CLIP),
-            Some(film) => open(&InputSpec::Path(film.clone()), &OpenOptions::default()),
+            Some(film) => open_stored(film, None),
         }
     }
 

@@ -150,6 +150,8 @@ fn the_verb_writes_what_it_says() {
         "--obj",
         "3",
     ];
+    let exports = ["walk.bvh", "walk.glb", "walk.csv"].map(at);
+    args.extend(exports.iter().flat_map(|to| ["--export", to]));
     args.extend(views.iter().flat_map(|v| ["--view", v]));
     let out = output(&args);
     assert!(out.status.success(), "{}", stderr(&out));
@@ -203,6 +205,10 @@ fn the_verb_writes_what_it_says() {
         report["views"][0]["median_percent"].as_f64().unwrap() < 4.0,
         "{report}"
     );
+    let [bvh, glb, csv] = exports.map(|to| std::fs::read(to).unwrap());
+    assert!(bvh.starts_with(b"HIERARCHY") && glb.starts_with(b"glTF"));
+    // Joints of 12 frames of one person, under a line of headings.
+    assert_eq!(String::from_utf8(csv).unwrap().lines().count(), 1 + 12 * 21);
     // A full folder is not written into.
     assert_fails(&args, 64, &["holds files"]);
 }

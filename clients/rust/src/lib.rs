@@ -18,6 +18,7 @@
 
 #![forbid(unsafe_code)]
 
+mod cameras;
 mod claim;
 mod domain;
 mod error;
@@ -33,10 +34,11 @@ mod stream;
 mod subscriber;
 mod world;
 
+pub use cameras::cameras;
 pub use error::LinkError;
 pub use link::MAX_SUBSCRIBERS;
 pub use publisher::Publisher;
 pub use ring::BUFFER;
-pub use stream::{Message, cameras, service_name};
+pub use stream::{Message, service_name};
 pub use subscriber::{Priority, Received, Subscriber};
 pub use world::WorldBody;

@@ -7,7 +7,6 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::error::LinkError;
 use crate::message::{BodyFrame, EventFrame, ObservationFrame, PictureFrame};
-use crate::place;
 
 /// A message type with a stream of its own.
 pub trait Message:
@@ -63,23 +62,6 @@ impl Message for PictureFrame {
 /// Name of a camera's stream of `M`.
 pub fn service_name<M: Message>(camera: &str) -> String {
     format!("edgecap/v{}/{camera}/{}", M::VERSION, M::STREAM)
-}
-
-/// The cameras whose stream of `M` this user may read, by name: those published now, and those whose publisher was killed.
-pub fn cameras<M: Message>() -> Vec<String> {
-    let suffix = format!(".{}.v{}", M::STREAM, M::VERSION);
-    let entries = place::reading_dirs()
-        .into_iter()
-        .filter_map(|folder| std::fs::read_dir(folder).ok());
-    let names = entries.flatten().flatten().filter_map(|entry| {
-        let name = entry.file_name().into_string().ok()?;
-        let camera = name.strip_suffix(&suffix)?;
-        check_camera(camera).ok().map(|()| camera.to_owned())
-    });
-    let mut cameras: Vec<String> = names.collect();
-    cameras.sort();
-    cameras.dedup();
-    cameras
 }
 
 /// Refuses camera names that cannot be part of a file's name.

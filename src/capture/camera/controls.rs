@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::port::refused;
+use super::refusal::refused;
 use super::v4l2::{Camera, Control, ControlKind};
 use crate::capture::error::{CaptureError, name_of};
 

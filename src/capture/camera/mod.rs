@@ -10,6 +10,7 @@ mod live;
 mod lock;
 mod mode;
 mod port;
+mod refusal;
 mod source;
 #[allow(unsafe_code, reason = "the kernel's camera interface: ioctl and mmap")]
 mod v4l2;

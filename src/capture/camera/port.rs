@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use super::controls;
 use super::decode::{PictureDecoder, PixelFormat, RawLayout};
-use super::list::{CameraInfo, list_cameras, not_permitted};
+use super::list::{CameraInfo, list_cameras};
 use super::live::{CameraPort, CameraStream};
 use super::mode::{Mode, choose_mode};
+use super::refusal::{refused, unusable};
 use super::v4l2::{Camera, Filled, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
@@ -57,36 +58,6 @@ impl V4l2Port {
             .into_iter()
             .find(|other| other.is_same_camera(camera))
             .map_or_else(|| self.path.clone(), |other| other.path)
-    }
-}
-
-/// The system's refusal of a camera in the user's terms.
-pub(super) fn refused(device: &str, error: io::Error) -> CaptureError {
-    let device = device.to_owned();
-    match error.raw_os_error() {
-        Some(libc::EBUSY) => CaptureError::Busy {
-            device,
-            reason:
-                "another program uses this camera; close it (browser, video call) and try again"
-                    .into(),
-        },
-        Some(libc::EACCES | libc::EPERM) => not_permitted(&device),
-        Some(libc::ENOENT | libc::ENODEV | libc::ENXIO) => CaptureError::Unavailable {
-            what: device,
-            reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
-        },
-        Some(libc::ENOTTY) => unusable(device, "is no camera"),
-        _ => CaptureError::Unavailable {
-            what: device,
-            reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
-        },
-    }
-}
-
-fn unusable(device: String, what: &str) -> CaptureError {
-    CaptureError::Unavailable {
-        what: device,
-        reason: format!("this device {what}; choose another one"),
     }
 }
 

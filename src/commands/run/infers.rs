@@ -1,6 +1,6 @@
 //! The processes of a run that see pictures, one a camera.
 
-use super::live::look_after;
+use super::mend::look_after;
 use crate::commands::infer::InferTask;
 use crate::metrics::Meter;
 use crate::supervise::{Beat, Child};

@@ -1,6 +1,5 @@
 //! A camera, or several that see the same people: `infer` and `fit` under supervision, and what they publish.
 
-use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
@@ -10,10 +9,11 @@ use super::RunArgs;
 use super::flow::{Flow, Remedy};
 use super::hints;
 use super::infers::Infers;
+use super::mend::look_after;
 use super::pulse::Pulse;
 use crate::bridge::websocket::Hub;
 use crate::commands::bridges::Flight;
-use crate::commands::exit::{self, Failure};
+use crate::commands::exit::Failure;
 use crate::commands::fit::FitTask;
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
@@ -25,7 +25,7 @@ use crate::commands::tally::Tally;
 use crate::metrics::Meter;
 use crate::record::BodiesRow;
 use crate::sink::{Packet, Sinks};
-use crate::supervise::{Beat, Child, Progress, describe, stop_all};
+use crate::supervise::{Beat, Child, Progress, stop_all};
 
 /// How long the last bodies may take after `infer` has ended.
 const LAST_BODIES: Duration = Duration::from_secs(3);
@@ -236,36 +236,4 @@ fn watch(
     }
     pulse.stopping();
     Ok(())
-}
-
-/// Looks after a child of this camera. A crash is mended, a failure that would come again is the run's; `infer` may be done, which
-/// is returned.
-pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Result<bool> {
-    let Some(status) = child.tend()? else {
-        return Ok(false);
-    };
-    if status.success() && child.verb() == "infer" {
-        child.leave();
-        return Ok(true);
-    }
-    if let Some(code) = permanent(status, child.has_lived()) {
-        return Err(Failure::silent(code).into());
-    }
-    let what = format!("{} ended with {}", child.verb(), describe(status));
-    tracing::warn!("{camera}: {what}; starting it again");
-    meter.failed(what);
-    child.restart();
-    Ok(false)
-}
-
-/// The exit code of a failure that would come again. A camera or stream that worked before may come back.
-fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
-    let code = status.code()? as u8;
-    let passes = match code {
-        // Who was ended by another than its supervisor is missed.
-        0 | exit::INTERRUPTED | exit::SOFTWARE | exit::IO => true,
-        exit::UNAVAILABLE | exit::TRY_LATER | exit::NO_INPUT => has_lived,
-        _ => false,
-    };
-    (!passes).then_some(code)
 }

@@ -8,6 +8,7 @@ mod flow;
 mod hints;
 mod infers;
 mod live;
+mod mend;
 mod pulse;
 mod room;
 

@@ -1,6 +1,6 @@
 //! In: somebody else's weights. Out: everything that keeps them from being imported, at once.
 
-use super::tensors::Tensors;
+use super::tensors::{Tensors, is_counter};
 use super::{Contract, Model, ModelError, Stage2Contract, contract_of, float, stage2};
 use crate::engine::network::Network;
 
@@ -31,11 +31,6 @@ impl Model {
         all.extend(with_the_unused(&t, wrong));
         Ok(all)
     }
-}
-
-/// Counters of batches, which nobody needs to run a network.
-pub(super) fn is_counter(name: &str) -> bool {
-    name.ends_with("num_batches_tracked")
 }
 
 /// Adds tensors that nobody asked for. Where most only have something before their names, that is all that is said of them.

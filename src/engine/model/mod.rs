@@ -27,7 +27,7 @@ use super::network::{Graph, Network, Node, Op};
 use crate::bounded;
 use contract::ACTIVATION_LEVELS;
 use quant::SIGNED_LEVELS;
-use tensors::Tensors;
+use tensors::{Tensors, is_counter};
 
 /// Weights of every node of the network, in order; `None` where a node has none.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,7 +112,7 @@ impl Model {
         let mut t = Tensors::parse(bytes)?;
         let contract = Contract::parse(contract_of(&t)?, &network)?;
         let convs = float::import(&mut t, &network, &contract)?;
-        t.finish(mismatch::is_counter)?;
+        t.finish(is_counter)?;
         let history = vec![format!(
             "imported safetensors with digest {}",
             blake3::hash(bytes).to_hex()

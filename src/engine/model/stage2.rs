@@ -1,6 +1,6 @@
 //! Stage II's layers with batch norm folded in (XNect §4.2).
 
-use super::tensors::Tensors;
+use super::tensors::{Tensors, is_counter};
 use super::{ModelError, Stage2Contract};
 
 /// One fully connected layer.
@@ -90,7 +90,7 @@ impl Stage2 {
                 relu: !last,
             });
         }
-        t.finish(super::mismatch::is_counter)?;
+        t.finish(is_counter)?;
         Ok(Self { contract, layers })
     }
 

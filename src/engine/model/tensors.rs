@@ -133,3 +133,8 @@ impl<'a> Tensors<'a> {
         }
     }
 }
+
+/// Counters of batches, which nobody needs to run a network.
+pub(super) fn is_counter(name: &str) -> bool {
+    name.ends_with("num_batches_tracked")
+}
