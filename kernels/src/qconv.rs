@@ -3,6 +3,7 @@
 mod epilogue;
 mod kernel;
 mod reference;
+mod run;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod vector;
 
@@ -13,7 +14,8 @@ use crate::phase::Phase;
 use crate::{
     Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut, winograd,
 };
-use kernel::{Kernel, Run};
+use kernel::Kernel;
+use run::Run;
 
 /// What an int8 convolution is made of.
 #[derive(Debug, Clone)]

@@ -205,7 +205,7 @@ fn the_verb_writes_what_it_says() {
         report["views"][0]["median_percent"].as_f64().unwrap() < 4.0,
         "{report}"
     );
-    let [bvh, glb, csv] = exports.map(|to| std::fs::read(to).unwrap());
+    let [bvh, glb, csv] = exports.each_ref().map(|to| std::fs::read(to).unwrap());
     assert!(bvh.starts_with(b"HIERARCHY") && glb.starts_with(b"glTF"));
     // Joints of 12 frames of one person, under a line of headings.
     assert_eq!(String::from_utf8(csv).unwrap().lines().count(), 1 + 12 * 21);

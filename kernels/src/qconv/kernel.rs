@@ -1,9 +1,9 @@
 //! Which kernel runs an int8 convolution, chosen once when it is packed.
 
-use super::epilogue::Output;
+use super::run::Run;
 use super::{Epilogue, QConv, QConvParams};
 use crate::winograd::TransformedWeights;
-use crate::{Algorithm, Isa, KernelError, Layout, Part, Scratch};
+use crate::{Algorithm, Isa, KernelError, Scratch};
 
 /// The packed form.
 #[derive(Debug, Clone)]
@@ -87,16 +87,6 @@ impl Kernel {
             Kernel::Vector(vector) => vector.scratch_bytes(),
         }
     }
-}
-
-/// The tensors of one run.
-pub(super) struct Run<'a> {
-    pub input: *const u8,
-    pub in_layout: &'a Layout,
-    pub residual: Option<(*const u8, &'a Layout)>,
-    pub output: Output,
-    pub out_layout: &'a Layout,
-    pub part: &'a Part,
 }
 
 impl QConv {

@@ -2,7 +2,7 @@
 
 use super::QConv;
 use super::epilogue::Output;
-use super::kernel::Run;
+use super::run::Run;
 use crate::Layout;
 use crate::naive::{Walk, convolve};
 use crate::winograd::{IN, OUT, POINTS, TransformedWeights, reference};

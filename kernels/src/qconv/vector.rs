@@ -1,7 +1,7 @@
 //! int8 convolution with the vector kernels of this architecture.
 
 use super::epilogue::Output;
-use super::kernel::Run;
+use super::run::Run;
 use super::{Epilogue, QConvParams};
 use crate::direct::Job;
 use crate::kernel::{Direct, DotProduct, Ready, Tier, Winograd};
