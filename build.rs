@@ -48,7 +48,8 @@ fn main() {
 
 /// The commit that the sources are of, and whether they were changed since; none outside a repository.
 ///
-/// HEAD is not watched: a commit that leaves [`SOURCES`] alone needs no new build, and what the last one says of itself stays true.
+/// HEAD is not watched: a commit that leaves [`SOURCES`] alone needs no new build, and what the last one says of itself
+/// stays true.
 fn commit(root: &Path) -> Option<String> {
     if !root.join(".git").exists() {
         return None;

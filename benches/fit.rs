@@ -1,4 +1,5 @@
-//! Time of Stage III: a whole frame of ten people, and its parts. Every run first checks that what it measures is right.
+//! Time of Stage III: a whole frame of ten people, and its parts. Every run first checks that what it measures is
+//! right.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use edgecap::fit::{FitConfig, Fitter};

@@ -1,13 +1,14 @@
-//! Whom the association would report if it reported everybody: the pictures from which `models/train/person_score.py` learns to
-//! tell people from what only looks like some, under every combination of settings that is to be tried.
+//! Whom the association would report if it reported everybody: the pictures from which `models/train/person_score.py`
+//! learns to tell people from what only looks like some, under every combination of settings that is to be tried.
 //!
 //! ```text
 //! cargo run --release --example association_candidates -- models/edgecap.ecm --truth COMPOSITES/truth.json SYNTH/truth.json \
 //!     --quiet NO_PEOPLE --out candidates.jsonl [--neck 0.2 0.3] [--joint 0.1 0.15] [--limb 0.05 0.1] [--length 0 0.1]
 //! ```
 //!
-//! Writes one line a picture and combination: the settings, where it is from, which of its people do not count, and of every candidate
-//! the features and the object keypoint similarity to each person. Pictures lie beside their annotation file.
+//! Writes one line a picture and combination: the settings, where it is from, which of its people do not count, and of
+//! every candidate the features and the object keypoint similarity to each person. Pictures lie beside their annotation
+//! file.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};

@@ -1,7 +1,7 @@
 //! Shows what an input gives: one line per picture, and every change of a camera's state.
 //!
-//! `cargo run --example camera_probe -- INPUT [PICTURES]`: INPUT as after `edgecap --input`; ends after that many pictures, or
-//! after 60 s without one.
+//! `cargo run --example camera_probe -- INPUT [PICTURES]`: INPUT as after `edgecap --input`; ends after that many
+//! pictures, or after 60 s without one.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};

@@ -7,10 +7,11 @@
 //! cargo run --release --example multiview_check -- --calibration Calib.qca.txt --observations … --truth other01.jsonl other02.jsonl other03.jsonl other04.jsonl
 //! ```
 //!
-//! With `--videos` every view goes through `edgecap infer` with its own camera first; videos are named after the calibration's
-//! cameras. The views but one are triangulated, reprojected into the one left out, and compared with that view's own 2D and
-//! with the fit to that view alone; Stage II and Stage III against the triangulated joints in space. With `--truth` another
-//! detector's 2D of all views (`tests/reference/blazepose.py`) takes the place of the others' own.
+//! With `--videos` every view goes through `edgecap infer` with its own camera first; videos are named after the
+//! calibration's cameras. The views but one are triangulated, reprojected into the one left out, and compared with that
+//! view's own 2D and with the fit to that view alone; Stage II and Stage III against the triangulated joints in space.
+//! With `--truth` another detector's 2D of all views (`tests/reference/blazepose.py`) takes the place of the others'
+//! own.
 
 use std::fs::File;
 use std::io::{BufReader, Write};

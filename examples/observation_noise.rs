@@ -7,7 +7,8 @@
 //! cargo run --release --example observation_noise -- --observations /tmp/noise/observations.jsonl --truth /tmp/noise/truth.json
 //! ```
 //!
-//! Give the clip's true camera to `infer` (`--camera`) where Stage II's view matters; pixels are compared with the truth's own.
+//! Give the clip's true camera to `infer` (`--camera`) where Stage II's view matters; pixels are compared with the
+//! truth's own.
 
 use std::collections::HashMap;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! Optimal one-to-one matching: a table of scores goes in, the pairs with the greatest total come out.
 //!
-//! The Hungarian algorithm in its shortest-augmenting-path form, O(rows² · (rows + columns)), with scratch memory that is
-//! kept between calls.
+//! The Hungarian algorithm in its shortest-augmenting-path form, O(rows² · (rows + columns)), with scratch memory that
+//! is kept between calls.
 
 /// Finds maximum-weight matchings; keep one and reuse it, it stops allocating once it has seen the largest table.
 #[derive(Debug, Clone, Default)]
@@ -18,8 +18,8 @@ pub struct Matcher {
 impl Matcher {
     /// Column of every row in the matching with the greatest total score.
     ///
-    /// `scores` is row-major `[rows, columns]`. A pair whose score is not a finite positive number is forbidden; rows and
-    /// columns may stay single, which counts 0.
+    /// `scores` is row-major `[rows, columns]`. A pair whose score is not a finite positive number is forbidden; rows
+    /// and columns may stay single, which counts 0.
     ///
     /// # Panics
     /// If `scores` does not hold `rows * columns` values.
@@ -100,9 +100,9 @@ impl Matcher {
     }
 }
 
-/// Pairs rows with columns so that the sum of costs is least, where leaving a row or a column alone costs half of `limit`
-/// each: no pair dearer than `limit` is made. `costs` is row-major, `rows` × `columns`; NaN and infinity forbid a pair.
-/// Returns the column of every row.
+/// Pairs rows with columns so that the sum of costs is least, where leaving a row or a column alone costs half of
+/// `limit` each: no pair dearer than `limit` is made. `costs` is row-major, `rows` × `columns`; NaN and infinity forbid
+/// a pair. Returns the column of every row.
 ///
 /// # Panics
 /// If `costs` does not hold `rows * columns` values.

@@ -1,5 +1,5 @@
-//! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such as `/dev/stdout`,
-//! `/dev/null` or a named pipe, is written into as it is; a link stays a link.
+//! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
+//! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -82,8 +82,8 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the bytes at
-    /// once, as does standard output, whose name is `-`.
+    /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the
+    /// bytes at once, as does standard output, whose name is `-`.
     ///
     /// # Errors
     /// If the folder cannot be made or written, or if nobody reads from the pipe.
@@ -126,7 +126,8 @@ impl AtomicFile {
         }
     }
 
-    /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe has them now.
+    /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe has them
+    /// now.
     pub fn mark_whole(&mut self) {
         if self.whole.len() == RECORDS_KEPT {
             self.whole.pop_front();
@@ -153,8 +154,8 @@ impl AtomicFile {
         }
     }
 
-    /// Gives the file its name, replacing an older one. Where [`mark_whole`](Self::mark_whole) was called, the file of a full
-    /// disk has its name, too, and holds the whole records that found room.
+    /// Gives the file its name, replacing an older one. Where [`mark_whole`](Self::mark_whole) was called, the file of
+    /// a full disk has its name, too, and holds the whole records that found room.
     ///
     /// # Errors
     /// If the disk is full or the rename fails.

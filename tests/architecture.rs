@@ -154,7 +154,8 @@ fn only_instruments_reach_into_the_laboratory() {
     }
 }
 
-/// A room that reads or computes has no business with raw memory; those that do are named here and in `ARCHITECTURE.md`.
+/// A room that reads or computes has no business with raw memory; those that do are named here and in
+/// `ARCHITECTURE.md`.
 #[test]
 fn unsafe_code_stays_where_it_is_known() {
     const MAY: &[&str] = &["capture", "engine", "supervise"];

@@ -1,5 +1,5 @@
-//! The fuzz targets on the stable compiler, without sanitizers: whole seeds, everything that fuzzing once found, and seeds
-//! damaged at random. `fuzz/README.md` says how the same targets run under libFuzzer.
+//! The fuzz targets on the stable compiler, without sanitizers: whole seeds, everything that fuzzing once found, and
+//! seeds damaged at random. `fuzz/README.md` says how the same targets run under libFuzzer.
 
 #[path = "../fuzz/src/seeds.rs"]
 mod seeds;

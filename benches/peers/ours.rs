@@ -1,9 +1,10 @@
 //! Our place in the comparison with other engines; `worker.py` is the peers'. One of
 //!
 //! - `contract NETWORK`: prints the metadata that random weights of a network need so that we import them;
-//! - `quantise WEIGHTS NETWORK PICTURES HEIGHT WIDTH MODEL`: safetensors and pictures in (bytes, `[n, height, width, 3]`),
-//!   int8 model out;
-//! - `worker MODEL NETWORK PRECISION THREADS HEIGHT WIDTH`: runs what it is told, one JSON per line, as `worker.py` says.
+//! - `quantise WEIGHTS NETWORK PICTURES HEIGHT WIDTH MODEL`: safetensors and pictures in (bytes, `[n, height, width,
+//!   3]`), int8 model out;
+//! - `worker MODEL NETWORK PRECISION THREADS HEIGHT WIDTH`: runs what it is told, one JSON per line, as `worker.py`
+//!   says.
 
 use std::io::{BufRead, Write};
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! One function per reader: any bytes go in, nothing may panic, hang or touch memory that is not its own.
 //!
-//! `fuzz_targets/` hands them to libFuzzer; `tests/fuzz.rs` of the main workspace runs them over seeds and damaged seeds.
+//! `fuzz_targets/` hands them to libFuzzer; `tests/fuzz.rs` of the main workspace runs them over seeds and damaged
+//! seeds.
 
 use std::io::Cursor;
 
@@ -46,7 +47,8 @@ const MOST_MACS: u64 = 20_000_000;
 /// The largest network that is given memory, numbers.
 const MOST_NUMBERS: usize = 4_000_000;
 
-/// A model file. Its digest is made right first: a flipped bit that the digest shows teaches nothing about what comes after.
+/// A model file. Its digest is made right first: a flipped bit that the digest shows teaches nothing about what comes
+/// after.
 pub fn model(data: &[u8]) {
     let mut bytes = data.to_vec();
     seeds::sign(&mut bytes);
@@ -198,8 +200,8 @@ pub fn camera(data: &[u8]) {
     }
 }
 
-/// Calibrations of other programs, every format. What is read can be written and read again. Formats of two files have them
-/// one after the other, parted by a form feed.
+/// Calibrations of other programs, every format. What is read can be written and read again. Formats of two files have
+/// them one after the other, parted by a form feed.
 pub fn calibration(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let (first, second) = text.split_once('\x0c').unwrap_or((&text, &text));

@@ -9,8 +9,8 @@ pub enum Algorithm {
     /// Every product of the definition, exact in i32.
     #[default]
     Direct,
-    /// Winograd F(4×4, 3×3) with i16 weights and inputs: a quarter of the products, each on half as many lanes. Inputs are
-    /// exact; rounding of the transformed weights is far below that of the i8 weights themselves.
+    /// Winograd F(4×4, 3×3) with i16 weights and inputs: a quarter of the products, each on half as many lanes. Inputs
+    /// are exact; rounding of the transformed weights is far below that of the i8 weights themselves.
     Winograd,
 }
 
@@ -24,8 +24,8 @@ impl Algorithm {
         }
     }
 
-    /// The algorithm to use where nothing was measured. It depends on the shape alone, so that results do not depend on the
-    /// machine.
+    /// The algorithm to use where nothing was measured. It depends on the shape alone, so that results do not depend on
+    /// the machine.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
         let depth = shape.group_in();
         if depth >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {

@@ -1,7 +1,9 @@
-//! What differs between instruction sets: vectors, dot products, and the static descriptors of the kernels made of them.
+//! What differs between instruction sets: vectors, dot products, and the static descriptors of the kernels made of
+//! them.
 //!
 //! Every macro writes one kernel: a thin function per use with the tier's features on, into which the generic core is
-//! inlined, and the descriptor. The list of features is given once and serves both the compiler and the check of the CPU.
+//! inlined, and the descriptor. The list of features is given once and serves both the compiler and the check of the
+//! CPU.
 
 #[cfg(target_arch = "aarch64")]
 mod aarch64;

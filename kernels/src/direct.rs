@@ -1,8 +1,8 @@
 //! Direct convolution: no im2row, the halo stands in for the borders.
 //!
-//! A tile is MR consecutive output pixels of a row × NV vectors of output channels, all in registers. Per 32-bit group of
-//! input channels it loads NV weight vectors and one broadcast group per pixel. Panels are the outer loop: a panel stays in
-//! the first two cache levels while the rows stream past it.
+//! A tile is MR consecutive output pixels of a row × NV vectors of output channels, all in registers. Per 32-bit group
+//! of input channels it loads NV weight vectors and one broadcast group per pixel. Panels are the outer loop: a panel
+//! stays in the first two cache levels while the rows stream past it.
 
 use std::marker::PhantomData;
 
@@ -274,8 +274,8 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
                 let panel = packed.panel(group, b, p);
                 let lane = (group * packed.vectors() + block.first) * lanes;
                 let first = block.first * lanes;
-                // SAFETY: group < groups (the part lies within the shape's, caller), so that
-                // 4 · group · depth < in_channels · 4 / pack bytes of a pixel, and lane + count · lanes <= bias.len() (asserted in
+                // SAFETY: group < groups (the part lies within the shape's, caller), so that 4 · group · depth <
+                // in_channels · 4 / pack bytes of a pixel, and lane + count · lanes <= bias.len() (asserted in
                 // `Job::new`).
                 unsafe {
                     let strip = Strip::<C, W> {
@@ -323,7 +323,8 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
                 continue;
             }
             let mut column = 0;
-            // SAFETY: oy is an output row (the part lies within them, caller), and column + MR <= columns for every tile.
+            // SAFETY: oy is an output row (the part lies within them, caller), and column + MR <= columns for every
+            // tile.
             unsafe {
                 if C::D::MAX_MR == 8 {
                     while column + 8 <= columns {
@@ -355,9 +356,10 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
         let (job, phase) = (self.job, self.phase);
         let lanes = Vectors::<C>::LANES;
         let y = (oy / phase.out_step * phase.in_step) as isize;
-        // SAFETY: output pixels (oy, (first + m) · out_step + first_column), m < MR, lie in the output (caller). Their taps lie
-        // in -halo..height + halo rows and -halo..width + halo columns of the input, halo being `ConvShape::input_halo`, which
-        // `check` proved readable. Initial values: NV · lanes from the block's first (see `run`).
+        // SAFETY: output pixels (oy, (first + m) · out_step + first_column), m < MR, lie in the output (caller). Their
+        // taps lie in -halo..height + halo rows and -halo..width + halo columns of the input, halo being
+        // `ConvShape::input_halo`, which `check` proved readable. Initial values: NV · lanes from the block's first
+        // (see `run`).
         unsafe {
             let x = self
                 .tile

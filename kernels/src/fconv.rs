@@ -25,7 +25,8 @@ pub struct FConvParams<'a> {
 
 /// A packed f32 convolution for one instruction set: `relu(bias + Σ weight · input + residual)`.
 ///
-/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-6 · (|bias| + Σ|weight · input|)` times a small factor.
+/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-6 · (|bias| + Σ|weight · input|)` times
+/// a small factor.
 #[derive(Debug, Clone)]
 pub struct FConv {
     shape: ConvShape,
@@ -115,7 +116,8 @@ impl FConv {
         Part::share(out_height, self.shape.groups(), 1, index, count)
     }
 
-    /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
+    /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before
+    /// [`run_part`](Self::run_part).
     ///
     /// # Errors
     /// When a tensor does not fit the shape or its buffer, or a residual is missing or not expected.
@@ -153,8 +155,8 @@ impl FConv {
         )?;
         check_scratch(self.scratch_bytes(), scratch)?;
         let part = Part::whole(output.layout.height(), self.shape.groups());
-        // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
-        // the borrows keep the buffers separate.
+        // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked
+        // above); the borrows keep the buffers separate.
         unsafe {
             self.run_part(
                 input.data.as_ptr(),

@@ -1,7 +1,7 @@
 //! Shapes and layouts that kernels may trust: every value was checked when it was made and cannot be changed.
 //!
-//! What is checked is that no index, length or packed form of it can leave `isize`, so that all later arithmetic is exact
-//! in release builds, too.
+//! What is checked is that no index, length or packed form of it can leave `isize`, so that all later arithmetic is
+//! exact in release builds, too.
 
 mod conv_shape;
 mod layout;

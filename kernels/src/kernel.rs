@@ -1,8 +1,8 @@
 //! Descriptors of kernels, and the proof that this CPU can run one.
 //!
-//! A kernel is one static value: its name, how its weights are packed, the CPU features it asks for and the functions that run
-//! it, written once by a macro of `arch`. Functions can be called through [`Ready`] only, and a `Ready` exists only if the
-//! CPU has the features.
+//! A kernel is one static value: its name, how its weights are packed, the CPU features it asks for and the functions
+//! that run it, written once by a macro of `arch`. Functions can be called through [`Ready`] only, and a `Ready` exists
+//! only if the CPU has the features.
 
 use std::ops::Deref;
 

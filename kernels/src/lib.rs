@@ -3,8 +3,8 @@
 //! No I/O, no threads, no dependencies.
 //!
 //! Every operation is built once (weights packed for one [`Isa`]), then run without allocating. `run` is safe and takes
-//! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and threads
-//! can each compute their [`Part`].
+//! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and
+//! threads can each compute their [`Part`].
 
 // Tiles are loops over constant bounds that index several arrays at once; iterators would hide that they unroll.
 #![allow(clippy::needless_range_loop)]
@@ -22,6 +22,7 @@ mod isa;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod kernel;
 mod linear;
+mod maxpool;
 mod naive;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod packed;
@@ -46,9 +47,9 @@ pub use fconv::{FConv, FConvParams};
 pub use geometry::{ConvDims, ConvShape, Layout, PoolShape};
 pub use isa::{ISA_VARIABLE, Isa, IsaError};
 pub use linear::Linear;
+pub use maxpool::{MaxPool, PoolElement};
 pub use part::Part;
 pub use peak::Peak;
-pub use pool::{MaxPool, PoolElement};
 pub use qconv::{Epilogue, OutElement, QConv, QConvParams};
 pub use scratch::Scratch;
 pub use tensor::{Element, Tensor, TensorMut};

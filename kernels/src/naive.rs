@@ -1,4 +1,5 @@
-//! A convolution by its definition, one output element after the other: what the scalar tiers run and the others must equal.
+//! A convolution by its definition, one output element after the other: what the scalar tiers run and the others must
+//! equal.
 
 use crate::phase::Phase;
 use crate::{ConvShape, Layout, Part};
@@ -16,7 +17,8 @@ pub(crate) struct Walk<'a> {
 /// channels, and hands it to `finish(row, column, channel, sum)`.
 ///
 /// # Safety
-/// `input` is the start of a buffer that holds `in_layout` with a halo of `shape.input_halo()`; nobody writes it meanwhile.
+/// `input` is the start of a buffer that holds `in_layout` with a halo of `shape.input_halo()`; nobody writes it
+/// meanwhile.
 #[inline(always)]
 pub(crate) unsafe fn convolve<X: Copy, W: Copy, S: Copy>(
     walk: &Walk,
@@ -48,8 +50,8 @@ pub(crate) unsafe fn convolve<X: Copy, W: Copy, S: Copy>(
                     for tap in &phase.taps {
                         let at = in_layout.index(y + tap.dy, x + tap.dx) + first;
                         for ic in 0..depth {
-                            // SAFETY: taps reach at most `input_halo()` pixels beyond the tensor, which the caller's buffer
-                            // holds; first + ic < in_channels.
+                            // SAFETY: taps reach at most `input_halo()` pixels beyond the tensor, which the caller's
+                            // buffer holds; first + ic < in_channels.
                             let value = unsafe { *input.add(at + ic) };
                             let row = (oc * depth + ic) * shape.kernel() + tap.ky;
                             sum = add(sum, value, weights[row * shape.kernel() + tap.kx]);

@@ -1,8 +1,8 @@
 //! Weights in the order the kernels read them.
 //!
-//! Output channels of a group are cut into vectors of LANES, vectors into blocks of at most MAX_NV, and every (group, block,
-//! phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Lanes beyond the last
-//! output channel hold zeros.
+//! Output channels of a group are cut into vectors of LANES, vectors into blocks of at most MAX_NV, and every (group,
+//! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Lanes beyond
+//! the last output channel hold zeros.
 
 use crate::ConvShape;
 use crate::phase::{Phase, Tap};
@@ -31,7 +31,8 @@ pub(crate) trait Panels {
     /// The weights.
     fn packed(&self) -> &Packed;
 
-    /// Lengths of the i16 segments of a panel, tap after tap; each tap's add up to the depth. Empty where there are none.
+    /// Lengths of the i16 segments of a panel, tap after tap; each tap's add up to the depth. Empty where there are
+    /// none.
     fn segments(&self, panel: usize) -> &[u8];
 }
 
@@ -81,8 +82,8 @@ impl Blocking {
 }
 
 impl Packed {
-    /// Packs a convolution, or `None` where the direct kernels cannot run it: input channels of a group that do not fill
-    /// 32-bit groups, or too many taps.
+    /// Packs a convolution, or `None` where the direct kernels cannot run it: input channels of a group that do not
+    /// fill 32-bit groups, or too many taps.
     ///
     /// `weight(oc, ic, tap)` gives a number's little-endian bytes, 4 / PACK of them; `ic` counts within the group.
     pub fn new<const BYTES: usize>(

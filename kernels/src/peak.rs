@@ -58,7 +58,8 @@ fn chains(_isa: Isa, _duration: Duration) -> Option<(f64, f64)> {
 /// Steps per timed run.
 const STEPS: u64 = 20_000;
 
-/// Runs `chain(STEPS)`, which returns its multiply-accumulates, until `duration` is over; the best rate in 10⁹ per second.
+/// Runs `chain(STEPS)`, which returns its multiply-accumulates, until `duration` is over; the best rate in 10⁹ per
+/// second.
 fn best(duration: Duration, chain: impl Fn(u64) -> u64) -> f64 {
     let begin = Instant::now();
     let mut best = 0.0f64;

@@ -2,8 +2,8 @@
 
 use crate::ConvShape;
 
-/// One phase: output pixels `(first_row + i * out_step, first_column + j * out_step)` sum, for every tap, the input pixel
-/// `(i * in_step + tap.dy, j * in_step + tap.dx)` times the weights at `(tap.ky, tap.kx)`.
+/// One phase: output pixels `(first_row + i * out_step, first_column + j * out_step)` sum, for every tap, the input
+/// pixel `(i * in_step + tap.dy, j * in_step + tap.dx)` times the weights at `(tap.ky, tap.kx)`.
 ///
 /// A plain convolution is one phase; a transposed one with stride s is s² phases of its own few taps.
 #[derive(Debug, Clone)]

@@ -36,8 +36,8 @@ pub struct QConvParams<'a> {
 
 /// A packed int8 convolution for one instruction set.
 ///
-/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, exact or by [`Algorithm::Winograd`]; then the [`Epilogue`]. Every tier
-/// gives the same bits.
+/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, exact or by [`Algorithm::Winograd`]; then the [`Epilogue`].
+/// Every tier gives the same bits.
 #[derive(Debug, Clone)]
 pub struct QConv {
     shape: ConvShape,
@@ -113,7 +113,8 @@ impl QConv {
         Part::share(out_height, self.shape.groups(), row_block, index, count)
     }
 
-    /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before [`run_part`](Self::run_part).
+    /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before
+    /// [`run_part`](Self::run_part).
     ///
     /// # Errors
     /// When a tensor does not fit the shape or its buffer, or a residual is missing or not expected.
@@ -146,8 +147,8 @@ impl QConv {
         self.epilogue.check_element::<O>()?;
         check_scratch(self.scratch_bytes(), scratch)?;
         let part = Part::whole(output.layout.height(), self.shape.groups());
-        // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked above);
-        // the borrows keep the buffers separate; the element type and the scratch are checked above.
+        // SAFETY: every access lies within the layouts, whose `buffer_len` is at most the slices' lengths (checked
+        // above); the borrows keep the buffers separate; the element type and the scratch are checked above.
         unsafe {
             self.run_part(
                 input.data.as_ptr(),
@@ -201,7 +202,8 @@ impl QConv {
     }
 }
 
-/// Refuses weights of −128 and sums that could leave i32: `|bias| + input_max · Σ|w| ≤ i32::MAX` makes every partial sum exact.
+/// Refuses weights of −128 and sums that could leave i32: `|bias| + input_max · Σ|w| ≤ i32::MAX` makes every partial
+/// sum exact.
 fn check_range(
     shape: &ConvShape,
     weights: &[i8],

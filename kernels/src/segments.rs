@@ -5,8 +5,9 @@ use crate::packed::{Packed, Panels};
 /// Packed weights with the lengths of their i16 segments: for every panel and tap, how its `depth` groups are cut.
 ///
 /// `vpmaddubsw` sums two products in i16 with saturation, further groups are added in i16. With activations in
-/// 0..=`input_max`, a lane's sum lies between `input_max · Σ min(w, 0)` and `input_max · Σ max(w, 0)` over the segment's
-/// weights. A segment ends before either bound leaves i16, so that neither saturation nor wrap-around can happen.
+/// 0..=`input_max`, a lane's sum lies between `input_max · Σ min(w, 0)` and `input_max · Σ max(w, 0)` over the
+/// segment's weights. A segment ends before either bound leaves i16, so that neither saturation nor wrap-around can
+/// happen.
 ///
 /// Weights and lengths are made together and never change: every tap's lengths are at least 1 and add up to the depth.
 #[derive(Debug, Clone)]

@@ -5,8 +5,8 @@
 /// One CPU's vectors: `LANES` f32 or i32 lanes, and twice as many i16 lanes.
 ///
 /// # Safety
-/// Every method may be called only where the implementing tier's features are on. Loads and stores touch exactly the lanes
-/// they name (`n` of them, `n <= LANES`, where there is an `n`).
+/// Every method may be called only where the implementing tier's features are on. Loads and stores touch exactly the
+/// lanes they name (`n` of them, `n <= LANES`, where there is an `n`).
 pub(crate) unsafe trait Simd: Copy + 'static {
     /// 32-bit lanes.
     const LANES: usize;

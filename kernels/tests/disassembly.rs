@@ -1,7 +1,7 @@
 //! No inner loop of a kernel keeps a vector on the stack: shown by disassembling the built test program itself.
 //!
-//! A tile that needs one register too many still computes the right thing, at two thirds of the speed (a 4×3 tile of AVX-VNNI did),
-//! on CPUs that nobody tests on.
+//! A tile that needs one register too many still computes the right thing, at two thirds of the speed (a 4×3 tile of
+//! AVX-VNNI did), on CPUs that nobody tests on.
 #![cfg(all(target_arch = "x86_64", target_os = "linux", not(debug_assertions)))]
 
 use std::process::Command;

@@ -1,7 +1,7 @@
 //! Safe functions given numbers that no honest caller would: refused with an error, in release builds, too.
 //!
-//! `cargo test` computes with overflow checks, under which a wrapped size would panic before it does harm; so these also run
-//! as `cargo test --release -p edgecap-kernels`.
+//! `cargo test` computes with overflow checks, under which a wrapped size would panic before it does harm; so these
+//! also run as `cargo test --release -p edgecap-kernels`.
 
 use edgecap_kernels::{
     Algorithm, ConvDims, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, Linear, MaxPool,

@@ -344,7 +344,8 @@ proptest! {
     }
 }
 
-/// `Σ` in another order and with fused products: within 4 · 2⁻²⁴ · √terms… bounded here by 1e-5 of the sum of magnitudes.
+/// `Σ` in another order and with fused products: within 4 · 2⁻²⁴ · √terms… bounded here by 1e-5 of the sum of
+/// magnitudes.
 const F32_TOLERANCE: f32 = 1e-5;
 
 fn check_f(case: &Case) {

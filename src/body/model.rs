@@ -25,8 +25,8 @@ pub trait BodyModel {
     fn kinematics(&self, pose: &Self::Pose, shape: &Self::Shape, out: &mut Self::Posed);
     /// A joint of a posed body, metres.
     fn joint(&self, posed: &Self::Posed, joint: usize) -> DVec3;
-    /// Calls `column` with every degree of freedom that moves a joint, in rising order, and the joint's derivative by it:
-    /// metres per metre or radian.
+    /// Calls `column` with every degree of freedom that moves a joint, in rising order, and the joint's derivative by
+    /// it: metres per metre or radian.
     fn jacobian(&self, posed: &Self::Posed, joint: usize, column: impl FnMut(usize, DVec3));
     /// The order in which a solver eliminates the degrees of freedom, and what stays zero.
     fn elimination(&self) -> &Elimination;
@@ -40,9 +40,9 @@ pub struct Elimination {
 }
 
 impl Elimination {
-    /// The last degree of freedom first. `together` names, joint by joint, the degrees of freedom that move it: two that move
-    /// no joint together do not meet in the normal matrix. In a tree whose parameters are numbered from the root outwards the
-    /// factor then has no entry that the matrix has not.
+    /// The last degree of freedom first. `together` names, joint by joint, the degrees of freedom that move it: two
+    /// that move no joint together do not meet in the normal matrix. In a tree whose parameters are numbered from the
+    /// root outwards the factor then has no entry that the matrix has not.
     pub fn from_the_last<'a>(size: usize, together: impl Iterator<Item = &'a [usize]>) -> Self {
         let row: Vec<usize> = (0..size).map(|d| size - 1 - d).collect();
         let mut first: Vec<usize> = (0..size).collect();

@@ -1,4 +1,5 @@
-//! Bodies for programs that do not read shared memory. Off by default; each bridge takes published frames and speaks one protocol.
+//! Bodies for programs that do not read shared memory. Off by default; each bridge takes published frames and speaks
+//! one protocol.
 
 pub mod osc;
 mod udp;

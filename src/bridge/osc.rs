@@ -7,8 +7,8 @@
 //! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more |
 //! | `/edgecap/<camera>/event/<event>` | i person, 0 nobody; s zone or hand, or empty; f seconds, or 0 |
 //!
-//! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x right, y down,
-//! z forward).
+//! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x
+//! right, y down, z forward).
 
 use std::io;
 use std::net::SocketAddr;

@@ -1,8 +1,8 @@
 //! VMC (Virtual Motion Capture) over UDP: bone rotations for avatars, one person a port, from the given port upwards.
 //!
-//! Axes are Unity's: left-handed, x right, y up, z forward, metres; an avatar without rotation faces forward in a T-pose. Somebody
-//! who stands and faces the camera is without rotation. Hips are where the pelvis is on the floor, or where no floor is known, at
-//! the height that the legs give, sidewards and forward as seen from the camera.
+//! Axes are Unity's: left-handed, x right, y up, z forward, metres; an avatar without rotation faces forward in a
+//! T-pose. Somebody who stands and faces the camera is without rotation. Hips are where the pelvis is on the floor, or
+//! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera.
 
 use std::io;
 use std::net::SocketAddr;

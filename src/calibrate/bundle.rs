@@ -1,5 +1,5 @@
-//! Bundle adjustment: cameras and points are moved together until views agree. Points are eliminated (Schur's complement), so
-//! the work grows with them only linearly.
+//! Bundle adjustment: cameras and points are moved together until views agree. Points are eliminated (Schur's
+//! complement), so the work grows with them only linearly.
 
 use glam::{DVec2, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
@@ -23,8 +23,8 @@ pub struct Seen {
     pub weight: f64,
 }
 
-/// Moves `cameras` but the first, and `points`, to the least robust error; beyond `sigma` (in the world's unit, at the point's
-/// depth) a view counts little. What is seen of a point lies together in `seen`.
+/// Moves `cameras` but the first, and `points`, to the least robust error; beyond `sigma` (in the world's unit, at the
+/// point's depth) a view counts little. What is seen of a point lies together in `seen`.
 pub fn bundle(cameras: &mut Vec<Pose>, points: &mut Vec<DVec3>, seen: &[Seen], sigma: f64) {
     // Errors are lengths at the point, yet must not shrink by moving points nearer: depths are those at the start.
     let depths: Vec<f64> = seen

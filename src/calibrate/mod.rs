@@ -1,9 +1,9 @@
 //! Cameras that nobody measured: lenses and what every view saw of people who walk about go in, the cameras' places and
 //! directions come out, in metres, on the floor.
 //!
-//! `relative` tells two views' places from points that both saw, `resect` adds a view to points in known places, `bundle` moves
-//! all together, `world` finds size and floor by the people themselves. Sides that a detector exchanged are healed by
-//! [`track`] in between.
+//! `relative` tells two views' places from points that both saw, `resect` adds a view to points in known places,
+//! `bundle` moves all together, `world` finds size and floor by the people themselves. Sides that a detector exchanged
+//! are healed by [`track`] in between.
 
 mod bundle;
 mod pose;
@@ -58,7 +58,8 @@ pub struct ViewQuality {
 /// A calibrated room.
 #[derive(Debug, Clone)]
 pub struct Room {
-    /// The cameras. World axes: z up, the floor at 0, the origin below where people were, y towards the first camera; metres.
+    /// The cameras. World axes: z up, the floor at 0, the origin below where people were, y towards the first camera;
+    /// metres.
     pub views: Vec<View>,
     /// How well each agrees.
     pub quality: Vec<ViewQuality>,
@@ -98,8 +99,8 @@ pub enum CalibrateError {
     NoSize,
 }
 
-/// Finds the cameras. `lenses` are views whose place and direction say nothing yet; `frames` what each saw, frame by frame, made
-/// by [`Sight::new`] with any pose; `rate` frames a second.
+/// Finds the cameras. `lenses` are views whose place and direction say nothing yet; `frames` what each saw, frame by
+/// frame, made by [`Sight::new`] with any pose; `rate` frames a second.
 ///
 /// # Errors
 /// [`CalibrateError`]: what was missing.

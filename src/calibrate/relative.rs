@@ -1,5 +1,5 @@
-//! Two views without known places: points that both saw go in, the second camera's direction and place relative to the first
-//! come out, up to scale. Eight-point algorithm (Hartley 1997) on random samples, outliers among them or not.
+//! Two views without known places: points that both saw go in, the second camera's direction and place relative to the
+//! first come out, up to scale. Eight-point algorithm (Hartley 1997) on random samples, outliers among them or not.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen};
@@ -36,9 +36,9 @@ pub struct Relative {
 /// A point on the planes z = 1 of both.
 pub type Pair = (DVec2, DVec2);
 
-/// Finds it from what both saw, one group of points for every two figures that may be the same person; `sigma` is how exact
-/// points are. People far away look alike from the front and from behind, so there may be several answers: the best first,
-/// none where too few points agree.
+/// Finds it from what both saw, one group of points for every two figures that may be the same person; `sigma` is how
+/// exact points are. People far away look alike from the front and from behind, so there may be several answers: the
+/// best first, none where too few points agree.
 pub fn relative(groups: &[Vec<Pair>], sigma: f64, random: &mut SmallRng) -> Vec<Relative> {
     let pairs: Vec<Pair> = groups.iter().flatten().copied().collect();
     if pairs.len() < 4 * SAMPLE {

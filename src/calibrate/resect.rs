@@ -16,8 +16,9 @@ const FINALISTS: usize = 6;
 /// A point in the world, and where the view saw it on its plane z = 1.
 pub type Seen = (DVec3, DVec2);
 
-/// The pose of least robust error, and how many points agree with it. One group for every figure that may be a known person;
-/// `sigma` is how exact points on the plane z = 1 are, `guesses` are rotations that other views suggest. `None` for too few.
+/// The pose of least robust error, and how many points agree with it. One group for every figure that may be a known
+/// person; `sigma` is how exact points on the plane z = 1 are, `guesses` are rotations that other views suggest. `None`
+/// for too few.
 pub fn resect(
     groups: &[Vec<Seen>],
     guesses: &[DMat3],

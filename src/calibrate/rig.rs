@@ -27,8 +27,8 @@ const LEAST_SHARED: usize = 60;
 /// How far a view may be off while the room takes shape, metres at the person.
 const SIGMA: f64 = 0.15;
 
-/// Places every camera, the first of a pair at its own origin; people are of canonical stature. Several answers, each from
-/// another start, in no order.
+/// Places every camera, the first of a pair at its own origin; people are of canonical stature. Several answers, each
+/// from another start, in no order.
 pub fn assemble(
     lenses: &[View],
     frames: &[Vec<Detections>],

@@ -115,8 +115,8 @@ fn seen(
     all
 }
 
-/// Greatest errors of direction (degrees) and place (metres) after the rigid motion that brings the first camera's direction and
-/// all places together best; here the world's axes differ only by a turn about z and a shift.
+/// Greatest errors of direction (degrees) and place (metres) after the rigid motion that brings the first camera's
+/// direction and all places together best; here the world's axes differ only by a turn about z and a shift.
 fn errors(found: &[View], truth: &[View]) -> (f64, f64) {
     let mean = |v: &[View]| v.iter().map(|v| v.position).sum::<DVec3>() / v.len() as f64;
     let (a, b) = (mean(found), mean(truth));

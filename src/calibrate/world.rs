@@ -1,4 +1,5 @@
-//! Size, floor and axes of a room that is known up to a similarity: people tell how large it is, where its floor is and what is up.
+//! Size, floor and axes of a room that is known up to a similarity: people tell how large it is, where its floor is and
+//! what is up.
 
 use glam::{DMat3, DVec3};
 
@@ -21,7 +22,8 @@ const TILT: f64 = 0.2;
 /// An ankle so far above the lowest way of its neighbours stands on nothing, metres.
 const STANDING: f64 = 0.08;
 
-/// Height of the person with these joints as a share of the canonical stature, from the medians of segments over all frames.
+/// Height of the person with these joints as a share of the canonical stature, from the medians of segments over all
+/// frames.
 pub fn size(people: &[Joints]) -> Option<f64> {
     let skeleton = Skeleton::builtin();
     let rest = rest_joints(skeleton);

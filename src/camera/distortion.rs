@@ -1,5 +1,5 @@
-//! Brown's model of a lens that distorts: the pinhole's point on the plane z = 1 goes in, the point where the lens shows it
-//! comes out, and the other way round.
+//! Brown's model of a lens that distorts: the pinhole's point on the plane z = 1 goes in, the point where the lens
+//! shows it comes out, and the other way round.
 
 use glam::DVec2;
 
@@ -34,8 +34,8 @@ impl Brown {
             )
     }
 
-    /// Where a pinhole would show what the lens shows at `seen`, by fixed-point iteration: exact to 1e-9 for lenses that move
-    /// a point by less than a third of its distance from the axis.
+    /// Where a pinhole would show what the lens shows at `seen`, by fixed-point iteration: exact to 1e-9 for lenses
+    /// that move a point by less than a third of its distance from the axis.
     pub fn undistort(&self, seen: DVec2) -> DVec2 {
         let mut p = seen;
         for _ in 0..10 {

@@ -15,8 +15,8 @@ const ASPECT_TOLERANCE: f32 = 0.02;
 
 /// The lens of a camera, independent of the size of its pictures.
 ///
-/// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a picture of
-/// `width` × `height`, centres of pixels on integers.
+/// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a
+/// picture of `width` × `height`, centres of pixels on integers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Raw", into = "Raw")]
 pub enum CameraFile {

@@ -4,8 +4,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::View;
 
-/// The point seen at these pixels of at least two views: nearest to all rays, then least reprojection error with outliers
-/// weighted down beyond `sigma` pixels.
+/// The point seen at these pixels of at least two views: nearest to all rays, then least reprojection error with
+/// outliers weighted down beyond `sigma` pixels.
 pub fn triangulate(seen: &[(&View, DVec2)], sigma: f64) -> Option<DVec3> {
     if seen.len() < 2 {
         return None;

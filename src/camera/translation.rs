@@ -1,12 +1,14 @@
-//! In: joints on the plane z = 1 and the same joints in 3D relative to a root. Out: where the root is in camera space. Closed form.
+//! In: joints on the plane z = 1 and the same joints in 3D relative to a root. Out: where the root is in camera space.
+//! Closed form.
 
 use glam::{DVec2, DVec3};
 
 /// Least and greatest distance of a root, metres at canonical stature.
 pub const DEPTHS: [f64; 2] = [0.4, 150.0];
 
-/// Weighted linear least squares: x·(tz + Z) = tx + X and likewise for y; tx and ty are eliminated by centring. All slices hold
-/// one entry a joint; a weight of 0 leaves it out. `None` where the joints do not determine a root within [`DEPTHS`].
+/// Weighted linear least squares: x·(tz + Z) = tx + X and likewise for y; tx and ty are eliminated by centring. All
+/// slices hold one entry a joint; a weight of 0 leaves it out. `None` where the joints do not determine a root within
+/// [`DEPTHS`].
 pub fn least_squares(plane: &[DVec2], points: &[DVec3], weights: &[f64]) -> Option<DVec3> {
     let (mean_x, mean_a) = means(plane, points, weights)?;
     let (mut xx, mut xa) = (0.0, 0.0);

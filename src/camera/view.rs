@@ -38,8 +38,8 @@ impl View {
         }
     }
 
-    /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole macroblocks
-    /// of 16 pixels, cut at the right and below. `None` for pictures of another camera or scale.
+    /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole
+    /// macroblocks of 16 pixels, cut at the right and below. `None` for pictures of another camera or scale.
     pub fn for_pictures(&self, size: [u32; 2]) -> Option<Self> {
         let fits = (0..2).all(|k| {
             size[k] == self.size[k] || size[k].next_multiple_of(MACROBLOCK) == self.size[k]

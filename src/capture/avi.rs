@@ -1,9 +1,9 @@
 //! Motion-JPEG in an AVI container: bytes go in, frames come out, and the other way round.
 //!
-//! The container is RIFF: a chunk is a four-letter code, a little-endian u32 length, that many bytes, and one byte of padding
-//! after an odd length. A file is `RIFF("AVI " LIST("hdrl" avih LIST("strl" strh strf)) LIST("movi" 00dc…) idx1)`; files over
-//! 1 GiB go on with `RIFF("AVIX" LIST("movi" …))` (OpenDML). Every `00dc` chunk is one whole JPEG picture. Any player opens
-//! what [`AviWriter`] writes; [`AviReader`] needs no other program.
+//! The container is RIFF: a chunk is a four-letter code, a little-endian u32 length, that many bytes, and one byte of
+//! padding after an odd length. A file is `RIFF("AVI " LIST("hdrl" avih LIST("strl" strh strf)) LIST("movi" 00dc…)
+//! idx1)`; files over 1 GiB go on with `RIFF("AVIX" LIST("movi" …))` (OpenDML). Every `00dc` chunk is one whole JPEG
+//! picture. Any player opens what [`AviWriter`] writes; [`AviReader`] needs no other program.
 
 use std::io::{Read, Seek, SeekFrom, Write};
 
@@ -295,8 +295,8 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
 
 /// Writes a Motion-JPEG AVI file.
 ///
-/// The headers hold the number of frames, so that the file is complete only after [`finish`](Self::finish): write beside, then
-/// rename. What was cut off before plays to its last whole picture.
+/// The headers hold the number of frames, so that the file is complete only after [`finish`](Self::finish): write
+/// beside, then rename. What was cut off before plays to its last whole picture.
 #[derive(Debug)]
 pub struct AviWriter<W> {
     writer: W,
@@ -313,7 +313,8 @@ pub struct AviWriter<W> {
 
 /// Bytes before the first chunk of `movi`: RIFF 12, hdrl 12 + avih 64 + strl 12 + strh 64 + strf 48, movi 12.
 const HEADER_BYTES: u32 = 224;
-/// Where the lengths of the file and of the pictures lie; 0 while nobody knows them, which readers take for "to the end".
+/// Where the lengths of the file and of the pictures lie; 0 while nobody knows them, which readers take for "to the
+/// end".
 const RIFF_LENGTH: usize = 4;
 const MOVI_LENGTH: usize = HEADER_BYTES as usize - 8;
 
@@ -460,7 +461,8 @@ impl<W: Write + Seek> AviWriter<W> {
         h.extend_from_slice(b"AVI LIST");
         push(&mut h, &[HEADER_BYTES - 12 - 12 - 8]);
         h.extend_from_slice(b"hdrlavih");
-        // Size, µs per frame, bytes per second, granularity, flags, frames, first frame, streams, buffer, width, height.
+        // Size, µs per frame, bytes per second, granularity, flags, frames, first frame, streams, buffer, width,
+        // height.
         push(
             &mut h,
             &[
@@ -486,7 +488,8 @@ impl<W: Write + Seek> AviWriter<W> {
         h.extend_from_slice(b"strlstrh");
         push(&mut h, &[56]);
         h.extend_from_slice(b"vidsMJPG");
-        // Flags, priority and language, first frame, scale, rate, start, length, buffer, quality (default), sample size.
+        // Flags, priority and language, first frame, scale, rate, start, length, buffer, quality (default), sample
+        // size.
         push(
             &mut h,
             &[0, 0, 0, scale, rate, 0, frames, self.largest, u32::MAX, 0],

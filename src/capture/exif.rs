@@ -39,8 +39,8 @@ impl Orientation {
         }
     }
 
-    /// From a TIFF block, which is what follows `Exif\0\0` in a JPEG and what a PNG's `eXIf` chunk holds. Damaged blocks and
-    /// blocks without the tag count as upright: a wrong label is no reason to refuse a picture.
+    /// From a TIFF block, which is what follows `Exif\0\0` in a JPEG and what a PNG's `eXIf` chunk holds. Damaged
+    /// blocks and blocks without the tag count as upright: a wrong label is no reason to refuse a picture.
     pub fn from_exif(tiff: &[u8]) -> Self {
         read_tag(tiff).map_or(Self::Upright, Self::from_tag)
     }

@@ -1,8 +1,8 @@
 //! Films of any kind through an installed `ffmpeg`: a path goes in, frames come out of the child's pipe.
 //!
-//! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation and sizes that change
-//! need no care here. Times come from `ffprobe`. The child is killed and reaped when the source is dropped; if this process dies
-//! first, the child's next write fails and it ends by itself.
+//! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation and sizes
+//! that change need no care here. Times come from `ffprobe`. The child is killed and reaped when the source is dropped;
+//! if this process dies first, the child's next write fails and it ends by itself.
 
 use std::ffi::OsString;
 use std::io::{BufReader, ErrorKind, Read};
@@ -66,8 +66,8 @@ impl FfmpegSource {
     /// Starts the child.
     ///
     /// # Errors
-    /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is no film
-    /// that they can read.
+    /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is
+    /// no film that they can read.
     pub fn open(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
         let name = name_of(path);
         // The prefix keeps names with a colon or a leading dash from being taken for something else.

@@ -32,8 +32,8 @@ impl JpegPicture {
 
     /// Decodes into `frame`'s size and pixels; its time and sequence stay.
     ///
-    /// Baseline and progressive, grey, YCbCr, RGB, CMYK and YCCK. EXIF orientation is not applied here. Pictures of cameras
-    /// that leave out the Huffman tables get the standard ones (ITU T.81 annex K.3).
+    /// Baseline and progressive, grey, YCbCr, RGB, CMYK and YCCK. EXIF orientation is not applied here. Pictures of
+    /// cameras that leave out the Huffman tables get the standard ones (ITU T.81 annex K.3).
     ///
     /// # Errors
     /// One line that says what was expected, what was found and what to do; the caller names the input.
@@ -66,8 +66,8 @@ impl JpegPicture {
         }
     }
 
-    /// Decodes only how bright the pixels are, into `width * height` bytes of `luma`, which takes about half the time. Returns
-    /// width and height, `None` for pictures in other colours than YCbCr and grey.
+    /// Decodes only how bright the pixels are, into `width * height` bytes of `luma`, which takes about half the time.
+    /// Returns width and height, `None` for pictures in other colours than YCbCr and grey.
     ///
     /// # Errors
     /// As [`decode`](Self::decode); `strict` refuses damaged pictures.
@@ -206,7 +206,8 @@ fn inks_to_rgb(inks: &[u8], ycck: bool, adobe: bool, rgb: &mut [u8]) {
         let mut cmy = [p[0], p[1], p[2]];
         if ycck {
             cmy = ycc_to_rgb(p[0], p[1], p[2]);
-            // T.871's YCCK is the YCC of (255 − C, 255 − M, 255 − Y), so that RGB of it is the opposite of what is stored.
+            // T.871's YCCK is the YCC of (255 − C, 255 − M, 255 − Y), so that RGB of it is the opposite of what is
+            // stored.
             cmy = cmy.map(|v| 255 - v);
         }
         let light = |v: u8| u32::from(if adobe { v } else { 255 - v });

@@ -1,5 +1,5 @@
-//! A film played as a camera would show it, over and over: at its own rate, pictures lost while nobody looks. A camera's
-//! stand-in.
+//! A film played as a camera would show it, over and over: at its own rate, pictures lost while nobody looks. A
+//! camera's stand-in.
 
 use std::time::{Duration, Instant};
 

@@ -40,9 +40,10 @@ impl PhotoSource {
         Self::new(path, vec![path.to_owned()], fps)
     }
 
-    /// Every JPEG and PNG file of a folder, in order of their names, numbers in names by value (`2.jpg` before `10.jpg`). Its
-    /// first bytes make a file a photo; one that is named so and is none counts as a damaged photo. Hidden files and folders
-    /// inside are left out. `fps`: the rate at which the photos were taken, for time stamps; 30 without.
+    /// Every JPEG and PNG file of a folder, in order of their names, numbers in names by value (`2.jpg` before
+    /// `10.jpg`). Its first bytes make a file a photo; one that is named so and is none counts as a damaged photo.
+    /// Hidden files and folders inside are left out. `fps`: the rate at which the photos were taken, for time stamps;
+    /// 30 without.
     ///
     /// # Errors
     /// [`CaptureError::NoInput`] when the folder is missing or holds no photo; [`CaptureError::Permission`],
@@ -175,8 +176,8 @@ pub struct PhotoDecoder {
 }
 
 impl PhotoDecoder {
-    /// Decodes a JPEG or PNG, told apart by its first bytes, and turns it upright; `frame`'s time and sequence stay. 16-bit
-    /// channels are rounded to 8, transparent pixels are laid over mid grey.
+    /// Decodes a JPEG or PNG, told apart by its first bytes, and turns it upright; `frame`'s time and sequence stay.
+    /// 16-bit channels are rounded to 8, transparent pixels are laid over mid grey.
     ///
     /// # Errors
     /// One line that says what was expected, what was found and what to do; the caller names the file.

@@ -12,7 +12,8 @@ const STEP: Duration = Duration::from_millis(100);
 /// Pictures read ahead.
 const AHEAD: usize = 2;
 
-/// A source behind a thread. The thread ends with its source, with this value, or, where it waits for ever, with the process.
+/// A source behind a thread. The thread ends with its source, with this value, or, where it waits for ever, with the
+/// process.
 pub struct PipeSource {
     name: String,
     pictures: Receiver<Result<Frame, CaptureError>>,

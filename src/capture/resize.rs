@@ -1,8 +1,10 @@
-//! A picture of any size goes in, the network's input comes out: letterboxed RGB, 8 bits a channel, rows without padding.
+//! A picture of any size goes in, the network's input comes out: letterboxed RGB, 8 bits a channel, rows without
+//! padding.
 //!
-//! Shrinking by 2 or more averages the area under each input pixel, exactly; otherwise the picture is sampled bilinearly. Rows
-//! are mixed first (weights of 8 bits, 16-bit sums, which vectorise on any machine), then columns (weights of 15 bits). Integer
-//! arithmetic throughout: the same bytes on every machine. Nothing is allocated while the picture's size stays the same.
+//! Shrinking by 2 or more averages the area under each input pixel, exactly; otherwise the picture is sampled
+//! bilinearly. Rows are mixed first (weights of 8 bits, 16-bit sums, which vectorise on any machine), then columns
+//! (weights of 15 bits). Integer arithmetic throughout: the same bytes on every machine. Nothing is allocated while the
+//! picture's size stays the same.
 
 use super::frame::Frame;
 use super::letterbox::Letterbox;
@@ -109,8 +111,8 @@ fn bilinear(i: usize, pad: f64, scale: f64, n: f64, weights: &mut Vec<f64>) -> u
     from as usize
 }
 
-/// Rounds weights to integers that sum to `total` exactly: the running sum is rounded, not each weight, so that errors do not
-/// add up.
+/// Rounds weights to integers that sum to `total` exactly: the running sum is rounded, not each weight, so that errors
+/// do not add up.
 fn quantise(exact: &[f64], total: u32, weights: &mut Vec<u16>) {
     let sum: f64 = exact.iter().sum();
     let (mut running, mut given) = (0.0, 0);
@@ -159,7 +161,8 @@ impl Resizer {
     /// Fills `out` with the letterboxed picture, grey beside it, and says where the picture lies.
     ///
     /// # Panics
-    /// When `out` has not [`output_bytes`](Self::output_bytes), or `frame` has not `3 * width * height` bytes, or has no pixel.
+    /// When `out` has not [`output_bytes`](Self::output_bytes), or `frame` has not `3 * width * height` bytes, or has
+    /// no pixel.
     pub fn run(&mut self, frame: &Frame, out: &mut [u8]) -> Letterbox {
         assert_eq!(
             out.len(),

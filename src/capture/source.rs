@@ -6,11 +6,12 @@ use super::raw::RawPicture;
 
 /// An input that gives pictures.
 pub trait Source: Send {
-    /// Overwrites `frame` with the next picture, its buffer reused. `Ok(false)`: the input has ended, `frame` is as it was.
+    /// Overwrites `frame` with the next picture, its buffer reused. `Ok(false)`: the input has ended, `frame` is as it
+    /// was.
     ///
     /// # Errors
-    /// A [skippable](CaptureError::is_skippable) error concerns this one picture: the next call goes on after it. After any
-    /// other error the source has ended. `frame` then holds nothing useful.
+    /// A [skippable](CaptureError::is_skippable) error concerns this one picture: the next call goes on after it. After
+    /// any other error the source has ended. `frame` then holds nothing useful.
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError>;
 
     /// The next picture in a buffer of its own, `None` at the end.
@@ -22,8 +23,8 @@ pub trait Source: Send {
         Ok(self.next_into(&mut frame)?.then_some(frame))
     }
 
-    /// Overwrites `raw` with the next picture, not decoded where that can be put off: who then leaves it out has not paid for
-    /// it. Otherwise as [`next_into`](Self::next_into).
+    /// Overwrites `raw` with the next picture, not decoded where that can be put off: who then leaves it out has not
+    /// paid for it. Otherwise as [`next_into`](Self::next_into).
     ///
     /// # Errors
     /// As [`next_into`](Self::next_into).

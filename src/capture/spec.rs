@@ -83,9 +83,9 @@ pub struct OpenOptions {
 /// Opens an input. What a path is, its bytes say, not its name.
 ///
 /// # Errors
-/// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture or
-/// film, [`CaptureError::Unavailable`] without a camera or without ffmpeg where it is needed, [`CaptureError::Busy`] for a
-/// camera in use, [`CaptureError::Permission`] and [`CaptureError::Io`] as the system says.
+/// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture
+/// or film, [`CaptureError::Unavailable`] without a camera or without ffmpeg where it is needed, [`CaptureError::Busy`]
+/// for a camera in use, [`CaptureError::Permission`] and [`CaptureError::Io`] as the system says.
 pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     match spec {
         InputSpec::Stdin => {

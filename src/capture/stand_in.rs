@@ -1,7 +1,7 @@
 //! A camera that a file stands for, so that what happens to cameras can be shown without one.
 //!
-//! The file is TOML. As long as it exists the camera is plugged in; taken away it is unplugged, put back it is plugged in
-//! again. Replace it by renaming another one over it.
+//! The file is TOML. As long as it exists the camera is plugged in; taken away it is unplugged, put back it is plugged
+//! in again. Replace it by renaming another one over it.
 //!
 //! ```toml
 //! film = "clip.y4m"   # what it shows, over and over; the bundled clip when not given
@@ -67,8 +67,8 @@ impl<C: Clock> StandIn<C> {
     /// Opens the camera.
     ///
     /// # Errors
-    /// [`CaptureError::Unavailable`] where the file is not there, [`CaptureError::Config`] for other content, and those of its
-    /// film.
+    /// [`CaptureError::Unavailable`] where the file is not there, [`CaptureError::Config`] for other content, and those
+    /// of its film.
     pub fn open(path: &Path, clock: C) -> Result<Self, CaptureError> {
         let name = name_of(path);
         let state = read(path)?.ok_or_else(|| CaptureError::Unavailable {

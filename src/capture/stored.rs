@@ -29,8 +29,8 @@ pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, C
 /// Opens a photo, a folder of photos or a film. `fps`: at which a folder's photos were taken.
 ///
 /// # Errors
-/// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture or
-/// film, [`CaptureError::Unavailable`] without ffmpeg where it is needed, [`CaptureError::Io`] as the system says.
+/// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture
+/// or film, [`CaptureError::Unavailable`] without ffmpeg where it is needed, [`CaptureError::Io`] as the system says.
 pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, CaptureError> {
     if path.is_dir() {
         return Ok(Box::new(PhotoSource::folder(path, fps)?));
@@ -79,8 +79,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }
 
-/// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it: a
-/// name counts only for kinds whose first bytes do not tell.
+/// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it:
+/// a name counts only for kinds whose first bytes do not tell.
 fn is_film(head: &[u8], path: &Path) -> bool {
     let container = is_avi(head)
         || head.get(4..8) == Some(b"ftyp")

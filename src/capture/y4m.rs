@@ -43,12 +43,13 @@ pub struct Y4mReader<R> {
 }
 
 impl<R: Read> Y4mReader<R> {
-    /// Reads the header. Reads are small at first: give a buffered reader. `total_bytes`: length of the whole file if it has
-    /// one, for [`Source::frame_count`].
+    /// Reads the header. Reads are small at first: give a buffered reader. `total_bytes`: length of the whole file if
+    /// it has one, for [`Source::frame_count`].
     ///
     /// # Errors
-    /// [`CaptureError::Data`] for other bytes, sizes beyond the limits and sample formats other than 8-bit 4:2:0, 4:2:2,
-    /// 4:4:4 and grey; [`CaptureError::NoInput`] when nothing comes at all; [`CaptureError::Io`] when reading fails.
+    /// [`CaptureError::Data`] for other bytes, sizes beyond the limits and sample formats other than 8-bit 4:2:0,
+    /// 4:2:2, 4:4:4 and grey; [`CaptureError::NoInput`] when nothing comes at all; [`CaptureError::Io`] when reading
+    /// fails.
     pub fn new(
         mut reader: R,
         name: impl Into<String>,

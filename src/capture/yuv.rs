@@ -1,8 +1,8 @@
 //! Luma and chroma, as cameras and films give them, → RGB.
 //!
-//! One arithmetic for all layouts, 16-bit throughout so that compilers vectorise it on any machine: samples are scaled by 2⁷,
-//! coefficients by 2¹³, their product loses 16 bits, so that sums carry 4 fractional bits. The result is within 1 of the exact
-//! value (the tests compare all of them).
+//! One arithmetic for all layouts, 16-bit throughout so that compilers vectorise it on any machine: samples are scaled
+//! by 2⁷, coefficients by 2¹³, their product loses 16 bits, so that sums carry 4 fractional bits. The result is within
+//! 1 of the exact value (the tests compare all of them).
 
 /// How luma and chroma make up colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -139,8 +139,8 @@ impl YuvToRgb {
         }
     }
 
-    /// Three planes; chroma is `1 << shift.0` times narrower and `1 << shift.1` times lower, rounded up; shifts are 0 or 1.
-    /// Rows of luma are `strides[0]` bytes apart, rows of chroma `strides[1]`.
+    /// Three planes; chroma is `1 << shift.0` times narrower and `1 << shift.1` times lower, rounded up; shifts are 0
+    /// or 1. Rows of luma are `strides[0]` bytes apart, rows of chroma `strides[1]`.
     ///
     /// # Panics
     /// When a stride is shorter than a row, or a plane than the rows in `rgb` need.

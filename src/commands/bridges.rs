@@ -19,7 +19,8 @@ use crate::sink::{FlightSink, Sinks};
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BridgeArgs {
-    /// Serve the page of 'edgecap view', and bodies and events over WebSocket, at this address [--view alone: 127.0.0.1:9744]
+    /// Serve the page of 'edgecap view', and bodies and events over WebSocket, at this address [--view alone:
+    /// 127.0.0.1:9744]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:9744")]
     pub view: Option<SocketAddr>,
     /// What clients of the page have to know [default: none on this machine, else a random one]
@@ -28,7 +29,8 @@ pub struct BridgeArgs {
     /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000
     #[arg(long, value_name = "ADDRESS")]
     pub osc: Option<SocketAddr>,
-    /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to the next port
+    /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to
+    /// the next port
     #[arg(long, value_name = "ADDRESS")]
     pub vmc: Option<SocketAddr>,
     /// Keep the last minute of a camera's bodies, and write it to this folder on SIGUSR1, or when a process has crashed

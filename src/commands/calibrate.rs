@@ -20,8 +20,8 @@ use crate::record::CameraSource;
 /// Options of `edgecap calibrate`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct CalibrateArgs {
-    /// What a camera saw of somebody who walked about: the JSON lines or record of 'infer', or a film; once for every camera, of
-    /// the same time. A camera is called like its file, or CAMERA=FILE says how
+    /// What a camera saw of somebody who walked about: the JSON lines or record of 'infer', or a film; once for every
+    /// camera, of the same time. A camera is called like its file, or CAMERA=FILE says how
     #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
     pub view: Vec<String>,
     /// Lens of all cameras, or of one: a camera.toml, or a calibration of another program whose places are not believed

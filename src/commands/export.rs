@@ -18,8 +18,8 @@ pub struct ExportArgs {
     /// A record of bodies, of 'run --record' or 'run --jsonl'; '-' for standard input
     #[arg(value_name = "RECORD")]
     input: PathBuf,
-    /// The file to write: .bvh, .glb (glTF 2.0), .trc, .csv, .npz, or .svg with curves; .bvh and .trc hold one person each, so
-    /// several get NAME.ID.bvh
+    /// The file to write: .bvh, .glb (glTF 2.0), .trc, .csv, .npz, or .svg with curves; .bvh and .trc hold one person
+    /// each, so several get NAME.ID.bvh
     #[arg(long, value_name = "FILE")]
     to: PathBuf,
     /// This person only
@@ -63,8 +63,8 @@ pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
 /// Reads a whole record and writes it in the format of the file's extension.
 ///
 /// # Errors
-/// Exit code 64 for an unknown extension, 65 for a record without bodies, without the person, or damaged, 66 where it cannot be
-/// opened, 73 where the file cannot be written.
+/// Exit code 64 for an unknown extension, 65 for a record without bodies, without the person, or damaged, 66 where it
+/// cannot be opened, 73 where the file cannot be written.
 pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     let format = Format::of(&args.to)?;
     let name = args.input.display().to_string();

@@ -39,7 +39,8 @@ pub struct InputArgs {
     /// Frame rate to ask a camera for, or at which a folder's photos were taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
-    /// Set a control of the camera, may be given several times, in this order; 'infer --list-controls' shows what there is
+    /// Set a control of the camera, may be given several times, in this order; 'infer --list-controls' shows what there
+    /// is
     #[arg(long = "control", value_name = "NAME=VALUE")]
     pub controls: Vec<ControlSetting>,
     /// Turn the picture clockwise by so many degrees: for a camera mounted on its side (90, 270) or upside down (180)

@@ -1,5 +1,5 @@
-//! What is logged, and for whom: lines for a person, or records for the journal, which has its own clock and wants to know how
-//! serious a line is.
+//! What is logged, and for whom: lines for a person, or records for the journal, which has its own clock and wants to
+//! know how serious a line is.
 
 use std::fmt;
 use std::io::{self, IsTerminal};

@@ -46,8 +46,8 @@ impl RecordArgs {
     }
 }
 
-/// Ends a verb that has computed `frames`: what was computed is made complete, whatever went wrong, and then it is said. Where
-/// nothing was computed and something went wrong, nothing is left. Returns what the sinks say.
+/// Ends a verb that has computed `frames`: what was computed is made complete, whatever went wrong, and then it is
+/// said. Where nothing was computed and something went wrong, nothing is left. Returns what the sinks say.
 ///
 /// # Errors
 /// That of `outcome`, else the first of a sink.

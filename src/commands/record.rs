@@ -23,8 +23,8 @@ const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 /// Options of `edgecap record`.
 #[derive(Debug, clap::Args)]
 pub struct RecordVerb {
-    /// The file to write, JSON lines where it ends in .jsonl, else binary; it must not be there yet. Whatever ends the recording,
-    /// it plays to its last whole frame
+    /// The file to write, JSON lines where it ends in .jsonl, else binary; it must not be there yet. Whatever ends the
+    /// recording, it plays to its last whole frame
     #[arg(value_name = "FILE")]
     to: PathBuf,
     /// The camera: the --name of the run that publishes

@@ -24,10 +24,12 @@ const SHORTEST_TOKEN: usize = 8;
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PageArgs {
-    /// Serve at this address, such as 0.0.0.0:9744 for other machines, which then need the token [default: 127.0.0.1:9744]
+    /// Serve at this address, such as 0.0.0.0:9744 for other machines, which then need the token [default:
+    /// 127.0.0.1:9744]
     #[arg(long, value_name = "ADDRESS")]
     pub listen: Option<SocketAddr>,
-    /// What clients have to know: 8 or more letters, digits, '-', '_' [default: none on this machine, else a random one]
+    /// What clients have to know: 8 or more letters, digits, '-', '_' [default: none on this machine, else a random
+    /// one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
 }
@@ -55,7 +57,8 @@ pub struct PageServer {
 }
 
 impl PageServer {
-    /// Serves what its hub is given at the address that `flag` names; pictures only to a user who wants to `show_picture`.
+    /// Serves what its hub is given at the address that `flag` names; pictures only to a user who wants to
+    /// `show_picture`.
     ///
     /// # Errors
     /// Exit code 69 where the address cannot be had.

@@ -1,7 +1,7 @@
 //! `edgecap status`: which cameras run on this machine, and how they are doing.
 //!
-//! Every run of cameras keeps a file in the runtime folder, renewed once a second: to read it takes no answer from a process that
-//! may hang.
+//! Every run of cameras keeps a file in the runtime folder, renewed once a second: to read it takes no answer from a
+//! process that may hang.
 
 use std::fs::{self, OpenOptions};
 use std::io::Read;

@@ -1,4 +1,5 @@
-//! The live table: skeletons drawn in characters, one row a body, one line of figures, a progress bar where the input has an end.
+//! The live table: skeletons drawn in characters, one row a body, one line of figures, a progress bar where the input
+//! has an end.
 
 use std::fmt::Write;
 use std::time::{Duration, Instant};

@@ -33,7 +33,8 @@ pub struct ViewFile {
 }
 
 impl ViewFile {
-    /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells its camera.
+    /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells its
+    /// camera.
     ///
     /// # Errors
     /// When the file cannot be read, its pictures change size, or nobody is in it.

@@ -1,4 +1,5 @@
-//! `edgecap.toml`, whatever it holds: where it is looked for, what is wrong with it and in which line, where each value came from.
+//! `edgecap.toml`, whatever it holds: where it is looked for, what is wrong with it and in which line, where each value
+//! came from.
 //!
 //! What the file may hold the verbs say: their options are its keys (`src/commands/settings`).
 

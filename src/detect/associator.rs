@@ -9,7 +9,8 @@ use super::{AssociationConfig, Detection};
 use crate::assignment::Matcher;
 use crate::engine::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 
-/// Limbs by their distance from the neck: trunk before limbs, so that a person's size is known when arms and legs are added.
+/// Limbs by their distance from the neck: trunk before limbs, so that a person's size is known when arms and legs are
+/// added.
 const OUTWARDS: [usize; LIMBS] = [0, 1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, 12];
 /// How many of [`OUTWARDS`] end at the neck.
 const AT_NECK: usize = 5;
@@ -22,8 +23,8 @@ const LEAST_SCORE: f32 = 1e-3;
 
 /// Groups the joints of [`Maps`] into people, over the tree of limbs rooted at the neck; XNect §4.1.1, Cao et al. 2017.
 ///
-/// Each limb is assigned to all people at once, optimally: choosing the best pair first can leave a neighbour without a limb
-/// that both could have had. Nothing is allocated once the largest scene has been seen.
+/// Each limb is assigned to all people at once, optimally: choosing the best pair first can leave a neighbour without a
+/// limb that both could have had. Nothing is allocated once the largest scene has been seen.
 #[derive(Debug, Clone)]
 pub struct Associator {
     config: AssociationConfig,
@@ -60,8 +61,8 @@ impl Associator {
         &self.config
     }
 
-    /// People whose neck was not found in the last maps and who were therefore left out: the greatest number of whole arms, or
-    /// of whole legs, of one side that no person has.
+    /// People whose neck was not found in the last maps and who were therefore left out: the greatest number of whole
+    /// arms, or of whole legs, of one side that no person has.
     pub fn without_neck(&self) -> u32 {
         self.without_neck
     }

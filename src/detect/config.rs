@@ -19,8 +19,9 @@ pub struct AssociationConfig {
     pub limb_threshold: f32,
     /// Least share of the samples along a limb that reach half of `limb_threshold`.
     pub pass_ratio: f32,
-    /// Weight, beside a limb's score, of how far its length is from what the rest of the person suggests (logarithm of the
-    /// ratio). Where two people stand in line the fields of both agree, and only the lengths say whose hip is whose.
+    /// Weight, beside a limb's score, of how far its length is from what the rest of the person suggests (logarithm of
+    /// the ratio). Where two people stand in line the fields of both agree, and only the lengths say whose hip is
+    /// whose.
     pub length_weight: f32,
     /// A limb this many times longer than the rest of the person allows is rejected.
     pub absurd_length: f32,

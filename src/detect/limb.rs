@@ -1,4 +1,5 @@
-//! Part affinity field and two joint candidates go in, how well they make a limb comes out. Cao et al. 2017; XNect §4.1.1.
+//! Part affinity field and two joint candidates go in, how well they make a limb comes out. Cao et al. 2017; XNect
+//! §4.1.1.
 
 use edgecap_client::joints::{EVIDENCE_JOINTS, LIMBS};
 
@@ -6,8 +7,8 @@ use super::AssociationConfig;
 use super::peaks::Peak;
 use crate::engine::{HEAD2D_CHANNELS, Maps};
 
-/// Length of each limb of a standing person over the stature, from body proportions of adults (neck to head top, to shoulder,
-/// upper arm, forearm, neck to hip, thigh, shin). Used only to tell the absurd from the possible.
+/// Length of each limb of a standing person over the stature, from body proportions of adults (neck to head top, to
+/// shoulder, upper arm, forearm, neck to hip, thigh, shin). Used only to tell the absurd from the possible.
 pub(crate) const PROPORTION: [f32; LIMBS] = [
     0.18, 0.11, 0.17, 0.15, 0.11, 0.17, 0.15, 0.31, 0.24, 0.24, 0.31, 0.24, 0.24,
 ];
@@ -22,8 +23,8 @@ pub(crate) fn length(child: &Peak, parent: &Peak) -> f32 {
     (parent.x - child.x).hypot(parent.y - child.y)
 }
 
-/// Mean of the field's component from `child` to `parent` over the line between them, less a penalty for lines longer than
-/// half the map; `None` when it is below the threshold or holds on too small a part of the line.
+/// Mean of the field's component from `child` to `parent` over the line between them, less a penalty for lines longer
+/// than half the map; `None` when it is below the threshold or holds on too small a part of the line.
 pub(crate) fn score(
     maps: &Maps,
     limb: usize,

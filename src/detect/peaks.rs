@@ -73,8 +73,8 @@ fn is_maximum(maps: &Maps, joint: usize, cell: usize, v: f32) -> bool {
 
 /// Position of the maximum of the parabola through the logarithms of three neighbours, along each axis.
 ///
-/// The training target is a Gaussian, whose logarithm is a parabola: this is exact for it, where a parabola through the values
-/// themselves would be pulled to the cell's centre by up to a tenth of a cell.
+/// The training target is a Gaussian, whose logarithm is a parabola: this is exact for it, where a parabola through the
+/// values themselves would be pulled to the cell's centre by up to a tenth of a cell.
 fn refined(maps: &Maps, joint: usize, cell: usize, score: f32) -> Peak {
     let (row, column) = (cell / maps.width, cell % maps.width);
     let level = |cell: usize| {

@@ -7,8 +7,8 @@ use super::peaks::{Peak, Peaks};
 
 /// Limbs whose length tells the person's size: head and trunk. Shoulders vanish in a side view.
 const TRUNK: [usize; 3] = [0, 7, 10];
-/// How much longer than the rest a limb at the neck may seem before it is dropped; generous, as a person who leans towards the
-/// camera shows a short trunk.
+/// How much longer than the rest a limb at the neck may seem before it is dropped; generous, as a person who leans
+/// towards the camera shows a short trunk.
 const TRUNK_SLACK: f32 = 1.4;
 
 /// Shortest limb, over its length in a person of the known stature, that [`Person::oddity`] tells from shorter ones.
@@ -79,16 +79,16 @@ impl Person {
             .filter_map(|(j, k)| k.map(|k| (j, &peaks.of(j)[k])))
     }
 
-    /// Whether a limb of this length cannot belong to a person of the size seen so far. Without two limbs, one of them of the
-    /// trunk, there is no size to compare with.
+    /// Whether a limb of this length cannot belong to a person of the size seen so far. Without two limbs, one of them
+    /// of the trunk, there is no size to compare with.
     pub fn is_absurd(&self, limb: usize, length: f32, limit: f32) -> bool {
         let known = self.limb.iter().flatten().count() >= 2
             && TRUNK.iter().any(|&l| self.limb[l].is_some());
         known && length / PROPORTION[limb] > limit * self.stature()
     }
 
-    /// How far the stature that a limb of this length suggests is from the one known so far, as the logarithm of their ratio;
-    /// 0 for a bare neck. Projection shortens limbs, so too short a one counts half.
+    /// How far the stature that a limb of this length suggests is from the one known so far, as the logarithm of their
+    /// ratio; 0 for a bare neck. Projection shortens limbs, so too short a one counts half.
     pub fn oddity(&self, limb: usize, length: f32) -> f32 {
         let known = self.stature();
         if known <= 0.0 {
@@ -117,8 +117,8 @@ impl Person {
         }
     }
 
-    /// Whether `other` is the same person found twice: necks closer than `distance` of the stature, and at most one joint that
-    /// both have in different places.
+    /// Whether `other` is the same person found twice: necks closer than `distance` of the stature, and at most one
+    /// joint that both have in different places.
     pub fn is_same(&self, other: &Self, peaks: &Peaks, distance: f32) -> bool {
         let near = distance * self.stature().max(other.stature());
         let apart = |j: usize| match (self.peak[j], other.peak[j]) {

@@ -8,9 +8,9 @@ pub const FEATURES: usize = 2 * EVIDENCE_JOINTS + LIMBS + 3;
 /// How many of the clearest joints count together.
 const CLEAREST: usize = 4;
 
-/// Expected object keypoint similarity with somebody who is there: logistic regression on what is known of a person. Which joints are clear says more than how clear they are on average:
-/// patterns of light make shoulders and hips more often than they make knees, and somebody cut off by the frame has few
-/// joints, but clear ones.
+/// Expected object keypoint similarity with somebody who is there: logistic regression on what is known of a person.
+/// Which joints are clear says more than how clear they are on average: patterns of light make shoulders and hips more
+/// often than they make knees, and somebody cut off by the frame has few joints, but clear ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PersonScore {
@@ -49,8 +49,8 @@ impl PersonScore {
     }
 }
 
-/// What a [`PersonScore`] weighs: confidences, their squares, limb scores, share of joints found, mean of the four clearest,
-/// the highest.
+/// What a [`PersonScore`] weighs: confidences, their squares, limb scores, share of joints found, mean of the four
+/// clearest, the highest.
 pub fn features(joints: &[f32; EVIDENCE_JOINTS], limbs: &[f32; LIMBS]) -> [f32; FEATURES] {
     let mut out = [0.0; FEATURES];
     let (plain, rest) = out.split_at_mut(EVIDENCE_JOINTS);

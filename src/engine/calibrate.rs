@@ -20,8 +20,8 @@ pub struct CalibrationOptions {
 }
 
 impl Default for CalibrationOptions {
-    /// 512×320; the greatest values seen (wild pictures are left out anyway); channels halfway to a range of their own; biases
-    /// corrected.
+    /// 512×320; the greatest values seen (wild pictures are left out anyway); channels halfway to a range of their own;
+    /// biases corrected.
     fn default() -> Self {
         Self {
             size: (512, 320),
@@ -46,9 +46,9 @@ pub struct Trial {
 }
 
 impl Calibration {
-    /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value. Pictures on which
-    /// the network runs wild (some value's maximum is beyond [`WILD`] times the median over pictures) are left out: following
-    /// them would cost all others their resolution.
+    /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value. Pictures on
+    /// which the network runs wild (some value's maximum is beyond [`WILD`] times the median over pictures) are left
+    /// out: following them would cost all others their resolution.
     ///
     /// # Errors
     /// When the network cannot run at this size.
@@ -94,8 +94,8 @@ impl Calibration {
         })
     }
 
-    /// Tries ways of choosing ranges and keeps the one whose int8 maps come nearest to f32 on `pictures`, which should look as
-    /// they will in use. Returns all trials, best first.
+    /// Tries ways of choosing ranges and keeps the one whose int8 maps come nearest to f32 on `pictures`, which should
+    /// look as they will in use. Returns all trials, best first.
     ///
     /// # Errors
     /// When the network cannot run at this size.
@@ -154,7 +154,8 @@ impl Calibration {
     }
 }
 
-/// Which pictures have a value whose maximum is beyond [`WILD`] times the median over pictures. `maxima` is `[picture][value]`.
+/// Which pictures have a value whose maximum is beyond [`WILD`] times the median over pictures. `maxima` is
+/// `[picture][value]`.
 fn wild(maxima: &[Vec<f32>]) -> Vec<bool> {
     let values = maxima.first().map_or(0, Vec::len);
     let median_of = |v: usize| {

@@ -50,7 +50,8 @@ const fn other_side(limb: usize) -> usize {
 }
 
 /// Runs an engine over a picture and its mirror image and takes the mean of the maps: the flip test of pose estimation
-/// (Newell et al., ECCV 2016, Training Details). Twice the time of one run. A picture's mirror image gets exactly the mirrored maps.
+/// (Newell et al., ECCV 2016, Training Details). Twice the time of one run. A picture's mirror image gets exactly the
+/// mirrored maps.
 #[derive(Debug, Clone, Default)]
 pub struct FlipTest {
     mirrored: Vec<u8>,
@@ -58,7 +59,8 @@ pub struct FlipTest {
 }
 
 impl FlipTest {
-    /// The mean over `rgb`, row-major `[height, width, 3]`, and its mirror image. Allocates nothing after the first call.
+    /// The mean over `rgb`, row-major `[height, width, 3]`, and its mirror image. Allocates nothing after the first
+    /// call.
     ///
     /// # Panics
     /// When `rgb` is not of the engine's size.

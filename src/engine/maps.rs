@@ -18,8 +18,8 @@ pub struct Maps {
     pub height: usize,
     /// `[height, width, 40]`: 14 heatmaps (peak 1), then 13 × (x, y) unit vectors from child to parent.
     pub head2d: Vec<f32>,
-    /// `[height, width, 63]`: joint minus its parent, metres at canonical stature, view-aligned (XNect §4.1.2); read at the
-    /// evidence joints where the bone meets.
+    /// `[height, width, 63]`: joint minus its parent, metres at canonical stature, view-aligned (XNect §4.1.2); read at
+    /// the evidence joints where the bone meets.
     pub head3d: Vec<f32>,
 }
 

@@ -32,8 +32,8 @@ pub struct EventConfig {
 pub struct Zone {
     /// What events call it, 63 bytes at most.
     pub name: String,
-    /// Its corners in order, x and z in the floor's axes: x to the camera's right, z towards the viewer, so negative in front of
-    /// the camera; the origin is below the camera.
+    /// Its corners in order, x and z in the floor's axes: x to the camera's right, z towards the viewer, so negative in
+    /// front of the camera; the origin is below the camera.
     pub corners: Vec<[f64; 2]>,
     /// How long somebody must stay to have dwelt; none: no such event.
     #[serde(default)]

@@ -44,8 +44,8 @@ impl Detector {
         }
     }
 
-    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing, and a clock that goes back
-    /// further starts everything anew.
+    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing, and a clock that goes
+    /// back further starts everything anew.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<Event> {
         let time = frame.pose_ns as f64 * 1e-9;
         if let Some(last) = self.last

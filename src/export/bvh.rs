@@ -1,4 +1,5 @@
-//! BVH: a T-pose with constant bone lengths, then a line of rotations a step. Centimetres and degrees, as its readers expect.
+//! BVH: a T-pose with constant bone lengths, then a line of rotations a step. Centimetres and degrees, as its readers
+//! expect.
 
 use std::fmt::Write;
 

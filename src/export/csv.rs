@@ -1,5 +1,5 @@
-//! CSV, tidy: one row for each joint of each person in each frame, at the frames' own times. Metres in camera axes (x right, y down,
-//! z forward) and, where the frame knew a floor, in the floor's; pixels of the picture.
+//! CSV, tidy: one row for each joint of each person in each frame, at the frames' own times. Metres in camera axes (x
+//! right, y down, z forward) and, where the frame knew a floor, in the floor's; pixels of the picture.
 
 use std::fmt::Write;
 

@@ -1,4 +1,5 @@
-//! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size 0.
+//! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size
+//! 0.
 
 use serde_json::{Value, json};
 
@@ -23,7 +24,7 @@ pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
     for id in take.ids() {
         let heights = take.people[&id].iter().map(|s| f64::from(s.body.height));
         let height = heights.fold(0.0, f64::max).clamp(0.5, 2.5);
-        scene.add(&take.motion(id), height);
+        scene.add(&Motion::of(take, id), height);
     }
     scene.finish()
 }

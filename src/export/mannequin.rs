@@ -1,5 +1,5 @@
-//! A simple body around a skeleton at rest: a tube for each bone, bent with its joints. It shows where limbs are, not what anybody
-//! looks like.
+//! A simple body around a skeleton at rest: a tube for each bone, bent with its joints. It shows where limbs are, not
+//! what anybody looks like.
 
 use glam::DVec3;
 
@@ -113,7 +113,8 @@ impl Mannequin {
         [bone, parent]: [usize; 2],
     ) {
         let direction = along.normalize_or(DVec3::Y);
-        // To the front where that is across the bone, else up: feet are flat, and so are hands of arms stretched sideways.
+        // To the front where that is across the bone, else up: feet are flat, and so are hands of arms stretched
+        // sideways.
         let front = match direction.z.abs() > 0.7 {
             true => DVec3::Y,
             false if direction.x.abs() > 0.7 => DVec3::Y,

@@ -1,7 +1,8 @@
-//! Recorded bodies as the files of other programs. A record goes in as a [`Take`]; each format is a file here and gives bytes.
+//! Recorded bodies as the files of other programs. A record goes in as a [`Take`]; each format is a file here and gives
+//! bytes.
 //!
-//! Axes of BVH, glTF and TRC: the floor's of the record's last frame that knows one (x to the camera's right, y up, z towards the
-//! viewer). Where none does, the camera's axes set upright, with the lowest foot at height 0.
+//! Axes of BVH, glTF and TRC: the floor's of the record's last frame that knows one (x to the camera's right, y up, z
+//! towards the viewer). Where none does, the camera's axes set upright, with the lowest foot at height 0.
 
 mod bvh;
 mod csv;
@@ -61,8 +62,8 @@ impl Format {
     }
 }
 
-/// The files of a take, by name: `to`, or where a format holds one person only and there are several, `to` with each one's id
-/// before the extension.
+/// The files of a take, by name: `to`, or where a format holds one person only and there are several, `to` with each
+/// one's id before the extension.
 ///
 /// # Errors
 /// [`ExportError::Format`] where the numbers do not fit the format.
@@ -86,7 +87,7 @@ pub fn encode(
             [_] => to.to_owned(),
             _ => with_id(to, id),
         };
-        let motion = take.motion(id);
+        let motion = Motion::of(take, id);
         let text = match format {
             Format::Bvh => bvh::encode(&motion),
             _ => trc::encode(&motion, &path),

@@ -38,7 +38,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    pub(super) fn new(take: &Take, id: u32) -> Self {
+    /// That of one person of a record, in the axes of the export.
+    pub fn of(take: &Take, id: u32) -> Self {
         let samples = take.people.get(&id).map_or(&[][..], Vec::as_slice);
         let axes = Axes::of(take);
         let time = |s: &Sample| take.frames[s.frame].time;

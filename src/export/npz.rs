@@ -1,5 +1,5 @@
-//! NumPy arrays over T frames and P people at the frames' own times; NaN where somebody is not in a frame. Metres and radians in
-//! camera axes, pixels, quaternions xyzw.
+//! NumPy arrays over T frames and P people at the frames' own times; NaN where somebody is not in a frame. Metres and
+//! radians in camera axes, pixels, quaternions xyzw.
 
 use std::io;
 
@@ -28,8 +28,8 @@ const FIELDS: [Field; 12] = [
     }),
 ];
 
-/// The archive's bytes: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and `world_translation` (T × 3), NaN while no
-/// floor was known, and T × P × … of every field.
+/// The archive's bytes: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and `world_translation` (T × 3),
+/// NaN while no floor was known, and T × P × … of every field.
 pub fn encode(take: &Take) -> io::Result<Vec<u8>> {
     let (frames, people) = (take.frames.len(), take.people.len());
     let numbers: Vec<i64> = take.frames.iter().map(|f| f.sequence as i64).collect();

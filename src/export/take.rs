@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::io::BufRead;
 
 use super::error::ExportError;
-use super::motion::Motion;
 use crate::message::{Body, World};
 use crate::record::{BodiesRow, RowReader};
 
@@ -129,10 +128,5 @@ impl Take {
     pub fn floor(&self) -> Option<World> {
         let known = self.frames.iter().rev().find(|f| f.world.is_known());
         known.map(|f| f.world)
-    }
-
-    /// Somebody's motion at even steps, in the axes of the export.
-    pub fn motion(&self, id: u32) -> Motion {
-        Motion::new(self, id)
     }
 }

@@ -12,8 +12,8 @@ pub struct FitConfig {
     pub default_height: f64,
     /// The floor, where it is known.
     pub ground: Option<GroundConfig>,
-    /// Find the floor from standing feet. Without `ground` this yields a floor-aligned world, and how tall people are beside each
-    /// other; together they are as tall as assumed.
+    /// Find the floor from standing feet. Without `ground` this yields a floor-aligned world, and how tall people are
+    /// beside each other; together they are as tall as assumed.
     pub estimate_ground: bool,
     /// Every frame is a picture of its own: no motion between frames, everybody is born at once.
     pub stills: bool,
@@ -81,8 +81,8 @@ pub struct IdentityConfig {
     pub confirm_hits: u32,
     /// … or two in a row that lie this far apart: at few frames a second they tell as much.
     pub confirm_time: f64,
-    /// Age from which somebody who is recognised as nobody gets a new identity, where observations come less than `confirm_time`
-    /// apart: whoever comes out of hiding looks like somebody else for the first frames.
+    /// Age from which somebody who is recognised as nobody gets a new identity, where observations come less than
+    /// `confirm_time` apart: whoever comes out of hiding looks like somebody else for the first frames.
     pub birth_time: f64,
     /// A person not confirmed is dropped after this long without being seen.
     pub tentative_grace: f64,

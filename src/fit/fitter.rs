@@ -1,5 +1,5 @@
-//! The whole of Stage III. In: observation frames in order. Out: bodies with identities, at the frame's time or, on request,
-//! a little later. Pure and deterministic: time comes from the frames alone. XNect §5, SPEC §5.
+//! The whole of Stage III. In: observation frames in order. Out: bodies with identities, at the frame's time or, on
+//! request, a little later. Pure and deterministic: time comes from the frames alone. XNect §5, SPEC §5.
 //!
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 
@@ -115,8 +115,8 @@ impl Fitter {
         self.counters
     }
 
-    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the stature
-    /// that people are assumed to have.
+    /// The floor: from the settings, else as standing feet tell it. An estimated floor is as large or small as the
+    /// stature that people are assumed to have.
     pub fn ground(&self) -> Option<FloorPlane> {
         match &self.config.ground {
             Some(known) => FloorPlane::from_config(known),
@@ -160,8 +160,9 @@ impl Fitter {
     /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.
     /// `publish_ns` and `fit_us` are left to whoever publishes.
     ///
-    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of more than half a second
-    /// starts over with nobody present (identities are never given again). An end of stream without people changes nothing.
+    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of
+    /// more than half a second starts over with nobody present (identities are never given again). An end of stream
+    /// without people changes nothing.
     pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
         let ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if ended && frame.count == 0 {
@@ -273,8 +274,8 @@ impl Fitter {
         }
     }
 
-    /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation from
-    /// somebody known because it fits a little better.
+    /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation
+    /// from somebody known because it fits a little better.
     fn match_people(&mut self, seen: &[PersonEvidence], dt: f64) -> Vec<Option<usize>> {
         let cx = Context {
             skeleton: Skeleton::builtin(),

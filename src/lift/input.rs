@@ -8,9 +8,9 @@ use crate::detect::Detection;
 /// Smallest RMS radius, network pixels: keeps a person whose joints all fall together finite, as in training.
 const LEAST_RADIUS: f32 = 1e-3;
 
-/// Fills `row` (`14 × (u, v, confidence, 63 encodings)`): u and v relative to the neck — to the mean of the seen joints where
-/// there is none — over the RMS distance of the seen joints from it; zeros where a joint was not seen. Without `encodings`
-/// their places stay zero.
+/// Fills `row` (`14 × (u, v, confidence, 63 encodings)`): u and v relative to the neck — to the mean of the seen joints
+/// where there is none — over the RMS distance of the seen joints from it; zeros where a joint was not seen. Without
+/// `encodings` their places stay zero.
 pub(crate) fn fill(detection: &Detection, encodings: bool, row: &mut [f32]) {
     row.fill(0.0);
     let joints = &detection.joints;

@@ -18,8 +18,8 @@ pub enum Encodings {
     Zero,
 }
 
-/// Lifts detections to full 3D, occluded joints included: Stage II, XNect §4.2. All people of a frame go through the network
-/// as one batch; nothing is allocated once the largest crowd has been seen.
+/// Lifts detections to full 3D, occluded joints included: Stage II, XNect §4.2. All people of a frame go through the
+/// network as one batch; nothing is allocated once the largest crowd has been seen.
 #[derive(Debug, Clone)]
 pub struct Lifter {
     mlp: Mlp,
@@ -42,8 +42,8 @@ impl Lifter {
         })
     }
 
-    /// Stage II's raw output for every detection: body joints relative to the pelvis, metres at canonical stature, **view-aligned**
-    /// (z along the ray through the neck).
+    /// Stage II's raw output for every detection: body joints relative to the pelvis, metres at canonical stature,
+    /// **view-aligned** (z along the ray through the neck).
     ///
     /// # Errors
     /// When a kernel refuses its tensors, which would be a fault of this program.
@@ -64,8 +64,8 @@ impl Lifter {
         }))
     }
 
-    /// One observation per detection, in the same order. `letterbox` says where `frame` lies in the network's input, and
-    /// `intrinsics` is the camera of `frame`.
+    /// One observation per detection, in the same order. `letterbox` says where `frame` lies in the network's input,
+    /// and `intrinsics` is the camera of `frame`.
     ///
     /// # Errors
     /// As [`lift_aligned`](Self::lift_aligned).

@@ -14,14 +14,15 @@ const HIPS: [usize; 2] = [8, 11];
 const LEAST_SIDE: f32 = 0.35;
 /// Part of the box left off at each side, where background shows.
 const MARGIN: f32 = 0.1;
-/// Pixels looked at along each side of the box at most: enough for a histogram, and the cost does not grow with the person.
+/// Pixels looked at along each side of the box at most: enough for a histogram, and the cost does not grow with the
+/// person.
 const MAX_STEPS: u32 = 40;
-/// Weight of a grey pixel's vote for its hue: so small that any colour outvotes it, yet a grey torso has a flat histogram
-/// rather than none.
+/// Weight of a grey pixel's vote for its hue: so small that any colour outvotes it, yet a grey torso has a flat
+/// histogram rather than none.
 const GREY_VOTE: f32 = 1e-3;
 
-/// Histograms of hue (votes weighted by how colourful a pixel is) and saturation in the torso's box, each summing to 1; all zero
-/// when the torso was not seen. `joints` are in pixels of `frame`.
+/// Histograms of hue (votes weighted by how colourful a pixel is) and saturation in the torso's box, each summing to 1;
+/// all zero when the torso was not seen. `joints` are in pixels of `frame`.
 pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> Histograms {
     let (mut hue, mut saturation) = ([0.0; APPEARANCE_BINS], [0.0; APPEARANCE_BINS]);
     let Some([left, top, right, bottom]) = torso_box(frame, joints) else {
@@ -52,8 +53,8 @@ pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) ->
     (hue, saturation)
 }
 
-/// Pixels [left, top, right, bottom), inside the picture; `None` without a hip, or without shoulder and neck, or when nothing of
-/// the box is in the picture.
+/// Pixels [left, top, right, bottom), inside the picture; `None` without a hip, or without shoulder and neck, or when
+/// nothing of the box is in the picture.
 fn torso_box(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> Option<[u32; 4]> {
     let seen = |j: &&usize| joints[**j][2] > 0.0;
     let upper = || SHOULDERS.iter().chain([&NECK]).filter(seen);

@@ -1,4 +1,5 @@
-//! In: a person's seen joints in the picture and Stage II's whole body. Out: where the picture has the joints that were not seen.
+//! In: a person's seen joints in the picture and Stage II's whole body. Out: where the picture has the joints that were
+//! not seen.
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use edgecap_client::message::Intrinsics;
@@ -11,9 +12,9 @@ const MIN_JOINTS: usize = 4;
 /// Nearest that a joint may come to the camera, metres at canonical stature: nearer ones are projected nowhere.
 const NEAREST: f64 = 0.1;
 
-/// Puts every evidence joint of confidence 0 where the body (`joints3d`: relative to the pelvis, camera axes, metres) has it,
-/// once it stands where it explains the seen ones best. Confidence stays 0. Joints are in pixels of the picture that `camera`
-/// describes. Where too little is seen, or a joint is behind the camera, 0, 0 stays.
+/// Puts every evidence joint of confidence 0 where the body (`joints3d`: relative to the pelvis, camera axes, metres)
+/// has it, once it stands where it explains the seen ones best. Confidence stays 0. Joints are in pixels of the picture
+/// that `camera` describes. Where too little is seen, or a joint is behind the camera, 0, 0 stays.
 pub(crate) fn fill(
     joints2d: &mut [[f32; 3]; EVIDENCE_JOINTS],
     joints3d: &[[f32; 3]; BODY_JOINTS],

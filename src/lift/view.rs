@@ -1,10 +1,10 @@
 //! View-aligned axes to camera axes.
 
-/// Rotation matrix, row-major, from view-aligned axes (z along the ray through the neck) to camera axes: the least rotation
-/// that takes +z to `ray`, a unit vector with positive z.
+/// Rotation matrix, row-major, from view-aligned axes (z along the ray through the neck) to camera axes: the least
+/// rotation that takes +z to `ray`, a unit vector with positive z.
 ///
-/// A convolution sees a person's surroundings but not where in the frame they stand, so Stage I and Stage II speak in axes
-/// that turn with the ray; this turns them back.
+/// A convolution sees a person's surroundings but not where in the frame they stand, so Stage I and Stage II speak in
+/// axes that turn with the ray; this turns them back.
 pub(crate) fn to_camera(ray: [f32; 3]) -> [[f32; 3]; 3] {
     let [x, y, z] = ray;
     let s = (1.0 + z).recip();

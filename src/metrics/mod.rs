@@ -1,5 +1,5 @@
-//! How a run is doing: published bodies and what became of its processes go in, figures for Prometheus and for `edgecap status`
-//! come out. No picture and no position of anybody is in them.
+//! How a run is doing: published bodies and what became of its processes go in, figures for Prometheus and for `edgecap
+//! status` come out. No picture and no position of anybody is in them.
 
 mod exposition;
 mod histogram;

@@ -1,7 +1,7 @@
 //! Trajectories of few cosines: windows of a sequence go in, the smooth trajectory nearest to it comes out.
 //!
-//! In every window a joint's path is a sum of the first vectors of the DCT-II, fitted robustly (Geman–McClure by reweighting);
-//! windows overlap by half and are blended, so that no seam shows.
+//! In every window a joint's path is a sum of the first vectors of the DCT-II, fitted robustly (Geman–McClure by
+//! reweighting); windows overlap by half and are blended, so that no seam shows.
 
 use glam::DVec3;
 

@@ -1,28 +1,27 @@
-//! The energy of one body in one frame: joints in the views (Geman–McClure), joints in space, the priors of pose and shape.
+//! The energy of one body in one frame: joints in the views (Geman–McClure), joints in space, the priors of pose and
+//! shape.
 //!
-//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017), section 3. Residuals in a
-//! view are metres at the person's depth, so that views near and far count alike.
+//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017), section 3.
+//! Residuals in a view are metres at the person's depth, so that views near and far count alike.
 
 use glam::{DMat3, DVec2, DVec3};
 
+use super::fitted::Fitted;
+use super::moment::Seen;
 use super::points;
 use super::prior::PosePrior;
-use super::sight::Sight;
+use super::sight::DATA;
 use super::silhouette::Rim;
 use super::triangulate::{robust, robust_weight};
 use crate::body::BodyModel;
-use crate::body::mesh::{FREEDOM, MeshBody, MeshPose, Person, PosedTree};
-use crate::camera::View;
+use crate::body::mesh::{FREEDOM, MeshBody};
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::solve::{LeastSquares, NormalEquations};
 
 /// Shape coefficients that are fitted.
 pub const SHAPES: usize = 10;
-/// Expected error of a joint in a view, metres at the person: 5 pixels of a person 690 pixels high.
-const NOISE: f64 = 0.0123;
-/// Weight of a squared metre.
-pub const DATA: f64 = 1.0 / (NOISE * NOISE);
-/// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts little.
+/// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts
+/// little.
 const LIFTED: f64 = 0.03;
 const LIFTED_SIGMA: f64 = 0.5;
 /// No joint turns further in one step.
@@ -31,19 +30,6 @@ const LONGEST_STEP: f64 = 0.6;
 const NEAREST: f64 = 0.1;
 /// Weight of all rotations' lengths: holds what neither views nor prior see.
 const RIGID: f64 = 1e-3;
-
-/// One view's part.
-#[derive(Debug, Clone, Copy)]
-pub struct Seen<'a> {
-    /// The camera.
-    pub view: &'a View,
-    /// What it saw.
-    pub sight: &'a Sight,
-    /// About how far the person is from it, metres.
-    pub depth: f64,
-    /// How much it counts.
-    pub weight: f64,
-}
 
 /// Where joints should be in space: place and weight of a squared metre in units of [`DATA`].
 pub type Targets = [Option<(DVec3, f64)>; BODY_JOINTS];
@@ -65,31 +51,6 @@ impl Free {
             Self::Root => 6,
             Self::Pose => FREEDOM,
             Self::All => FREEDOM + SHAPES.min(body.components()),
-        }
-    }
-}
-
-/// A body that is being fitted.
-#[derive(Debug, Clone)]
-pub struct Fitted {
-    /// The pose.
-    pub pose: MeshPose,
-    /// The person.
-    pub person: Person,
-    /// Where that puts the joints.
-    pub posed: PosedTree,
-}
-
-impl Fitted {
-    /// A body of this pose and shape.
-    pub fn new(body: &MeshBody, pose: MeshPose, betas: &[f64]) -> Self {
-        let person = body.person(betas);
-        let mut posed = PosedTree::default();
-        body.kinematics(&pose, &person, &mut posed);
-        Self {
-            pose,
-            person,
-            posed,
         }
     }
 }

@@ -1,10 +1,10 @@
-//! Left and right: a detector that sees a person from behind, or from the side, calls some limbs by the other side's name, in
-//! one view and for many frames on end. The other views tell.
+//! Left and right: a detector that sees a person from behind, or from the side, calls some limbs by the other side's
+//! name, in one view and for many frames on end. The other views tell.
 
 use glam::DVec3;
 
+use super::moment::Moment;
 use super::sight::{LIMB_PAIRS, Sight, distance};
-use super::stage_one::Moment;
 use super::triangulate::{Line, SIGMA, meet, robust};
 use crate::camera::View;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
@@ -23,8 +23,8 @@ const MARGIN: f64 = 0.6;
 /// Which views' arms, and which views' legs, are exchanged: a bit a view.
 pub type States = [u32; BEFORE];
 
-/// Heals exchanges of arms and legs so that rays of all views meet best. Where that leaves two answers, all views or none, the
-/// one with fewer exchanges is taken, for [`settle`] to think over. Returns what was exchanged.
+/// Heals exchanges of arms and legs so that rays of all views meet best. Where that leaves two answers, all views or
+/// none, the one with fewer exchanges is taken, for [`settle`] to think over. Returns what was exchanged.
 ///
 /// # Panics
 /// With more than 32 views.
@@ -66,8 +66,9 @@ pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
     exchanged
 }
 
-/// Thinks over who is left in a sequence of frames, of which views agree within each: a limb does not change sides from frame to
-/// frame, most detections call it rightly, and shoulders point the way hips do. The best sequence of the two answers a frame.
+/// Thinks over who is left in a sequence of frames, of which views agree within each: a limb does not change sides from
+/// frame to frame, most detections call it rightly, and shoulders point the way hips do. The best sequence of the two
+/// answers a frame.
 pub fn settle(moments: &mut [&mut Moment], states: &mut [States]) {
     for (g, right) in LIMB_PAIRS[..BEFORE].iter().enumerate() {
         // Cost of the best sequence that ends with the frame as it is, or exchanged, and where it comes from.
@@ -175,8 +176,8 @@ fn joint_cost(
     meet(&lines).map_or(0.0, |(_, cost)| cost)
 }
 
-/// Compares one view's limbs with a fitted body's joints and exchanges those that fit the other side much better. Returns how
-/// many.
+/// Compares one view's limbs with a fitted body's joints and exchanges those that fit the other side much better.
+/// Returns how many.
 pub fn follow(view: &View, sight: &mut Sight, body: &[DVec3; EVIDENCE_JOINTS]) -> usize {
     let mut healed = 0;
     for right in LIMB_PAIRS {

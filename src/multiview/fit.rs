@@ -2,12 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::energy::Fitted;
+use super::fitted::Fitted;
+use super::moment::Moment;
 use super::people::{Detections, Track, track};
 use super::points;
+use super::refine::contours;
 use super::sight::distance;
-use super::silhouette::{Masks, contours};
-use super::stage_one::{Moment, StageOne, between};
+use super::silhouette::Masks;
+use super::stage_one::{StageOne, between};
 use super::stage_two::{median_shape, refit};
 use crate::body::mesh::MeshBody;
 use crate::camera::View;
@@ -27,8 +29,8 @@ pub struct MultiviewOptions {
     pub rate: f64,
     /// Whether paths are smoothed by windows of few cosines.
     pub paths: bool,
-    /// Whether stage one goes from joints in space over a coarse energy to the fine one, as it should: without, the fine one
-    /// starts from the mean pose, turned as the trunk is.
+    /// Whether stage one goes from joints in space over a coarse energy to the fine one, as it should: without, the
+    /// fine one starts from the mean pose, turned as the trunk is.
     pub hierarchy: bool,
 }
 
@@ -63,8 +65,8 @@ pub struct MultiviewFit {
     pub weights: Vec<f64>,
 }
 
-/// Fits everyone. `frames`: per frame, per view, who is seen there; `used`: which views count, the others are only measured.
-/// `progress` hears of every fitted frame, out of how many. With `masks` outlines count as well as joints.
+/// Fits everyone. `frames`: per frame, per view, who is seen there; `used`: which views count, the others are only
+/// measured. `progress` hears of every fitted frame, out of how many. With `masks` outlines count as well as joints.
 pub fn fit(
     body: &MeshBody,
     views: &[View],

@@ -1,9 +1,9 @@
-//! Several calibrated views go in, bodies with a shape, a pose and a mesh come out, frame by frame and smooth over time.
+//! Several calibrated views go in, bodies with a shape, a pose and a mesh come out, frame by frame and smooth over
+//! time.
 //!
-//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): `people` tells who is who,
-//! `stage_one` fits every frame, with
-//! `silhouette` where there are masks, `stage_two` holds the shape and makes paths of few cosines. World axes are those of the
-//! calibration, metres.
+//! Huang et al., Towards Accurate Marker-less Human Shape and Pose Estimation over Time (3DV 2017): `people` tells who
+//! is who, `stage_one` fits every frame, with `silhouette` where there are masks, `stage_two` holds the shape and makes
+//! paths of few cosines. World axes are those of the calibration, metres.
 
 mod agreement;
 mod between;
@@ -11,12 +11,15 @@ mod dct;
 mod energy;
 mod exchange;
 mod fit;
+mod fitted;
 pub mod live;
+mod moment;
 mod one_view;
 mod people;
 mod points;
 mod prior;
 mod publish;
+mod refine;
 mod report;
 mod sight;
 mod silhouette;
@@ -29,8 +32,9 @@ mod world;
 pub use agreement::agreement;
 pub use between::between;
 pub use dct::windows;
-pub use energy::Fitted;
 pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_tracks};
+pub use fitted::Fitted;
+pub use moment::Moment;
 pub use one_view::{one_view, stage_three};
 pub use people::{Detections, Track, nearest_sight, track};
 pub use points::{all as body_joints, evidence as evidence_joints};
@@ -39,6 +43,5 @@ pub use publish::bodies;
 pub use report::{MultiviewReport, Observed, PersonReport, ViewReport, report, stature};
 pub use sight::{Ray, Sight, distance};
 pub use silhouette::{Contour, Mask, Masks};
-pub use stage_one::Moment;
 pub use triangulate::{Joints3d, triangulate};
 pub use world::world;

@@ -1,10 +1,10 @@
-//! One view alone: the bodies of Stage III say who is who and where joints are in space; the mesh body is fitted to these and to
-//! what the view saw.
+//! One view alone: the bodies of Stage III say who is who and where joints are in space; the mesh body is fitted to
+//! these and to what the view saw.
 
 use glam::DVec3;
 
+use super::moment::Moment;
 use super::people::{Detections, Track, nearest_sight};
-use super::stage_one::Moment;
 use crate::camera::View;
 use crate::fit::Fitter;
 use crate::joints::EVIDENCE_JOINTS;
@@ -36,7 +36,8 @@ pub fn stage_three<'a>(
     each.collect()
 }
 
-/// People of Stage III over time, as the fit wants them. `bodies` and `seen` are by frame; bodies in camera axes, metres.
+/// People of Stage III over time, as the fit wants them. `bodies` and `seen` are by frame; bodies in camera axes,
+/// metres.
 pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<Track> {
     let mut tracks: Vec<Track> = Vec::new();
     for (frame, (bodies, seen)) in bodies.iter().zip(seen).enumerate() {

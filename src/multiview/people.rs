@@ -1,14 +1,14 @@
-//! Who is who: detections of several views go in frame by frame, people with one detection a view and an identity over time
-//! come out.
+//! Who is who: detections of several views go in frame by frame, people with one detection a view and an identity over
+//! time come out.
 //!
-//! Known people take the detections whose rays pass near their joints; what is left is grouped so that within a group every view
-//! agrees with every other. Somebody new must persist and be built like a body: two views alone see ghosts.
+//! Known people take the detections whose rays pass near their joints; what is left is grouped so that within a group
+//! every view agrees with every other. Somebody new must persist and be built like a body: two views alone see ghosts.
 
 use glam::DVec3;
 
 use super::exchange;
+use super::moment::Moment;
 use super::sight::{LIMB_PAIRS, Sight, between, distance};
-use super::stage_one::Moment;
 use super::triangulate::{Joints3d, triangulate};
 use crate::assignment::Matcher;
 use crate::camera::View;
@@ -75,7 +75,8 @@ impl Live {
     }
 }
 
-/// Whether somebody counts whom three views or more have seen in so many frames, and two, of a sequence of so many frames.
+/// Whether somebody counts whom three views or more have seen in so many frames, and two, of a sequence of so many
+/// frames.
 pub fn is_proven(proof: [usize; 2], frames: usize) -> bool {
     let [three, two] = PROOF.map(|p| p.min(frames));
     proof[0] >= three || proof[0] + proof[1] >= two
@@ -166,7 +167,8 @@ fn empty() -> Live {
     }
 }
 
-/// Adds a frame to somebody: joints from all views, exchanged limbs healed, a view that is about somebody else left out.
+/// Adds a frame to somebody: joints from all views, exchanged limbs healed, a view that is about somebody else left
+/// out.
 fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usize>], t: &mut Live) {
     let mut sights: Vec<Option<Sight>> = chosen
         .iter()
@@ -226,8 +228,8 @@ fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
     triangulate(views, &all)
 }
 
-/// How well a detection goes with somebody whose joints are known, above 0; 0 where its rays are farther than `reach` from them,
-/// metres.
+/// How well a detection goes with somebody whose joints are known, above 0; 0 where its rays are farther than `reach`
+/// from them, metres.
 pub fn closeness(
     view: &View,
     sight: &Sight,
@@ -264,8 +266,9 @@ fn mean_distance(
     (each.len() >= LEAST_SHARED).then(|| each.iter().sum::<f64>() / each.len() as f64)
 }
 
-/// Groups detections that nobody known took, each with its view and its number there: pairs by rising distance are joined while
-/// all pairs of a group agree and every view is in it once. Groups of two views at least, as one detection a view.
+/// Groups detections that nobody known took, each with its view and its number there: pairs by rising distance are
+/// joined while all pairs of a group agree and every view is in it once. Groups of two views at least, as one detection
+/// a view.
 pub fn groups(views: &[View], all: &[(usize, usize, &Sight)]) -> Vec<Vec<Option<usize>>> {
     let apart = |a: (usize, usize, &Sight), b: (usize, usize, &Sight)| {
         ray_distance((&views[a.0], a.2), (&views[b.0], b.2))
@@ -365,7 +368,8 @@ pub fn is_body(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> bool {
     (TRUNK[0]..TRUNK[1]).contains(&trunk) && known >= 3 && 2 * long < known
 }
 
-/// The detection whose rays pass nearest to joints, sides exchanged where that is nearer; `None` where none is within reach.
+/// The detection whose rays pass nearest to joints, sides exchanged where that is nearer; `None` where none is within
+/// reach.
 pub fn nearest_sight(
     view: &View,
     detections: &[Sight],

@@ -6,7 +6,8 @@ use crate::body::BodyModel;
 use crate::body::mesh::{MeshBody, PosedTree};
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
-/// For edgecap's joints the joints of SMPL's tree at the same place; none for the head's top, hands' and feet's tips apart.
+/// For edgecap's joints the joints of SMPL's tree at the same place; none for the head's top, hands' and feet's tips
+/// apart.
 const TREE: [Option<usize>; BODY_JOINTS] = [
     None,
     Some(12),
@@ -54,8 +55,8 @@ fn head_top(posed: &PosedTree) -> DVec3 {
     posed.joints()[15] + posed.rotations()[15] * DVec3::new(0.0, 0.2, 0.0)
 }
 
-/// Calls `column` with every parameter that moves a joint and its derivative: those of the pose, then the first `shapes`
-/// shape coefficients, numbered from `first_shape`.
+/// Calls `column` with every parameter that moves a joint and its derivative: those of the pose, then the first
+/// `shapes` shape coefficients, numbered from `first_shape`.
 pub fn jacobian(
     body: &MeshBody,
     posed: &PosedTree,

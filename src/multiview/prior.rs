@@ -1,4 +1,5 @@
-//! Which poses people take: a mixture of Gaussians over the rotations of the tree, of which the nearest counts (max-mixture).
+//! Which poses people take: a mixture of Gaussians over the rotations of the tree, of which the nearest counts
+//! (max-mixture).
 //!
 //! `models/body/poses.py` fits it to motion capture.
 
@@ -107,8 +108,8 @@ impl PosePrior {
         2.0 * self.nearest(&vector(rotations)).1
     }
 
-    /// Adds `weight` times the prior at these rotations, whose steps turn them about their parents' axes, to equations whose
-    /// rows begin with the pelvis' place and the root.
+    /// Adds `weight` times the prior at these rotations, whose steps turn them about their parents' axes, to equations
+    /// whose rows begin with the pelvis' place and the root.
     pub fn add(&self, rotations: &[DQuat; JOINTS], weight: f64, out: &mut NormalEquations) {
         let x = vector(rotations);
         let nearest = &self.components[self.nearest(&x).0];

@@ -8,6 +8,10 @@ use crate::message::Observation;
 
 /// Confidence under which a joint is not seen.
 const LEAST_CONFIDENCE: f32 = 0.1;
+/// Expected error of a joint in a view, metres at the person: 5 pixels of a person 690 pixels high.
+const NOISE: f64 = 0.0123;
+/// Weight of a squared metre.
+pub const DATA: f64 = 1.0 / (NOISE * NOISE);
 
 /// One joint in one view.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,14 +1,15 @@
-//! Stage one: one frame, one body. From joints in space to a coarse pose, from there to the views, left and right of every view
-//! tried again against the body on the way.
+//! Stage one: one frame, one body. From joints in space to a coarse pose, from there to the views, left and right of
+//! every view tried again against the body on the way.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::energy::{Energy, Fitted, Free, SHAPES, Seen, Targets};
+use super::energy::{Energy, Free, SHAPES, Targets};
 use super::exchange;
+use super::fitted::Fitted;
+use super::moment::Moment;
 use super::points;
 use super::prior::PosePrior;
-use super::sight::Sight;
-use super::silhouette::{self, Contour};
+use super::refine::refine;
 use crate::body::BodyModel;
 use crate::body::mesh::{MeshBody, MeshPose};
 use crate::camera::View;
@@ -27,51 +28,6 @@ const START: f64 = 0.2;
 /// Views and limbs are told apart and fitted again so many times at most.
 const ROUNDS: usize = 3;
 
-/// One person in one frame.
-#[derive(Debug, Clone)]
-pub struct Moment {
-    /// What every view saw; none where it did not see them.
-    pub sights: Vec<Option<Sight>>,
-    /// Where the joints are about.
-    pub joints: [Option<DVec3>; EVIDENCE_JOINTS],
-    /// Exchanged limbs that were healed.
-    pub healed: usize,
-    /// Whether one view alone told `joints`: then they are evidence of their own.
-    pub lifted: bool,
-    /// Where masks end, by view; empty without masks.
-    pub contours: Vec<Option<Contour>>,
-}
-
-impl Moment {
-    /// How far the person is from a view, metres.
-    pub fn depth(&self, view: &View) -> Option<f64> {
-        let known: Vec<DVec3> = self.joints.iter().flatten().copied().collect();
-        let mean = known.iter().sum::<DVec3>() / known.len().max(1) as f64;
-        let z = view.to_camera(mean).z;
-        (!known.is_empty() && z > 0.2).then_some(z)
-    }
-
-    /// Joints that are evidence.
-    pub fn lifted(&self) -> Option<&[Option<DVec3>; EVIDENCE_JOINTS]> {
-        self.lifted.then_some(&self.joints)
-    }
-
-    /// What views saw, as the energy wants it; one weight a view.
-    pub fn seen<'a>(&'a self, views: &'a [View], weights: &[f64]) -> Vec<Seen<'a>> {
-        let each = views.iter().zip(&self.sights).zip(weights);
-        each.filter_map(|((view, sight), &weight)| {
-            let sight = sight.as_ref()?;
-            (weight > 0.0).then_some(Seen {
-                view,
-                sight,
-                depth: self.depth(view)?,
-                weight,
-            })
-        })
-        .collect()
-    }
-}
-
 /// Working memory of the stage.
 #[derive(Debug)]
 pub struct StageOne {
@@ -88,8 +44,8 @@ impl StageOne {
         }
     }
 
-    /// Fits one frame from its joints in space, or from `near`, a body of another frame, whichever ends better. `None` where
-    /// neither is known.
+    /// Fits one frame from its joints in space, or from `near`, a body of another frame, whichever ends better. `None`
+    /// where neither is known.
     pub fn fit(
         &mut self,
         body: &MeshBody,
@@ -162,7 +118,7 @@ impl StageOne {
     ) {
         let settings = (FINE, PRIOR[1], SHAPE);
         let scene = (body, views, weights);
-        silhouette::refine(&mut self.solver, scene, moment, fitted, settings);
+        refine(&mut self.solver, scene, moment, fitted, settings);
     }
 
     fn solve(

@@ -1,17 +1,21 @@
-//! Stage two: one person over time. The shape is the median of all frames', and every joint's path is made of few cosines.
+//! Stage two: one person over time. The shape is the median of all frames', and every joint's path is made of few
+//! cosines.
 //!
-//! Trajectories and poses take turns: coefficients are eliminated by projecting the paths onto the base, and every frame is
-//! pulled towards its projection.
+//! Trajectories and poses take turns: coefficients are eliminated by projecting the paths onto the base, and every
+//! frame is pulled towards its projection.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::dct;
-use super::energy::{Energy, Fitted, Free, Targets};
+use super::energy::{Energy, Free, Targets};
 use super::exchange;
+use super::fitted::Fitted;
+use super::moment::Moment;
 use super::points;
-use super::silhouette::{self, Rim};
-use super::stage_one::{FINE, Moment};
+use super::refine;
+use super::silhouette::Rim;
+use super::stage_one::FINE;
 use crate::body::mesh::MeshBody;
 use crate::camera::View;
 use crate::joints::BODY_JOINTS;
@@ -52,7 +56,7 @@ pub fn refit(
             rims = moments
                 .par_iter()
                 .zip(fits.par_iter())
-                .map(|(moment, fitted)| silhouette::rims(body, views, weights, moment, fitted, 1.0))
+                .map(|(moment, fitted)| refine::rims(body, views, weights, moment, fitted, 1.0))
                 .collect();
         }
         let targets: Vec<Targets> = if paths {

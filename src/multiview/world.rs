@@ -7,11 +7,12 @@ use crate::message::{World, WorldState};
 
 /// Cameras hang level enough on average: the cosine of up and the calibration's axis that is meant by it.
 const LEVEL: f64 = 0.8;
-/// Pictures that lie on their sides tell no up: length of the mean of all cameras' ups.
+/// Pictures in portrait tell no up: length of the mean of all cameras' ups.
 const AGREED: f64 = 0.5;
 
-/// What turns the calibration's axes so that y points up: its axis nearest to the cameras' mean up, which is up itself where none
-/// is near. The origin stays where it is, as a calibration's origin lies on the floor. No world where cameras do not agree.
+/// What turns the calibration's axes so that y points up: its axis nearest to the cameras' mean up, which is up itself
+/// where none is near. The origin stays where it is, as a calibration's origin lies on the floor. No world where
+/// cameras do not agree.
 pub fn world(views: &[View]) -> World {
     let up = -views.iter().map(|v| v.rotation.row(1)).sum::<DVec3>() / views.len().max(1) as f64;
     if up.length().is_nan() || up.length() < AGREED {
@@ -72,7 +73,7 @@ mod tests {
             let turned = world.direction(up.as_vec3().to_array());
             assert!((turned[1] - 1.0).abs() < 1e-5, "{up}: {turned:?}");
         }
-        // Two pictures that lie, each on another side.
+        // Two cameras on their sides, each on another one.
         let lying = [DVec3::X, DVec3::NEG_X].map(|up| view(up, DVec3::Z));
         assert!(!world(&lying).is_known());
     }

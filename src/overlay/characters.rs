@@ -21,8 +21,8 @@ pub struct Screen {
     pub coloured: bool,
 }
 
-/// Everyone as the camera sees them in pictures of `size` pixels, within a frame, as large as the screen allows; no line where it
-/// allows nothing, or where the size is 0. Joints that were worked out rather than seen end dotted bones.
+/// Everyone as the camera sees them in pictures of `size` pixels, within a frame, as large as the screen allows; no
+/// line where it allows nothing, or where the size is 0. Joints that were worked out rather than seen end dotted bones.
 pub fn characters<P: Person>(people: &[P], size: [u32; 2], screen: Screen) -> Vec<String> {
     const RIM: usize = 2;
     let [dx, dy] = screen.glyphs.dots();

@@ -1,8 +1,8 @@
-//! Skeletons over pictures: a frame and the people in it go in, the frame with bones, joints and labels comes out. For terminals
-//! they are drawn in characters, without the picture.
+//! Skeletons over pictures: a frame and the people in it go in, the frame with bones, joints and labels comes out. For
+//! terminals they are drawn in characters, without the picture.
 //!
-//! Every identity keeps its colour. A joint that was seen is a filled dot, one that was worked out (occluded, predicted) is a
-//! ring; bones that end in a ring are drawn fainter.
+//! Every identity keeps its colour. A joint that was seen is a filled dot, one that was worked out (occluded,
+//! predicted) is a ring; bones that end in a ring are drawn fainter.
 
 mod canvas;
 mod characters;

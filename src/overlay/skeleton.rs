@@ -68,7 +68,8 @@ impl Person for Observation {
 }
 
 impl Person for Body {
-    /// All joints of the fitted skeleton; the label is the identity and the score, with `?` while the person is out of sight.
+    /// All joints of the fitted skeleton; the label is the identity and the score, with `?` while the person is out of
+    /// sight.
     fn skeleton(&self, _position: usize) -> Skeleton {
         let lost = if self.state == BodyState::PREDICTED {
             "?"

@@ -6,8 +6,8 @@ use crate::message::Intrinsics;
 /// Where the camera of a recorded frame comes from.
 #[derive(Clone, Copy)]
 pub enum CameraSource<'a> {
-    /// This camera for every frame, whatever the file says: its intrinsics for a picture's width and height, or why there
-    /// are none.
+    /// This camera for every frame, whatever the file says: its intrinsics for a picture's width and height, or why
+    /// there are none.
     Given(&'a dyn Fn(u32, u32) -> Result<Intrinsics, String>),
     /// The file's `intrinsics`; where it has none, a centred camera with this horizontal field of view in degrees.
     Recorded {

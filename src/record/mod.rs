@@ -1,11 +1,12 @@
 //! Recorded observations and bodies. Messages go in and come out as they were; one [schema](rows) in two formats:
 //!
 //! - **JSON lines**: one object a frame, for people and scripts;
-//! - **binary**: the magic `EDGECAP` and `O` (observations) or `B` (bodies), then a frame as its length (u32, little-endian) and that many bytes of
-//!   [postcard](https://postcard.jamesmunns.com/wire-format). A third of the size.
+//! - **binary**: the magic `EDGECAP` and `O` (observations) or `B` (bodies), then a frame as its length (u32,
+//!   little-endian) and that many bytes of [postcard](https://postcard.jamesmunns.com/wire-format). A third of the
+//!   size.
 //!
-//! Readers tell the two apart by the first bytes. A file that was cut off plays to its last whole frame. Every finite number
-//! comes back with the same bits.
+//! Readers tell the two apart by the first bytes. A file that was cut off plays to its last whole frame. Every finite
+//! number comes back with the same bits.
 
 mod append;
 mod binary;

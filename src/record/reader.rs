@@ -196,8 +196,8 @@ impl<'a, R: BufRead> ObservationReader<'a, R> {
         &self.source
     }
 
-    /// Reads the next frame into `frame` and says whether there was one. After an error in a line reading may go on with the
-    /// next one.
+    /// Reads the next frame into `frame` and says whether there was one. After an error in a line reading may go on
+    /// with the next one.
     ///
     /// # Errors
     /// [`RecordError`], naming the line.
@@ -212,7 +212,8 @@ impl<'a, R: BufRead> ObservationReader<'a, R> {
     }
 }
 
-/// The text of a record as JSON lines, whichever format it has; `name` is what errors call it. Lines of JSON are as they were.
+/// The text of a record as JSON lines, whichever format it has; `name` is what errors call it. Lines of JSON are as
+/// they were.
 ///
 /// # Errors
 /// [`RecordError`], naming the frame, for a binary record that is damaged.

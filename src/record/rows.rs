@@ -1,5 +1,5 @@
-//! The schema: everything that a message holds, by name. Metres and radians in camera axes, pixels of the original picture,
-//! quaternions xyzw, nanoseconds.
+//! The schema: everything that a message holds, by name. Metres and radians in camera axes, pixels of the original
+//! picture, quaternions xyzw, nanoseconds.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -155,8 +155,8 @@ pub struct BodiesRow {
     pub frame_total: u32,
 }
 
-/// The floor-aligned world of a [`BodiesRow`]: x to the camera's right, y up, z towards the viewer, metres, origin on the floor
-/// below the camera. world = rotation · camera + translation.
+/// The floor-aligned world of a [`BodiesRow`]: x to the camera's right, y up, z towards the viewer, metres, origin on
+/// the floor below the camera. world = rotation · camera + translation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorldRow {
     /// Camera axes to world axes.

@@ -64,7 +64,8 @@ impl FlightSink {
         }
     }
 
-    /// As [`save`](Self::save), because something has crashed: not again and again, and not where there is plenty already.
+    /// As [`save`](Self::save), because something has crashed: not again and again, and not where there is plenty
+    /// already.
     ///
     /// # Errors
     /// As [`save`](Self::save).

@@ -29,8 +29,8 @@ enum Target {
 }
 
 impl OverlaySink {
-    /// A film where `path` ends in `.avi`, with `rate` pictures a second; else a folder, which is made. Pictures in a folder are
-    /// called like the photo that they are of, or by their number in a film (`is_stills` tells which).
+    /// A film where `path` ends in `.avi`, with `rate` pictures a second; else a folder, which is made. Pictures in a
+    /// folder are called like the photo that they are of, or by their number in a film (`is_stills` tells which).
     ///
     /// # Errors
     /// [`SinkError::Create`].

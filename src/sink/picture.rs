@@ -1,5 +1,5 @@
-//! Pictures for whoever asked to look at them, made small and published, as a sink. Nothing makes one unless the user has said
-//! `--show-picture`: it is the only way on which a picture leaves the process that sees it.
+//! Pictures for whoever asked to look at them, made small and published, as a sink. Nothing makes one unless the user
+//! has said `--show-picture`: it is the only way on which a picture leaves the process that sees it.
 
 use std::time::{Duration, Instant};
 

@@ -4,7 +4,8 @@ use super::NormalEquations;
 
 /// What is to be minimised.
 pub trait LeastSquares {
-    /// A point of the search with everything that cost and derivatives are computed from, such as a pose and its kinematics.
+    /// A point of the search with everything that cost and derivatives are computed from, such as a pose and its
+    /// kinematics.
     type State;
 
     /// First column of every row of the normal matrix that may differ from zero.

@@ -1,11 +1,12 @@
-//! Normal equations JᵀWJ · x = −JᵀWr within an envelope: rows of the lower triangle from their first entry that may differ
-//! from zero to the diagonal (Jennings 1966).
+//! Normal equations JᵀWJ · x = −JᵀWr within an envelope: rows of the lower triangle from their first entry that may
+//! differ from zero to the diagonal (Jennings 1966).
 
 /// Matrix and gradient of a least-squares problem.
 #[derive(Debug, Clone, Default)]
 pub struct NormalEquations {
     first: Vec<usize>,
-    /// Where column 0 of each row would lie in `values`, had the row one: element (i, j) is at `offset[i] + j`, wrapping.
+    /// Where column 0 of each row would lie in `values`, had the row one: element (i, j) is at `offset[i] + j`,
+    /// wrapping.
     offset: Vec<usize>,
     values: Vec<f64>,
     gradient: Vec<f64>,
@@ -97,7 +98,8 @@ impl NormalEquations {
         true
     }
 
-    /// With the factor of [`factorise`](Self::factorise): the solution of matrix · x = gradient, in place of the gradient.
+    /// With the factor of [`factorise`](Self::factorise): the solution of matrix · x = gradient, in place of the
+    /// gradient.
     pub fn substitute(&mut self) -> &[f64] {
         let Self {
             first,

@@ -1,8 +1,8 @@
 //! Child processes under supervision: started, watched for progress, replaced when they die or hang, stopped.
 //!
-//! A [`Policy`] decides and has no clock and no process of its own; a [`Child`] carries out what it says. A child shows that it
-//! lives by [beats](Heartbeat): bytes on its standard output, which say what a step brought. The [`ServiceManager`] hears of
-//! progress only, so that it notices when the supervisor hangs.
+//! A [`Policy`] decides and has no clock and no process of its own; a [`Child`] carries out what it says. A child shows
+//! that it lives by [beats](Heartbeat): bytes on its standard output, which say what a step brought. The
+//! [`ServiceManager`] hears of progress only, so that it notices when the supervisor hangs.
 
 mod child;
 mod heartbeat;

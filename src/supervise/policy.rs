@@ -126,8 +126,8 @@ impl Policy {
         }
     }
 
-    /// It has ended, and is to be started again: at once where it lived, after a pause that doubles where it dies again and
-    /// again within half a second without any work done, and after the first pause at most where it worked.
+    /// It has ended, and is to be started again: at once where it lived, after a pause that doubles where it dies again
+    /// and again within half a second without any work done, and after the first pause at most where it worked.
     pub fn restart(&mut self, now: Instant) {
         if let State::Running { since, .. } = self.state {
             let lived = (now - since).div_duration_f64(FORGOTTEN_AFTER);

@@ -21,8 +21,8 @@ pub enum Progress {
     Waiting,
 }
 
-/// The service manager, if this process is a service of type `notify`. It hears of life only where every camera shows some:
-/// one that goes well must not hide another that is stuck.
+/// The service manager, if this process is a service of type `notify`. It hears of life only where every camera shows
+/// some: one that goes well must not hide another that is stuck.
 #[derive(Debug)]
 pub struct ServiceManager {
     feed_every: Option<Duration>,
@@ -64,7 +64,8 @@ impl ServiceManager {
         }
     }
 
-    /// Something went on at a camera, by its place among all: call it only then. The service is ready once it has at all.
+    /// Something went on at a camera, by its place among all: call it only then. The service is ready once it has at
+    /// all.
     pub fn progress(&self, camera: usize, what: Progress) {
         let news = self
             .told()

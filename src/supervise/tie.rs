@@ -1,5 +1,5 @@
-//! A child that cannot outlive its supervisor, however early, and in whatever state, that one dies, and that has nothing open of
-//! what its supervisor has.
+//! A child that cannot outlive its supervisor, however early, and in whatever state, that one dies, and that has
+//! nothing open of what its supervisor has.
 
 use std::io;
 use std::os::unix::process::CommandExt;
@@ -7,8 +7,9 @@ use std::process::Command;
 
 use rustix::process::{Pid, Signal, getpid, getppid, set_parent_process_death_signal};
 
-/// Makes the kernel kill what `command` starts when this process dies. SIGKILL, because a child that is stopped hears no other.
-/// The child has its three standard streams and nothing else: sockets of shared memory do not close themselves.
+/// Makes the kernel kill what `command` starts when this process dies. SIGKILL, because a child that is stopped hears
+/// no other. The child has its three standard streams and nothing else: sockets of shared memory do not close
+/// themselves.
 pub fn tie(command: &mut Command) {
     let supervisor = getpid();
     let before_exec = move || {
@@ -23,8 +24,8 @@ pub fn tie(command: &mut Command) {
             ))
         }
     };
-    // SAFETY: between fork and exec only calls that are safe in a signal handler may be made: these three are single system calls
-    // (prctl, close_range, getppid), and an error of a bare errno allocates nothing.
+    // SAFETY: between fork and exec only calls that are safe in a signal handler may be made: these three are single
+    // system calls (prctl, close_range, getppid), and an error of a bare errno allocates nothing.
     unsafe { command.pre_exec(before_exec) };
 }
 
@@ -32,7 +33,8 @@ pub fn tie(command: &mut Command) {
 fn close_others_on_exec() {
     let (first, last) = (3_u32, u32::MAX);
     let flags = libc::CLOSE_RANGE_CLOEXEC;
-    // SAFETY: it marks descriptors, first <= last, and touches no memory. Before Linux 5.11 it fails and they stay open, as before.
+    // SAFETY: it marks descriptors, first <= last, and touches no memory. Before Linux 5.11 it fails and they stay
+    // open, as before.
     let _ = unsafe { libc::syscall(libc::SYS_close_range, first, last, flags) };
 }
 

@@ -1,4 +1,5 @@
-//! The page that shows everyone in three dimensions: files that lie in the program, so that it needs no network and no folder.
+//! The page that shows everyone in three dimensions: files that lie in the program, so that it needs no network and no
+//! folder.
 
 use std::borrow::Cow;
 

@@ -148,7 +148,8 @@ fn confidence_means_what_it_says() {
 
 #[test]
 fn people_seen_for_one_frame_are_never_born() {
-    // At 6 frames a second two in a row are enough, so of phantoms in every frame some would stand where another just stood.
+    // At 6 frames a second two in a row are enough, so of phantoms in every frame some would stand where another just
+    // stood.
     for (fps, phantom) in [(FPS, 1.0), (6.0, 0.05)] {
         let noise = Noise {
             phantom,

@@ -1,5 +1,5 @@
-//! Bodies from several views, against bodies of the same model whose shape and pose are known: noise, a detector's bias,
-//! outliers, joints not seen, and sides exchanged are put in.
+//! Bodies from several views, against bodies of the same model whose shape and pose are known: noise, a detector's
+//! bias, outliers, joints not seen, and sides exchanged are put in.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! The check of one view against the others, on a synthetic scene that four cameras see: every figure is known beforehand.
+//! The check of one view against the others, on a synthetic scene that four cameras see: every figure is known
+//! beforehand.
 
 use crate::scene::gauss;
 use crate::scene::people::{self, Activity, Person};
@@ -43,8 +44,8 @@ enum Truth {
     OtherDetector,
 }
 
-/// Runs the check; `pixels`: error per axis of the 2D of the last view; `space`: how far every joint of Stage II but the
-/// hips is off, metres. The other detector sees everything exactly.
+/// Runs the check; `pixels`: error per axis of the 2D of the last view; `space`: how far every joint of Stage II but
+/// the hips is off, metres. The other detector sees everything exactly.
 fn check(truth: Truth, pixels: f64, space: f64) -> MultiviewReport {
     let views = views();
     let legs = people::walk(0.0, 0.7, &[(-0.4, 4.0), (0.4, 4.2), (-0.4, 4.0)]);
@@ -133,7 +134,8 @@ fn exact_views_agree() {
 fn errors_come_out_as_they_went_in() {
     let r = check(Truth::OtherViews, 8.0, 0.06);
     print!("{r}");
-    // One view in four is 8 px off per axis; the others' triangulations suffer where it takes part, and their own 2D not.
+    // One view in four is 8 px off per axis; the others' triangulations suffer where it takes part, and their own 2D
+    // not.
     assert_eq!(r.found[0], 360);
     let mpjpe = r.mpjpe[0].unwrap();
     // Two of fourteen joints, the hips, are exact; sizes are made equal, which takes a little away.

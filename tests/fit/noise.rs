@@ -60,8 +60,9 @@ fn parts(what: &str, found: Spread, slow: f64, white: f64, time: f64) {
     near(&format!("{what} time"), found.time, time, 0.25);
 }
 
-/// In both profiles every part stands out from what the others leak into it: white noise far below the slow part is the small
-/// difference of large numbers (2 cm beside 5 cm were read as 2.4 cm), and exchanged sides look like 0.2 % of far-off joints.
+/// In both profiles every part stands out from what the others leak into it: white noise far below the slow part is the
+/// small difference of large numbers (2 cm beside 5 cm were read as 2.4 cm), and exchanged sides look like 0.2 % of
+/// far-off joints.
 #[test]
 fn errors_are_measured_as_they_were_made() {
     for made in [

@@ -58,8 +58,8 @@ fn the_height_comes_from_settings_or_floor() {
     }
 }
 
-/// Greatest and mean error of the root's distance, as a share, of somebody of known height behind a counter, from the first
-/// half second on. Panics where the person is lost or named anew.
+/// Greatest and mean error of the root's distance, as a share, of somebody of known height behind a counter, from the
+/// first half second on. Panics where the person is lost or named anew.
 fn depth_behind_a_counter(counter: Counter, noise: Noise, seed: u64) -> (f64, f64) {
     let legs = people::walk(0.0, 0.6, &[(-0.5, 4.0), (0.7, 4.4), (-0.2, 3.8)]);
     let person = Person::new(seed, legs, Activity::Reach)

@@ -104,8 +104,8 @@ fn average_precision_follows_coco() {
 #[test]
 fn every_person_is_claimed_once() {
     let i = image(&[0.9, 0.8], &[&[0.9], &[0.97]], &[false]);
-    // The surer prediction takes the person although the other fits better; the other is false, after full recall. At 0.95
-    // it is the other way round, and what is right comes second.
+    // The surer prediction takes the person although the other fits better; the other is false, after full recall. At
+    // 0.95 it is the other way round, and what is right comes second.
     let ap = average_precision(&[i]);
     near(ap.ap50, 1.0);
     near(ap.ap, (9.0 + 0.5) / 10.0);

@@ -1,4 +1,5 @@
-//! Several cameras round one scene: every view shows the world truth through its calibration, and masks show who is where.
+//! Several cameras round one scene: every view shows the world truth through its calibration, and masks show who is
+//! where.
 
 use std::path::Path;
 

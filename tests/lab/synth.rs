@@ -1,4 +1,5 @@
-//! Synthetic scenes: the truth is consistent with the pictures and the camera, and everything depends on the seed alone.
+//! Synthetic scenes: the truth is consistent with the pictures and the camera, and everything depends on the seed
+//! alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
@@ -68,7 +69,8 @@ fn around(shot: &Shot, person: u32, at: [f32; 2], reach: i64) -> (bool, f32) {
     (own, s.z[y as usize * s.width + x as usize])
 }
 
-/// Counts joints of each visibility; checks every joint against depth and identity. `place_of` maps identities to stances.
+/// Counts joints of each visibility; checks every joint against depth and identity. `place_of` maps identities to
+/// stances.
 fn visibilities(shot: &Shot, counts: &mut [u32; 4], on_own: &mut u32) {
     for p in &shot.truth.people {
         // Identities count the people of a scene from 1 in the order of the stances.

@@ -8,7 +8,8 @@
 //!     cargo test --test processes -- --ignored --nocapture long_whatever_dies_is_back
 //! ```
 //!
-//! `EDGECAP_MINUTES` ends it earlier, `EDGECAP_SEED` repeats a series. Times are printed; held to are bounds that a machine under load keeps, too.
+//! `EDGECAP_MINUTES` ends it earlier, `EDGECAP_SEED` repeats a series. Times are printed; held to are bounds that a
+//! machine under load keeps, too.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -81,8 +81,8 @@ fn a_picture_and_its_mirror_image_show_the_same_people() {
             .unwrap();
     }
 
-    // How far everybody of a picture is from the nearest person of its mirror image. Scores weigh left and right differently, so people may
-    // come in another order.
+    // How far everybody of a picture is from the nearest person of its mirror image. Scores weigh left and right
+    // differently, so people may come in another order.
     let distances = |pair: &[People]| -> Vec<f64> {
         let nearest = |person: &Vec<[f64; 3]>| {
             let others = pair[1].iter().map(|other| apart(person, &mirrored(other)));

@@ -1,5 +1,5 @@
-//! Only `infer` sees pictures: marked ones go through the whole program, and their bytes are looked for wherever others could
-//! read them. That they would be found is shown where they have to be: in `infer`'s own memory.
+//! Only `infer` sees pictures: marked ones go through the whole program, and their bytes are looked for wherever others
+//! could read them. That they would be found is shown where they have to be: in `infer`'s own memory.
 
 use std::fs::{self, File};
 use std::io::{Cursor, Read};

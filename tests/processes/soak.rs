@@ -131,8 +131,8 @@ fn long_frames_without_end() {
         held = measure();
     }
     assert!(!more(&held), "descriptors: {before:?}, {held:?}");
-    // Every picture was observed or is a gap, every observation has a body: but for those on their way, and what waited for
-    // more than 16 messages while others had the machine.
+    // Every picture was observed or is a gap, every observation has a body: but for those on their way, and what waited
+    // for more than 16 messages while others had the machine.
     assert!(written <= observed.span() + 32, "{written} of {observed:?}");
     assert!(published.came <= fitted && fitted <= written);
     assert!(

@@ -72,7 +72,8 @@ fn read_until(stderr: &mut impl Read, words: &str) -> String {
     said
 }
 
-/// Whether there is a frame round skeletons, and how many characters hold dots; the spinner is made of such characters, too.
+/// Whether there is a frame round skeletons, and how many characters hold dots; the spinner is made of such characters,
+/// too.
 fn skeletons(shown: &str) -> (bool, usize) {
     let with_dots = |c: &char| ('\u{2801}'..='\u{28ff}').contains(c);
     (shown.contains('┌'), shown.chars().filter(with_dots).count())

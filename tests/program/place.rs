@@ -11,8 +11,8 @@ const INSIDE: &str = "EDGECAP_TEST_PLACE";
 /// Where a stream's file holds the number of its messages (clients/rust/src/ring).
 const COUNT_AT: u64 = 32;
 
-/// The runtime folder of this test, or `None` when the test was run again in a process of its own, with a folder of its own,
-/// and has passed there.
+/// The runtime folder of this test, or `None` when the test was run again in a process of its own, with a folder of its
+/// own, and has passed there.
 pub fn own_place(test: &str) -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os(INSIDE) {
         return Some(folder.into());

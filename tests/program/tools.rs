@@ -5,7 +5,8 @@ use std::process::Command;
 /// What must be there: tools in a list with spaces between them, as `.ci/run` sets it.
 const WANTED: &str = "EDGECAP_TEST_TOOLS";
 
-/// Whether a tool is on this machine. Where it is not, the test says that it is skipped, or fails if the tool is wanted.
+/// Whether a tool is on this machine. Where it is not, the test says that it is skipped, or fails if the tool is
+/// wanted.
 pub fn has(tool: &str) -> bool {
     if Command::new(tool).arg("--version").output().is_ok() {
         return true;

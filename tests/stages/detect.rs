@@ -49,7 +49,8 @@ proptest! {
             let d = with_neck_at(found, p);
             prop_assert!(d.is_some(), "nobody at {:?}", p.joints[NECK]);
             let (mean, wrong) = compare(d.unwrap(), p);
-            // Where two trunks lie on each other the fields cannot tell whose hip is whose: at most one leg is exchanged.
+            // Where two trunks lie on each other the fields cannot tell whose hip is whose: at most one leg is
+            // exchanged.
             prop_assert!(wrong <= 3, "{wrong} joints wrong of the person at {:?}", p.joints[NECK]);
             prop_assert!(mean < 1.5, "mean error {mean} px");
         }

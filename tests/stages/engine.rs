@@ -1,4 +1,5 @@
-//! A tiny network with random weights, run by the engine in f32 and int8, against a reference that shares no code with it.
+//! A tiny network with random weights, run by the engine in f32 and int8, against a reference that shares no code with
+//! it.
 
 use crate::tiny_network::{naive, picture, tiny};
 use edgecap::engine::model::{Calibration, RangeChoice, Weights};

@@ -247,8 +247,8 @@ fn shipped_weights_are_whole() {
     assert!(model.is_quantised() && model.stage2().is_some());
 }
 
-/// A model file with a pool, `from` in the text of its network replaced by `to`, and the digest that belongs to it: what nobody
-/// but an attacker would make.
+/// A model file with a pool, `from` in the text of its network replaced by `to`, and the digest that belongs to it:
+/// what nobody but an attacker would make.
 fn forged(from: &str, to: &str) -> Vec<u8> {
     let up = r#"{ kind = "deconv", name = "up""#;
     let pool = r#"{ kind = "maxpool", name = "pool", kernel = 3, stride = 2 },"#;

@@ -4,7 +4,8 @@ use edgecap::engine::model::FloatConv;
 use edgecap::engine::network::{Graph, Network, Op};
 use edgecap::engine::{HEAD2D_CHANNELS, Maps};
 
-/// SelecSLS modules with groups and skips, bottlenecks with both kinds of shortcut, pooling, deconvolution, concatenation.
+/// SelecSLS modules with groups and skips, bottlenecks with both kinds of shortcut, pooling, deconvolution,
+/// concatenation.
 pub fn tiny() -> Network {
     let text = r#"
         name = "tiny"

@@ -28,7 +28,8 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }
 
-/// Why this thread's last call with a reader or a frame failed, one line; empty when it did not. Valid until the next such call.
+/// Why this thread's last call with a reader or a frame failed, one line; empty when it did not. Valid until the next
+/// such call.
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_error() -> *const c_char {
     LAST.with_borrow(|text| text.as_ptr())

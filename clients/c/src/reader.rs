@@ -1,4 +1,5 @@
-//! What readers of all streams have in common: a subscriber, the message that the caller looks at, and the thread they belong to.
+//! What readers of all streams have in common: a subscriber, the message that the caller looks at, and the thread they
+//! belong to.
 
 use std::ffi::{CStr, c_char, c_int};
 use std::ptr::null_mut;
@@ -130,7 +131,8 @@ unsafe fn of<'a, M: Message>(
     if reader.is_null() {
         return Err(CallError::Null { call, what });
     }
-    // SAFETY: the caller upholds that it is a reader; its thread is never written after opening, so that any thread may look.
+    // SAFETY: the caller upholds that it is a reader; its thread is never written after opening, so that any thread may
+    // look.
     if unsafe { (*reader).thread } != thread::current().id() {
         return Err(CallError::Thread);
     }

@@ -23,8 +23,8 @@ macro_rules! stream {
             unsafe { reader::open(stringify!($open), camera) }
         }
 
-        /// The oldest message not yet read, waiting up to `timeout_ms` for one: 1 and the message, 0 when none came, −1 when it
-        /// failed. It is valid until the next call with this reader.
+        /// The oldest message not yet read, waiting up to `timeout_ms` for one: 1 and the message, 0 when none came, −1
+        /// when it failed. It is valid until the next call with this reader.
         ///
         /// # Safety
         /// `reader` is null or one that is open; `frame` is null or may be written.

@@ -34,7 +34,8 @@ impl From<WorldBody> for edgecap_world_body {
     }
 }
 
-/// Takes a body of `frame` to the floor-aligned world: 1 when `there` was written, 0 while there is no floor, −1 when it failed.
+/// Takes a body of `frame` to the floor-aligned world: 1 when `there` was written, 0 while there is no floor, −1 when
+/// it failed.
 ///
 /// # Safety
 /// `frame` and `body` are null or may be read, `there` is null or may be written.

@@ -1,12 +1,13 @@
-//! What edgecap works around in iceoryx2, each case as small as it gets, for its maintainers and for whoever updates it.
+//! What edgecap works around in iceoryx2, each case as small as it gets, for its maintainers and for whoever updates
+//! it.
 //!
 //! ```text
 //! cargo run -p edgecap-client --example iceoryx2_faults
 //! ```
 //!
 //! Nothing of edgecap is used: plain iceoryx2 with its own kind of service, a root folder and a prefix of this run's.
-//! Every case runs in a process of its own, because some of them end it. A line a case says what was seen; where one says
-//! "nothing wrong", the work-around (`domain.rs`, `service.rs`, `link.rs`) may go.
+//! Every case runs in a process of its own, because some of them end it. A line a case says what was seen; where one
+//! says "nothing wrong", the work-around (`domain.rs`, `service.rs`, `link.rs`) may go.
 
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;

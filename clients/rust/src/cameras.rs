@@ -3,7 +3,8 @@
 use crate::place::reading_dirs;
 use crate::stream::{Message, check_camera};
 
-/// The cameras whose stream of `M` this user may read, by name: those published now, and those whose publisher was killed.
+/// The cameras whose stream of `M` this user may read, by name: those published now, and those whose publisher was
+/// killed.
 pub fn cameras<M: Message>() -> Vec<String> {
     let suffix = format!(".{}.v{}", M::STREAM, M::VERSION);
     let entries = reading_dirs()

@@ -47,8 +47,8 @@ impl Claim {
             if !is_at(&file, &path) {
                 continue;
             }
-            // A file that was cleaned away is a new file to us; its holder still publishes. Or lets go this moment: whoever only
-            // looked removes the file before closing it.
+            // A file that was cleaned away is a new file to us; its holder still publishes. Or lets go this moment:
+            // whoever only looked removes the file before closing it.
             if holds_removed(&path) {
                 fs::remove_file(&path)?;
                 sleep(PAUSE);

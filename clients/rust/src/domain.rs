@@ -1,8 +1,8 @@
 //! One publisher's life in iceoryx2: a folder of its own, that ends with its last user.
 //!
-//! A publisher never opens what another left: it makes a domain, and tells the readers its name when it is complete. So what
-//! the dead left damaged or half made is never read, and cameras cannot reach each other's. Everybody who uses a domain holds
-//! its lock; where nobody does, whoever comes next removes it.
+//! A publisher never opens what another left: it makes a domain, and tells the readers its name when it is complete. So
+//! what the dead left damaged or half made is never read, and cameras cannot reach each other's. Everybody who uses a
+//! domain holds its lock; where nobody does, whoever comes next removes it.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read};

@@ -79,8 +79,8 @@ pub const MIRROR_BODY: [usize; BODY_JOINTS] = [
 /// networks speak of a person rescaled to this height and the fit restores the true one.
 pub const CANONICAL_STATURE: f32 = 1.70;
 
-/// Names of the degrees of freedom, in the order of [`Body::angles`](crate::message::Body::angles): the pelvis' place (m) and
-/// rotation vector (rad), then 23 joint angles (rad).
+/// Names of the degrees of freedom, in the order of [`Body::angles`](crate::message::Body::angles): the pelvis' place
+/// (m) and rotation vector (rad), then 23 joint angles (rad).
 pub const ANGLE_NAMES: [&str; DOF] = [
     "pelvis_tx",
     "pelvis_ty",

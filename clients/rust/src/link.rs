@@ -12,8 +12,8 @@ use crate::ring::BUFFER;
 use crate::service::FileService;
 use crate::stream::{Message, service_name};
 
-/// Most programs that get messages of one stream through iceoryx2, in place and without a copy. Any number of others copies
-/// them from the stream's file.
+/// Most programs that get messages of one stream through iceoryx2, in place and without a copy. Any number of others
+/// copies them from the stream's file.
 pub const MAX_SUBSCRIBERS: usize = 16;
 /// Places beyond them for our own processes.
 pub(crate) const RESERVED: usize = 2;

@@ -1,8 +1,9 @@
 //! Where the shared memory of an installation lies: found by every process without a flag.
 //!
-//! A writer takes the first that fits: `$EDGECAP_RUNTIME_DIR`; `/run/edgecap` where it belongs to this user (a service's
-//! `RuntimeDirectory`); `edgecap` in `$XDG_RUNTIME_DIR` or `/run/user/<uid>`; `/dev/shm/edgecap-<uid>`, or where somebody else
-//! took that name, `~/.cache/edgecap/run`. A reader looks there too, and in `/run/edgecap` where it may read it.
+//! A writer takes the first that fits: `$EDGECAP_RUNTIME_DIR`; `/run/edgecap` where it belongs to this user (a
+//! service's `RuntimeDirectory`); `edgecap` in `$XDG_RUNTIME_DIR` or `/run/user/<uid>`; `/dev/shm/edgecap-<uid>`, or
+//! where somebody else took that name, `~/.cache/edgecap/run`. A reader looks there too, and in `/run/edgecap` where it
+//! may read it.
 //!
 //! Only the folder's owner may write there. Its group may read if the folder's mode says so (0750): then it may read
 //! the streams and nothing else.

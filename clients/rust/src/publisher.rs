@@ -59,8 +59,8 @@ impl<M: Message> Publisher<M> {
         })
     }
 
-    /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its oldest.
-    /// Where somebody removed the files under it, they are made anew.
+    /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its
+    /// oldest. Where somebody removed the files under it, they are made anew.
     ///
     /// # Errors
     /// [`LinkError::SharedMemory`]; while they are made anew, as [`open`](Self::open).

@@ -1,8 +1,8 @@
 //! iceoryx2 with all its memory in files below one folder, instead of in `/dev/shm`, where every login may make files.
 //!
-//! The stock `ipc::Service` differs in this alone. It keeps one object for all users, of mode 0666, which any of them may
-//! truncate; and a name there can be taken by whoever comes first. Below a folder of mode 0700 neither can happen. The folder
-//! lies in memory (`/run`, `$XDG_RUNTIME_DIR`, `/dev/shm`), so nothing reaches a disk.
+//! The stock `ipc::Service` differs in this alone. It keeps one object for all users, of mode 0666, which any of them
+//! may truncate; and a name there can be taken by whoever comes first. Below a folder of mode 0700 neither can happen.
+//! The folder lies in memory (`/run`, `$XDG_RUNTIME_DIR`, `/dev/shm`), so nothing reaches a disk.
 
 use core::fmt::Debug;
 

@@ -1,7 +1,8 @@
 //! Reading a stream: waits in the kernel, wakes within microseconds of a message.
 //!
-//! Every reader follows the stream's file. A program of the same user also joins the publisher's iceoryx2 domain and gets the
-//! messages there in place; the file gives it what came before it had joined, and tells it when the publisher has gone.
+//! Every reader follows the stream's file. A program of the same user also joins the publisher's iceoryx2 domain and
+//! gets the messages there in place; the file gives it what came before it had joined, and tells it when the publisher
+//! has gone.
 
 use core::cell::RefCell;
 use core::ops::Deref;
@@ -130,11 +131,12 @@ impl<M: Message> Subscriber<M> {
         Ok(Self(RefCell::new(inner)))
     }
 
-    /// The oldest message not yet read, waiting up to `timeout` for one; `None` when none came. A signal that this process
-    /// handles ends the wait early, so that the caller can look at its stop flag.
+    /// The oldest message not yet read, waiting up to `timeout` for one; `None` when none came. A signal that this
+    /// process handles ends the wait early, so that the caller can look at its stop flag.
     ///
     /// # Errors
-    /// [`LinkError::SharedMemory`]; [`LinkError::Version`] and [`LinkError::Permission`] of a publisher that has come since.
+    /// [`LinkError::SharedMemory`]; [`LinkError::Version`] and [`LinkError::Permission`] of a publisher that has come
+    /// since.
     pub fn next(&self, timeout: Duration) -> Result<Option<Received<M>>, LinkError> {
         let began = Instant::now();
         let mut inner = self.0.borrow_mut();
@@ -146,8 +148,8 @@ impl<M: Message> Subscriber<M> {
             if let Some(m) = inner.receive()? {
                 return Ok(Some(m));
             }
-            // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive, unless the
-            // wake-up belongs to a message that was read before it was waited for: then the wait goes on.
+            // SYNC POINT: a message is sent before its wake-up, so after a wake-up there is something to receive,
+            // unless the wake-up belongs to a message that was read before it was waited for: then the wait goes on.
             let left = timeout.saturating_sub(began.elapsed());
             if left < SHORTEST_WAIT {
                 inner.forget_wake_ups();
@@ -175,8 +177,8 @@ impl<M: Message> Subscriber<M> {
         Ok(newest)
     }
 
-    /// Every message, oldest unread first, until a file ends; waits where nobody publishes, also for a camera's run that was
-    /// stopped. Drop each before taking the third one.
+    /// Every message, oldest unread first, until a file ends; waits where nobody publishes, also for a camera's run
+    /// that was stopped. Drop each before taking the third one.
     ///
     /// # Errors
     /// As [`next`](Self::next).

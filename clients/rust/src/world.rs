@@ -3,13 +3,14 @@
 use crate::joints::BODY_JOINTS;
 use crate::message::{Body, BodyFrame, World, WorldState};
 
-/// A body in the floor-aligned world: x to the camera's right, y up, z towards the viewer, metres, origin on the floor below
-/// the camera.
+/// A body in the floor-aligned world: x to the camera's right, y up, z towards the viewer, metres, origin on the floor
+/// below the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldBody {
     /// Pelvis, metres.
     pub position: [f32; 3],
-    /// Rotation of the pelvis from the skeleton's rest axes to world axes, xyzw; upright and facing the camera: identity.
+    /// Rotation of the pelvis from the skeleton's rest axes to world axes, xyzw; upright and facing the camera:
+    /// identity.
     pub orientation: [f32; 4],
     /// Pelvis velocity, metres per second.
     pub velocity: [f32; 3],

@@ -1,4 +1,5 @@
-//! aarch64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a 32-bit group, set.
+//! aarch64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a
+//! 32-bit group, set.
 
 mod neon;
 

@@ -1,4 +1,5 @@
-//! x86-64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a 32-bit group, set.
+//! x86-64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a 32-bit
+//! group, set.
 
 mod avx2;
 mod avx512;

@@ -73,8 +73,9 @@ impl ConvShape {
     /// Checks that the numbers fit together and that every size derived from them fits memory.
     ///
     /// # Errors
-    /// When channels are missing, too many (2²⁰) or not divided by the groups; when kernel or stride are 0 or above 64, or the
-    /// padding reaches the kernel; when a transposed convolution has a stride above its kernel or a padding of half of it.
+    /// When channels are missing, too many (2²⁰) or not divided by the groups; when kernel or stride are 0 or above 64,
+    /// or the padding reaches the kernel; when a transposed convolution has a stride above its kernel or a padding of
+    /// half of it.
     pub fn new(dims: ConvDims) -> Result<Self, KernelError> {
         let ConvDims {
             in_channels,
@@ -99,7 +100,8 @@ impl ConvShape {
                 "transposed convolution: expected stride <= kernel and 2 * padding < kernel, found kernel {kernel}, stride {stride}, padding {padding}; correct the network file"
             )));
         }
-        // Packed panels pad the outputs of a group to whole vectors and blocks, and Winograd's weights take 8 bytes for one.
+        // Packed panels pad the outputs of a group to whole vectors and blocks, and Winograd's weights take 8 bytes for
+        // one.
         let packed_bytes = || {
             let outs = (out_channels / groups).next_multiple_of(64);
             (outs * groups)
@@ -164,7 +166,8 @@ impl ConvShape {
         self.dims.out_channels / self.dims.groups
     }
 
-    /// Output rows or columns for `n` input rows or columns; 0 where the input with its padding is smaller than the kernel.
+    /// Output rows or columns for `n` input rows or columns; 0 where the input with its padding is smaller than the
+    /// kernel.
     pub fn output_len(&self, n: usize) -> usize {
         let ConvDims {
             kernel,

@@ -5,14 +5,14 @@ use crate::KernelError;
 
 /// Placement of an NHWC tensor, or of a channel slice of one, in a flat buffer. Units are elements.
 ///
-/// Pixel (row y, column x), channel c is at `origin + y * row_stride + x * pixel_stride + c`. `halo` pixels on every side
-/// are part of the buffer too and hold the padding value, so that convolutions need no border cases.
+/// Pixel (row y, column x), channel c is at `origin + y * row_stride + x * pixel_stride + c`. `halo` pixels on every
+/// side are part of the buffer too and hold the padding value, so that convolutions need no border cases.
 ///
 /// Layouts are made by [`dense`](Self::dense) and [`channel_slice`](Self::channel_slice) only, hence for every layout
 /// - it has at least one pixel and one channel,
 /// - `channels <= pixel_stride` and `(width + 2 * halo) * pixel_stride <= row_stride`,
-/// - the index of every channel of every pixel, halo included, is below [`buffer_len`](Self::buffer_len), which is at most
-///   `isize::MAX / 8`.
+/// - the index of every channel of every pixel, halo included, is below [`buffer_len`](Self::buffer_len), which is at
+///   most `isize::MAX / 8`.
 ///
 /// ```
 /// use edgecap_kernels::Layout;

@@ -40,7 +40,8 @@ impl PoolShape {
         self.padding
     }
 
-    /// Output rows or columns for `n` input rows or columns; 0 where the input with its padding is smaller than the window.
+    /// Output rows or columns for `n` input rows or columns; 0 where the input with its padding is smaller than the
+    /// window.
     pub fn output_len(&self, n: usize) -> usize {
         window_output_len(n, self.kernel, self.stride, self.padding)
     }

@@ -7,8 +7,8 @@ use crate::tensor::Element;
 /// The last step of an int8 convolution, per output channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Epilogue {
-    /// `clamp(rne(acc · scale + residual · residual_scale), 0, max)`; product and sum are each rounded to f32, never fused.
-    /// ReLU is the clamp at 0.
+    /// `clamp(rne(acc · scale + residual · residual_scale), 0, max)`; product and sum are each rounded to f32, never
+    /// fused. ReLU is the clamp at 0.
     U8 {
         /// One per output channel.
         scale: Vec<f32>,

@@ -153,10 +153,12 @@ impl Vector {
     }
 
     /// # Safety
-    /// As `QConv::run_part`: among others `scratch.len() >= self.scratch_bytes()`, so that the plan's regions lie within.
+    /// As `QConv::run_part`: among others `scratch.len() >= self.scratch_bytes()`, so that the plan's regions lie
+    /// within.
     pub unsafe fn run(&self, epilogue: &Epilogue, run: &Run, scratch: &mut Scratch) {
         let writer = self.writer(epilogue, run);
-        // SAFETY: `Ready` proves that the CPU has the kernel's features; tensors, part and scratch are as the caller promises.
+        // SAFETY: `Ready` proves that the CPU has the kernel's features; tensors, part and scratch are as the caller
+        // promises.
         unsafe {
             match (&self.method, &writer) {
                 (Method::Plain(kernel, panels), Writer::U8(writer)) => {

@@ -1,8 +1,8 @@
 //! Winograd on vectors.
 //!
-//! Tiles are taken in chunks that fit the second-level cache: transform the inputs of a chunk (vectors of channels), then for
-//! every block of output channels multiply point by point (a tile of MR Winograd tiles × NV vectors, the same core as the
-//! direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
+//! Tiles are taken in chunks that fit the second-level cache: transform the inputs of a chunk (vectors of channels),
+//! then for every block of output channels multiply point by point (a tile of MR Winograd tiles × NV vectors, the same
+//! core as the direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
 
 use super::{BIAS_POINT, IN, OUT, POINTS};
 use crate::direct::{Chain, Place, Plain, Tile, Write};
@@ -44,7 +44,8 @@ pub(crate) struct Plan {
     products: usize,
 }
 
-/// Bytes of a cache line. One is left free behind every point, or all points of a tile would fall into a few sets of the cache.
+/// Bytes of a cache line. One is left free behind every point, or all points of a tile would fall into a few sets of
+/// the cache.
 const LINE: usize = 64;
 
 /// i32 from a point's products of MR tiles and `nv` vectors to the next point's.
@@ -80,8 +81,8 @@ impl Plan {
 /// Runs a job.
 ///
 /// # Safety
-/// The features of `D` are on; the contract of `QConv::run_part` holds for the job's tensors and the writer's; `plan` was
-/// made for `D` and these channels.
+/// The features of `D` are on; the contract of `QConv::run_part` holds for the job's tensors and the writer's; `plan`
+/// was made for `D` and these channels.
 #[inline(always)]
 pub(crate) unsafe fn run<D, W>(job: &Job, writer: &W)
 where
@@ -322,7 +323,8 @@ impl<W> Chunk<'_, '_, W> {
             let weights = &panel[point * point_bytes..(point + 1) * point_bytes];
             let mut first = 0;
             while first < self.count {
-                // SAFETY: first + MR <= plan.tiles, as both are multiples of MR; V and the products hold that many tiles.
+                // SAFETY: first + MR <= plan.tiles, as both are multiples of MR; V and the products hold that many
+                // tiles.
                 unsafe {
                     let mut acc = [[D::load_acc(start.as_ptr().cast()); NV]; MR];
                     if point == BIAS_POINT {

@@ -13,17 +13,18 @@ const G24: [[i64; 3]; IN] = [
     [0, 0, 24],
 ];
 
-/// Greatest `Σ |A| ρ` over output rows, where ρ are the row sums of |Bᵀ|: (1 + 1 + 8 + 8 + 1 as in Aᵀ's last row) · (10, 10, 6, 6, 10).
+/// Greatest `Σ |A| ρ` over output rows, where ρ are the row sums of |Bᵀ|: (1 + 1 + 8 + 8 + 1 as in Aᵀ's last row) ·
+/// (10, 10, 6, 6, 10).
 const REACH: i64 = 10 + 10 + 8 * 6 + 8 * 6 + 10;
 
 /// Most bits by which a point's weights are finer than t.
 const MAX_SHIFT: u32 = 6;
 
-/// Transformed weights of a convolution: `U = round(576 · G w Gᵀ · t · 2^shift / 576)`, with one t per output channel and one
-/// shift per point.
+/// Transformed weights of a convolution: `U = round(576 · G w Gᵀ · t · 2^shift / 576)`, with one t per output channel
+/// and one shift per point.
 ///
-/// Points differ in the size of their weights and in how much their products weigh in the output, so each has as many bits
-/// as i16 and its sums allow; products lose the shift again after they are summed.
+/// Points differ in the size of their weights and in how much their products weigh in the output, so each has as many
+/// bits as i16 and its sums allow; products lose the shift again after they are summed.
 #[derive(Debug, Clone)]
 pub(crate) struct TransformedWeights {
     /// `[out_channels, in_channels / groups, 36]`.
@@ -32,7 +33,8 @@ pub(crate) struct TransformedWeights {
     pub factor: Vec<i32>,
     /// Per point.
     pub shift: [u32; POINTS],
-    /// `t · 2^shift · bias`, shift of the bias point, and its [`rounding`](Self::rounding): where that point's sum begins.
+    /// `t · 2^shift · bias`, shift of the bias point, and its [`rounding`](Self::rounding): where that point's sum
+    /// begins.
     pub bias: Vec<i32>,
 }
 
@@ -156,9 +158,9 @@ fn greatest_factor(weights: &[i8], bias: i32, input_max: u8, most: i64, depth: i
 
 /// `value / 576` of an integer below 2^40, ties away from zero.
 ///
-/// In f64, because compilers turn that into vectors, and not i64 division; start-up waits for millions of them. It is exact: a
-/// quotient is a multiple of 1/576, so it is either an integer or too far from one to be rounded to it. Quotients fit i32,
-/// whose cast is an instruction where `floor` is a call.
+/// In f64, because compilers turn that into vectors, and not i64 division; start-up waits for millions of them. It is
+/// exact: a quotient is a multiple of 1/576, so it is either an integer or too far from one to be rounded to it.
+/// Quotients fit i32, whose cast is an instruction where `floor` is a call.
 fn round_576(value: f64) -> f64 {
     f64::from(((value.abs() + 288.0) / 576.0) as i32).copysign(value)
 }

@@ -2,7 +2,8 @@
 
 use std::ops::{Deref, DerefMut};
 
-/// A copy of a slice whose last element is the last of a page; behind it, and before its first page, nothing can be touched.
+/// A copy of a slice whose last element is the last of a page; behind it, and before its first page, nothing can be
+/// touched.
 ///
 /// Under Miri, which watches every access itself, and on other systems than Linux a plain vector.
 pub struct Guarded<T: Copy + 'static> {
@@ -23,8 +24,8 @@ impl<T: Copy> Guarded<T> {
         let bytes = size_of_val(values);
         let inner = bytes.next_multiple_of(page);
         let whole = inner + 2 * page;
-        // SAFETY: a new anonymous mapping; its pages but the first and the last are made readable and writable. `bytes` before
-        // their end is aligned as T is, since pages are and `bytes` is a multiple of T's size.
+        // SAFETY: a new anonymous mapping; its pages but the first and the last are made readable and writable. `bytes`
+        // before their end is aligned as T is, since pages are and `bytes` is a multiple of T's size.
         let (start, data) = unsafe {
             let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
             let start = libc::mmap(std::ptr::null_mut(), whole, libc::PROT_NONE, flags, -1, 0);
@@ -83,8 +84,8 @@ fn the_page_behind_the_last_element_is_not_there() {
     let guarded = Guarded::new(&[7u8; 5000]);
     let end = guarded.as_ptr_range().end;
     assert_eq!(end as usize % 4096, 0);
-    // The kernel reads the byte for us and says that it cannot.
-    // SAFETY: a pipe's write end would take bytes from `end`, which the system call checks itself; both ends are closed.
+    // The kernel reads the byte for us and says that it cannot. SAFETY: a pipe's write end would take bytes from `end`,
+    // which the system call checks itself; both ends are closed.
     unsafe {
         let mut ends = [0; 2];
         assert_eq!(libc::pipe(ends.as_mut_ptr()), 0);

@@ -5,13 +5,14 @@ use glam::{DMat3, DQuat, DVec3};
 use super::{FREEDOM, JOINTS, MeshBody, PARENTS, REPORTED};
 use crate::body::model::{BodyModel, Elimination};
 
-/// The joint that carries each of edgecap's joints along: a head top moves with the head, a hand with the wrist's joint.
+/// The joint that carries each of edgecap's joints along: a head top moves with the head, a hand with the wrist's
+/// joint.
 pub(super) const CARRIERS: [usize; REPORTED] = [
     15, 12, 17, 19, 21, 16, 18, 20, 2, 5, 8, 1, 4, 7, 0, 6, 15, 23, 22, 11, 10,
 ];
 
-/// A pose: where the pelvis is, metres, and how every joint is turned against its parent; the root's rotation takes the body's axes
-/// (x to its left, y up, z forward) to those it is wanted in.
+/// A pose: where the pelvis is, metres, and how every joint is turned against its parent; the root's rotation takes the
+/// body's axes (x to its left, y up, z forward) to those it is wanted in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshPose {
     /// Place of the pelvis' joint.
@@ -150,7 +151,8 @@ impl MeshBody {
         self.joint_by_shape(posed, carrier, component) + posed.turn[carrier] * against
     }
 
-    /// Calls `column` with every degree of freedom that moves one of edgecap's joints, in rising order, and its derivative.
+    /// Calls `column` with every degree of freedom that moves one of edgecap's joints, in rising order, and its
+    /// derivative.
     pub fn reported_jacobian(
         &self,
         posed: &PosedTree,

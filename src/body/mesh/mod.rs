@@ -1,7 +1,8 @@
 //! The mesh body: a shape and a pose of SMPL's tree go in, joints and a skinned mesh come out.
 //!
-//! Loper et al., SMPL: A Skinned Multi-Person Linear Model (SIGGRAPH Asia 2015). Files of that format are read by [`MeshBody::read`];
-//! [`MeshBody::shipped`] is this project's own (`models/body`). Metres; a body at rest has x to its left, y up, z forward.
+//! Loper et al., SMPL: A Skinned Multi-Person Linear Model (SIGGRAPH Asia 2015). Files of that format are read by
+//! [`MeshBody::read`]; [`MeshBody::shipped`] is this project's own (`models/body`). Metres; a body at rest has x to its
+//! left, y up, z forward.
 
 mod error;
 mod kinematics;

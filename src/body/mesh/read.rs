@@ -19,8 +19,9 @@ const REACH: f64 = 10.0;
 type Rows = Vec<Vec<(usize, f64)>>;
 
 impl MeshBody {
-    /// Reads a body model: `v_template`, `f`, `shapedirs`, `J_regressor` (dense, or `J_regressor_data`, `_indices` and `_indptr` of a
-    /// sparse one), `weights`, `kintree_table`; `posedirs` may be absent or empty. An array may have its unit beside it (`X_unit`).
+    /// Reads a body model: `v_template`, `f`, `shapedirs`, `J_regressor` (dense, or `J_regressor_data`, `_indices` and
+    /// `_indptr` of a sparse one), `weights`, `kintree_table`; `posedirs` may be absent or empty. An array may have its
+    /// unit beside it (`X_unit`).
     ///
     /// # Errors
     /// When the archive is damaged, an array is missing, or shapes, numbers or the tree are not those of SMPL's format.

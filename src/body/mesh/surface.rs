@@ -51,8 +51,8 @@ impl<'a> Surface<'a> {
         each.sum()
     }
 
-    /// Calls `column` with every parameter that moves a vertex, in rising order, and its derivative: of the pose, then the
-    /// coefficients that were prepared.
+    /// Calls `column` with every parameter that moves a vertex, in rising order, and its derivative: of the pose, then
+    /// the coefficients that were prepared.
     pub fn jacobian(&self, vertex: usize, mut column: impl FnMut(usize, DVec3)) {
         let rest = self.rest(vertex);
         // Of what each joint carries: weight, and weight times place.

@@ -1,8 +1,8 @@
 //! In: the rotations of a posed skeleton. Out: local rotations of VRM / Unity humanoid bones.
 //!
-//! Game engines start from a T-pose (axes x to the left, y up, z to the front) with arms stretched sideways, our skeleton
-//! from hanging arms: arms get the quarter turn in between. The hips turn relative to the camera set upright: x right,
-//! y up, z towards the viewer, so that a person who stands and faces the camera has no rotation at all.
+//! Game engines start from a T-pose (axes x to the left, y up, z to the front) with arms stretched sideways, our
+//! skeleton from hanging arms: arms get the quarter turn in between. The hips turn relative to the camera set upright:
+//! x right, y up, z towards the viewer, so that a person who stands and faces the camera has no rotation at all.
 
 use glam::{DQuat, DVec3};
 
@@ -10,7 +10,8 @@ use super::{BoneLengths, Posed, Skeleton};
 use crate::joints::{PARENTS, PELVIS};
 use crate::message::HUMANOID_BONE_COUNT;
 
-/// For each humanoid bone: the body joint whose bone carries it, its humanoid parent, and the side of an arm (−1 right).
+/// For each humanoid bone: the body joint whose bone carries it, its humanoid parent, and the side of an arm (−1
+/// right).
 const BONES: [(usize, Option<usize>, f64); HUMANOID_BONE_COUNT] = [
     (PELVIS, None, 0.0),
     (1, Some(0), 0.0),
@@ -30,7 +31,8 @@ const BONES: [(usize, Option<usize>, f64); HUMANOID_BONE_COUNT] = [
     (20, Some(14), 0.0),
 ];
 
-/// The T-pose from which [`bone_rotations`] turn, hips at the origin, x to the person's left, y up, z to the front, metres.
+/// The T-pose from which [`bone_rotations`] turn, hips at the origin, x to the person's left, y up, z to the front,
+/// metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TPose {
     /// The bone that carries each one; none carries the hips.

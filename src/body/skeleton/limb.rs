@@ -1,5 +1,5 @@
-//! In: directions of a limb's two bones in space. Out: the joint angles that produce them, in closed form. It starts new
-//! people and rescues limbs that are stuck in a wrong pose.
+//! In: directions of a limb's two bones in space. Out: the joint angles that produce them, in closed form. It starts
+//! new people and rescues limbs that are stuck in a wrong pose.
 
 use glam::{DQuat, DVec3};
 
@@ -34,8 +34,9 @@ impl Limb {
         [first, first + 1, first + 2, hinge]
     }
 
-    /// The two sets of angles that point the bones along `upper` and `lower` (camera axes, any length), given the rotation
-    /// of the trunk at the ball joint. `current` supplies the rotation of a limb stretched so far that it shows none.
+    /// The two sets of angles that point the bones along `upper` and `lower` (camera axes, any length), given the
+    /// rotation of the trunk at the ball joint. `current` supplies the rotation of a limb stretched so far that it
+    /// shows none.
     pub fn solve(
         &self,
         skeleton: &Skeleton,

@@ -1,7 +1,8 @@
 //! Who may read: everybody on this machine, or whoever has the token.
 //!
-//! A browser carries out what any page of the internet says. So without a token the request must name this machine itself (else
-//! a foreign name could be made to lead here), and must come of a page that was served here, or of a program.
+//! A browser carries out what any page of the internet says. So without a token the request must name this machine
+//! itself (else a foreign name could be made to lead here), and must come of a page that was served here, or of a
+//! program.
 
 use std::fs::File;
 use std::io::{self, Read};

@@ -19,7 +19,8 @@ use crate::message::{BodyFrame, EventFrame, PictureFrame};
 /// Most bytes of the kept past, whatever the time.
 const MOST_HISTORY: usize = 64 << 20;
 
-/// Frames and events of all cameras go in; every client gets those that it wants. A handle: its clones are the same hub.
+/// Frames and events of all cameras go in; every client gets those that it wants. A handle: its clones are the same
+/// hub.
 #[derive(Debug, Clone)]
 pub struct Hub(Arc<Mutex<Inner>>);
 
@@ -59,7 +60,8 @@ struct Inner {
 }
 
 impl Hub {
-    /// Keeps the past of so long for clients that come later; zero: none. Pictures go to nobody unless the user `shows` them.
+    /// Keeps the past of so long for clients that come later; zero: none. Pictures go to nobody unless the user `shows`
+    /// them.
     pub fn new(keep: Duration, shows: bool) -> Self {
         Self(Arc::new(Mutex::new(Inner {
             clients: Vec::new(),

@@ -1,11 +1,12 @@
 //! Bodies and events over WebSocket, as JSON or compact binary.
 //!
-//! A client opens `/bodies` and gets every camera's frames as they are published, or only its newest where it is too slow: what
-//! it has not taken is replaced, never queued. Parameters: `format=json` (default) or `binary` ([`binary`]), `camera=NAME` for
-//! one camera, `history=1` for the kept past first (binary only), `token=` where the server wants one.
+//! A client opens `/bodies` and gets every camera's frames as they are published, or only its newest where it is too
+//! slow: what it has not taken is replaced, never queued. Parameters: `format=json` (default) or `binary` ([`binary`]),
+//! `camera=NAME` for one camera, `history=1` for the kept past first (binary only), `token=` where the server wants
+//! one.
 //!
-//! At `/events` it gets what has happened, in the same two forms. Events are queued: only a client that is behind by a thousand
-//! loses the oldest.
+//! At `/events` it gets what has happened, in the same two forms. Events are queued: only a client that is behind by a
+//! thousand loses the oldest.
 
 mod access;
 pub mod binary;

@@ -11,7 +11,8 @@ const FAR: f64 = 150.0;
 /// Checks views of one file and brings them to metres.
 ///
 /// # Errors
-/// [`CameraError::Calibration`] for cameras that are the same, turned against their pictures, or in no unit that is known.
+/// [`CameraError::Calibration`] for cameras that are the same, turned against their pictures, or in no unit that is
+/// known.
 pub fn check(name: &str, mut views: Vec<View>) -> Result<Calibration, CameraError> {
     let wrong = |expected, found| {
         Err(CameraError::Calibration {
@@ -92,7 +93,7 @@ fn spread(views: &[View]) -> f64 {
     apart[apart.len() / 2]
 }
 
-/// What is wrong where a camera was calibrated with pictures that lie on their side, or with others than it says.
+/// What is wrong where a camera was calibrated with portrait pictures, or with others than it says.
 fn turned(view: &View) -> Option<String> {
     let [w, h] = view.size.map(f64::from);
     let off =

@@ -1,4 +1,5 @@
-//! COLMAP's `cameras.txt` and `images.txt`: every image is a view. COLMAP knows no metre: its scale is that of the files.
+//! COLMAP's `cameras.txt` and `images.txt`: every image is a view. COLMAP knows no metre: its scale is that of the
+//! files.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Calibration files of others go in, [`View`]s come out: one file a format, told apart by what is in them.
 //!
-//! World → camera everywhere, metres afterwards, Brown's five coefficients. What was recognised or changed on the way is said
-//! in [`Calibration::notes`].
+//! World → camera everywhere, metres afterwards, Brown's five coefficients. What was recognised or changed on the way
+//! is said in [`Calibration::notes`].
 
 mod check;
 mod colmap;
@@ -33,14 +33,14 @@ pub struct Calibration {
     pub views: Vec<View>,
     /// What was recognised, one line each.
     pub notes: Vec<String>,
-    /// Another reading of the lenses where the file does not say which is meant, and its name: the one in which rays meet
-    /// better is right.
+    /// Another reading of the lenses where the file does not say which is meant, and its name: the one in which rays
+    /// meet better is right.
     pub alternative: Option<(Vec<View>, &'static str)>,
 }
 
-/// Reads a calibration of any of the formats: a file of Pose2Sim or Anipose (`.toml`), of QTM (`.xml`, `.qca.txt`), of OpenCV
-/// (`.yml`), or a folder with EasyMocap's `intri.yml` and `extri.yml`, COLMAP's `cameras.txt` and `images.txt`, or one OpenCV
-/// file a camera.
+/// Reads a calibration of any of the formats: a file of Pose2Sim or Anipose (`.toml`), of QTM (`.xml`, `.qca.txt`), of
+/// OpenCV (`.yml`), or a folder with EasyMocap's `intri.yml` and `extri.yml`, COLMAP's `cameras.txt` and `images.txt`,
+/// or one OpenCV file a camera.
 ///
 /// # Errors
 /// [`CameraError`]: what was expected, what was found.

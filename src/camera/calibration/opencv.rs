@@ -4,8 +4,9 @@ use super::parts::{Parts, pinhole, rotation, vector};
 use super::storage::Storage;
 use crate::camera::{CameraError, View};
 
-/// Reads the text of one camera's calibration: `camera_matrix`, `distortion_coefficients`, `image_width`, `image_height`, and
-/// world → camera as `R` or `rvec` with `T` or `tvec`. `name` is the camera's, `file` is for errors.
+/// Reads the text of one camera's calibration: `camera_matrix`, `distortion_coefficients`, `image_width`,
+/// `image_height`, and world → camera as `R` or `rvec` with `T` or `tvec`. `name` is the camera's, `file` is for
+/// errors.
 ///
 /// # Errors
 /// [`CameraError::Calibration`].
@@ -58,8 +59,8 @@ fn one(storage: &Storage, name: &str) -> Result<View, String> {
     .view()
 }
 
-/// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Pictures whose size they do not tell are taken to have the
-/// principal point in their middle.
+/// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Pictures whose size they do not tell are taken to have
+/// the principal point in their middle.
 ///
 /// # Errors
 /// [`CameraError::Calibration`].

@@ -1,7 +1,7 @@
 //! Calibrations of Qualisys Track Manager (`.qca.txt`, XML) go in, views come out.
 //!
-//! Pixels are counted in 1/64, positions in millimetres; the rows of the rotation are the camera's axes in the world, x right,
-//! y up, z backward. Distortion coefficients are unscaled and those of OpenCV.
+//! Pixels are counted in 1/64, positions in millimetres; the rows of the rotation are the camera's axes in the world, x
+//! right, y up, z backward. Distortion coefficients are unscaled and those of OpenCV.
 
 use glam::{DMat3, DVec3};
 use roxmltree::{Document, Node};
@@ -67,7 +67,7 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
     let rotation = proper(rotation, name)?;
     if let Some(turned) = camera.attribute("viewrotation").filter(|v| v.trim() != "0") {
         return Err(format!(
-            "camera {name} turned by viewrotation=\"{turned}\": its numbers are those of pictures lying on their side; export the calibration with views not turned"
+            "camera {name} turned by viewrotation=\"{turned}\": its numbers are those of portrait pictures; export the calibration with views not turned"
         ));
     }
     let pixels = |first: &str, last: &str| -> Result<f64, String> {

@@ -42,8 +42,8 @@ impl PixelFormat {
         }
     }
 
-    /// The byte that says how bright the first pixel is (green where there is no luma), and how many bytes later the next
-    /// pixel's is.
+    /// The byte that says how bright the first pixel is (green where there is no luma), and how many bytes later the
+    /// next pixel's is.
     pub(crate) fn brightness_at(self) -> (usize, usize) {
         match self {
             Self::Yuyv => (0, 2),

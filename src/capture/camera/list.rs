@@ -39,8 +39,8 @@ impl CameraInfo {
 /// Every camera that gives pictures, by number of its device file.
 ///
 /// # Errors
-/// [`CaptureError::Unavailable`] when there is none, [`CaptureError::Permission`] when there are device files that this user may
-/// not open and no other camera.
+/// [`CaptureError::Unavailable`] when there is none, [`CaptureError::Permission`] when there are device files that this
+/// user may not open and no other camera.
 pub fn list_cameras() -> Result<Vec<CameraInfo>, CaptureError> {
     let mut paths: Vec<PathBuf> = std::fs::read_dir("/dev")
         .map_err(|e| CaptureError::from_io_named("/dev", e))?

@@ -1,5 +1,5 @@
-//! A camera that may go away and come back: openings and pictures go in, steps come out. No device here, so that every way of
-//! failing can be tested.
+//! A camera that may go away and come back: openings and pictures go in, steps come out. No device here, so that every
+//! way of failing can be tested.
 //!
 //! ```text
 //! Streaming ──error, or silent for 3 s──▶ Reconnecting ──opened again──▶ Streaming
@@ -39,8 +39,8 @@ pub trait CameraPort: Send {
 
 /// A camera that is open and runs.
 pub trait CameraStream: Send {
-    /// Waits for a picture and overwrites `raw` with the newest one: bytes, layout, and CLOCK_MONOTONIC time of capture.
-    /// Returns the camera's own count of it; `None` when none came within `timeout`.
+    /// Waits for a picture and overwrites `raw` with the newest one: bytes, layout, and CLOCK_MONOTONIC time of
+    /// capture. Returns the camera's own count of it; `None` when none came within `timeout`.
     ///
     /// # Errors
     /// The camera is gone or refuses: it has to be opened again.
@@ -83,7 +83,8 @@ enum State {
 }
 
 impl<P: CameraPort, C: Clock> Live<P, C> {
-    /// Opens the camera for the first time. What fails now fails for good: a user who names a wrong camera wants to know.
+    /// Opens the camera for the first time. What fails now fails for good: a user who names a wrong camera wants to
+    /// know.
     ///
     /// # Errors
     /// Those of [`CameraPort::open`].

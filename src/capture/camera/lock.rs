@@ -18,7 +18,8 @@ impl InstanceLock {
     /// Takes the lock of `key` (a device's name) in `$XDG_RUNTIME_DIR`, or in the folder for temporary files.
     ///
     /// # Errors
-    /// [`CaptureError::Busy`] when another process, or another place in this one, holds it; the message names the process.
+    /// [`CaptureError::Busy`] when another process, or another place in this one, holds it; the message names the
+    /// process.
     pub fn acquire(key: &str) -> Result<Self, CaptureError> {
         let folder = std::env::var_os("XDG_RUNTIME_DIR")
             .map(PathBuf::from)
@@ -90,7 +91,8 @@ impl InstanceLock {
 
 impl Drop for InstanceLock {
     fn drop(&mut self) {
-        // Closing would not do while a child of another thread, forked but not yet another program, holds the same open file.
+        // Closing would not do while a child of another thread, forked but not yet another program, holds the same open
+        // file.
         if let Some(file) = &self.file {
             let _ = file.unlock();
         }

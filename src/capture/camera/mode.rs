@@ -23,8 +23,8 @@ const SAME_RATE: f64 = 0.95;
 /// How far from the closest size a mode may lie to be chosen for its rate: 640 × 480 for 1280 × 720, but no stamp.
 const NEAR: f64 = 3.5;
 
-/// The mode closest to the wish: of sizes near it those that reach the rate, or come closest to it; of these the closest size
-/// (rather larger than smaller); of these the format that is cheapest to decode. `None` without modes.
+/// The mode closest to the wish: of sizes near it those that reach the rate, or come closest to it; of these the
+/// closest size (rather larger than smaller); of these the format that is cheapest to decode. `None` without modes.
 pub fn choose_mode(modes: &[Mode], size: (u32, u32), fps: f64) -> Option<Mode> {
     let size_distance = |m: &Mode| {
         let step = |have: u32, want: u32| {

@@ -1,8 +1,8 @@
 //! Looks at the boxes of an MP4 file before the library reads them: it trusts their sizes and counts.
 //!
 //! A box of no size inside another one lets it read the same header for ever, and tables may state billions of samples.
-//! So every box down to the tables must lie inside its parent, and there may not be more samples than bytes. What the film
-//! does not need, and the library reads carelessly, is hidden from it.
+//! So every box down to the tables must lie inside its parent, and there may not be more samples than bytes. What the
+//! film does not need, and the library reads carelessly, is hidden from it.
 
 use std::io::{self, Read, Seek, SeekFrom};
 

@@ -1,4 +1,5 @@
-//! `edgecap fit --cameras`: what several `infer` processes publish becomes one body a person, in the calibration's axes.
+//! `edgecap fit --cameras`: what several `infer` processes publish becomes one body a person, in the calibration's
+//! axes.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};

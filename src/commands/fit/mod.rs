@@ -1,5 +1,5 @@
-//! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, of one camera or of several that are
-//! calibrated, or from a recorded file.
+//! `edgecap fit`: observations in, bodies out. Sees no pictures; live from shared memory, of one camera or of several
+//! that are calibrated, or from a recorded file.
 
 mod cameras;
 mod pace;
@@ -48,7 +48,8 @@ pub struct FitArgs {
     input: Option<PathBuf>,
     #[command(flatten)]
     record: RecordArgs,
-    /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy, width, height
+    /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy,
+    /// width, height
     #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     camera: Option<PathBuf>,
     #[command(flatten)]
@@ -61,12 +62,12 @@ pub struct FitArgs {
 /// Whose observations are fitted, and how.
 #[derive(Debug, Clone, clap::Args, Serialize, Deserialize)]
 pub struct FitTask {
-    /// Name under which observations are read and bodies published; of several cameras, bodies [default: camera0, of several
-    /// cameras room]
+    /// Name under which observations are read and bodies published; of several cameras, bodies [default: camera0, of
+    /// several cameras room]
     #[arg(long)]
     pub name: Option<String>,
-    /// Fit what several calibrated cameras see of the same people: the names under which each one's observations are published,
-    /// as the calibration calls the cameras, or CAMERA=NAME
+    /// Fit what several calibrated cameras see of the same people: the names under which each one's observations are
+    /// published, as the calibration calls the cameras, or CAMERA=NAME
     #[arg(
         long,
         value_name = "[CAMERA=]NAME,…",
@@ -75,7 +76,8 @@ pub struct FitTask {
     )]
     #[serde(default)]
     pub cameras: Vec<String>,
-    /// Their calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, or a folder of OpenCV, EasyMocap or COLMAP
+    /// Their calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, or a folder of OpenCV, EasyMocap or
+    /// COLMAP
     #[arg(long, value_name = "FILE", requires = "cameras")]
     #[serde(default)]
     pub calibration: Option<PathBuf>,

@@ -6,7 +6,8 @@ use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME, ObservationFrame};
 
 use crate::camera::monotonic_ns;
 
-/// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated further.
+/// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated
+/// further.
 const STALE: Duration = Duration::from_secs(1);
 
 /// Leaves out observations that waited somewhere until they were no news any more.

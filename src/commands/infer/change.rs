@@ -1,8 +1,9 @@
 //! Whether anything in a picture has changed against another one of the same place.
 //!
-//! Cells are compared after the change that they have in common is taken out: exposure and flicker make everything brighter or
-//! darker by the same factor. Noise is what most cells still differ by; somebody differs by more, and in several cells. Whoever
-//! fills most of the picture cannot pass for noise, because noise of so many pixels is never that large.
+//! Cells are compared after the change that they have in common is taken out: exposure and flicker make everything
+//! brighter or darker by the same factor. Noise is what most cells still differ by; somebody differs by more, and in
+//! several cells. Whoever fills most of the picture cannot pass for noise, because noise of so many pixels is never
+//! that large.
 
 use crate::capture::Brightness;
 

@@ -19,8 +19,9 @@ pub struct EngineArgs {
     /// Weights of Stage II (safetensors) in place of the model's own
     #[arg(long, value_name = "FILE")]
     pub stage2: Option<PathBuf>,
-    /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people close to the
-    /// camera better in less time [default: auto for films and cameras, 512x320 for photos; turned for upright pictures]
+    /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people
+    /// close to the camera better in less time [default: auto for films and cameras, 512x320 for photos; turned for
+    /// upright pictures]
     #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,
     /// Threads for the network; all cores when not given
@@ -101,7 +102,8 @@ impl EngineArgs {
         matches!(self.size, Some(InputSize::Fixed(..)))
     }
 
-    /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest on.
+    /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest
+    /// on.
     pub fn size_of(&self, upright: bool, level: usize) -> (usize, usize) {
         match self.size {
             Some(InputSize::Fixed(w, h)) => (w, h),
@@ -129,7 +131,7 @@ impl EngineArgs {
     }
 }
 
-/// A size for pictures that lie, for those of the other orientation if `upright`.
+/// A size for landscape pictures, turned for portrait ones if `upright`.
 pub fn turned((w, h): (usize, usize), upright: bool) -> (usize, usize) {
     if upright { (h, w) } else { (w, h) }
 }

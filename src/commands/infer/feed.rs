@@ -1,7 +1,7 @@
 //! Pictures, taken and decoded in a thread of their own while the network is at work on the one before.
 //!
-//! One order, one delivery: no more than one picture is ever in hand. A camera's picture is taken as late as it can be and
-//! still be ready in time, so that it is new when the network gets to it.
+//! One order, one delivery: no more than one picture is ever in hand. A camera's picture is taken as late as it can be
+//! and still be ready in time, so that it is new when the network gets to it.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};

@@ -32,7 +32,7 @@ pub(super) use observer::{Observer, Step};
 pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;
 
-/// Network input for pictures that lie, pixels, where it does not follow the people in view.
+/// Network input for landscape pictures, pixels, where it does not follow the people in view.
 pub(super) const DEFAULT_SIZE: (usize, usize) = zoom::INPUTS[0];
 
 /// Options of `edgecap infer`.
@@ -62,7 +62,8 @@ pub struct InferTask {
     pub engine: EngineArgs,
     #[command(flatten)]
     pub pace: PaceArgs,
-    /// Publish what the camera sees, made small, for 'edgecap view --show-picture': otherwise no picture leaves this process
+    /// Publish what the camera sees, made small, for 'edgecap view --show-picture': otherwise no picture leaves this
+    /// process
     #[arg(long)]
     #[serde(default)]
     pub show_picture: bool,
@@ -145,7 +146,8 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         bar.finish_and_clear();
     }
     if is_supervised && stop.requested() && outcome.is_ok() {
-        // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another one.
+        // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another
+        // one.
         return Err(Failure::silent(exit::INTERRUPTED).into());
     }
     finish(sinks, observed, outcome).map(drop)

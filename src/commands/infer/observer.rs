@@ -16,7 +16,8 @@ use crate::commands::pipeline::FrameObservations;
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.2;
 
-/// Pictures per second for which people are looked at with a smaller input than they would want: fewer lose quick movements.
+/// Pictures per second for which people are looked at with a smaller input than they would want: fewer lose quick
+/// movements.
 const LEAST_RATE: f32 = 15.0;
 
 /// A source, its lens and the stages.
@@ -108,8 +109,8 @@ impl<'a> Observer<'a> {
     /// Observes the next picture. Damaged ones among many are skipped, and those of a file told at its end.
     ///
     /// # Errors
-    /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture; what was
-    /// observed before stands.
+    /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture; what
+    /// was observed before stands.
     pub fn step(&mut self, message: &mut ObservationFrame) -> anyhow::Result<Step> {
         if !self.feed.is_pending() {
             self.order(Duration::ZERO);

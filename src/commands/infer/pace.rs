@@ -8,8 +8,8 @@
 
 /// How long nobody must have been seen, at every size of the input in its turn, nanoseconds.
 const EMPTY_NS: u64 = 2_500_000_000;
-/// From one glance to the next. With a camera's picture to wait for, and the look itself, somebody who enters is seen within
-/// 400 ms.
+/// From one glance to the next. With a camera's picture to wait for, and the look itself, somebody who enters is seen
+/// within 400 ms.
 const GLANCE_NS: u64 = 300_000_000;
 /// How often the largest input is looked at where things move and nobody is there.
 const LARGE_NS: u64 = 950_000_000;

@@ -13,8 +13,8 @@ pub struct PaceArgs {
     /// Look at no more pictures of a camera than these, per second; the others are not even decoded
     #[arg(long, value_name = "FPS", value_parser = parse_rate)]
     pub max_fps: Option<f64>,
-    /// Look at every picture of a camera also while nobody is in view [default: three a second, and all again within 0.4 s of
-    /// somebody entering]
+    /// Look at every picture of a camera also while nobody is in view [default: three a second, and all again within
+    /// 0.4 s of somebody entering]
     #[arg(long)]
     pub no_idle: bool,
 }

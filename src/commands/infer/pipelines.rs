@@ -11,11 +11,12 @@ use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::pipeline::{FrameObservations, Pipeline};
 
-/// The stages for every input that pictures may ask for, made before the first of them: people in an upright picture would be
-/// small in a network input that lies. All share one set of packed weights and one team of threads.
+/// The stages for every input that pictures may ask for, made before the first of them: people in an upright picture
+/// would be small in a network input that lies. All share one set of packed weights and one team of threads.
 pub struct Pipelines<'a> {
     engine: &'a EngineArgs,
-    /// By orientation (upright second; alone where the size is fixed) and, where the input follows the people in view, its size.
+    /// By orientation (upright second; alone where the size is fixed) and, where the input follows the people in view,
+    /// its size.
     built: Vec<Vec<Pipeline>>,
     following: Option<Following>,
     speed: Speed,
@@ -31,8 +32,8 @@ struct Following {
 }
 
 impl<'a> Pipelines<'a> {
-    /// Builds them all. The input of a `film` follows the people in view unless it is fixed; where pictures may take only
-    /// `target` seconds each, no input is larger than the machine has time for.
+    /// Builds them all. The input of a `film` follows the people in view unless it is fixed; where pictures may take
+    /// only `target` seconds each, no input is larger than the machine has time for.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
@@ -99,7 +100,8 @@ impl<'a> Pipelines<'a> {
         Ok(seen)
     }
 
-    /// Looks whether anybody is in the frame: with the smallest input, and if that shows nobody and `large`, with the largest.
+    /// Looks whether anybody is in the frame: with the smallest input, and if that shows nobody and `large`, with the
+    /// largest.
     ///
     /// # Errors
     /// As [`Pipeline::process`].

@@ -1,5 +1,5 @@
-//! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes slower than it was.
-//! Times go in, verdicts come out.
+//! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes
+//! slower than it was. Times go in, verdicts come out.
 
 use super::zoom::INPUTS;
 
@@ -64,8 +64,8 @@ impl Speed {
         self.limit
     }
 
-    /// A picture of the input `level` took so many seconds and was ready at `now` nanoseconds. Says when the machine has
-    /// become slower, once until it has recovered.
+    /// A picture of the input `level` took so many seconds and was ready at `now` nanoseconds. Says when the machine
+    /// has become slower, once until it has recovered.
     pub fn took(&mut self, now: u64, level: usize, seconds: f32) -> Option<Slower> {
         let target = self.target?;
         let entry = &mut self.levels[level];

@@ -1,13 +1,14 @@
 //! Which input the next picture takes, where that follows the people in view.
 //!
-//! The network knows people of some 60 to 300 pixels best, whatever the picture: somebody before a screen is taller than that at 512×320 and is
-//! better seen by an input of half the size, which takes a quarter of the time; somebody across the hall needs the whole size. So the input is as
-//! small as the tallest person wants it, unless that makes the smallest one too small; and as those whom the present size cannot see would never
-//! be missed, another size is looked at beside it now and then.
+//! The network knows people of some 60 to 300 pixels best, whatever the picture: somebody before a screen is taller
+//! than that at 512×320 and is better seen by an input of half the size, which takes a quarter of the time; somebody
+//! across the hall needs the whole size. So the input is as small as the tallest person wants it, unless that makes the
+//! smallest one too small; and as those whom the present size cannot see would never be missed, another size is looked
+//! at beside it now and then.
 
 use edgecap_client::message::Observation;
 
-/// Network inputs for pictures that lie, from the largest to the smallest.
+/// Network inputs for landscape pictures, from the largest to the smallest.
 pub const INPUTS: [(usize, usize); 3] = [(512, 320), (384, 240), (256, 160)];
 /// Somebody taller than this, network pixels, is better seen by a smaller input.
 const TALL: f32 = 320.0;
@@ -41,7 +42,8 @@ impl Zoom {
         self.limit = limit;
     }
 
-    /// The input that the picture taken at `now` nanoseconds is to be looked at with as well, if any: every other one in its turn.
+    /// The input that the picture taken at `now` nanoseconds is to be looked at with as well, if any: every other one
+    /// in its turn.
     pub fn look_elsewhere(&mut self, now: u64) -> Option<usize> {
         // A clock that went backwards is a film that began again.
         let last = *self.looked_ns.get_or_insert(now);
@@ -58,8 +60,8 @@ impl Zoom {
         None
     }
 
-    /// Takes in how tall people are, pixels of the largest input: those seen by the present input in the picture taken at `now`, and those seen by
-    /// another one if it was looked at.
+    /// Takes in how tall people are, pixels of the largest input: those seen by the present input in the picture taken
+    /// at `now`, and those seen by another one if it was looked at.
     pub fn seen(&mut self, now: u64, here: &[f32], elsewhere: Option<&[f32]>) {
         let everybody = here.iter().chain(elsewhere.unwrap_or_default()).copied();
         let wanted = wanted(everybody);
@@ -94,7 +96,8 @@ fn wanted(statures: impl Iterator<Item = f32>) -> usize {
     low_enough.min(large_enough)
 }
 
-/// How tall somebody is upright, pixels of the picture: the scale between the joints seen and the body's, times 1.70 m. `None` for who shows too little.
+/// How tall somebody is upright, pixels of the picture: the scale between the joints seen and the body's, times 1.70 m.
+/// `None` for who shows too little.
 pub fn stature(o: &Observation) -> Option<f32> {
     use edgecap_client::joints::CANONICAL_STATURE;
     let joints = || {

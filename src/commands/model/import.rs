@@ -25,7 +25,8 @@ pub struct Import {
     /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
     #[arg(long, default_value = "selecsls")]
     arch: String,
-    /// Folder of pictures to find activation ranges with, each scaled to cover width x height and cropped; without it the weights' contract must have them
+    /// Folder of pictures to find activation ranges with, each scaled to cover width x height and cropped; without it
+    /// the weights' contract must have them
     #[arg(long)]
     calibrate: Option<PathBuf>,
     /// At most this many pictures, evenly over the folder
@@ -40,10 +41,12 @@ pub struct Import {
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
     no_bias_correction: bool,
-    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options above say
+    /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options
+    /// above say
     #[arg(long)]
     try_ranges: bool,
-    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other activations
+    /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other
+    /// activations
     #[arg(long)]
     width: Option<usize>,
     /// Height that pictures are calibrated at; without it about their own

@@ -185,7 +185,8 @@ fn info(model: &Model) -> Result<()> {
 }
 
 fn verify(model: &Model) -> Result<()> {
-    // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give numbers.
+    // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give
+    // numbers.
     let options = EngineOptions {
         width: 128,
         height: 96,

@@ -27,12 +27,12 @@ use crate::multiview::{Masks, MultiviewOptions, fit, fit_tracks, nearest_sight, 
 /// Options of `edgecap multiview`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MultiviewArgs {
-    /// Calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, OpenCV's .yml, or a folder of EasyMocap, COLMAP or one
-    /// OpenCV file a camera; one view does without, its bodies are in camera axes
+    /// Calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, OpenCV's .yml, or a folder of EasyMocap, COLMAP
+    /// or one OpenCV file a camera; one view does without, its bodies are in camera axes
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
-    /// What a camera saw: the JSON lines or record of 'infer', or a film; once for every camera. Files are called like their
-    /// camera, or CAMERA=FILE says which it is, or they come in the calibration's order
+    /// What a camera saw: the JSON lines or record of 'infer', or a film; once for every camera. Files are called like
+    /// their camera, or CAMERA=FILE says which it is, or they come in the calibration's order
     #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
     pub view: Vec<String>,
     /// Body model in SMPL's format (.npz) in place of the program's own
@@ -41,8 +41,8 @@ pub struct MultiviewArgs {
     /// Do not smooth: every frame stands for itself
     #[arg(long)]
     pub no_dct: bool,
-    /// Folder of who every pixel shows: CAMERA/000000.png and so on, one grey picture a frame, 0 where nobody is, one value a
-    /// person; as 'synth --views --masks' makes them
+    /// Folder of who every pixel shows: CAMERA/000000.png and so on, one grey picture a frame, 0 where nobody is, one
+    /// value a person; as 'synth --views --masks' makes them
     #[arg(long, value_name = "FOLDER")]
     pub masks: Option<PathBuf>,
     /// Measure a camera against the bodies that the others give, without using it; may be given several times
@@ -57,8 +57,8 @@ pub struct MultiviewArgs {
     /// How views that were not started together are brought to one time
     #[arg(long, value_enum, default_value_t = Sync::Auto)]
     pub sync: Sync,
-    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .csv, .npz or .svg; may be given
-    /// several times
+    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .csv, .npz or .svg;
+    /// may be given several times
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
     /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes

@@ -1,4 +1,5 @@
-//! A file from its first picture to its last: seen in one thread, fitted and written in another, which wait for each other.
+//! A file from its first picture to its last: seen in one thread, fitted and written in another, which wait for each
+//! other.
 
 use std::sync::mpsc::{SyncSender, sync_channel};
 

@@ -6,8 +6,8 @@ use crate::commands::exit::{self, Failure};
 use crate::metrics::Meter;
 use crate::supervise::{Child, describe};
 
-/// Looks after a child of this camera. A crash is mended, a failure that would come again is the run's; `infer` may be done, which
-/// is returned.
+/// Looks after a child of this camera. A crash is mended, a failure that would come again is the run's; `infer` may be
+/// done, which is returned.
 pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Result<bool> {
     let Some(status) = child.tend()? else {
         return Ok(false);

@@ -11,7 +11,7 @@ use crate::commands::events;
 use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
-use crate::commands::run::RunArgs;
+use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Setting, merge};
 use crate::events::EventConfig;
 use crate::fit::FitConfig;
@@ -59,8 +59,8 @@ impl Effective {
         Ok(())
     }
 
-    /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing of a camera
-    /// that runs alone.
+    /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing
+    /// of a camera that runs alone.
     ///
     /// # Errors
     /// One that was typed for a single camera.
@@ -171,8 +171,8 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
     })
 }
 
-/// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its lens and its
-/// floor would be another's.
+/// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its
+/// lens and its floor would be another's.
 fn chosen(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Vec<CameraSettings>> {
     let cameras = &settings.cameras;
     let (input, name) = (&typed.input.input, &typed.input.name);

@@ -1,5 +1,5 @@
-//! What `edgecap.toml` may hold: the options of the verbs under the names of their fields, by section; and which of it holds for a
-//! run. A new option of a section is a key of the file without anybody typing it again.
+//! What `edgecap.toml` may hold: the options of the verbs under the names of their fields, by section; and which of it
+//! holds for a run. A new option of a section is a key of the file without anybody typing it again.
 
 mod check;
 mod effective;
@@ -32,7 +32,8 @@ pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");
 /// Where a verb finds its settings.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct ConfigArgs {
-    /// Settings (TOML); flags override them [default: edgecap/edgecap.toml in $XDG_CONFIG_HOME or ~/.config, else in /etc]
+    /// Settings (TOML); flags override them [default: edgecap/edgecap.toml in $XDG_CONFIG_HOME or ~/.config, else in
+    /// /etc]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MultiviewArgs {
-    /// All cameras see the same people, and this is their calibration, in which they have the same names: one body a person comes of
-    /// all of them
+    /// All cameras see the same people, and this is their calibration, in which they have the same names: one body a
+    /// person comes of all of them
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
     /// Name under which these bodies are published [default: room]

@@ -61,18 +61,19 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
-    /// So many calibrated cameras round one scene see the same people: in --out a film and its truth by camera, Calib.toml for
-    /// 'multiview', and world.json with everybody's joints in its axes.
+    /// So many calibrated cameras round one scene see the same people: in --out a film and its truth by camera,
+    /// Calib.toml for 'multiview', and world.json with everybody's joints in its axes.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), conflicts_with_all = ["stills", "clip", "format"])]
     pub views: Option<u32>,
     /// With --views: who every pixel shows, as pictures masks/CAMERA/000000.png of identities, 0 where nobody is.
     #[arg(long, requires = "views")]
     pub masks: bool,
-    /// With --views: what a network as bad as the one that comes along would tell of every view, as CAMERA.jsonl for 'multiview'.
+    /// With --views: what a network as bad as the one that comes along would tell of every view, as CAMERA.jsonl for
+    /// 'multiview'.
     #[arg(long, requires = "views")]
     pub observed: bool,
-    /// Only the truth about stills or views, no pictures: tens of thousands of people a second. Visible then means inside the
-    /// picture; boxes and areas are absent unless --masks are made.
+    /// Only the truth about stills or views, no pictures: tens of thousands of people a second. Visible then means
+    /// inside the picture; boxes and areas are absent unless --masks are made.
     #[arg(long, conflicts_with_all = ["quality", "format", "clip"])]
     pub truth_only: bool,
     /// JPEG quality; default: that of the imitated camera, 60 for a clip.

@@ -173,7 +173,8 @@ impl Common {
         all.into_iter().flatten()
     }
 
-    /// A contract that says what this program computes, for weights made here (random ones of tests and speed measurements).
+    /// A contract that says what this program computes, for weights made here (random ones of tests and speed
+    /// measurements).
     fn ours(origin: &str) -> Self {
         let names = |n: usize| JOINT_NAMES[..n].iter().map(|s| s.to_string()).collect();
         Self {

@@ -1,5 +1,5 @@
-//! The model file (`.ecm`): safetensors layout; the metadata key `edgecap` holds one JSON [`Header`]; the header holds the
-//! BLAKE3 digest of the whole file in which the digest's own 64 digits are zeros.
+//! The model file (`.ecm`): safetensors layout; the metadata key `edgecap` holds one JSON [`Header`]; the header holds
+//! the BLAKE3 digest of the whole file in which the digest's own 64 digits are zeros.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;

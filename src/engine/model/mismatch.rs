@@ -5,8 +5,8 @@ use super::{Contract, Model, ModelError, Stage2Contract, contract_of, float, sta
 use crate::engine::network::Network;
 
 impl Model {
-    /// Everything that keeps safetensors from being imported as `network`; nothing where [`from_safetensors`](Self::from_safetensors)
-    /// takes them.
+    /// Everything that keeps safetensors from being imported as `network`; nothing where
+    /// [`from_safetensors`](Self::from_safetensors) takes them.
     ///
     /// # Errors
     /// No safetensors at all.
@@ -33,7 +33,8 @@ impl Model {
     }
 }
 
-/// Adds tensors that nobody asked for. Where most only have something before their names, that is all that is said of them.
+/// Adds tensors that nobody asked for. Where most only have something before their names, that is all that is said of
+/// them.
 fn with_the_unused(t: &Tensors<'_>, wrong: Vec<ModelError>) -> Vec<ModelError> {
     let unused: Vec<&str> = t.unread().filter(|n| !is_counter(n)).collect();
     let missing = |e: &ModelError| match e {

@@ -1,4 +1,5 @@
-//! A model: a network with its weights, what they mean, and Stage II's layers. Files come in, a [`Model`] goes to the engine.
+//! A model: a network with its weights, what they mean, and Stage II's layers. Files come in, a [`Model`] goes to the
+//! engine.
 
 mod completed;
 mod contract;

@@ -1,8 +1,8 @@
 //! Float convolutions and activation ranges go in, int8 convolutions come out.
 //!
-//! Weights: per output channel, symmetric, ±127, of the weights already multiplied by the scale of the activation that each
-//! input channel carries; so every channel, and every slice of a concatenation, keeps its own scale at no cost. Activations: 7
-//! bits, zero point 0 after ReLU.
+//! Weights: per output channel, symmetric, ±127, of the weights already multiplied by the scale of the activation that
+//! each input channel carries; so every channel, and every slice of a concatenation, keeps its own scale at no cost.
+//! Activations: 7 bits, zero point 0 after ReLU.
 
 use super::FloatConv;
 use super::contract::ACTIVATION_LEVELS;
@@ -79,7 +79,8 @@ pub(crate) fn input_scales<'a>(
     node.inputs.iter().filter_map(scale).flat_map(channels)
 }
 
-/// Rounds one convolution. `means`, the mean of every input channel, corrects the bias for what rounding the weights shifts.
+/// Rounds one convolution. `means`, the mean of every input channel, corrects the bias for what rounding the weights
+/// shifts.
 pub(crate) fn quantise(
     node: &Node,
     conv: &FloatConv,

@@ -97,8 +97,8 @@ impl Observed {
 
     /// A range for every channel: the geometric mean of the value's range and the channel's own, weighted by `own`.
     ///
-    /// At 0 all channels share one range, and weights are rounded best; at 1 every channel fills its steps, and weights of
-    /// narrow channels suffer, because a channel's range moves into the weights that read it.
+    /// At 0 all channels share one range, and weights are rounded best; at 1 every channel fills its steps, and weights
+    /// of narrow channels suffer, because a channel's range moves into the weights that read it.
     pub fn channel_ranges(&self, choice: RangeChoice, levels: u32, own: f32) -> Vec<f32> {
         let all = self.range(choice, levels);
         let range = |channel: &Histogram| {

@@ -94,8 +94,8 @@ impl Stage2 {
         Ok(Self { contract, layers })
     }
 
-    /// The widths of the file's network: input and output are given, hidden layers are as wide as their weights (`name` of the
-    /// layer, from 1) have rows.
+    /// The widths of the file's network: input and output are given, hidden layers are as wide as their weights (`name`
+    /// of the layer, from 1) have rows.
     fn widths(t: &Tensors<'_>, name: impl Fn(usize) -> String) -> Result<[usize; 6], ModelError> {
         let mut widths = Self::WIDTHS;
         for (layer, width) in widths[..5].iter_mut().enumerate().skip(1) {

@@ -13,8 +13,8 @@ const MAX_NODES: usize = 10_000;
 /// Most channels of the input, and most pixels that its sides are multiples of.
 const MAX_INPUT: usize = 8192;
 
-/// Expands every layer; checks that names exist once, that channels fit and that groups divide, and that all numbers are of a
-/// size that the kernels take.
+/// Expands every layer; checks that names exist once, that channels fit and that groups divide, and that all numbers
+/// are of a size that the kernels take.
 pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     let mut b = Builder::new(spec);
     let sizes = 1..=MAX_INPUT;

@@ -1,7 +1,7 @@
 //! The text of a network file (`models/*.toml`) goes in, a checked description comes out.
 //!
-//! A file has a `name`, an `about` line, the `input`, the named `output`s, and `layers`, one inline table each, told apart
-//! by `kind`:
+//! A file has a `name`, an `about` line, the `input`, the named `output`s, and `layers`, one inline table each, told
+//! apart by `kind`:
 //!
 //! | kind | is |
 //! |---|---|
@@ -11,9 +11,9 @@
 //! | `selecsls` | a chain of SelecSLS modules `[in, skip, k, out, stride]` (XNect §6.1) |
 //! | `bottlenecks` | a chain of ResNet bottleneck blocks (He et al. 2016, §4.1) |
 //!
-//! `from` lists the layers whose outputs, concatenated, are the input; without it, the layer above. Padding is `kernel / 2`
-//! for convolutions and pooling and `(kernel - stride) / 2` for transposed ones. Parameters are called as PyTorch calls
-//! them: `NAME.0.weight` with batch norm `NAME.1.*` where there is one, else `NAME.weight` and `NAME.bias`; with
+//! `from` lists the layers whose outputs, concatenated, are the input; without it, the layer above. Padding is `kernel
+//! / 2` for convolutions and pooling and `(kernel - stride) / 2` for transposed ones. Parameters are called as PyTorch
+//! calls them: `NAME.0.weight` with batch norm `NAME.1.*` where there is one, else `NAME.weight` and `NAME.bias`; with
 //! `norm_name = "N"`, `NAME.weight` and `N.*`.
 
 use std::collections::BTreeMap;
@@ -73,7 +73,8 @@ pub enum LayerSpec {
         /// Input layers.
         #[serde(default)]
         from: Vec<String>,
-        /// `[above, groups]`: 3×3 convolutions with more than `above` outputs have `groups` groups; the last that holds wins.
+        /// `[above, groups]`: 3×3 convolutions with more than `above` outputs have `groups` groups; the last that holds
+        /// wins.
         #[serde(default)]
         groups: Vec<[usize; 2]>,
         /// `[in, skip, k, out, stride]`; skip 0 begins a level.

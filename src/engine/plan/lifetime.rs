@@ -15,8 +15,8 @@ impl Lifetime {
     }
 }
 
-/// Lifetimes of all values: written at the step of their node, read until their last consumer; the input from before the first
-/// step, outputs to the end.
+/// Lifetimes of all values: written at the step of their node, read until their last consumer; the input from before
+/// the first step, outputs to the end.
 pub(super) fn of(graph: &Graph) -> Vec<Lifetime> {
     let mut lives = vec![Lifetime { first: 0, last: 0 }; graph.values.len()];
     for (step, node) in graph.nodes.iter().enumerate() {

@@ -79,7 +79,8 @@ impl Plan {
     /// Most elements of the arena: what is larger is a mistake in a network file, not a network for a CPU.
     const MAX_LEN: usize = 1 << 30;
 
-    /// Places every value of `graph` for an input of `height` × `width`. `padding` is the stored number of real 0 of a value.
+    /// Places every value of `graph` for an input of `height` × `width`. `padding` is the stored number of real 0 of a
+    /// value.
     pub fn new(
         graph: &Graph,
         height: usize,
@@ -160,8 +161,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Shows what the runner relies on: while a value is alive nobody else writes its elements, and concatenated values are
-    /// neighbours in order. Cheap beside packing weights, so it is done for every plan, not only in tests.
+    /// Shows what the runner relies on: while a value is alive nobody else writes its elements, and concatenated values
+    /// are neighbours in order. Cheap beside packing weights, so it is done for every plan, not only in tests.
     fn prove(&self, graph: &Graph) -> Result<(), PlanError> {
         let lives = lifetime::of(graph);
         for a in 0..graph.values.len() {

@@ -7,8 +7,8 @@ use std::marker::PhantomData;
 #[repr(C, align(64))]
 struct Line(UnsafeCell<[u8; 64]>);
 
-/// `len` elements of `T`, zeroed, aligned to a cache line, shared between threads that promise to keep out of each other's
-/// way.
+/// `len` elements of `T`, zeroed, aligned to a cache line, shared between threads that promise to keep out of each
+/// other's way.
 pub(super) struct Arena<T> {
     lines: Box<[Line]>,
     len: usize,
@@ -20,7 +20,8 @@ pub(super) trait Plain: Copy + Send + Sync + 'static {}
 impl Plain for u8 {}
 impl Plain for f32 {}
 
-// SAFETY: an arena is plain memory; all access goes through raw pointers whose users keep to the plan's proof (see `Step::run`).
+// SAFETY: an arena is plain memory; all access goes through raw pointers whose users keep to the plan's proof (see
+// `Step::run`).
 unsafe impl<T: Plain> Sync for Arena<T> {}
 
 impl<T: Plain> Arena<T> {
@@ -47,7 +48,8 @@ impl<T: Plain> Arena<T> {
 
     /// All elements.
     pub fn as_mut_slice(&mut self) -> &mut [T] {
-        // SAFETY: `&mut self` excludes every other user; the lines hold at least `len` elements, and all-zero bytes are a `T`.
+        // SAFETY: `&mut self` excludes every other user; the lines hold at least `len` elements, and all-zero bytes are
+        // a `T`.
         unsafe { std::slice::from_raw_parts_mut(self.as_ptr(), self.len) }
     }
 }

@@ -172,7 +172,8 @@ fn step(
         place => Target::Arena(tensor(place)?),
     };
 
-    // Lengths count from the tensor's own buffer to the end of the arena (or of the map), which is what its pointer may reach.
+    // Lengths count from the tensor's own buffer to the end of the arena (or of the map), which is what its pointer may
+    // reach.
     let reach = |t: &Tensor| plan.len - t.base;
     let out = match &target {
         Target::Arena(t) => (&t.layout, reach(t)),
@@ -219,9 +220,9 @@ fn check_sum(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(),
     Ok(())
 }
 
-/// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual and of
-/// the output are constants per output channel, so they are folded into the bias. `channels` of the input are stored, the last
-/// of which may be more than the network has: they get weight 0.
+/// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual
+/// and of the output are constants per output channel, so they are folded into the bias. `channels` of the input are
+/// stored, the last of which may be more than the network has: they get weight 0.
 fn int8(
     node: &Node,
     channels: usize,

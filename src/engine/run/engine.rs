@@ -135,8 +135,8 @@ impl Engine {
         Self::build(Arc::new(packed), Arc::new(Mutex::new(team)), options)
     }
 
-    /// An engine for another input size that shares this one's packed weights and threads: it costs a plan and its buffers.
-    /// Engines that share threads run one frame at a time.
+    /// An engine for another input size that shares this one's packed weights and threads: it costs a plan and its
+    /// buffers. Engines that share threads run one frame at a time.
     ///
     /// # Errors
     /// When the size does not fit the network.
@@ -159,8 +159,8 @@ impl Engine {
         let plan = Plan::new(&packed.stored, height, width, |v| packed.padding[v])?;
         let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
         let order = outputs(&packed.graph, &plan, &maps)?;
-        // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a busy one
-        // they gained nothing.
+        // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a
+        // busy one they gained nothing.
         let shares = options.threads.max(1);
         let steps = build::steps(&packed.stored, &plan, &packed.kernels, shares)?;
         let Place::Slot { slot, layout } = plan.values[Graph::INPUT] else {
@@ -212,8 +212,8 @@ impl Engine {
         &self.maps
     }
 
-    /// As [`run`](Self::run), adding every value the network computes to `observed` (one entry per value of the graph). Slow:
-    /// one thread. For f32 engines.
+    /// As [`run`](Self::run), adding every value the network computes to `observed` (one entry per value of the graph).
+    /// Slow: one thread. For f32 engines.
     ///
     /// # Panics
     /// When `rgb` is not of the engine's size, or `observed` not of the graph's.
@@ -231,11 +231,13 @@ impl Engine {
                 (&program.memory, &program.steps[step].target)
             {
                 let value = self.packed.graph.nodes[step].output;
-                // SAFETY: `run_alone` has no other thread at work, and the kernel's check put the tensor within the arena.
+                // SAFETY: `run_alone` has no other thread at work, and the kernel's check put the tensor within the
+                // arena.
                 unsafe { add(tensor, arena.as_ptr(), &mut observed[value]) };
             }
         };
-        // SAFETY: arena and maps are this engine's own, which `&mut self` keeps from everybody else; `seen` is called between steps.
+        // SAFETY: arena and maps are this engine's own, which `&mut self` keeps from everybody else; `seen` is called
+        // between steps.
         unsafe { self.team().run_alone(&self.track, seen) };
         &self.maps
     }
@@ -301,8 +303,9 @@ impl Engine {
             "expected an RGB picture of {width}x{height}, found {} bytes; letterbox it to the engine's input",
             rgb.len()
         );
-        // SAFETY: no frame of this engine is running (`&mut self`, and however `Team::run` is left, no thread is at work on the
-        // frame any more), so nobody else touches the arena; the first step's check put the input's layout within it.
+        // SAFETY: no frame of this engine is running (`&mut self`, and however `Team::run` is left, no thread is at
+        // work on the frame any more), so nobody else touches the arena; the first step's check put the input's layout
+        // within it.
         unsafe { picture::store(rgb, &self.input, &self.track.work.memory) };
         let pointers = [self.maps.head2d.as_mut_ptr(), self.maps.head3d.as_mut_ptr()];
         for (slot, head) in self.track.work.maps.iter().zip(self.order) {

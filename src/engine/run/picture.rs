@@ -2,7 +2,8 @@
 
 use super::step::{Memory, Tensor};
 
-/// A row of pixels of 3 bytes to pixels of 4. Four bytes at a time: the fourth is the next pixel's red, which weight 0 meets.
+/// A row of pixels of 3 bytes to pixels of 4. Four bytes at a time: the fourth is the next pixel's red, which weight 0
+/// meets.
 fn store_fours(row: &[u8], to: &mut [u8]) {
     let pixels = to.as_chunks_mut::<4>().0;
     let Some((last, all)) = pixels.split_last_mut() else {
@@ -18,8 +19,8 @@ fn store_fours(row: &[u8], to: &mut [u8]) {
 /// Writes `rgb`, row-major `[height, width, 3]`, into the input tensor of an engine.
 ///
 /// # Safety
-/// `to` is a tensor of `height` × `width` pixels, of at least 3 channels, within the memory's arena, and nobody else touches it
-/// meanwhile.
+/// `to` is a tensor of `height` × `width` pixels, of at least 3 channels, within the memory's arena, and nobody else
+/// touches it meanwhile.
 pub(super) unsafe fn store(rgb: &[u8], to: &Tensor, memory: &Memory) {
     let l = &to.layout;
     for (y, row) in rgb.chunks_exact(3 * l.width()).take(l.height()).enumerate() {

@@ -98,8 +98,8 @@ impl Work for Program {
     unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch) {
         let (kernel, step) = (&self.kernels[step], &self.steps[step]);
         let part = &step.parts[part];
-        // SAFETY: the steps were planned for this memory (`Engine::build`), and the engine points `maps` at its own maps, which
-        // have the outputs' sizes, before every frame; the rest are the caller's promises.
+        // SAFETY: the steps were planned for this memory (`Engine::build`), and the engine points `maps` at its own
+        // maps, which have the outputs' sizes, before every frame; the rest are the caller's promises.
         unsafe {
             match &self.memory {
                 Memory::Int8(arena) => step.run_int8(kernel, part, arena, &self.maps, scratch),
@@ -114,8 +114,8 @@ impl Step {
     ///
     /// # Safety
     /// - `arena` is the one that the step was planned for, and `maps` point at maps of its outputs' sizes.
-    /// - All shares of earlier steps are done and seen by this thread; nobody runs this share, or a share of another step,
-    ///   or touches the maps, at the same time.
+    /// - All shares of earlier steps are done and seen by this thread; nobody runs this share, or a share of another
+    ///   step, or touches the maps, at the same time.
     unsafe fn run_int8(
         &self,
         kernel: &Kernel,
@@ -124,9 +124,9 @@ impl Step {
         maps: &MapPointers,
         scratch: &mut Scratch,
     ) {
-        // SAFETY: `build` checked with the kernel that base + every index of the layout is < arena.len(), and the plan proves
-        // that input, residual and output occupy different elements of the arena while they are alive (`Plan::prove`); shares
-        // of one step write different rows or groups (`Part`).
+        // SAFETY: `build` checked with the kernel that base + every index of the layout is < arena.len(), and the plan
+        // proves that input, residual and output occupy different elements of the arena while they are alive
+        // (`Plan::prove`); shares of one step write different rows or groups (`Part`).
         unsafe {
             let at = |t: &Tensor| arena.as_ptr().add(t.base);
             let input = at(&self.input).cast_const();

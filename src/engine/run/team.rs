@@ -1,8 +1,8 @@
 //! The threads that share a frame's work.
 //!
-//! Every step is cut into parts; threads take the next part not taken, and start the next step when all parts are done. A
-//! thread that the system suspends holds up only its own part. Between frames everyone sleeps; within a frame waiting is
-//! a short spin, then yielding. One team serves any number of tracks, one frame at a time.
+//! Every step is cut into parts; threads take the next part not taken, and start the next step when all parts are done.
+//! A thread that the system suspends holds up only its own part. Between frames everyone sleeps; within a frame waiting
+//! is a short spin, then yielding. One team serves any number of tracks, one frame at a time.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
@@ -25,13 +25,13 @@ pub(super) trait Work: Send + Sync {
     /// Runs one part.
     ///
     /// # Safety
-    /// All parts of earlier steps are done and seen by this thread; nobody runs this part, or a part of another step, or uses
-    /// what the work reads and writes, at the same time.
+    /// All parts of earlier steps are done and seen by this thread; nobody runs this part, or a part of another step,
+    /// or uses what the work reads and writes, at the same time.
     unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch);
 }
 
-/// Counters of one step, alone in their cache lines. They count over all frames, so nothing needs resetting and a thread
-/// that wakes late finds that its frame is over.
+/// Counters of one step, alone in their cache lines. They count over all frames, so nothing needs resetting and a
+/// thread that wakes late finds that its frame is over.
 #[repr(align(128))]
 #[derive(Default)]
 struct Progress {
@@ -150,7 +150,8 @@ impl Team {
         Ok(team)
     }
 
-    /// Runs all steps of `track` once, with everybody. Whichever way it ends, no thread is at work on the frame any more.
+    /// Runs all steps of `track` once, with everybody. Whichever way it ends, no thread is at work on the frame any
+    /// more.
     ///
     /// # Panics
     /// When a part panicked, on whichever thread, in this frame or in one before.
@@ -192,8 +193,8 @@ impl Team {
         for (step, progress) in track.progress.iter().enumerate() {
             let parts = track.work.parts(step);
             for part in 0..parts {
-                // SAFETY: no helper is called, so that this thread runs every part, in order; nobody else uses the work's memory
-                // (caller).
+                // SAFETY: no helper is called, so that this thread runs every part, in order; nobody else uses the
+                // work's memory (caller).
                 unsafe { track.work.run(step, part, &mut self.scratch) };
             }
             // Keep the counters in step with the frames.
@@ -229,7 +230,8 @@ impl Drop for Team {
     }
 }
 
-/// The end of a frame, however the caller leaves it: when it unwinds, helpers stop at their next part and are waited for.
+/// The end of a frame, however the caller leaves it: when it unwinds, helpers stop at their next part and are waited
+/// for.
 struct FrameEnd<'a> {
     shared: &'a Shared,
     finished: bool,
@@ -333,9 +335,10 @@ impl Shared {
                     step,
                     finished: false,
                 };
-                // SAFETY: every part is taken once, by one thread; this step's parts are taken only after all earlier steps'
-                // parts were seen to be done (acquire below, without a failure); nobody else uses the work's memory until the
-                // frame has ended (`Team::run`'s contract), and it ends only when no thread runs a part (`FrameEnd`).
+                // SAFETY: every part is taken once, by one thread; this step's parts are taken only after all earlier
+                // steps' parts were seen to be done (acquire below, without a failure); nobody else uses the work's
+                // memory until the frame has ended (`Team::run`'s contract), and it ends only when no thread runs a
+                // part (`FrameEnd`).
                 unsafe { track.work.run(step, i - first, scratch) };
                 done.finished = true;
             }
@@ -359,8 +362,8 @@ impl Shared {
     }
 }
 
-/// The next number below `end` that nobody has taken. Never takes numbers of a later frame: a thread that wakes late finds
-/// the counter at `end` or beyond.
+/// The next number below `end` that nobody has taken. Never takes numbers of a later frame: a thread that wakes late
+/// finds the counter at `end` or beyond.
 fn take(counter: &AtomicUsize, end: usize) -> Option<usize> {
     let next = |n| (n < end).then_some(n + 1);
     counter

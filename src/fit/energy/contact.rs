@@ -58,7 +58,8 @@ impl Feet {
         self.feet.iter().filter_map(|f| f.place)
     }
 
-    /// Takes in a fit, `dt` seconds after the last. A foot that is not seen (by `states`) may have left: it stands nowhere.
+    /// Takes in a fit, `dt` seconds after the last. A foot that is not seen (by `states`) may have left: it stands
+    /// nowhere.
     pub fn update(
         &mut self,
         skeleton: &Skeleton,

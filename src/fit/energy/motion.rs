@@ -1,5 +1,6 @@
-//! In: poses as they were fitted and how well each was determined. Out: velocities, the pose to expect next and how far to
-//! trust it. One constant-velocity Kalman filter per degree of freedom; its prediction is the temporal term of the energy.
+//! In: poses as they were fitted and how well each was determined. Out: velocities, the pose to expect next and how far
+//! to trust it. One constant-velocity Kalman filter per degree of freedom; its prediction is the temporal term of the
+//! energy.
 
 use crate::body::skeleton::{Pose, Skeleton};
 use crate::fit::config::{PredictionConfig, TermsConfig};
@@ -132,8 +133,8 @@ impl Motion {
         std::array::from_fn(|d| factor / self.covariance[d].place)
     }
 
-    /// Takes in a fitted pose: `innovation` is its step from the prediction, `information` the diagonal of the matrix it
-    /// was solved with, the temporal term's `weights` included.
+    /// Takes in a fitted pose: `innovation` is its step from the prediction, `information` the diagonal of the matrix
+    /// it was solved with, the temporal term's `weights` included.
     pub fn correct(
         &mut self,
         innovation: &[f64; DOF],

@@ -1,5 +1,5 @@
-//! In: evidence and the pose that motion predicts. Out: the evidence with left and right exchanged back where Stage I or II
-//! confused them.
+//! In: evidence and the pose that motion predicts. Out: the evidence with left and right exchanged back where Stage I
+//! or II confused them.
 
 use super::Evidence;
 use crate::body::skeleton::Posed;
@@ -23,7 +23,8 @@ pub struct SwapMemory {
 }
 
 impl SwapMemory {
-    /// Undoes exchanges in `evidence`, `dt` seconds after the last call. Returns how many of the four groups were put right.
+    /// Undoes exchanges in `evidence`, `dt` seconds after the last call. Returns how many of the four groups were put
+    /// right.
     pub fn undo(&mut self, evidence: &mut Evidence, predicted: &Posed, dt: f64) -> u32 {
         let mut undone = 0;
         for (g, pairs) in [ARMS, LEGS].iter().enumerate() {

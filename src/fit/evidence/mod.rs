@@ -92,8 +92,8 @@ impl Evidence {
     }
 
     /// Mean distance to a posed skeleton in the picture, metres at its distance, each joint's at most `cap`; `None`
-    /// where too few joints are seen. Left and right may be exchanged as a whole: Stage I confuses them, and somebody who
-    /// turns round is still the same person.
+    /// where too few joints are seen. Left and right may be exchanged as a whole: Stage I confuses them, and somebody
+    /// who turns round is still the same person.
     pub fn distance2d(&self, posed: &Posed, cap: f64) -> Option<f64> {
         let depth = posed.joints[PELVIS].z.max(DEPTHS[0]);
         let (mut sum, mut exchanged, mut weight) = (0.0, 0.0, 0.0);
@@ -111,8 +111,8 @@ impl Evidence {
         (weight > 0.0).then(|| sum.min(exchanged) / weight)
     }
 
-    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most `cap`;
-    /// left and right may be exchanged as a whole.
+    /// Mean distance to a posed skeleton relative to the pelvis, metres at canonical stature, each joint's at most
+    /// `cap`; left and right may be exchanged as a whole.
     pub fn distance3d(&self, posed: &Posed, cap: f64) -> Option<f64> {
         self.known3d.then(|| {
             let root = posed.joints[PELVIS];

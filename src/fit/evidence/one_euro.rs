@@ -1,4 +1,5 @@
-//! In: noisy points with true timestamps. Out: the same points, smoothed the more the slower they move. Casiez et al. 2012.
+//! In: noisy points with true timestamps. Out: the same points, smoothed the more the slower they move. Casiez et al.
+//! 2012.
 
 use crate::fit::config::OneEuroConfig;
 

@@ -1,10 +1,11 @@
-//! In: joints on the plane z = 1 and the same joints in 3D relative to the pelvis. Out: where the pelvis is in camera space,
-//! even where a whole group of joints is wrong in the picture.
+//! In: joints on the plane z = 1 and the same joints in 3D relative to the pelvis. Out: where the pelvis is in camera
+//! space, even where a whole group of joints is wrong in the picture.
 //!
-//! A person's distance is the ratio of size in space to size in the picture. Legs that are invented near the torso of somebody
-//! behind a counter agree with each other and make the whole person look small, so reweighting a fit to all joints is not
-//! enough. Every bone chain is therefore asked for a root of its own, in closed form; each root is refined with the joints
-//! that agree with it, and the one that leaves the least unexplained wins, trunk and head counting more than limbs.
+//! A person's distance is the ratio of size in space to size in the picture. Legs that are invented near the torso of
+//! somebody behind a counter agree with each other and make the whole person look small, so reweighting a fit to all
+//! joints is not enough. Every bone chain is therefore asked for a root of its own, in closed form; each root is
+//! refined with the joints that agree with it, and the one that leaves the least unexplained wins, trunk and head
+//! counting more than limbs.
 
 use glam::DVec3;
 
@@ -33,7 +34,8 @@ const WORTH: [f64; EVIDENCE_JOINTS] = [
 const SIGMA: f64 = 0.12;
 /// Rounds of reweighting.
 const ROUNDS: usize = 2;
-/// Share by which a root at the expected distance may explain less than another, and what counts as that distance (e-folds).
+/// Share by which a root at the expected distance may explain less than another, and what counts as that distance
+/// (e-folds).
 const EXPECTED_BONUS: f64 = 0.15;
 const EXPECTED_SPREAD: f64 = 0.15;
 

@@ -1,9 +1,10 @@
 //! In: evidence of a known person, placed in space. Out: the evidence without joints that contradict the rest.
 //!
-//! Stage I invents limbs that it cannot see, e.g. short legs for somebody behind a counter. What trunk, head and shoulders say
-//! about place and size stands; a joint that lies elsewhere in the picture is treated as not seen, together with those that
-//! hang on it, so that it pulls neither the root nor the pose. It comes back after it has agreed for as long as it has been
-//! doubted, at most a while: a single bad frame costs no other, a lasting contradiction does not flicker.
+//! Stage I invents limbs that it cannot see, e.g. short legs for somebody behind a counter. What trunk, head and
+//! shoulders say about place and size stands; a joint that lies elsewhere in the picture is treated as not seen,
+//! together with those that hang on it, so that it pulls neither the root nor the pose. It comes back after it has
+//! agreed for as long as it has been doubted, at most a while: a single bad frame costs no other, a lasting
+//! contradiction does not flicker.
 
 use super::Evidence;
 use super::root::disagreement;

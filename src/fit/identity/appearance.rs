@@ -18,8 +18,8 @@ impl Appearance {
         })
     }
 
-    /// Hellinger distance of the histograms, hue counting twice: 0 alike, 1 nothing in common. Hue is circular and lighting
-    /// shifts it, so both are compared after blurring over the neighbouring bins.
+    /// Hellinger distance of the histograms, hue counting twice: 0 alike, 1 nothing in common. Hue is circular and
+    /// lighting shifts it, so both are compared after blurring over the neighbouring bins.
     pub fn distance(&self, other: &Self) -> f64 {
         let hue = hellinger(&blurred(&self.hue, true), &blurred(&other.hue, true));
         let saturation = hellinger(

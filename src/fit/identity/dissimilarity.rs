@@ -11,7 +11,8 @@ use crate::joints::PELVIS;
 const NEAR: f64 = 0.35;
 /// … and its growth per second without being seen.
 const SPREAD: f64 = 1.0;
-/// The same where looks are not seen: for somebody seen a frame ago and after an absence, and the longest absence, seconds.
+/// The same where looks are not seen: for somebody seen a frame ago and after an absence, and the longest absence,
+/// seconds.
 const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
 const BLIND_TRUST: f64 = 0.25;
 /// Joints farther than this (metres) are simply elsewhere.
@@ -44,8 +45,8 @@ pub fn dissimilarity(
     if apart > 0.7 && apart > 0.5 + 1.5 * alone {
         return f64::INFINITY;
     }
-    // Where looks that could tell are not seen, only somebody who was here a moment ago continues, and only close by: else
-    // whoever comes out of hiding first would take the place of whoever is still hidden.
+    // Where looks that could tell are not seen, only somebody who was here a moment ago continues, and only close by:
+    // else whoever comes out of hiding first would take the place of whoever is still hidden.
     let unknown_looks = track.appearance.is_some() != appearance.is_some();
     if unknown_looks && track.unseen > BLIND_TRUST {
         return f64::INFINITY;

@@ -1,5 +1,5 @@
-//! In: how a joint was seen and fitted. Out: the probability that it is within 150 mm of the truth (relative to the pelvis,
-//! the 3DPCK criterion), from an error model whose numbers were measured on synthetic scenes.
+//! In: how a joint was seen and fitted. Out: the probability that it is within 150 mm of the truth (relative to the
+//! pelvis, the 3DPCK criterion), from an error model whose numbers were measured on synthetic scenes.
 
 use crate::joints::BODY_JOINTS;
 use crate::message::JointState;

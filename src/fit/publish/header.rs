@@ -49,7 +49,8 @@ impl Header {
         out.frame_total = self.frame_total;
     }
 
-    /// Not seen, and expected with neck and pelvis beyond the picture's edge: nothing will confirm or correct that prediction.
+    /// Not seen, and expected with neck and pelvis beyond the picture's edge: nothing will confirm or correct that
+    /// prediction.
     pub fn has_left(&self, track: &Track) -> bool {
         let beyond = |joint: usize| {
             let [u, v] = pixel(&self.intrinsics, track.posed.joints[joint].as_vec3());

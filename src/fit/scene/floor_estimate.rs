@@ -1,10 +1,12 @@
-//! In: places where feet stand, everybody's at canonical stature. Out: the floor that they share, and how tall who stands on it is.
+//! In: places where feet stand, everybody's at canonical stature. Out: the floor that they share, and how tall who
+//! stands on it is.
 //!
-//! Whoever is taken for taller or smaller than they are is placed too far or too near in proportion, feet included: they stand on
-//! a floor of the same slope at another height, y = a·x + b·z + c / s, where s is their stature as a share of the assumed one.
-//! So slopes are shared and everybody has an intercept of their own: a linear mixed model (Laird and Ware 1982), from which the
-//! intercepts are eliminated in closed form. One camera cannot tell a room from its model, so the sizes of all together rest on
-//! how tall people are: most of them adults, about as tall as assumed, some children.
+//! Whoever is taken for taller or smaller than they are is placed too far or too near in proportion, feet included:
+//! they stand on a floor of the same slope at another height, y = a·x + b·z + c / s, where s is their stature as a
+//! share of the assumed one. So slopes are shared and everybody has an intercept of their own: a linear mixed model
+//! (Laird and Ware 1982), from which the intercepts are eliminated in closed form. One camera cannot tell a room from
+//! its model, so the sizes of all together rest on how tall people are: most of them adults, about as tall as assumed,
+//! some children.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
@@ -12,7 +14,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::floor_plane::{ANKLE, FloorPlane};
 use super::stature_prior::{ADULTS, common_level, expected};
 
-/// Error of a standing ankle, metres. More than the 0.12 it is off by: looks at the same foot do not differ by chance alone.
+/// Error of a standing ankle, metres. More than the 0.12 it is off by: looks at the same foot do not differ by chance
+/// alone.
 const SIGMA: f64 = 0.22;
 /// What is wrong with a person's feet for as long as they are in view, metres.
 const LASTING: f64 = 0.05;
@@ -33,7 +36,8 @@ const PEOPLE: usize = 32;
 const OUTLIER: f64 = 0.4;
 /// … and so does that of a newcomer who would have to be that small or tall (shares of the assumed stature).
 const BELIEVED: [f64; 2] = [0.45, 1.35];
-/// What is left of all feet after one that contradicts the floor: a camera that was moved has another one after some minutes.
+/// What is left of all feet after one that contradicts the floor: a camera that was moved has another one after some
+/// minutes.
 const DOUBT: f64 = 0.995;
 /// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
 const ROUNDS: usize = 4;

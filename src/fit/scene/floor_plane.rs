@@ -29,8 +29,8 @@ impl FloorPlane {
         self.normal.dot(point) + self.offset
     }
 
-    /// Rotation and translation from camera axes to the floor-aligned world: x to the camera's right, y up, z towards the
-    /// camera's back; the origin is on the floor below the camera. World = rotation · camera + translation.
+    /// Rotation and translation from camera axes to the floor-aligned world: x to the camera's right, y up, z towards
+    /// the camera's back; the origin is on the floor below the camera. World = rotation · camera + translation.
     pub fn world_from_camera(&self) -> (DQuat, DVec3) {
         let y = self.normal;
         let x = (DVec3::X - y * y.x).try_normalize().unwrap_or(DVec3::Z);

@@ -1,7 +1,8 @@
-//! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings say.
+//! In: a fitted person and the floor. Out: the stature that puts the feet on it; without a floor, what the settings
+//! say.
 //!
-//! A floor that the settings give tells everybody's stature. One that was found from people's feet tells how tall they are
-//! beside each other.
+//! A floor that the settings give tells everybody's stature. One that was found from people's feet tells how tall they
+//! are beside each other.
 
 use super::floor_plane::{ANKLE, FloorPlane};
 use crate::body::skeleton::Posed;
@@ -16,8 +17,8 @@ const FIRST: u32 = 30;
 /// Step of the running median, as a share of the stature.
 const STEP: f64 = 0.003;
 
-/// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the stature, in
-/// a second: bodies that grow move through the room.
+/// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the
+/// stature, in a second: bodies that grow move through the room.
 const FOLLOW: f64 = 1.0;
 const GROW: f64 = 0.05;
 
@@ -48,7 +49,8 @@ impl Stature {
         self.metres(config) / CANONICAL_STATURE as f64
     }
 
-    /// Takes in what the floor found from feet tells, as a share of the assumed stature, `dt` seconds after the last time.
+    /// Takes in what the floor found from feet tells, as a share of the assumed stature, `dt` seconds after the last
+    /// time.
     pub fn follow(&mut self, config: &FitConfig, share: f64, dt: f64) {
         if self.frames == 0 {
             *self = Self {
@@ -61,8 +63,8 @@ impl Stature {
         self.estimate += step.clamp(-most, most);
     }
 
-    /// Takes in a fit at canonical stature. Only a given floor tells a stature: the person is as tall as it takes for the
-    /// lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
+    /// Takes in a fit at canonical stature. Only a given floor tells a stature: the person is as tall as it takes for
+    /// the lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
     pub fn update(
         &mut self,
         config: &FitConfig,

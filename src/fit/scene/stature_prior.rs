@@ -1,11 +1,12 @@
-//! How tall people are: most are adults about as tall as assumed, some are children. In: what feet on a floor claim. Out: what to
-//! believe of it.
+//! How tall people are: most are adults about as tall as assumed, some are children. In: what feet on a floor claim.
+//! Out: what to believe of it.
 
-/// Spread of adults' statures, and share, mean and spread of children's: natural logarithms of shares of the assumed stature.
+/// Spread of adults' statures, and share, mean and spread of children's: natural logarithms of shares of the assumed
+/// stature.
 pub const ADULTS: f64 = 0.06;
 const CHILDREN: [f64; 3] = [0.1, -0.35, 0.15];
-/// One time in twenty feet stand on something else and claim any stature from a third to thrice the assumed one: the density of
-/// that, in units of [`gauss`].
+/// One time in twenty feet stand on something else and claim any stature from a third to thrice the assumed one: the
+/// density of that, in units of [`gauss`].
 const NOTHING: f64 = 0.05 * 2.5 / 2.2;
 /// Step of the search for the sizes of all together, natural logarithm.
 const STEP: f64 = 0.005;
@@ -24,8 +25,8 @@ fn likely(stature: f64, spread: f64) -> [f64; 2] {
     ]
 }
 
-/// How tall to take somebody for who measures so, `spread` being the measurement's; as tall as assumed where it is not to be
-/// believed. Natural logarithms of shares of the assumed stature.
+/// How tall to take somebody for who measures so, `spread` being the measurement's; as tall as assumed where it is not
+/// to be believed. Natural logarithms of shares of the assumed stature.
 pub fn expected(stature: f64, spread: f64) -> f64 {
     let [_, mean, own] = CHILDREN;
     let shrunk = |mean: f64, own: f64| {
@@ -36,8 +37,8 @@ pub fn expected(stature: f64, spread: f64) -> f64 {
     (adult * shrunk(0.0, ADULTS) + child * shrunk(mean, own)) / (adult + child + NOTHING)
 }
 
-/// The intercept of somebody of the assumed stature under which these intercepts, each with the spread of its logarithm, are
-/// likeliest: whoever has a greater one is smaller.
+/// The intercept of somebody of the assumed stature under which these intercepts, each with the spread of its
+/// logarithm, are likeliest: whoever has a greater one is smaller.
 pub fn common_level(intercepts: &[f64], spreads: &[f64]) -> f64 {
     let logs: Vec<f64> = intercepts.iter().map(|c| c.ln()).collect();
     let least = logs.iter().copied().fold(f64::INFINITY, f64::min) + CHILDREN[1];

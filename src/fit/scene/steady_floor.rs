@@ -1,8 +1,9 @@
-//! In: the floor as it is known from frame to frame. Out: a floor-aligned world that stays put: y up, origin on the floor below
-//! the camera.
+//! In: the floor as it is known from frame to frame. Out: a floor-aligned world that stays put: y up, origin on the
+//! floor below the camera.
 //!
-//! The first estimate is taken as it is. Later ones are approached slowly, never faster than eyes forgive: a world that turns
-//! by degrees makes everybody slide. A floor that stops being estimated, because nobody stands anywhere, stays where it was.
+//! The first estimate is taken as it is. Later ones are approached slowly, never faster than eyes forgive: a world that
+//! turns by degrees makes everybody slide. A floor that stops being estimated, because nobody stands anywhere, stays
+//! where it was.
 
 use super::floor_plane::FloorPlane;
 use crate::message::{World, WorldState};

@@ -57,8 +57,8 @@ impl Bones {
         &self.lengths
     }
 
-    /// Takes in a good frame. A bone's length is its observed vector along the fitted direction: the noise across the bone,
-    /// which would lengthen it, drops out.
+    /// Takes in a good frame. A bone's length is its observed vector along the fitted direction: the noise across the
+    /// bone, which would lengthen it, drops out.
     pub fn update(&mut self, skeleton: &Skeleton, points: &[DVec3; BODY_JOINTS], posed: &Posed) {
         self.seen = self.seen.saturating_add(1);
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {

@@ -1,5 +1,5 @@
-//! In: evidence of a person nobody knows yet. Out: a first pose, in closed form. XNect §5.2: first the angles from 3D, then
-//! the root from 2D; the full energy follows.
+//! In: evidence of a person nobody knows yet. Out: a first pose, in closed form. XNect §5.2: first the angles from 3D,
+//! then the root from 2D; the full energy follows.
 
 use glam::{DMat3, DQuat, DVec3};
 

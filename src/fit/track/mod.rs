@@ -25,8 +25,8 @@ use crate::solve::Effort;
 use bones::Bones;
 pub use first_pose::{best_branch, first_pose};
 
-/// E3D weight of each joint: trunk and head are seen, ends of limbs are guessed. Falls with the error that Stage II has on
-/// rendered clips, 16 mm at the hips, 130 mm at the wrists.
+/// E3D weight of each joint: trunk and head are seen, ends of limbs are guessed. Falls with the error that Stage II has
+/// on rendered clips, 16 mm at the hips, 130 mm at the wrists.
 pub const WEIGHTS_3D: [f64; BODY_JOINTS] = [
     1.5, 2.0, 1.5, 0.8, 0.5, 1.5, 0.8, 0.5, 4.0, 1.0, 0.6, 4.0, 1.0, 0.6, 0.0, 3.0, 1.5, 0.3, 0.3,
     0.4, 0.4,
@@ -41,12 +41,13 @@ pub const SEEN_THROUGH: [usize; BODY_JOINTS] = [
 const REST_SIGMA: f64 = 1.5;
 /// A joint farther than this (metres) from its prediction is an outlier …
 const OUTLIER: f64 = 0.35;
-/// … unless it stays there for as long as this, seconds: three frames at 30 a second, none at 6, where the prediction reaches less
-/// far than people move.
+/// … unless it stays there for as long as this, seconds: three frames at 30 a second, none at 6, where the prediction
+/// reaches less far than people move.
 const OUTLIER_TIME: f64 = 0.12;
 /// Energy of a limb (two joints) above which another pose for it is tried.
 const LIMB_STUCK: f64 = 14.0;
-/// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed anew.
+/// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed
+/// anew.
 const REACQUIRE_AFTER: f64 = 0.25;
 const REACQUIRE_APART: f64 = 0.2;
 

@@ -23,7 +23,8 @@ pub struct Certificate {
     pub people: Vec<PeopleSpeed>,
 }
 
-/// The greatest speed seen of multiply-accumulate chains that read only registers, giga-MAC per second, all threads together.
+/// The greatest speed seen of multiply-accumulate chains that read only registers, giga-MAC per second, all threads
+/// together.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeakSpeed {
     /// Threads at work at once.
@@ -65,9 +66,11 @@ pub struct NetworkSpeed {
     pub gmac: f64,
     /// Giga-MAC per second at the median.
     pub gmacs: f64,
-    /// Share of the measured peak of the same precision and number of threads; above 1 where an algorithm saves multiplications.
+    /// Share of the measured peak of the same precision and number of threads; above 1 where an algorithm saves
+    /// multiplications.
     pub share_of_peak: Option<f64>,
-    /// Mean processor time of one picture, all threads together, milliseconds; other programs disturb it less than the median.
+    /// Mean processor time of one picture, all threads together, milliseconds; other programs disturb it less than the
+    /// median.
     pub processor_ms: f64,
     /// Processor time over wall time and threads: well under 1 means that other programs had the cores.
     pub busy: f64,

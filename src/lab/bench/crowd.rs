@@ -1,4 +1,5 @@
-//! A number of people goes in, perfect maps of that many people come out: what Stage I would say of a crowd seen in full.
+//! A number of people goes in, perfect maps of that many people come out: what Stage I would say of a crowd seen in
+//! full.
 
 use edgecap_client::joints::{EVIDENCE_JOINTS, LIMB_JOINTS};
 

@@ -1,7 +1,7 @@
 //! The speed certificate: this machine, its measured peak, and what the networks and the stages after them make of it.
 //!
-//! Figures are medians over whole runs, input bytes in, maps out. Nothing here knows about printing: [`certify`] fills a
-//! [`Certificate`], which serialises to JSON and displays as text.
+//! Figures are medians over whole runs, input bytes in, maps out. Nothing here knows about printing: [`certify`] fills
+//! a [`Certificate`], which serialises to JSON and displays as text.
 
 mod certificate;
 mod crowd;

@@ -43,7 +43,8 @@ pub(super) fn speed(
     })
 }
 
-/// The shipped weights, whose zeros save time; in a build without weights layers of the same widths in which every input counts.
+/// The shipped weights, whose zeros save time; in a build without weights layers of the same widths in which every
+/// input counts.
 fn weights() -> Result<Stage2Weights, BenchError> {
     if let Some(stage2) = Model::shipped().ok().as_ref().and_then(Model::stage2) {
         return Ok(stage2.try_into()?);

@@ -42,8 +42,8 @@ impl Subject {
         Self { model, weights }
     }
 
-    /// A shipped network with random weights, quantised by the same quantiser on one random picture. Speed depends on the
-    /// shapes, not on the values; results mean nothing.
+    /// A shipped network with random weights, quantised by the same quantiser on one random picture. Speed depends on
+    /// the shapes, not on the values; results mean nothing.
     ///
     /// # Errors
     /// When there is no network of this name, or it cannot run at this size.

@@ -40,8 +40,8 @@ pub struct IdentityScore {
 }
 
 impl Identity {
-    /// Adds a frame: identities of the truth and of the predictions, and `[prediction][person]` similarities; pairs below
-    /// `least` do not lie on each other.
+    /// Adds a frame: identities of the truth and of the predictions, and `[prediction][person]` similarities; pairs
+    /// below `least` do not lie on each other.
     pub fn add(&mut self, truth: &[u64], predicted: &[u64], similarity: &[Vec<f64>], least: f64) {
         for t in truth {
             *self.truth.entry(*t).or_default() += 1;

@@ -18,8 +18,8 @@ pub struct Jitter {
 }
 
 impl Jitter {
-    /// Adds one person: frame index, time in seconds, joints in metres. Frames of a track come in order; a gap starts it anew,
-    /// as do equal times.
+    /// Adds one person: frame index, time in seconds, joints in metres. Frames of a track come in order; a gap starts
+    /// it anew, as do equal times.
     pub fn add(&mut self, track: u64, frame: u64, seconds: f64, joints: &[[f64; 3]; BODY_JOINTS]) {
         let samples = self.tracks.entry(track).or_default();
         if samples

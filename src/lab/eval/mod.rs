@@ -1,6 +1,7 @@
 //! Measures: predictions and ground truth go in, numbers come out.
 //!
-//! Everything here works on files that `infer` and `run` write, so that any run can be measured after the fact, on any machine.
+//! Everything here works on files that `infer` and `run` write, so that any run can be measured after the fact, on any
+//! machine.
 
 mod bias;
 mod error;

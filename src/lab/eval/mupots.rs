@@ -1,8 +1,8 @@
 //! MuPoTS-3D's protocol (Mehta et al. 2018): 3DPCK of 14 joints over every person of a multi-person sequence.
 //!
-//! Predictions are matched in the truth's order by the number of joints within 40 px (head top left out), their bones rescaled
-//! to the true lengths from the pelvis outwards, and people without a match count as wrong ("all") or are left out ("matched").
-//! Agrees with the data set's own `mpii_mupots_multiperson_eval` in its relative mode.
+//! Predictions are matched in the truth's order by the number of joints within 40 px (head top left out), their bones
+//! rescaled to the true lengths from the pelvis outwards, and people without a match count as wrong ("all") or are left
+//! out ("matched"). Agrees with the data set's own `mpii_mupots_multiperson_eval` in its relative mode.
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PARENTS, PELVIS, ROOT_FIRST};
 use serde::Serialize;
@@ -145,7 +145,8 @@ fn parent(joint: usize) -> usize {
     }
 }
 
-/// Predicted joints relative to the pelvis with the truth's bone lengths; a bone that the truth does not have keeps its own.
+/// Predicted joints relative to the pelvis with the truth's bone lengths; a bone that the truth does not have keeps its
+/// own.
 fn rescaled(
     predicted: &[Option<Point>; BODY_JOINTS],
     truth: &[Option<Point>; BODY_JOINTS],

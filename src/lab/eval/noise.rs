@@ -1,9 +1,9 @@
-//! Observations and exact truth go in, the statistics of what Stage I and II get wrong come out: how far off, how steadily, how
-//! often not at all. The numbers are those that a generator of synthetic observations needs.
+//! Observations and exact truth go in, the statistics of what Stage I and II get wrong come out: how far off, how
+//! steadily, how often not at all. The numbers are those that a generator of synthetic observations needs.
 //!
-//! Lengths are metres at the person's distance and canonical stature; errors in the picture are per axis. An error that stays
-//! from frame to frame (slow part, falling off with a time constant) and one that is new in every frame (white part) are told
-//! apart by their autocovariance: both add up at lag 0, only the slow part is left at later lags.
+//! Lengths are metres at the person's distance and canonical stature; errors in the picture are per axis. An error that
+//! stays from frame to frame (slow part, falling off with a time constant) and one that is new in every frame (white
+//! part) are told apart by their autocovariance: both add up at lag 0, only the slow part is left at later lags.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,8 @@ const SIDES: [[(usize, usize); 3]; 2] = [[(2, 5), (3, 6), (4, 7)], [(8, 11), (9,
 const APART: f64 = 0.15;
 /// Missing frames in a row from which it is a burst, and beyond which the person is simply not found.
 const BURST: [u64; 2] = [3, 8];
-/// Seconds in a row for which a joint is missing from which it is hidden rather than lost; a fifth may fall to missed frames.
+/// Seconds in a row for which a joint is missing from which it is hidden rather than lost; a fifth may fall to missed
+/// frames.
 const HIDDEN: f64 = 0.5;
 /// Longest lag of the autocovariance, seconds.
 const LAGS: f64 = 1.5;
@@ -82,7 +83,8 @@ pub struct Noise {
     pub lost: f64,
     /// Joint off by more than 0.3 m, per joint seen.
     pub outlier: f64,
-    /// Joints of a found person begin to be missing for half a second or longer, per person; right within a factor of two.
+    /// Joints of a found person begin to be missing for half a second or longer, per person; right within a factor of
+    /// two.
     pub hidden: f64,
     /// Left and right of arms or legs exchanged in the picture, per person whose sides can be told apart.
     pub swap: f64,
@@ -371,8 +373,8 @@ fn absences<'a>(people: impl Iterator<Item = &'a Vec<Moment>>) -> (f64, f64, f64
     )
 }
 
-/// Share of joints missing for less than `long` frames, rate at which longer gaps begin. Joints that go missing together count
-/// as one gap.
+/// Share of joints missing for less than `long` frames, rate at which longer gaps begin. Joints that go missing
+/// together count as one gap.
 fn missing_joints<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, long: f64) -> (f64, f64) {
     let (mut lost, mut joints, mut gaps, mut free) = (0, 0, 0, 0);
     for moments in people {

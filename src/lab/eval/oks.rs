@@ -14,8 +14,8 @@ pub fn predicted([u, v, confidence]: [f32; 3]) -> Option<[f64; 2]> {
     (confidence > 0.0 || u != 0.0 || v != 0.0).then_some([f64::from(u), f64::from(v)])
 }
 
-/// Similarity of a prediction to a labelled person, 0–1: mean over the labelled points of `exp(−d² / (2 s² k²))`, s² the
-/// person's area, k twice the point's constant. A point that was not predicted scores 0.
+/// Similarity of a prediction to a labelled person, 0–1: mean over the labelled points of `exp(−d² / (2 s² k²))`, s²
+/// the person's area, k twice the point's constant. A point that was not predicted scores 0.
 ///
 /// For a person without labels that count, COCO takes the distance to twice the bounding box; so does this.
 pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
@@ -95,8 +95,8 @@ pub struct AveragePrecision {
 /// Predictions a picture that COCO looks at, best first.
 const MAX_DETECTIONS: usize = 20;
 
-/// Average precision and recall over pictures, in COCO's protocol: at each threshold predictions claim people greedily by
-/// score; precision is interpolated at 101 recalls.
+/// Average precision and recall over pictures, in COCO's protocol: at each threshold predictions claim people greedily
+/// by score; precision is interpolated at 101 recalls.
 pub fn average_precision(images: &[ImageOks]) -> AveragePrecision {
     let thresholds: Vec<f64> = (0..10).map(|i| 0.5 + 0.05 * f64::from(i)).collect();
     let people = images

@@ -21,8 +21,8 @@ pub(crate) fn correct(errors: &[f64]) -> f64 {
     errors.iter().filter(|e| **e < CORRECT).count() as f64 / errors.len() as f64
 }
 
-/// `from` moved, turned and scaled to lie as near as possible to `to` (least squares; reflections are not allowed). Unchanged
-/// but for the translation when `from` has no extent.
+/// `from` moved, turned and scaled to lie as near as possible to `to` (least squares; reflections are not allowed).
+/// Unchanged but for the translation when `from` has no extent.
 pub fn align_similarity(from: &[[f64; 3]], to: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let n = from.len().max(1) as f64;
     let centre = |p: &[Point]| {
@@ -62,16 +62,16 @@ pub fn align_similarity(from: &[[f64; 3]], to: &[[f64; 3]]) -> Vec<[f64; 3]> {
 pub struct PoseErrors {
     /// Root-aligned.
     pub aligned: Vec<f64>,
-    /// Root-aligned, the prediction scaled about its pelvis as suits the truth best (least squares; Rhodin et al., CVPR 2018): what
-    /// is left when somebody's size does not count.
+    /// Root-aligned, the prediction scaled about its pelvis as suits the truth best (least squares; Rhodin et al., CVPR
+    /// 2018): what is left when somebody's size does not count.
     pub scaled: Vec<f64>,
     /// After similarity Procrustes.
     pub procrustes: Vec<f64>,
 }
 
 impl PoseErrors {
-    /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` without a true pelvis or with
-    /// fewer than four joints, too few to turn and scale by.
+    /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` without a true pelvis or
+    /// with fewer than four joints, too few to turn and scale by.
     pub fn new(
         truth: &[Option<[f64; 3]>; BODY_JOINTS],
         predicted: &[[f64; 3]; BODY_JOINTS],
@@ -114,8 +114,8 @@ pub struct Pose3d {
     pub truth: usize,
     /// Mean root-aligned joint error, millimetres.
     pub mpjpe_mm: f64,
-    /// The same with prediction and truth each brought to 1.70 m by its own stature: observations and bodies are then asked
-    /// the same, how well the pose is known; what a body's stature is wrong by does not count.
+    /// The same with prediction and truth each brought to 1.70 m by its own stature: observations and bodies are then
+    /// asked the same, how well the pose is known; what a body's stature is wrong by does not count.
     pub canonical_mpjpe_mm: f64,
     /// The same with the prediction scaled to the truth's size (N-MPJPE).
     pub n_mpjpe_mm: f64,
@@ -131,7 +131,8 @@ pub struct Pose3d {
 }
 
 impl Pose3d {
-    /// Pools the errors of `people` out of `truth` people, in the predictions' size and at `canonical` stature; `roots` are pelvis errors in metres. `None` when nobody was found.
+    /// Pools the errors of `people` out of `truth` people, in the predictions' size and at `canonical` stature; `roots`
+    /// are pelvis errors in metres. `None` when nobody was found.
     pub fn pool(
         people: &[PoseErrors],
         canonical: &[PoseErrors],

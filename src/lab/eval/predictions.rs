@@ -18,7 +18,8 @@ pub struct Person {
     pub id: Option<u64>,
     /// How sure the prediction is; orders predictions.
     pub score: f64,
-    /// Evidence joints, pixels of the original picture; confidence 0 where not seen, which may have a place all the same.
+    /// Evidence joints, pixels of the original picture; confidence 0 where not seen, which may have a place all the
+    /// same.
     pub joints2d: Joints2d,
     /// Stature that a body is taken for, metres; `None` for observations, which are of canonical stature.
     pub height: Option<f64>,
@@ -46,8 +47,8 @@ pub struct PredictedFrame {
 pub struct Predictions {
     /// In order of the file.
     pub frames: Vec<PredictedFrame>,
-    /// Whether `run` wrote it: camera-space bodies with identities, in true metres, rather than pelvis-relative people of
-    /// canonical stature.
+    /// Whether `run` wrote it: camera-space bodies with identities, in true metres, rather than pelvis-relative people
+    /// of canonical stature.
     pub bodies: bool,
 }
 

@@ -1,4 +1,5 @@
-//! Who is found and who is not: recall by a person's height, by how much of them can be seen, by how many people there are.
+//! Who is found and who is not: recall by a person's height, by how much of them can be seen, by how many people there
+//! are.
 
 use serde::Serialize;
 

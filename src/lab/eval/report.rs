@@ -20,7 +20,8 @@ use crate::assignment::Matcher;
 
 /// Fraction of the torso within which a joint is right.
 const PCK_FRACTION: f64 = 0.2;
-/// Least OKS for a prediction to be taken as this person in the measures of joints: the person was found, however badly.
+/// Least OKS for a prediction to be taken as this person in the measures of joints: the person was found, however
+/// badly.
 const SAME_PERSON: f64 = 0.1;
 /// OKS at which a predicted identity lies on a true one.
 const SAME_IDENTITY: f64 = 0.5;
@@ -352,8 +353,8 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
     identity.score()
 }
 
-/// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where the
-/// predictions have none. Observations are compared relative to the pelvis, bodies in camera space.
+/// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where
+/// the predictions have none. Observations are compared relative to the pelvis, bodies in camera space.
 fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
     let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
     for s in scenes {

@@ -1,5 +1,5 @@
-//! Bodies from several views against exact truth: people with known joints go in, how far fitted bodies are from them comes
-//! out, by number of views and by what the fit does.
+//! Bodies from several views against exact truth: people with known joints go in, how far fitted bodies are from them
+//! comes out, by number of views and by what the fit does.
 //!
 //! Two kinds of people: those of [`synth`](super::synth), whose skin and joints are not those of the fitted model
 //! ([`studio`]), and bodies of the model itself ([`own`]), whose shape can be compared as well.

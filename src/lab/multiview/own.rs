@@ -158,8 +158,8 @@ fn motion(frames: usize, seed: u64, place: DVec3) -> Vec<MeshPose> {
         .collect()
 }
 
-/// A detector whose errors are new in every frame: 18 mm an axis (5 pixels at 4.2 m), a bias of 12 mm an axis, 3 % outliers and
-/// 5 % of joints not seen. Nothing is exchanged.
+/// A detector whose errors are new in every frame: 18 mm an axis (5 pixels at 4.2 m), a bias of 12 mm an axis, 3 %
+/// outliers and 5 % of joints not seen. Nothing is exchanged.
 pub fn steady(seed: u64) -> Flaws {
     let mut dice = Dice::new(seed, 102);
     let mut flaws = Flaws {

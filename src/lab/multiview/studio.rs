@@ -1,4 +1,5 @@
-//! People of [`synth`](crate::lab::synth) in a hall, seen by cameras all round and told of by a detector as bad as the real one.
+//! People of [`synth`](crate::lab::synth) in a hall, seen by cameras all round and told of by a detector as bad as the
+//! real one.
 
 use glam::DVec3;
 

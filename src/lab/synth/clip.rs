@@ -32,7 +32,8 @@ const BENCH: f32 = 0.44;
 /// Height of the counter, metres.
 const COUNTER: f32 = 0.98;
 
-/// Directs a clip: people cross in front of each other, leave and come back, one stands behind a counter, one sits down.
+/// Directs a clip: people cross in front of each other, leave and come back, one stands behind a counter, one sits
+/// down.
 pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -> Clip {
     let mut dice = Dice::new(seed, 0);
     let dice = &mut dice;

@@ -1,5 +1,5 @@
-//! What is true about a view goes in, what a network would tell of it comes out: noise that stays and noise that goes, the
-//! bias of every joint, joints and people missed, outliers, sides exchanged. No pictures.
+//! What is true about a view goes in, what a network would tell of it comes out: noise that stays and noise that goes,
+//! the bias of every joint, joints and people missed, outliers, sides exchanged. No pictures.
 
 use std::collections::BTreeMap;
 
@@ -19,13 +19,14 @@ pub const ARMS: [&[usize]; 2] = [&[2, 3, 4], &[2, 3, 4, 17]];
 /// Legs likewise.
 pub const LEGS: [&[usize]; 2] = [&[8, 9, 10], &[8, 9, 10, 19]];
 
-/// What a detector gets wrong. Lengths are metres at the person's distance and canonical stature, rates probabilities a frame.
+/// What a detector gets wrong. Lengths are metres at the person's distance and canonical stature, rates probabilities a
+/// frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flaws {
     /// Where evidence joints are told to be against where they are: to the person's left, up, forward.
     pub bias: [[f32; 3]; EVIDENCE_JOINTS],
-    /// Standard deviation an axis of the error in the picture that stays, of that which is new in every frame, and the time
-    /// constant of what stays, seconds.
+    /// Standard deviation an axis of the error in the picture that stays, of that which is new in every frame, and the
+    /// time constant of what stays, seconds.
     pub plane: [f32; 3],
     /// The same for root-relative joints in space.
     pub space: [f32; 3],
@@ -42,8 +43,9 @@ pub struct Flaws {
 }
 
 impl Flaws {
-    /// Of the network that comes along, in the mean of three clips of synthetic people (512×320, 15 and 30 frames a second,
-    /// `examples/observation_noise`). On films of real people it is worse: 2 to 4 % of the stature where four views meet.
+    /// Of the network that comes along, in the mean of three clips of synthetic people (512×320, 15 and 30 frames a
+    /// second, `examples/observation_noise`). On films of real people it is worse: 2 to 4 % of the stature where four
+    /// views meet.
     pub const MEASURED: Self = Self {
         bias: [
             [-0.002, 0.003, -0.001],
@@ -243,7 +245,8 @@ pub fn exchange(seen: &mut Observation, [evidence, body]: [&[usize]; 2]) {
     }
 }
 
-/// A person's left, up and forward as columns, from joints in any right-handed axes; `None` where hips and trunk are in line.
+/// A person's left, up and forward as columns, from joints in any right-handed axes; `None` where hips and trunk are in
+/// line.
 pub fn axes(joints: &[[f32; 3]; BODY_JOINTS]) -> Option<glam::Mat3> {
     let at = |j: usize| Vec3::from(joints[j]);
     let up = (at(NECK) - at(PELVIS)).try_normalize()?;

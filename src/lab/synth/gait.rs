@@ -9,8 +9,8 @@ fn bump(phase: f32, at: f32, width: f32) -> f32 {
     (-(d / width).powi(2)).exp()
 }
 
-/// Place of a foot in front of the hip over a stride, −1..1: carried back evenly while it stands on the floor (a foot that
-/// stands must not slide), swung forwards in the rest of the time, corners rounded.
+/// Place of a foot in front of the hip over a stride, −1..1: carried back evenly while it stands on the floor (a foot
+/// that stands must not slide), swung forwards in the rest of the time, corners rounded.
 fn travel(phase: f32) -> f32 {
     let sharp = |p: f32| {
         let p = p.rem_euclid(1.0);

@@ -51,9 +51,8 @@ pub fn measure(
     moment(camera, people, frame, time_ns)
 }
 
-/// Truth about one frame that nobody rendered, as `camera` sees the scene: joints inside the picture count as visible, boxes
-/// and areas are unknown (absent, 0).
-/// People of whom no joint is inside are left out.
+/// Truth about one frame that nobody rendered, as `camera` sees the scene: joints inside the picture count as visible,
+/// boxes and areas are unknown (absent, 0). People of whom no joint is inside are left out.
 pub fn outline(
     scene: &Scene,
     camera: &Camera,

@@ -1,9 +1,9 @@
 //! Synthetic scenes: a seed goes in, pictures of moving people and the exact truth about them come out.
 //!
 //! Nothing here comes from outside data: bodies are smooth solids ([`flesh`]) turned into skin ([`mesh`]), moved by a
-//! skeleton ([`pose`], [`gait`], [`poses`]), dressed ([`outfit`]), put into procedural rooms and streets ([`place`]), lit
-//! ([`render`]) and photographed ([`sensor`]); [`measure`] writes down what is true ([`truth`]). [`studio`] sets several
-//! cameras round one scene; [`detector`] makes of truth what a network would tell.
+//! skeleton ([`pose`], [`gait`], [`poses`]), dressed ([`outfit`]), put into procedural rooms and streets ([`place`]),
+//! lit ([`render`]) and photographed ([`sensor`]); [`measure`] writes down what is true ([`truth`]). [`studio`] sets
+//! several cameras round one scene; [`detector`] makes of truth what a network would tell.
 
 pub mod acts;
 pub mod camera;

@@ -6,8 +6,8 @@ use super::noise::Dice;
 use super::scene::Sensor;
 use crate::capture::Frame;
 
-/// Exposes, blurs, tints and adds noise. `level`: mean luminance to expose for (kept over a clip, so that the exposure does
-/// not flicker); `dice`: noise of this frame.
+/// Exposes, blurs, tints and adds noise. `level`: mean luminance to expose for (kept over a clip, so that the exposure
+/// does not flicker); `dice`: noise of this frame.
 pub fn develop(
     light: &[Vec3],
     size: (u32, u32),

@@ -1,7 +1,7 @@
 //! A person's build: chance goes in, rest joints and bone pivots of one person come out.
 //!
-//! Body space: x to the person's left, y up, z to the front, metres; the rest pose stands on y = 0 with straight legs and
-//! arms 45° away from the body.
+//! Body space: x to the person's left, y up, z to the front, metres; the rest pose stands on y = 0 with straight legs
+//! and arms 45° away from the body.
 
 use glam::Vec3;
 
@@ -137,8 +137,8 @@ impl Shape {
         self.joints[BONE_PIVOT[bone]]
     }
 
-    /// Rest position of a point of the proportion tables (fractions of an average stature): heights move with the joints
-    /// between which they lie.
+    /// Rest position of a point of the proportion tables (fractions of an average stature): heights move with the
+    /// joints between which they lie.
     pub fn at(&self, x: f32, y: f32, z: f32) -> Vec3 {
         let s = self.unit();
         let (hip, neck) = (self.joints[11].y / s, self.joints[1].y / s);

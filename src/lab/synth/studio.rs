@@ -1,7 +1,8 @@
-//! Several cameras round one scene: a seed goes in, the same people seen from everywhere come out, with the calibration.
+//! Several cameras round one scene: a seed goes in, the same people seen from everywhere come out, with the
+//! calibration.
 //!
-//! A scene's axes have y up. Calibration and world truth have z up, as `edgecap calibrate` makes them: x stays, a scene's z is
-//! the world's −y.
+//! A scene's axes have y up. Calibration and world truth have z up, as `edgecap calibrate` makes them: x stays, a
+//! scene's z is the world's −y.
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
@@ -35,8 +36,8 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// Directs people in the middle of a hall and puts cameras round them, which all look at the middle. Who does what depends
-    /// on the seed and not on the number of cameras.
+    /// Directs people in the middle of a hall and puts cameras round them, which all look at the middle. Who does what
+    /// depends on the seed and not on the number of cameras.
     pub fn new(
         seed: u64,
         size: (u32, u32),
@@ -120,7 +121,8 @@ impl Studio {
             .collect()
     }
 
-    /// What camera number `view` sees in frame number `frame`, without rendering it: joints inside the picture count as visible.
+    /// What camera number `view` sees in frame number `frame`, without rendering it: joints inside the picture count as
+    /// visible.
     pub fn outline(&self, view: usize, frame: u64) -> TruthFrame {
         let (stances, time) = (&self.clip.stances[frame as usize], self.clip.time_ns(frame));
         outline(&self.clip.scene, &self.cameras[view], stances, frame, time)

@@ -111,8 +111,8 @@ pub(super) fn survey<'a>(
 }
 
 impl Survey {
-    /// Who every pixel shows, row by row: `ids` of the stances, 0 where nobody is. A pixel shows whom half of its samples or
-    /// more show; of two who share it, the first in the order of the stances.
+    /// Who every pixel shows, row by row: `ids` of the stances, 0 where nobody is. A pixel shows whom half of its
+    /// samples or more show; of two who share it, the first in the order of the stances.
     pub fn owners(&self, ids: &[u8]) -> Vec<u8> {
         let s = &self.samples;
         let (w, h) = (s.width / SUPERSAMPLE, s.height / SUPERSAMPLE);

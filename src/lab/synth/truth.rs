@@ -1,8 +1,8 @@
 //! Exact truth about a synthetic clip or set of stills, as one JSON file: `truth.json`.
 //!
-//! Frames of reference: camera space is x right, y down, z forward, metres; pixels have their centres on integers. Joint
-//! orders are [`JOINT_NAMES`](crate::joints::JOINT_NAMES); the first 14 are the evidence joints. Lengths are rounded to
-//! 0.1 mm, pixels to 0.1; `joints2d` is the projection of the rounded `joints3d`.
+//! Frames of reference: camera space is x right, y down, z forward, metres; pixels have their centres on integers.
+//! Joint orders are [`JOINT_NAMES`](crate::joints::JOINT_NAMES); the first 14 are the evidence joints. Lengths are
+//! rounded to 0.1 mm, pixels to 0.1; `joints2d` is the projection of the rounded `joints3d`.
 
 use std::path::Path;
 
@@ -120,8 +120,8 @@ pub struct TruthPerson {
     pub joints2d: [[f32; 2]; BODY_JOINTS],
     /// 0 outside the picture, 1 visible, 2 hidden by the own body, 3 hidden by another person or a thing.
     pub visibility: [u8; BODY_JOINTS],
-    /// Box of the whole body in pixels, hidden parts and parts outside the picture included: u0, v0, u1, v1. Absent when part
-    /// of the body is behind the camera.
+    /// Box of the whole body in pixels, hidden parts and parts outside the picture included: u0, v0, u1, v1. Absent
+    /// when part of the body is behind the camera.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f32; 4]>,
     /// Area of the picture that shows this person, pixels; 0: wholly hidden.

@@ -1,5 +1,5 @@
-//! How somebody is built. In: joints as several views meet in them, and the fitted skeleton. Out: bone lengths in metres, and so
-//! the stature, which several views see and one does not.
+//! How somebody is built. In: joints as several views meet in them, and the fitted skeleton. Out: bone lengths in
+//! metres, and so the stature, which several views see and one does not.
 
 use glam::DVec3;
 
@@ -82,7 +82,8 @@ fn span(joints: &[Option<DVec3>], [from, to]: [[usize; 2]; 2]) -> Option<DVec3> 
 }
 
 impl Build {
-    /// From a first sight: proportions of the average person, as tall as the joints are far apart. `given`: stature, metres.
+    /// From a first sight: proportions of the average person, as tall as the joints are far apart. `given`: stature,
+    /// metres.
     pub fn new(
         skeleton: &Skeleton,
         joints: &[Option<DVec3>; EVIDENCE_JOINTS],
@@ -126,8 +127,8 @@ impl Build {
         self.stature
     }
 
-    /// Takes in joints where rays met, beside the pose that was fitted to them. A length is taken along the fitted direction:
-    /// noise across it, which would lengthen it, drops out.
+    /// Takes in joints where rays met, beside the pose that was fitted to them. A length is taken along the fitted
+    /// direction: noise across it, which would lengthen it, drops out.
     pub fn update(
         &mut self,
         skeleton: &Skeleton,

@@ -1,5 +1,5 @@
-//! The energy of a pose that several views saw: the terms of the fit to one camera, with one E2D a view, in world axes and in
-//! metres of the person's own size. XNect §5.2.
+//! The energy of a pose that several views saw: the terms of the fit to one camera, with one E2D a view, in world axes
+//! and in metres of the person's own size. XNect §5.2.
 
 use glam::{DMat3, DVec2, DVec3};
 

@@ -5,7 +5,8 @@ use crate::assignment::assign;
 use crate::fit::FitConfig;
 use crate::multiview::people::is_proven;
 
-/// Seconds without two views after which whoever one view still sees is let go: one view alone may follow somebody else.
+/// Seconds without two views after which whoever one view still sees is let go: one view alone may follow somebody
+/// else.
 const ONE_VIEW: f64 = 10.0;
 /// The same of somebody without identity.
 const UNPROVEN: f64 = 0.4;

@@ -1,9 +1,9 @@
 //! The fit while it happens: what several cameras see at one instant goes in, bodies in the world come out at once.
 //!
-//! `synchroniser` brings observations to common instants. Known people take the detections whose rays pass near the joints where
-//! they are expected; what is left is grouped as in a recording. Everybody is then fitted with the 29-degree skeleton of the fit
-//! to one camera and its energy, with a reprojection term for every view; how tall people are the views see together. World axes
-//! are those of the calibration, metres.
+//! `synchroniser` brings observations to common instants. Known people take the detections whose rays pass near the
+//! joints where they are expected; what is left is grouped as in a recording. Everybody is then fitted with the
+//! 29-degree skeleton of the fit to one camera and its energy, with a reprojection term for every view; how tall people
+//! are the views see together. World axes are those of the calibration, metres.
 
 mod build;
 mod energy;
@@ -46,7 +46,8 @@ const NEWCOMER: f32 = 0.6;
 /// Pelvis and neck of somebody new are nobody known's, who is no nearer than this to both, metres.
 const APART: f64 = 0.25;
 
-/// Fits everyone whom calibrated cameras see, instant by instant. Pure and deterministic: time comes from the frames alone.
+/// Fits everyone whom calibrated cameras see, instant by instant. Pure and deterministic: time comes from the frames
+/// alone.
 #[derive(Debug)]
 pub struct LiveFit {
     views: Vec<View>,
@@ -70,9 +71,9 @@ struct Newest {
 }
 
 impl LiveFit {
-    /// A fit that has seen nobody. `views` are the cameras as their pictures show them, in the order of a [`FrameSet`]'s. Of
-    /// `config` what speaks of one camera's floor and filters has no meaning here; `height` gives everybody's stature instead of
-    /// observing it.
+    /// A fit that has seen nobody. `views` are the cameras as their pictures show them, in the order of a
+    /// [`FrameSet`]'s. Of `config` what speaks of one camera's floor and filters has no meaning here; `height` gives
+    /// everybody's stature instead of observing it.
     ///
     /// # Errors
     /// [`ConfigError`] if a setting is out of range.
@@ -103,11 +104,11 @@ impl LiveFit {
     }
 
     /// Takes in an instant and writes everyone with an identity into `out`: joints, positions and orientations in the
-    /// calibration's axes; `joints2d`, the picture's size and its camera are zeros, since there are several. `sequence` counts
-    /// instants. `publish_ns` and `fit_us` are left to whoever publishes.
+    /// calibration's axes; `joints2d`, the picture's size and its camera are zeros, since there are several. `sequence`
+    /// counts instants. `publish_ns` and `fit_us` are left to whoever publishes.
     ///
-    /// An instant that is not newer than the last changes nothing; a step back of more than half a second starts over with nobody
-    /// present (identities are never given again).
+    /// An instant that is not newer than the last changes nothing; a step back of more than half a second starts over
+    /// with nobody present (identities are never given again).
     pub fn update(&mut self, set: &FrameSet, out: &mut BodyFrame) {
         let Some(dt) = self.step(set.capture_ns) else {
             self.publish(0.0, out);
@@ -130,8 +131,8 @@ impl LiveFit {
         self.publish(0.0, out);
     }
 
-    /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest instant. Changes
-    /// nothing.
+    /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest instant.
+    /// Changes nothing.
     pub fn predict(&self, pose_ns: u64, out: &mut BodyFrame) {
         let newest = self.newest.map_or(pose_ns, |n| n.capture_ns);
         let most = (self.config.prediction.max * 1e9) as u64;

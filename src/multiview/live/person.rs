@@ -30,8 +30,8 @@ const STUCK: f64 = 0.15;
 const ELSEWHERE: f64 = 0.35;
 /// Rays meet in a joint when its robust cost is no more than this, square metres.
 const MET: f64 = 0.006;
-/// Seconds after which limbs that most views call by the other side's name are believed, or shoulders that point another way than
-/// hips are not.
+/// Seconds after which limbs that most views call by the other side's name are believed, or shoulders that point
+/// another way than hips are not.
 const PERSISTENCE: f64 = 0.4;
 /// Joints that must be known for a pose to start.
 const LEAST_JOINTS: usize = 8;
@@ -74,7 +74,8 @@ pub struct Person {
     pub states: [JointState; BODY_JOINTS],
     /// Recent distance between fit and where rays meet, metres.
     pub deviations: [f64; BODY_JOINTS],
-    /// Seconds for which most views have called limbs by the other side's name, or shoulders have pointed another way than hips.
+    /// Seconds for which most views have called limbs by the other side's name, or shoulders have pointed another way
+    /// than hips.
     exchanged: f64,
 }
 

@@ -26,7 +26,8 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// An observation in `view`; joints of less confidence than `least` are not seen. `None` if nothing of it can be used.
+    /// An observation in `view`; joints of less confidence than `least` are not seen. `None` if nothing of it can be
+    /// used.
     pub fn new(view: &View, seen: &Observation, least: f64) -> Option<Self> {
         let mut sight = Sight::new(view, seen);
         for ray in &mut sight.rays {
@@ -42,7 +43,8 @@ impl Seen {
         })
     }
 
-    /// Heals limbs whose sides were exchanged, by the joints where they are expected. Returns how many of arms and legs were.
+    /// Heals limbs whose sides were exchanged, by the joints where they are expected. Returns how many of arms and legs
+    /// were.
     pub fn follow(&mut self, view: &View, expected: &[DVec3; BODY_JOINTS]) -> usize {
         let evidence: [DVec3; EVIDENCE_JOINTS] = std::array::from_fn(|j| expected[j]);
         if let Some(points) = &mut self.points3d {

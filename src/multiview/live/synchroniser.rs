@@ -1,10 +1,10 @@
 //! Observations of several cameras, each at its own times, go in; what all of them saw at one instant comes out.
 //!
-//! Instants are the capture times of the fastest camera. What another saw then is interpolated in the picture between its frames
-//! before and after: joints of one person go along a straight line, other values are those of the nearer frame. Where its next
-//! frame does not come in time, the last one counts if it is no more than 25 ms older. A camera that has been silent for 100 ms,
-//! or for twice its own interval where that is longer, is not waited for; it counts again with its next frame. Nor is one that sees
-//! nobody.
+//! Instants are the capture times of the fastest camera. What another saw then is interpolated in the picture between
+//! its frames before and after: joints of one person go along a straight line, other values are those of the nearer
+//! frame. Where its next frame does not come in time, the last one counts if it is no more than 25 ms older. A camera
+//! that has been silent for 100 ms, or for twice its own interval where that is longer, is not waited for; it counts
+//! again with its next frame. Nor is one that sees nobody.
 //!
 //! Pure: times come from frames and from the caller.
 
@@ -128,8 +128,8 @@ impl Synchroniser {
         }
     }
 
-    /// Takes in a frame that came at `now`, nanoseconds. One that is not newer than the camera's last is left out; times that go
-    /// back by more than half a second start the camera over.
+    /// Takes in a frame that came at `now`, nanoseconds. One that is not newer than the camera's last is left out;
+    /// times that go back by more than half a second start the camera over.
     pub fn push(&mut self, camera: usize, frame: &ObservationFrame, now: u64) {
         let is_lead = camera == self.lead;
         let stream = &mut self.streams[camera];
@@ -255,7 +255,8 @@ mod tests {
         Some(set.views[view].as_ref()?.first()?.joints2d[3][0])
     }
 
-    /// Cameras of these intervals and offsets, milliseconds, frames arriving 20 ms after capture; what comes out of them.
+    /// Cameras of these intervals and offsets, milliseconds, frames arriving 20 ms after capture; what comes out of
+    /// them.
     fn run(cameras: &[(u64, u64)], ms: u64, skip: impl Fn(usize, u64) -> bool) -> Vec<FrameSet> {
         let mut sync = Synchroniser::new(cameras.len());
         let mut out = Vec::new();

@@ -6,7 +6,8 @@ use super::contour::{Contour, Point};
 use super::outline::{Outline, Rimmed};
 use crate::body::mesh::{FREEDOM, MeshBody, Surface};
 use crate::camera::View;
-use crate::multiview::energy::{DATA, Fitted};
+use crate::multiview::fitted::Fitted;
+use crate::multiview::sight::DATA;
 use crate::solve::NormalEquations;
 
 /// What a whole contour weighs, in joints.
@@ -35,7 +36,8 @@ pub struct Rim<'a> {
 }
 
 impl<'a> Rim<'a> {
-    /// Pairs an outline with a contour, both ways; `reach`: metres at `depth`; `even`: distances count as they are, not squared.
+    /// Pairs an outline with a contour, both ways; `reach`: metres at `depth`; `even`: distances count as they are, not
+    /// squared.
     pub fn new(
         view: &'a View,
         depth: f64,

@@ -46,8 +46,9 @@ impl Agreement {
     }
 }
 
-/// Compares two views, what the first sees at a time with what the second sees `offset` seconds later on its own clock. Everybody
-/// of the first is whoever of the second agrees best. `times`: most times to look at, fewer for a rough answer.
+/// Compares two views, what the first sees at a time with what the second sees `offset` seconds later on its own clock.
+/// Everybody of the first is whoever of the second agrees best. `times`: most times to look at, fewer for a rough
+/// answer.
 pub fn agreement(a: &Followed<'_>, b: &Followed<'_>, offset: f64, times: usize) -> Agreement {
     let mut all = Agreement::default();
     for own in a.trails {
@@ -82,7 +83,8 @@ pub fn agreement(a: &Followed<'_>, b: &Followed<'_>, offset: f64, times: usize) 
     all
 }
 
-/// Sum of squared distances of the rays of two people's joints, sides exchanged where that is nearer, and how many they share.
+/// Sum of squared distances of the rays of two people's joints, sides exchanged where that is nearer, and how many they
+/// share.
 fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, usize)> {
     let direction =
         |view: &View, p: glam::DVec2| (view.rotation.transpose() * p.extend(1.0)).normalize();

@@ -1,9 +1,9 @@
-//! Time between views that were not started together: what each sees on its own clock goes in, how far the clocks are apart comes
-//! out.
+//! Time between views that were not started together: what each sees on its own clock goes in, how far the clocks are
+//! apart comes out.
 //!
-//! Lags at which joints move alike in both views, by cross-correlating their speeds, are tried, and every lag roughly; the one at
-//! which rays meet best is refined to parts of a frame, first view by view and then all together. Where nobody moves, or all moves
-//! alike again and again, it cannot be told.
+//! Lags at which joints move alike in both views, by cross-correlating their speeds, are tried, and every lag roughly;
+//! the one at which rays meet best is refined to parts of a frame, first view by view and then all together. Where
+//! nobody moves, or all moves alike again and again, it cannot be told.
 
 mod epipolar;
 mod speeds;
@@ -27,9 +27,9 @@ const FINE: usize = 160;
 const NEARER: f64 = 0.03;
 /// What no detector tells better, square metres.
 const FLOOR: f64 = 4e-6;
-/// How much farther apart rays have to be a moment before and after (seconds), as a share, for the offset to be told; and that
-/// share times the root of the number of joints compared. The best of many lags is good by chance, too, the more so the less is
-/// compared.
+/// How much farther apart rays have to be a moment before and after (seconds), as a share, for the offset to be told;
+/// and that share times the root of the number of joints compared. The best of many lags is good by chance, too, the
+/// more so the less is compared.
 const AROUND: [f64; 2] = [0.15, 0.5];
 const CLEAR: f64 = 0.6;
 const CHANCE: f64 = 60.0;
@@ -62,7 +62,8 @@ pub enum Offset {
     Told(f64),
     /// Nobody moved enough, or the views share nobody.
     CannotTell,
-    /// Seconds; another offset, farther away, fits nearly as well, as where somebody moves in the same way again and again.
+    /// Seconds; another offset, farther away, fits nearly as well, as where somebody moves in the same way again and
+    /// again.
     Ambiguous(f64),
 }
 

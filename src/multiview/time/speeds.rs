@@ -38,8 +38,8 @@ impl Speeds {
         Self { start, samples }
     }
 
-    /// Pearson's correlation of all speeds with another view's, that view's clock being ahead by `lag` samples beyond the starts;
-    /// `None` where too little is common.
+    /// Pearson's correlation of all speeds with another view's, that view's clock being ahead by `lag` samples beyond
+    /// the starts; `None` where too little is common.
     fn correlation(&self, other: &Self, lag: isize) -> Option<f64> {
         let (n, m) = (self.samples.len() as isize, other.samples.len() as isize);
         let (from, to) = ((-lag).max(0), (m - lag).min(n));
@@ -68,8 +68,8 @@ impl Speeds {
         (scale > 1e-12).then(|| both / scale)
     }
 
-    /// Offsets of the other view's clock, at most `most` seconds, at which speeds are more alike than just before and after: the
-    /// likest first.
+    /// Offsets of the other view's clock, at most `most` seconds, at which speeds are more alike than just before and
+    /// after: the likest first.
     pub fn alike(&self, other: &Self, most: f64) -> Vec<f64> {
         let beyond = ((self.start - other.start) / STEP).round() as isize;
         let reach = (most / STEP) as isize;

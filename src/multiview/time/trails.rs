@@ -14,8 +14,8 @@ const LEAST_SHARED: usize = 4;
 const MISSED: usize = 3;
 /// Frames of the shortest path that tells anything.
 const SHORTEST: usize = 8;
-/// Standard deviation of the smoothing, frames. Both views are smoothed alike, else noise, which interpolation lessens, would draw
-/// every offset to the middle between two frames.
+/// Standard deviation of the smoothing, frames. Both views are smoothed alike, else noise, which interpolation lessens,
+/// would draw every offset to the middle between two frames.
 const SMOOTH: f64 = 1.5;
 
 /// A joint moves that goes so many times as far as its noise, and this share of the person's size, in so many seconds.
@@ -210,7 +210,8 @@ fn smooth(times: &[f64], raw: &Raw) -> Option<Trail> {
     Some(trail)
 }
 
-/// Whether a joint goes farther in a moment than what was seen of it lies from its smooth path. Medians: some of it lies anywhere.
+/// Whether a joint goes farther in a moment than what was seen of it lies from its smooth path. Medians: some of it
+/// lies anywhere.
 fn is_moving(trail: &Trail, raw: &Raw, joint: usize) -> bool {
     let noise = trail.joints.iter().zip(&raw.joints);
     let noise = median(noise.filter_map(|(p, q)| Some(p[joint]?.distance(q[joint]?))));

@@ -1,7 +1,7 @@
 //! Moving skeletons with exact truth and observations as a weak Stage I and II would deliver them. No pictures.
 //!
-//! The truth moves by the same 29 angles as the fitted skeleton, but every person has proportions of their own, shoulders
-//! that shrug and a head that tilts, which the fitted skeleton cannot do.
+//! The truth moves by the same 29 angles as the fitted skeleton, but every person has proportions of their own,
+//! shoulders that shrug and a head that tilts, which the fitted skeleton cannot do.
 #![allow(dead_code, reason = "tests and bench use different parts")]
 #![allow(
     clippy::needless_range_loop,
@@ -70,8 +70,8 @@ impl Noise {
         swap: 0.02,
         phantom: 0.05,
     };
-    /// Measured with `examples/observation_noise` on the fifth model, int8: 300 frames of `edgecap synth --clip --people 4
-    /// --seed 11 --fps 30` at 512×320, 709 of 725 appearances found; 0.01 people a frame who are not there.
+    /// Measured with `examples/observation_noise` on the fifth model, int8: 300 frames of `edgecap synth --clip
+    /// --people 4 --seed 11 --fps 30` at 512×320, 709 of 725 appearances found; 0.01 people a frame who are not there.
     pub const MEASURED: Self = Self {
         slow2d: 0.0246,
         white2d: 0.0203,

@@ -1,5 +1,5 @@
-//! Calibrated cameras round the place where people are, and what each of them sees. World axes are the scene's: x right, y down,
-//! z away.
+//! Calibrated cameras round the place where people are, and what each of them sees. World axes are the scene's: x
+//! right, y down, z away.
 
 use edgecap::camera::{Brown, View};
 use edgecap::joints::{BODY_JOINTS, PELVIS};

@@ -1,5 +1,5 @@
-//! Perfect maps of random people, as the training target defines them: Gaussian heatmaps and constant-width affinity fields at
-//! stride 8, both scaled with the person. Shared by the association's tests and its bench.
+//! Perfect maps of random people, as the training target defines them: Gaussian heatmaps and constant-width affinity
+//! fields at stride 8, both scaled with the person. Shared by the association's tests and its bench.
 
 use edgecap::engine::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 use edgecap::joints::{EVIDENCE_JOINTS, LIMB_JOINTS, LIMBS};
@@ -74,8 +74,8 @@ pub fn crowd(count: usize, seed: u64) -> Vec<Figure> {
     people
 }
 
-/// The training target of these people for a 512 × 320 picture; encoding channel 0 holds 1 + the person's index round each of
-/// his joints.
+/// The training target of these people for a 512 × 320 picture; encoding channel 0 holds 1 + the person's index round
+/// each of his joints.
 pub fn render(people: &[Figure]) -> Maps {
     let mut maps = Maps::new(64, 40);
     let cell = |p: [f32; 2]| [(p[0] - 3.5) / 8.0, (p[1] - 3.5) / 8.0];

@@ -1,7 +1,8 @@
-//! One run, read in Rust, Python, C and C++ at once: everybody finds the same in every field of bodies, observations and events.
+//! One run, read in Rust, Python, C and C++ at once: everybody finds the same in every field of bodies, observations
+//! and events.
 //!
-//! Each reader names every field through its own interface and prints it, floats as their bits. Lines that begin with `~` hold
-//! what readers work out themselves, which may differ in its last digits.
+//! Each reader names every field through its own interface and prints it, floats as their bits. Lines that begin with
+//! `~` hold what readers work out themselves, which may differ in its last digits.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;

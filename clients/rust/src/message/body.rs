@@ -43,8 +43,8 @@ pub struct Body {
     pub score: f32,
     /// Pelvis in camera space, metres.
     pub position: [f32; 3],
-    /// Rotation of the pelvis from the skeleton's rest axes to camera axes, xyzw. Rest axes: x to the person's left, y up,
-    /// z to the front; an upright person who faces the camera has a half turn about x.
+    /// Rotation of the pelvis from the skeleton's rest axes to camera axes, xyzw. Rest axes: x to the person's left, y
+    /// up, z to the front; an upright person who faces the camera has a half turn about x.
     pub orientation: [f32; 4],
     /// Pelvis velocity in camera space, metres per second.
     pub velocity: [f32; 3],
@@ -59,11 +59,11 @@ pub struct Body {
     pub confidence: [f32; BODY_JOINTS],
     /// Stature, metres.
     pub height: f32,
-    /// Length of the bone that ends in each joint, metres, as the pose was solved with; 0 for the pelvis. With `angles` they
-    /// give `joints3d`.
+    /// Length of the bone that ends in each joint, metres, as the pose was solved with; 0 for the pelvis. With `angles`
+    /// they give `joints3d`.
     pub bone_lengths: [f32; BODY_JOINTS],
-    /// Local rotations for [`HUMANOID_BONES`](crate::joints::HUMANOID_BONES), xyzw, from a T-pose with axes x left, y up,
-    /// z front.
+    /// Local rotations for [`HUMANOID_BONES`](crate::joints::HUMANOID_BONES), xyzw, from a T-pose with axes x left, y
+    /// up, z front.
     pub bone_rotations: [[f32; 4]; HUMANOID_BONE_COUNT],
     /// Where each joint's position comes from.
     pub joint_states: [JointState; BODY_JOINTS],
@@ -105,12 +105,12 @@ open_enum! {
     }
 }
 
-/// The floor-aligned world: x to the camera's right along the floor, y up, z towards the viewer (right-handed), metres, origin
-/// on the floor below the camera. world = rotation · camera + translation.
+/// The floor-aligned world: x to the camera's right along the floor, y up, z towards the viewer (right-handed), metres,
+/// origin on the floor below the camera. world = rotation · camera + translation.
 ///
-/// An estimated world appears once enough feet have stood about. After that it turns by at most 0.5° and rises by at most 3 cm
-/// a second. It is forgotten where the input starts over (another recording, a pause longer than the identities' memory) and
-/// where the picture's size or intrinsics change.
+/// An estimated world appears once enough feet have stood about. After that it turns by at most 0.5° and rises by at
+/// most 3 cm a second. It is forgotten where the input starts over (another recording, a pause longer than the
+/// identities' memory) and where the picture's size or intrinsics change.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend, FromBytes, IntoBytes, Immutable)]
 #[type_name("EdgecapWorldV1")]
 #[repr(C)]

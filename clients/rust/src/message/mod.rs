@@ -1,16 +1,16 @@
 //! The message contract: what `infer` publishes to `fit`, and what `fit` publishes to local apps: bodies and events.
 //!
-//! Every type is `#[repr(C)]`, has no pointers, no padding and a fixed size, and is valid for all bit patterns, so that C and
-//! Python read it through a plain struct. Camera frame: x right, y down, z forward, metres; pixels are those of the original
-//! picture, pixel centres on integers; quaternions are xyzw. Times are CLOCK_MONOTONIC nanoseconds.
+//! Every type is `#[repr(C)]`, has no pointers, no padding and a fixed size, and is valid for all bit patterns, so that
+//! C and Python read it through a plain struct. Camera frame: x right, y down, z forward, metres; pixels are those of
+//! the original picture, pixel centres on integers; quaternions are xyzw. Times are CLOCK_MONOTONIC nanoseconds.
 
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 pub use crate::joints::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
 
-/// An enumeration in shared memory. Another process writes it, so any number may stand there: one that has no name here is
-/// of a later version and equals none of the constants.
+/// An enumeration in shared memory. Another process writes it, so any number may stand there: one that has no name here
+/// is of a later version and equals none of the constants.
 macro_rules! open_enum {
     ($(#[$doc:meta])* $name:ident: $number:ty { $($(#[$what:meta])* $constant:ident = $value:literal $text:literal,)* }) => {
         $(#[$doc])*

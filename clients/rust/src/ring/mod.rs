@@ -1,7 +1,7 @@
 //! A stream's newest messages in a file that one process writes and any number reads.
 //!
-//! A reader has the file open for reading and nothing else: it cannot hold the writer up, and nothing that it does reaches it.
-//! The file lies in memory. All numbers are in this machine's byte order.
+//! A reader has the file open for reading and nothing else: it cannot hold the writer up, and nothing that it does
+//! reaches it. The file lies in memory. All numbers are in this machine's byte order.
 //!
 //! | bytes | what |
 //! |---|---|

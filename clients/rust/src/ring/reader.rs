@@ -279,7 +279,8 @@ impl<M: Message> RingReader<M> {
             Err(e) => return Err(failed(e)),
         };
         let meta = file.metadata().map_err(failed)?;
-        // Only the folder's owner can have put it there; a file that somebody else may write holds what somebody else says.
+        // Only the folder's owner can have put it there; a file that somebody else may write holds what somebody else
+        // says.
         if !meta.is_file() || meta.uid() != owner || meta.mode() & 0o022 != 0 {
             return Err(LinkError::place(
                 folder,
@@ -339,7 +340,8 @@ impl Open {
             self.next = self.next.max(count.saturating_sub(SLOTS - 1));
             self.file
                 .read_exact_at(message, place_of(self.next, message.len()))?;
-            // SYNC POINT: each of these reads enters the kernel and takes the page's reference count, which orders them.
+            // SYNC POINT: each of these reads enters the kernel and takes the page's reference count, which orders
+            // them.
             if self.next + SLOTS > read_u64(&self.file, COUNT_AT)? {
                 self.next += 1;
                 return Ok(true);

@@ -1,4 +1,5 @@
-//! The Python client's structures must lie in memory as ours do, and its world be ours; README's Python works as printed.
+//! The Python client's structures must lie in memory as ours do, and its world be ours; README's Python works as
+//! printed.
 
 use std::fmt::Debug;
 use std::io::{BufRead, BufReader};

@@ -1,4 +1,5 @@
-//! Other users, other processes and what they leave: nobody can keep a publisher out, bring it down or feed its readers lies.
+//! Other users, other processes and what they leave: nobody can keep a publisher out, bring it down or feed its readers
+//! lies.
 //!
 //! Tests start this program again as another process (`role`), under another user where they run as root.
 

@@ -1,5 +1,5 @@
-//! NEON: 4 lanes. `sdot` where the CPU has it (activations of 7 bits are the same signed or unsigned), widening products
-//! elsewhere.
+//! NEON: 4 lanes. `sdot` where the CPU has it (activations of 7 bits are the same signed or unsigned), widening
+//! products elsewhere.
 
 use std::arch::aarch64::*;
 use std::arch::asm;

@@ -91,8 +91,8 @@ impl Camera {
     /// The choices of a menu; drivers leave some out.
     fn menu(&self, id: u32, values: std::ops::RangeInclusive<i32>) -> Vec<(i32, String)> {
         let choice = |value: i32| {
-            // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_QUERYMENU takes a v4l2_querymenu. For menus of
-            // names the member of the union is `name`, whose bytes may be any.
+            // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_QUERYMENU takes a v4l2_querymenu. For
+            // menus of names the member of the union is `name`, whose bytes may be any.
             let name = unsafe {
                 let mut menu: sys::v4l2_querymenu = zeroed();
                 menu.id = id;

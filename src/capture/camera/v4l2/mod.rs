@@ -1,8 +1,9 @@
 //! The kernel's camera interface: a device file goes in, mapped buffers come out.
 //!
-//! Written against the crate `v4l`'s definitions but not its stream: after one timeout that queues the same buffer twice and fails
-//! for ever, and it panics when a camera goes away in a way that it does not expect. Here a buffer is either with the driver or
-//! in our hands, by type: [`Filled`] is what [`Stream::dequeue`] returns and [`Stream::queue`] takes.
+//! Written against the crate `v4l`'s definitions but not its stream: after one timeout that queues the same buffer
+//! twice and fails for ever, and it panics when a camera goes away in a way that it does not expect. Here a buffer is
+//! either with the driver or in our hands, by type: [`Filled`] is what [`Stream::dequeue`] returns and
+//! [`Stream::queue`] takes.
 
 mod control;
 mod stream;
@@ -41,8 +42,8 @@ unsafe fn ioctl<T>(
     argument: &mut T,
 ) -> io::Result<()> {
     loop {
-        // SAFETY: `argument` is one valid, exclusively borrowed `T`; the caller vouches that the request reads and writes
-        // exactly size_of::<T>() bytes, which the kernel takes from the request's own number.
+        // SAFETY: `argument` is one valid, exclusively borrowed `T`; the caller vouches that the request reads and
+        // writes exactly size_of::<T>() bytes, which the kernel takes from the request's own number.
         let result =
             unsafe { v4l2::ioctl(handle.fd(), request, std::ptr::from_mut(argument).cast()) };
         match result {
@@ -148,8 +149,8 @@ impl Camera {
     /// Sizes of a format.
     pub fn sizes(&self, fourcc: [u8; 4]) -> Vec<Sizes> {
         self.list(|index| {
-            // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_ENUM_FRAMESIZES takes a v4l2_frmsizeenum. Both
-            // members of the union are integers, so that any bits are valid; `type_` says which one is meant.
+            // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_ENUM_FRAMESIZES takes a v4l2_frmsizeenum.
+            // Both members of the union are integers, so that any bits are valid; `type_` says which one is meant.
             unsafe {
                 let mut size: sys::v4l2_frmsizeenum = zeroed();
                 size.index = index;
@@ -197,8 +198,8 @@ impl Camera {
 
     /// Asks for a format and size; the driver answers with what it will do.
     pub fn set_format(&self, fourcc: [u8; 4], width: u32, height: u32) -> io::Result<Agreed> {
-        // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_S_FMT takes a v4l2_format. For VIDEO_CAPTURE the member
-        // of the union is `pix`, whose fields are integers.
+        // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_S_FMT takes a v4l2_format. For VIDEO_CAPTURE
+        // the member of the union is `pix`, whose fields are integers.
         let pix = unsafe {
             let mut format: sys::v4l2_format = zeroed();
             format.type_ = VIDEO_CAPTURE;
@@ -221,8 +222,8 @@ impl Camera {
 
     /// Asks for a rate; the answer is what the driver will do, `None` when it does not say.
     pub fn set_rate(&self, fps: f64) -> Option<f64> {
-        // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_S_PARM takes a v4l2_streamparm. For VIDEO_CAPTURE the
-        // member of the union is `capture`, whose fields are integers.
+        // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_S_PARM takes a v4l2_streamparm. For
+        // VIDEO_CAPTURE the member of the union is `capture`, whose fields are integers.
         let interval = unsafe {
             let mut parameters: sys::v4l2_streamparm = zeroed();
             parameters.type_ = VIDEO_CAPTURE;

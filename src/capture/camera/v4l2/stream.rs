@@ -33,8 +33,8 @@ unsafe impl Send for Mapping {}
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: `start..start + length` is exactly what mmap returned and nothing borrows it: slices live no longer than the
-        // stream that owns this. A failure would leave the mapping, which is harmless.
+        // SAFETY: `start..start + length` is exactly what mmap returned and nothing borrows it: slices live no longer
+        // than the stream that owns this. A failure would leave the mapping, which is harmless.
         let _ = unsafe { v4l2::munmap(self.start, self.length) };
     }
 }
@@ -75,8 +75,8 @@ impl Stream {
         let count = stream.request(BUFFERS)?;
         for index in 0..count {
             let mut buffer = buffer(index);
-            // SAFETY: VIDIOC_QUERYBUF takes a v4l2_buffer. For MEMORY_MMAP the member of the union is `offset`. The mapping is
-            // new memory at an address of the kernel's choice; `Mapping` owns it from here on.
+            // SAFETY: VIDIOC_QUERYBUF takes a v4l2_buffer. For MEMORY_MMAP the member of the union is `offset`. The
+            // mapping is new memory at an address of the kernel's choice; `Mapping` owns it from here on.
             unsafe {
                 ioctl(&stream.handle, vidioc::VIDIOC_QUERYBUF, &mut buffer)?;
                 let length = buffer.length as usize;
@@ -164,8 +164,9 @@ impl Stream {
     /// The bytes of a filled buffer.
     pub fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
         let mapping = &self.mappings[filled.index as usize];
-        // SAFETY: `used <= length` of the mapping, which lives as long as `self`. The driver does not write to a buffer between
-        // handing it out and getting it back, and it gets it back by `queue`, which consumes `filled`, borrowed here.
+        // SAFETY: `used <= length` of the mapping, which lives as long as `self`. The driver does not write to a buffer
+        // between handing it out and getting it back, and it gets it back by `queue`, which consumes `filled`, borrowed
+        // here.
         unsafe { std::slice::from_raw_parts(mapping.start.cast(), filled.used) }
     }
 

@@ -58,20 +58,21 @@ pub struct MultiviewReport {
     pub triangulated: usize,
     /// … whom Stage II of the view left out saw as well, and whom its fit followed.
     pub found: [usize; 2],
-    /// Median distance, pixels, between the reprojected joint and this view's own 2D, and between it and the fit's joint;
-    /// with the number of joints behind it.
+    /// Median distance, pixels, between the reprojected joint and this view's own 2D, and between it and the fit's
+    /// joint; with the number of joints behind it.
     pub pixels: [[Option<(f64, usize)>; 2]; EVIDENCE_JOINTS],
     /// The same over all joints.
     pub all_pixels: [Option<f64>; 2],
-    /// Root-relative 3D error of Stage II and Stage III, metres: mean after bringing both to one size, and after Procrustes.
+    /// Root-relative 3D error of Stage II and Stage III, metres: mean after bringing both to one size, and after
+    /// Procrustes.
     pub mpjpe: [Option<f64>; 2],
     /// See `mpjpe`.
     pub pa_mpjpe: [Option<f64>; 2],
 }
 
 impl MultiviewCheck {
-    /// For views in the order of the frames that will come; joints whose views disagree by more than `agree` pixels (mean
-    /// distance to their own reprojections) do not count.
+    /// For views in the order of the frames that will come; joints whose views disagree by more than `agree` pixels
+    /// (mean distance to their own reprojections) do not count.
     pub fn new(views: Vec<View>, agree: f64) -> Self {
         Self {
             views,
@@ -99,9 +100,9 @@ impl MultiviewCheck {
         }
     }
 
-    /// Takes in what every view saw at one moment and what another detector saw there, in the order of the views. All views of
-    /// the other detector together are the truth; head top and neck, which everybody marks differently, are left out of it, and
-    /// whoever is further from it than 0.12 of the height is not found.
+    /// Takes in what every view saw at one moment and what another detector saw there, in the order of the views. All
+    /// views of the other detector together are the truth; head top and neck, which everybody marks differently, are
+    /// left out of it, and whoever is further from it than 0.12 of the height is not found.
     ///
     /// # Panics
     /// If there are not as many frames of each as views.
@@ -252,8 +253,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// Mean root-relative error over all joints, sizes made equal over all people at once, and the same after Procrustes per
-/// person. The root is the middle of the hips on both sides: that is what evidence joints know.
+/// Mean root-relative error over all joints, sizes made equal over all people at once, and the same after Procrustes
+/// per person. The root is the middle of the hips on both sides: that is what evidence joints know.
 fn errors(pairs: &[(Figure, [DVec3; BODY_JOINTS])]) -> (Option<f64>, Option<f64>) {
     let sizes = pairs.iter().filter_map(|(figure, person)| {
         let (mut known, mut claimed) = (0.0, 0.0);

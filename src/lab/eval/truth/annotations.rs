@@ -1,4 +1,5 @@
-//! Pictures of one labelled person each: Leeds Sports Pose, and samples of Human3.6M and MPI-INF-3DHP with true 3D joints.
+//! Pictures of one labelled person each: Leeds Sports Pose, and samples of Human3.6M and MPI-INF-3DHP with true 3D
+//! joints.
 
 use edgecap_client::joints::EVIDENCE_JOINTS;
 use serde::Deserialize;

@@ -39,8 +39,8 @@ const H36M_17: [Option<usize>; 17] = [
 /// Those of Human3.6M's 32 joints that move, which are its 17.
 const H36M_MOVING: [usize; 17] = [0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27];
 
-/// Of all 28: the upper spine, neck, head, head top, left and right arm with collarbone and hand, left and right leg with foot
-/// (the ball, none of ours) and toe.
+/// Of all 28: the upper spine, neck, head, head top, left and right arm with collarbone and hand, left and right leg
+/// with foot (the ball, none of ours) and toe.
 const DHP_28: [Option<usize>; 28] = [
     None,
     None,
@@ -73,8 +73,8 @@ const DHP_28: [Option<usize>; 28] = [
 ];
 
 impl JointOrder {
-    /// The body joint that each of `count` joints is, `None` for those that are none of ours; `None` when the order does not
-    /// come with so many.
+    /// The body joint that each of `count` joints is, `None` for those that are none of ours; `None` when the order
+    /// does not come with so many.
     pub fn body_joints(self, count: usize) -> Option<Vec<Option<usize>>> {
         match (self, count) {
             (Self::H36m, 17) => Some(H36M_17.to_vec()),

@@ -15,7 +15,8 @@ pub use self::joint_order::JointOrder;
 pub use self::npz::Units;
 use super::{EvalError, Keypoint, bounding_box};
 
-/// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the same).
+/// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the
+/// same).
 const AREA_OF_BOX: f64 = 0.53;
 
 /// How a truth file is written.
@@ -28,14 +29,15 @@ pub enum Format {
     Coco,
     /// A list of people with `image`, `joints` and `joints_vis` in MPII's 16 joints.
     Mpii,
-    /// A list of pictures of one person each with `file`, `joints` and `split` in the 14 evidence joints (Leeds Sports Pose).
+    /// A list of pictures of one person each with `file`, `joints` and `split` in the 14 evidence joints (Leeds Sports
+    /// Pose).
     People2d,
     /// A list of pictures of one person each with `file`, `joints2d` and `joints3d_camera_m` in 17 joints.
     Real3d,
     /// `truth.json` of `edgecap synth`.
     Synth,
-    /// A NumPy archive of 3D joints as public toolboxes export Human3.6M, MPI-INF-3DHP and MuPoTS-3D: `S` and `part`, or
-    /// `positions_3d` and `positions_2d`.
+    /// A NumPy archive of 3D joints as public toolboxes export Human3.6M, MPI-INF-3DHP and MuPoTS-3D: `S` and `part`,
+    /// or `positions_3d` and `positions_2d`.
     Npz,
 }
 
@@ -96,8 +98,8 @@ impl TruthPerson {
         }
     }
 
-    /// A person of whom joints are known in the picture (pixels) and in camera space (metres), both asked for by their place
-    /// in a public set's order; `order` holds the body joint at each place.
+    /// A person of whom joints are known in the picture (pixels) and in camera space (metres), both asked for by their
+    /// place in a public set's order; `order` holds the body joint at each place.
     fn of_joints(
         order: &[Option<usize>],
         flat: impl Fn(usize) -> Option<[f64; 2]>,

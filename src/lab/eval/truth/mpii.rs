@@ -7,8 +7,8 @@ use serde::Deserialize;
 use super::{TruthFrame, TruthPerson, TruthSet};
 use crate::lab::eval::Keypoint;
 
-/// Evidence joint of each of MPII's 16: ankles to hips, pelvis, thorax, upper neck, head top, then the arms. The evidence neck
-/// lies between MPII's thorax and upper neck, nearer the thorax.
+/// Evidence joint of each of MPII's 16: ankles to hips, pelvis, thorax, upper neck, head top, then the arms. The
+/// evidence neck lies between MPII's thorax and upper neck, nearer the thorax.
 const JOINTS: [Option<usize>; 16] = [
     Some(10),
     Some(9),

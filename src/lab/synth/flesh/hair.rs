@@ -1,6 +1,6 @@
 //! What grows or sits on the head.
 
-use super::head::Lump;
+use super::Lump;
 use crate::lab::synth::outfit::Hair;
 
 /// Hair combed back to be tied.

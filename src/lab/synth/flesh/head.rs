@@ -2,12 +2,9 @@
 
 use glam::{Quat, Vec3};
 
-use super::{Sculptor, hair};
+use super::{Lump, Sculptor, hair};
 use crate::lab::synth::outfit::Matter;
 use crate::lab::synth::shape::Bone;
-
-/// An ellipsoid on the head, in units of stature: centre x, y, z; half axes; angle about x (radians); softness.
-pub(super) type Lump = [f32; 8];
 
 impl Sculptor<'_> {
     /// Neck, head and what grows or sits on it.

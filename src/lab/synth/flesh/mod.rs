@@ -52,6 +52,9 @@ impl Part {
     }
 }
 
+/// An ellipsoid on the head, in units of stature: centre x, y, z; half axes; angle about x (radians); softness.
+type Lump = [f32; 8];
+
 /// A body being put together; lengths in metres.
 struct Sculptor<'a> {
     parts: Vec<Part>,

@@ -67,7 +67,8 @@ impl Thing {
 }
 
 impl Form {
-    /// Whether a ray passes outside the form's bounding sphere: much cheaper than [`hit`](Self::hit), and true for most rays.
+    /// Whether a ray passes outside the form's bounding sphere: much cheaper than [`hit`](Self::hit), and true for most
+    /// rays.
     pub(super) fn misses(&self, from: Vec3, dir: Vec3) -> bool {
         let (centre, reach2) = match *self {
             Form::Block { centre, half, .. } => (centre, half.length_squared()),

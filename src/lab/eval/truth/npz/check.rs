@@ -1,5 +1,5 @@
-//! Whether the people read from an archive can be people: a wrong unit, joint order or axis gives figures that look like a bad
-//! network.
+//! Whether the people read from an archive can be people: a wrong unit, joint order or axis gives figures that look
+//! like a bad network.
 
 use edgecap_client::joints::PELVIS;
 

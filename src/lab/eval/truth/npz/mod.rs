@@ -1,7 +1,7 @@
 //! NumPy archives of 3D joints go in, labelled people come out.
 //!
-//! Two layouts are read, and any mixture: that of public toolboxes (mmpose, SPIN: `imgname`, `S`, `part`) and plain arrays
-//! (`positions_3d`, `positions_2d`), whose names follow VideoPose3D. N rows, P people a row, J joints:
+//! Two layouts are read, and any mixture: that of public toolboxes (mmpose, SPIN: `imgname`, `S`, `part`) and plain
+//! arrays (`positions_3d`, `positions_2d`), whose names follow VideoPose3D. N rows, P people a row, J joints:
 //!
 //! | array | shape | meaning |
 //! |---|---|---|
@@ -16,8 +16,8 @@
 //! | `camera_matrix` | [3, 3], [N, 3, 3] | intrinsics, pixels; lenses without distortion |
 //! | `camera_pose` | [3, 4], [N, 3, 4] | world to camera; then the 3D joints are in world axes |
 //!
-//! A last column more (4 in 3D, 3 in 2D) is a flag, 0 where a joint is not known; so is NaN. In a video a person keeps its
-//! place along P: it is the identity.
+//! A last column more (4 in 3D, 3 in 2D) is a flag, 0 where a joint is not known; so is NaN. In a video a person keeps
+//! its place along P: it is the identity.
 
 mod camera;
 mod check;

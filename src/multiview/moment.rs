@@ -1,0 +1,66 @@
+//! One person in one frame: what views saw of them, and about where they are.
+
+use glam::DVec3;
+
+use super::sight::Sight;
+use super::silhouette::Contour;
+use crate::camera::View;
+use crate::joints::EVIDENCE_JOINTS;
+
+/// One person in one frame.
+#[derive(Debug, Clone)]
+pub struct Moment {
+    /// What every view saw; none where it did not see them.
+    pub sights: Vec<Option<Sight>>,
+    /// Where the joints are about.
+    pub joints: [Option<DVec3>; EVIDENCE_JOINTS],
+    /// Exchanged limbs that were healed.
+    pub healed: usize,
+    /// Whether one view alone told `joints`: then they are evidence of their own.
+    pub lifted: bool,
+    /// Where masks end, by view; empty without masks.
+    pub contours: Vec<Option<Contour>>,
+}
+
+impl Moment {
+    /// How far the person is from a view, metres.
+    pub fn depth(&self, view: &View) -> Option<f64> {
+        let known: Vec<DVec3> = self.joints.iter().flatten().copied().collect();
+        let mean = known.iter().sum::<DVec3>() / known.len().max(1) as f64;
+        let z = view.to_camera(mean).z;
+        (!known.is_empty() && z > 0.2).then_some(z)
+    }
+
+    /// Joints that are evidence.
+    pub fn lifted(&self) -> Option<&[Option<DVec3>; EVIDENCE_JOINTS]> {
+        self.lifted.then_some(&self.joints)
+    }
+
+    /// What views saw, as the energy wants it; one weight a view.
+    pub fn seen<'a>(&'a self, views: &'a [View], weights: &[f64]) -> Vec<Seen<'a>> {
+        let each = views.iter().zip(&self.sights).zip(weights);
+        each.filter_map(|((view, sight), &weight)| {
+            let sight = sight.as_ref()?;
+            (weight > 0.0).then_some(Seen {
+                view,
+                sight,
+                depth: self.depth(view)?,
+                weight,
+            })
+        })
+        .collect()
+    }
+}
+
+/// One view's part.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// What it saw.
+    pub sight: &'a Sight,
+    /// About how far the person is from it, metres.
+    pub depth: f64,
+    /// How much it counts.
+    pub weight: f64,
+}
