@@ -150,6 +150,11 @@ impl Pipeline {
         Ok(self.seen())
     }
 
+    /// From now on so many threads share a frame, in all pipelines that share them.
+    pub fn use_threads(&self, threads: usize) {
+        self.engine.use_threads(threads);
+    }
+
     /// Everyone in the last frame.
     pub fn seen(&self) -> FrameObservations<'_> {
         FrameObservations {

@@ -6,8 +6,9 @@ pub mod place;
 pub mod stand_in;
 pub mod tools;
 
+use std::io::Read;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// The built program.
@@ -64,7 +65,20 @@ impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
+        if let Some(stderr) = self.0.stderr.take().filter(|_| std::thread::panicking()) {
+            eprintln!("what it said: {}", lines_so_far(stderr));
+        }
     }
+}
+
+/// What lies in a pipe that others may still hold open.
+fn lines_so_far(mut pipe: ChildStderr) -> String {
+    let mut said = Vec::new();
+    // Not to be waited for: reading ends with an error where nothing more lies there.
+    let flags = rustix::fs::fcntl_getfl(&pipe).expect("a pipe has flags");
+    let _ = rustix::fs::fcntl_setfl(&pipe, flags | rustix::fs::OFlags::NONBLOCK);
+    let _ = pipe.read_to_end(&mut said);
+    String::from_utf8_lossy(&said).into_owned()
 }
 
 impl Running {

@@ -1,6 +1,7 @@
 //! `edgecap infer`: pictures in, observations out. Beside `run` on a file, the only process that sees pictures.
 
 mod change;
+mod crew;
 mod engine_args;
 mod feed;
 mod observer;

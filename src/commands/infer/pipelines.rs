@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use edgecap_client::message::{Intrinsics, Observation};
 
+use super::crew::Crew;
 use super::engine_args::{EngineArgs, turned};
 use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
@@ -20,6 +21,7 @@ pub struct Pipelines<'a> {
     built: Vec<Vec<Pipeline>>,
     following: Option<Following>,
     speed: Speed,
+    crew: Crew,
 }
 
 /// The input that follows the people in view.
@@ -57,6 +59,7 @@ impl<'a> Pipelines<'a> {
             built,
             following: follows.then(Following::default),
             speed: Speed::new(target),
+            crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
         })
     }
 
@@ -71,13 +74,19 @@ impl<'a> Pipelines<'a> {
     ) -> anyhow::Result<FrameObservations<'_>> {
         let upright = frame.height > frame.width && !self.engine.is_fixed();
         let built = &mut self.built[usize::from(upright)];
+        built[0].use_threads(self.crew.threads());
         let Some(Following {
             zoom,
             here,
             elsewhere,
         }) = &mut self.following
         else {
-            return built[0].process(frame, intrinsics);
+            let seen = built[0].process(frame, intrinsics)?;
+            let seconds = seconds(seen.times.stage1_us);
+            if let Some(change) = self.crew.took(monotonic_ns(), 0, seconds) {
+                tracing::info!("{}", change.line());
+            }
+            return Ok(seen);
         };
         let heights = heights_in(frame, upright);
         let other = zoom.look_elsewhere(frame.time_ns);
@@ -88,9 +97,16 @@ impl<'a> Pipelines<'a> {
         let level = zoom.level();
         let start = Instant::now();
         let seen = built[level].process(frame, intrinsics)?;
-        let seconds = start.elapsed().as_secs_f32();
-        if let Some(slower) = self.speed.took(monotonic_ns(), level, seconds) {
-            tracing::warn!("{}", slower.line());
+        let now = monotonic_ns();
+        if !self.crew.is_trying() {
+            let whole = start.elapsed().as_secs_f32();
+            if let Some(slower) = self.speed.took(now, level, whole) {
+                tracing::warn!("{}", slower.line());
+            }
+        }
+        let network = seconds(seen.times.stage1_us);
+        if let Some(change) = self.crew.took(now, level, network) {
+            tracing::info!("{}", change.line());
         }
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
@@ -127,6 +143,10 @@ impl<'a> Pipelines<'a> {
         }
         Ok(built[smallest].seen())
     }
+}
+
+fn seconds(us: u32) -> f32 {
+    us as f32 * 1e-6
 }
 
 /// How tall people are, pixels of the largest input.

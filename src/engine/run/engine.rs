@@ -276,6 +276,12 @@ impl Engine {
         self.team().threads()
     }
 
+    /// From now on so many of these threads share a frame, here and in all engines that share them: at least one, at
+    /// most all that there are. Maps do not depend on it in int8.
+    pub fn use_threads(&self, threads: usize) {
+        self.team().use_threads(threads);
+    }
+
     /// What it was built with.
     pub fn options(&self) -> &EngineOptions {
         &self.options

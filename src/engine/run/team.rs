@@ -101,6 +101,8 @@ struct Call {
     begun: usize,
     /// The frame that is being worked on.
     frame: Option<Frame>,
+    /// Helpers that take part in a frame; the others sleep on.
+    wanted: usize,
     /// Helpers that are at work on a frame, this one or one before.
     working: usize,
     stop: bool,
@@ -139,10 +141,11 @@ impl Team {
             let mut scratch = Scratch::new(scratch);
             let helper = std::thread::Builder::new()
                 .name(format!("engine-{i}"))
-                .spawn(move || shared.help(&mut scratch))?;
+                .spawn(move || shared.help(i, &mut scratch))?;
             team.helpers.push(helper);
         }
         let mut call = team.shared.lock();
+        call.wanted = team.helpers.len();
         while call.ready < team.helpers.len() {
             call = team.shared.wait(&team.shared.settled, call);
         }
@@ -167,8 +170,10 @@ impl Team {
             shared,
             finished: false,
         };
-        if !self.helpers.is_empty() {
-            let mut call = shared.lock();
+        let mut call = shared.lock();
+        if call.wanted == 0 {
+            drop(call);
+        } else {
             call.begun += 1;
             call.frame = Some(Frame {
                 track: track.clone(),
@@ -205,9 +210,14 @@ impl Team {
         }
     }
 
-    /// Threads, the caller's included.
+    /// Threads that there are, the caller's included.
     pub fn threads(&self) -> usize {
         self.helpers.len() + 1
+    }
+
+    /// From now on so many threads share a frame, the caller's included: at least that, at most all that there are.
+    pub fn use_threads(&self, threads: usize) {
+        self.shared.lock().wanted = threads.clamp(1, self.threads()) - 1;
     }
 
     fn check(&self) {
@@ -293,8 +303,8 @@ impl Shared {
         until.wait(call).unwrap_or_else(|e| e.into_inner())
     }
 
-    /// A helper's life.
-    fn help(&self, scratch: &mut Scratch) {
+    /// The life of a helper; they count from 1.
+    fn help(&self, number: usize, scratch: &mut Scratch) {
         let mut call = self.lock();
         call.ready += 1;
         self.settled.notify_all();
@@ -307,7 +317,7 @@ impl Shared {
                 return;
             }
             seen = call.begun;
-            let Some(frame) = call.frame.clone() else {
+            let Some(frame) = call.frame.clone().filter(|_| number <= call.wanted) else {
                 continue;
             };
             call.working += 1;
@@ -458,6 +468,55 @@ mod tests {
         unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
             self.0[step].fetch_add(1, Ordering::Relaxed);
         }
+    }
+
+    /// Notes which threads run its parts, each of which waits until so many threads have come.
+    struct Meeting {
+        wanted: usize,
+        came: AtomicUsize,
+        threads: Mutex<Vec<ThreadId>>,
+    }
+
+    impl Work for Meeting {
+        fn steps(&self) -> usize {
+            1
+        }
+
+        fn parts(&self, _step: usize) -> usize {
+            4
+        }
+
+        unsafe fn run(&self, _step: usize, _part: usize, _scratch: &mut Scratch) {
+            let me = std::thread::current().id();
+            let mut threads = self.threads.lock().unwrap();
+            if !threads.contains(&me) {
+                threads.push(me);
+                self.came.fetch_add(1, Ordering::SeqCst);
+            }
+            drop(threads);
+            while self.came.load(Ordering::SeqCst) < self.wanted {
+                std::thread::yield_now();
+            }
+        }
+    }
+
+    #[test]
+    fn as_many_threads_take_part_as_are_wanted() {
+        let mut team = Team::new(0, 4).unwrap();
+        for wanted in [1, 3, 2, 4, 1] {
+            team.use_threads(wanted);
+            for _ in 0..20 {
+                let track = Arc::new(Track::new(Meeting {
+                    wanted,
+                    came: AtomicUsize::new(0),
+                    threads: Mutex::default(),
+                }));
+                // SAFETY: this work shares nothing but atomics and a lock.
+                unsafe { team.run(&track) };
+                assert_eq!(track.work.threads.lock().unwrap().len(), wanted);
+            }
+        }
+        assert_eq!(team.threads(), 4);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod blender;
 mod bvh;
+mod three;
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
