@@ -33,7 +33,7 @@ def main(checkpoint: pathlib.Path, contract: pathlib.Path, out: pathlib.Path) ->
     if not (tensors := state_dict(checkpoint)):
         raise SystemExit(f"{checkpoint}: expected a state dict, found no tensors by name; save model.state_dict() with torch.save")
     weights.write(out, {k: v.float() for k, v in tensors.items()}, {"format": "pt", "contract": json.dumps(about)})
-    print(f"{out} {out.stat().st_size / 2**20:.1f} MiB, {len(tensors)} tensors: edgecap model import {out} --check")
+    print(f"{out} {out.stat().st_size / 2**20:.1f} MiB, {len(tensors)} tensors: edgecap model import {out} --arch ARCH --check (ARCH as in 'model contract --arch')")
 
 
 if __name__ == "__main__":

@@ -26,6 +26,8 @@ pub struct OscBridge {
     outlet: Outlet,
     camera: String,
     present: Vec<u32>,
+    /// Of the newest frame.
+    number: u64,
 }
 
 impl OscBridge {
@@ -38,6 +40,7 @@ impl OscBridge {
             outlet: Outlet::new(to)?,
             camera: camera.to_owned(),
             present: Vec::new(),
+            number: 0,
         })
     }
 
@@ -73,6 +76,7 @@ impl OscBridge {
             self.outlet.send(0, time, vec![gone]);
         }
         self.present = bodies.iter().map(|b| b.id).collect();
+        self.number = frame.sequence;
     }
 }
 
@@ -82,12 +86,17 @@ impl Sink<BodyFrame> for OscBridge {
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Option<String>, SinkError> {
+    fn end(&mut self) -> Result<(), SinkError> {
         // Nobody is there any more, as of now.
         self.send(&BodyFrame {
+            sequence: self.number,
             flags: FLAG_FILE_TIME,
             ..BodyFrame::default()
         });
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         Ok(None)
     }
 }

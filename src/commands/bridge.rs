@@ -51,10 +51,18 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
     let (mut cleaned, mut is_running) = (Instant::now(), false);
     while !stop.requested() {
-        // Who is behind sends the newest.
-        if let Some(frame) = bodies.newest(LOOK_UP)? {
-            is_running = frame.flags & FLAG_END_OF_STREAM == 0;
-            if is_running {
+        // Who is behind sends the newest, and the end in any case.
+        let mut waiting = bodies.next(LOOK_UP)?.map(|frame| Box::new(*frame));
+        while let Some(frame) = waiting {
+            waiting = bodies.next(Duration::ZERO)?.map(|frame| Box::new(*frame));
+            let is_end = |frame: &BodyFrame| frame.flags & FLAG_END_OF_STREAM != 0;
+            if is_end(&frame) {
+                is_running = false;
+                sinks.end()?;
+                continue;
+            }
+            is_running = true;
+            if waiting.as_ref().is_none_or(|next| is_end(next)) {
                 sinks.take(&Packet {
                     message: &*frame,
                     source: "",
@@ -67,7 +75,10 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         }
         // One that goes without saying so has crashed.
         let crashed = is_running && bodies.publisher_count() == 0;
-        is_running &= !crashed;
+        if crashed {
+            is_running = false;
+            sinks.end()?;
+        }
         if let Some(flight) = &flight {
             flight.look(crashed);
         }

@@ -62,10 +62,15 @@ pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    let mut frames = 0_u64;
     while let Some(row) = rows.read()? {
         look(&row.source, &row.message());
+        frames += 1;
     }
-    Ok(())
+    match frames {
+        0 => Err(Failure::no_frames(&name, "bodies").into()),
+        _ => Ok(()),
+    }
 }
 
 fn tell(camera: &str, frame: &EventFrame) {

@@ -98,6 +98,13 @@ impl Failure {
         }
     }
 
+    /// A record has no frame in it.
+    pub fn no_frames(name: &str, what: &str) -> Self {
+        Self::data(format!(
+            "{name}: expected a record of {what}, found no frame in it; record again"
+        ))
+    }
+
     /// The user stopped the work when `frames` were done.
     pub fn stopped(frames: u64) -> Self {
         let message = match frames {
@@ -183,6 +190,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(match e {
                     SinkError::Create { .. } => CANNOT_CREATE,
                     SinkError::Write { .. } => IO,
+                    SinkError::Kind { .. } => USAGE,
                     SinkError::Picture(e) => e.exit_code(),
                     SinkError::Link(e) => link_code(e),
                 });

@@ -9,7 +9,7 @@ use super::say;
 use crate::export::{ExportError, Format, Take, encode};
 use crate::message::BodyFrame;
 use crate::output;
-use crate::record::{BodiesRow, Format as RecordFormat};
+use crate::record::{BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{RecordSink, Sinks};
 
 /// Options of `edgecap export`.
@@ -46,7 +46,7 @@ pub struct PlotArgs {
 /// # Errors
 /// As [`export`].
 pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
-    if Format::of(&args.to)? != Format::Svg {
+    if !matches!(Format::of(&args.to), Ok(Format::Svg)) {
         let message = format!(
             "{}: expected a name that ends in .svg; 'edgecap export' writes other files",
             args.to.display()
@@ -86,8 +86,16 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
 }
 
 fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
-    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
-    Ok(Box::new(BufReader::new(file)))
+    let open = || File::open(path).map_err(|e| Failure::no_input(path, &e));
+    // A pipe can be read once.
+    if path.is_file() && Kind::of(&mut BufReader::new(open()?)) == Some(Kind::Observations) {
+        let message = format!(
+            "{}: expected bodies, found observations; 'edgecap fit --input … --record FILE' makes bodies of them",
+            path.display()
+        );
+        return Err(Failure::data(message).into());
+    }
+    Ok(Box::new(BufReader::new(open()?)))
 }
 
 /// Writes a take's files; what there is now, a line each.

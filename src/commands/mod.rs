@@ -116,9 +116,13 @@ enum Verb {
 pub fn main() -> u8 {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(e) => {
-            let _ = e.print();
-            return if e.use_stderr() { exit::USAGE } else { 0 };
+        Err(e) if e.use_stderr() => {
+            say::failure(&format!("edgecap: {}", one_line(&e)));
+            return exit::USAGE;
+        }
+        Err(help) => {
+            let _ = help.print();
+            return 0;
         }
     };
     log::start();
@@ -158,4 +162,15 @@ pub fn main() -> u8 {
             exit::code(&e)
         }
     }
+}
+
+/// What is wrong with a command line, without how it is used.
+fn one_line(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let told = lines.take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"));
+    let told: Vec<&str> = told.collect();
+    let told = told.join("; ");
+    let told = told.strip_prefix("error: ").unwrap_or(&told);
+    format!("{told}; --help lists what there is")
 }

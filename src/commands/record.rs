@@ -33,7 +33,7 @@ pub struct RecordVerb {
     /// Record observations, from which 'fit' makes bodies, instead of bodies
     #[arg(long)]
     observations: bool,
-    /// Stop after so long
+    /// Stop so long after the start of this command, whether or not somebody published
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..))]
     seconds: Option<u32>,
 }
@@ -58,13 +58,14 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
         "recording {} (Ctrl-C stops)",
         edgecap_client::service_name::<M>(&args.camera)
     ));
-    let (mut frames, mut began, mut ended) = (0_u64, None, None);
+    let (mut frames, mut ended) = (0_u64, None);
+    let began = Instant::now();
     let mut cleaned = Instant::now();
     let is_over =
         |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
     let limit = args.seconds.map(|s| Duration::from_secs(s.into()));
     while !stop.requested() && !is_over(ended, COMES_BACK) {
-        if limit.is_some_and(|limit| is_over(began, limit)) {
+        if limit.is_some_and(|limit| began.elapsed() >= limit) {
             break;
         }
         if let Some(frame) = stream.next(LOOK_UP)? {
@@ -72,7 +73,7 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
                 ended = Some(Instant::now());
                 continue;
             }
-            (ended, began) = (None, began.or(Some(Instant::now())));
+            ended = None;
             let written = file.write(&frame, &args.camera);
             written.map_err(|cause| SinkError::Write {
                 path: args.to.clone(),
@@ -84,6 +85,16 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
             stream.clean_up();
             cleaned = Instant::now();
         }
+    }
+    if frames == 0 {
+        drop(file);
+        // It would be a record of nothing.
+        let _ = std::fs::remove_file(&args.to);
+        return Err(Failure::unavailable(format!(
+            "{}: nobody published, nothing was recorded; 'edgecap status' says which cameras run",
+            edgecap_client::service_name::<M>(&args.camera)
+        ))
+        .into());
     }
     let bytes = file.bytes();
     file.finish().map_err(|cause| SinkError::Write {

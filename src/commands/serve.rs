@@ -15,8 +15,8 @@ use crate::view;
 /// Where the page is when nobody says otherwise.
 const ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 9744);
-/// What the page can go back to.
-const HISTORY: Duration = Duration::from_secs(60);
+/// What the page of running cameras can go back to.
+const LAST_MINUTE: Duration = Duration::from_secs(60);
 /// A shorter token is guessed.
 const SHORTEST_TOKEN: usize = 8;
 
@@ -26,12 +26,21 @@ const SHORTEST_TOKEN: usize = 8;
 pub struct PageArgs {
     /// Serve at this address, such as 0.0.0.0:9744 for other machines, which then need the token [default:
     /// 127.0.0.1:9744]
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
     pub listen: Option<SocketAddr>,
     /// What clients have to know: 8 or more letters, digits, '-', '_' [default: none on this machine, else a random
     /// one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
+}
+
+/// Reads an address with its port.
+///
+/// # Errors
+/// What was expected.
+pub fn parse_address(text: &str) -> Result<SocketAddr, String> {
+    let expected = "expected an address in numbers and a port, such as 127.0.0.1:9000";
+    text.parse().map_err(|_| expected.to_owned())
 }
 
 /// Reads a token.
@@ -48,6 +57,15 @@ pub fn parse_token(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
+/// What the page can go back to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Past {
+    /// Of running cameras.
+    LastMinute,
+    /// A whole record.
+    Record,
+}
+
 /// Serves until it is dropped.
 #[derive(Debug)]
 pub struct PageServer {
@@ -62,13 +80,22 @@ impl PageServer {
     ///
     /// # Errors
     /// Exit code 69 where the address cannot be had.
-    pub fn start(flag: &str, args: &PageArgs, show_picture: bool) -> anyhow::Result<Self> {
+    pub fn start(
+        flag: &str,
+        args: &PageArgs,
+        past: Past,
+        show_picture: bool,
+    ) -> anyhow::Result<Self> {
         let address = args.listen.unwrap_or(ADDRESS);
         let token = match &args.token {
             None if !address.ip().is_loopback() => Some(Access::random_token()?),
             given => given.clone(),
         };
-        let (access, hub) = (Access::new(token.clone()), Hub::new(HISTORY, show_picture));
+        let keep = match past {
+            Past::LastMinute => LAST_MINUTE,
+            Past::Record => Duration::MAX,
+        };
+        let (access, hub) = (Access::new(token.clone()), Hub::new(keep, show_picture));
         let bodies = hub.clone();
         let server = Server::start(address, move |request| {
             // The page itself tells nothing of anybody.

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -11,9 +14,10 @@ use edgecap_client::{Priority, Subscriber, cameras};
 use super::exit::Failure;
 use super::relay::{EventRelay, PictureRelay};
 use super::say;
-use super::serve::{PageArgs, PageServer};
+use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
 use crate::bridge::websocket::Hub;
+use crate::record::{BodiesRow, RowReader, Times};
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
@@ -27,6 +31,9 @@ pub struct ViewArgs {
     /// Show this camera only, the --name of a run; may be given several times [default: every camera that runs]
     #[arg(long = "camera", visible_alias = "name", value_name = "NAME")]
     cameras: Vec<String>,
+    /// Show a record of bodies instead, to go through from its first frame to its last
+    #[arg(long, value_name = "RECORD", conflicts_with_all = ["cameras", "show_picture"])]
+    record: Option<PathBuf>,
     /// Show what the cameras see, too, of runs with --show-picture
     #[arg(long)]
     show_picture: bool,
@@ -43,7 +50,11 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     for name in &args.cameras {
         Subscriber::<BodyFrame>::open(name)?;
     }
-    let server = PageServer::start("--listen", &args.page, args.show_picture)?;
+    if let Some(path) = &args.record {
+        return recorded(path, &args.page, &stop);
+    }
+    let past = Past::LastMinute;
+    let server = PageServer::start("--listen", &args.page, past, args.show_picture)?;
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
     let mut followed: BTreeMap<String, JoinHandle<anyhow::Result<()>>> = BTreeMap::new();
     let mut told = false;
@@ -75,6 +86,35 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
         std::thread::sleep(DISCOVER_EVERY);
     }
     followed.into_values().try_for_each(joined)
+}
+
+/// Shows a record until the user stops it.
+fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    let camera = path.file_stem().unwrap_or_default().to_string_lossy();
+    let server = PageServer::start("--listen", page, Past::Record, false)?;
+    let (mut frames, mut last) = (0_u64, 0);
+    while let Some(row) = rows.read()? {
+        let mut frame = row.message();
+        // The page goes by when frames were published; a record's own times may say nothing, or begin again.
+        frame.publish_ns = frame.due_ns().max(last + 1);
+        last = frame.publish_ns;
+        server.hub().publish(&camera, &frame);
+        frames += 1;
+    }
+    if frames == 0 {
+        return Err(Failure::no_frames(&name, "bodies").into());
+    }
+    if rows.was_cut() {
+        tracing::warn!("{name}: cut off inside a frame; the frames before it are shown");
+    }
+    say::out(&format!("{} (Ctrl-C stops)", server.url()));
+    while !stop.requested() {
+        std::thread::sleep(LOOK_UP);
+    }
+    Ok(())
 }
 
 fn joined(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {

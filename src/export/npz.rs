@@ -11,7 +11,7 @@ use crate::npz::{Array, Values, write};
 /// What an array takes of a body, and its shape for one.
 type Field = (&'static str, &'static [usize], fn(&Body) -> Vec<f32>);
 
-const FIELDS: [Field; 12] = [
+const FIELDS: [Field; 13] = [
     ("score", &[], |b| vec![b.score]),
     ("state", &[], |b| vec![b.state.code() as f32]),
     ("height", &[], |b| vec![b.height]),
@@ -22,6 +22,9 @@ const FIELDS: [Field; 12] = [
     ("joints3d", &[BODY_JOINTS, 3], |b| b.joints3d.concat()),
     ("joints2d", &[BODY_JOINTS, 2], |b| b.joints2d.concat()),
     ("confidence", &[BODY_JOINTS], |b| b.confidence.to_vec()),
+    ("joint_states", &[BODY_JOINTS], |b| {
+        b.joint_states.map(|s| s.code() as f32).to_vec()
+    }),
     ("bone_lengths", &[BODY_JOINTS], |b| b.bone_lengths.to_vec()),
     ("bone_rotations", &[HUMANOID_BONE_COUNT, 4], |b| {
         b.bone_rotations.concat()

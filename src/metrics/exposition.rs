@@ -8,20 +8,17 @@ use super::meter::{Meter, STAGES, Snapshot};
 
 /// Every figure of every camera.
 pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
+    // Each camera is asked once, so that its figures are of one moment.
+    let snapshots: Vec<Snapshot> = meters.iter().map(|m| m.snapshot()).collect();
     let mut text = Text(String::new());
     text.family("edgecap_build_info", "gauge", "Which build this is.");
     text.sample("edgecap_build_info", &[("build", build)], 1.0);
 
     const STAGE: &str = "edgecap_stage_duration_seconds";
     text.family(STAGE, "histogram", "What a stage took for a picture.");
-    for meter in meters {
-        let (stages, _) = meter.durations();
-        for (stage, durations) in STAGES.iter().zip(&stages) {
-            text.histogram(
-                STAGE,
-                &[("camera", meter.name()), ("stage", stage)],
-                durations,
-            );
+    for s in &snapshots {
+        for (stage, durations) in STAGES.iter().zip(&s.stages) {
+            text.histogram(STAGE, &[("camera", &s.name), ("stage", stage)], durations);
         }
     }
     const LATENCY: &str = "edgecap_latency_seconds";
@@ -30,10 +27,9 @@ pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
         "histogram",
         "From capture to the publication of bodies.",
     );
-    for meter in meters {
-        text.histogram(LATENCY, &[("camera", meter.name())], &meter.durations().1);
+    for s in &snapshots {
+        text.histogram(LATENCY, &[("camera", &s.name)], &s.latency);
     }
-    let snapshots: Vec<Snapshot> = meters.iter().map(|m| m.snapshot()).collect();
     let mut each = |name: &str, kind: &str, help: &str, value: &dyn Fn(&Snapshot) -> f64| {
         text.family(name, kind, help);
         for s in &snapshots {
@@ -134,4 +130,50 @@ fn escaped(value: &str) -> String {
         .replace('\\', "\\\\")
         .replace('"', "\\\"")
         .replace('\n', "\\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+    use crate::message::BodyFrame;
+
+    fn figure(text: &str, series: &str) -> u64 {
+        let line = text.lines().find_map(|l| l.strip_prefix(series));
+        line.unwrap_or_else(|| panic!("{series} in {text}"))
+            .trim()
+            .parse()
+            .unwrap()
+    }
+
+    #[test]
+    fn all_figures_of_a_camera_are_of_one_moment() {
+        let meter = Arc::new(Meter::new("hall", "camera", &[]));
+        let stop = AtomicBool::new(false);
+        std::thread::scope(|threads| {
+            threads.spawn(|| {
+                for sequence in 0.. {
+                    meter.published(&BodyFrame {
+                        sequence,
+                        ..BodyFrame::default()
+                    });
+                    if stop.load(Ordering::Relaxed) {
+                        break;
+                    }
+                }
+            });
+            for _ in 0..300 {
+                let text = exposition("test", std::slice::from_ref(&meter));
+                let frames = figure(&text, "edgecap_frames_total{camera=\"hall\"}");
+                let last = figure(
+                    &text,
+                    "edgecap_stage_duration_seconds_count{camera=\"hall\",stage=\"fit\"}",
+                );
+                let latency = figure(&text, "edgecap_latency_seconds_count{camera=\"hall\"}");
+                assert_eq!((last, latency), (frames, frames));
+            }
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
 }

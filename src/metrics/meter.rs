@@ -75,6 +75,12 @@ pub struct Snapshot {
     pub last_error: Option<String>,
     /// When, seconds since 1970.
     pub last_error_at: Option<u64>,
+    /// What stages took for every picture, by [`STAGES`].
+    #[serde(skip)]
+    pub stages: [Histogram; STAGES.len()],
+    /// From capture to publication, of every picture.
+    #[serde(skip)]
+    pub latency: Histogram,
 }
 
 impl Meter {
@@ -192,13 +198,9 @@ impl Meter {
             reconnects: counts.reconnects,
             last_error: counts.last_error.as_ref().map(|(_, what)| what.clone()),
             last_error_at: counts.last_error.as_ref().map(|(at, _)| unix(*at)),
+            stages: counts.stages,
+            latency: counts.latency,
         }
-    }
-
-    /// The stages' durations, by [`STAGES`], and the time from capture to publication.
-    pub fn durations(&self) -> ([Histogram; STAGES.len()], Histogram) {
-        let counts = self.counts();
-        (counts.stages, counts.latency)
     }
 
     fn counts(&self) -> MutexGuard<'_, Counts> {
@@ -255,9 +257,8 @@ mod tests {
         assert_eq!(snapshot.latency_ms.map(f64::round), Some(40.0));
         assert_eq!(snapshot.restarts, [("infer".into(), 0), ("fit".into(), 1)]);
         assert_eq!(snapshot.reconnects, 1);
-        let (stages, latency) = meter.durations();
-        assert_eq!(stages.map(|s| s.count()), [5; 5]);
-        assert_eq!(latency.count(), 5);
-        assert!((stages[4].sum() - 5.0 * 0.0007).abs() < 1e-12);
+        assert_eq!(snapshot.stages.map(|s| s.count()), [5; 5]);
+        assert_eq!(snapshot.latency.count(), 5);
+        assert!((snapshot.stages[4].sum() - 5.0 * 0.0007).abs() < 1e-12);
     }
 }

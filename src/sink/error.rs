@@ -30,6 +30,14 @@ pub enum SinkError {
         /// The system's words.
         cause: io::Error,
     },
+    /// The name says something else than what is written.
+    #[error("{}: expected {expected}; choose such a name", path.display())]
+    Kind {
+        /// What was to be made.
+        path: PathBuf,
+        /// What can be.
+        expected: &'static str,
+    },
     /// A picture cannot be written.
     #[error(transparent)]
     Picture(#[from] OverlayError),

@@ -15,6 +15,11 @@ use crate::overlay::{Person, draw};
 /// How many pictures a second an input without a rate gets as a film.
 const USUAL_RATE: f64 = 30.0;
 
+/// What people call films and pictures that are not written.
+const OTHER_FILES: [&str; 11] = [
+    "mp4", "m4v", "mkv", "mov", "webm", "mpg", "gif", "y4m", "png", "jpg", "jpeg",
+];
+
 /// Draws into every picture that comes with its result, and writes it.
 #[derive(Debug)]
 pub struct OverlaySink {
@@ -33,12 +38,19 @@ impl OverlaySink {
     /// folder are called like the photo that they are of, or by their number in a film (`is_stills` tells which).
     ///
     /// # Errors
-    /// [`SinkError::Create`].
+    /// [`SinkError::Kind`] for names of other films and of pictures, [`SinkError::Create`].
     pub fn create(path: &Path, rate: Option<f64>, is_stills: bool) -> Result<Self, SinkError> {
-        let is_film = path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("avi"));
-        let target = if is_film {
+        let is = |kind: &str| {
+            path.extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case(kind))
+        };
+        if !path.is_dir() && OTHER_FILES.iter().any(|kind| is(kind)) {
+            return Err(SinkError::Kind {
+                path: path.to_owned(),
+                expected: "a folder for pictures, or a film that ends in .avi",
+            });
+        }
+        let target = if is("avi") {
             Target::Film(Box::new(Film::create(path, rate.unwrap_or(USUAL_RATE))?))
         } else {
             Target::Pictures(Pictures::create(path, is_stills)?)

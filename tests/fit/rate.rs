@@ -53,13 +53,14 @@ fn bodies_come_between_frames_and_not_from_far_ahead() {
         );
     }
     // The camera stops: messages go on, the bodies do not run away.
-    let newest = got.last().expect("bodies").sequence;
     let mut silent = Vec::new();
     drain(
         &bodies,
         Instant::now() + Duration::from_millis(600),
         &mut silent,
     );
+    // On a busy machine the last frame's bodies come late.
+    let newest = silent.last().expect("bodies").sequence;
     let end = ObservationFrame {
         flags: FLAG_END_OF_STREAM,
         capture_ns: monotonic_ns(),

@@ -1,5 +1,8 @@
 //! Wrong input gets one clear line and a sysexits code, and nothing is left behind.
 
+use edgecap::message::ObservationFrame;
+use edgecap::record::{Format, ObservationsRow, RecordWriter};
+
 use crate::program::{assert_fails, stream};
 
 #[test]
@@ -281,4 +284,57 @@ fn networks_and_pictures_that_are_none() {
     std::fs::create_dir(&empty).unwrap();
     calibrate(empty.to_str().unwrap(), 65);
     assert!(!model.exists());
+}
+
+#[test]
+fn what_was_asked_for_is_said_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    // Names of other films and of pictures are no folders.
+    for name in ["x.mp4", "x.webm", "x.png"] {
+        let to = path(name);
+        let args = ["infer", "--input", "demo", "--overlay", &to];
+        assert_fails(&args, 64, &[name, "ends in .avi"]);
+        assert!(!folder.path().join(name).exists());
+    }
+    let empty = path("empty.jsonl");
+    std::fs::write(&empty, "").unwrap();
+    let to = path("bodies.jsonl");
+    let no_bodies = "expected a record of bodies, found no frame in it";
+    assert_fails(&["events", "--input", &empty], 65, &[no_bodies]);
+    let args = ["fit", "--input", &empty, "--jsonl", &to];
+    assert_fails(
+        &args,
+        65,
+        &["expected a record of observations, found no frame"],
+    );
+    // Observations are no bodies.
+    let seen = path("seen.record");
+    let mut writer =
+        RecordWriter::<ObservationsRow>::create(seen.as_ref(), Format::Binary).unwrap();
+    writer.write(&ObservationFrame::default(), "").unwrap();
+    writer.finish().unwrap();
+    let args = ["export", &seen, "--to", &path("x.csv")];
+    assert_fails(&args, 65, &["found observations", "edgecap fit --input"]);
+    let png = path("x.png");
+    assert_fails(&["plot", &to, "--to", &png], 64, &["ends in .svg"]);
+    assert_fails(&["run", "--sise", "64x64"], 64, &["--sise", "'--size'"]);
+    assert_fails(&["infer", "--threads", "no"], 64, &["'no'", "--threads"]);
+}
+
+#[test]
+fn a_recording_of_nobody_ends_in_time_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("x.record");
+    let name = stream("record-nobody");
+    let args = [
+        "record",
+        to.to_str().unwrap(),
+        "--camera",
+        &name,
+        "--seconds",
+        "1",
+    ];
+    assert_fails(&args, 69, &[&name, "nothing was recorded"]);
+    assert!(!to.exists());
 }

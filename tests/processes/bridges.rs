@@ -10,7 +10,7 @@ use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::record::{BodiesRow, RowReader};
 use edgecap_client::Publisher;
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, EventFrame, EventKind, Hand, World, WorldState,
+    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, World, WorldState,
 };
 use glam::{DQuat, DVec3};
 
@@ -219,6 +219,42 @@ fn osc_tells_what_happens() {
     assert_eq!(messages.len(), 3);
 }
 
+#[test]
+fn a_bridge_hands_on_the_last_frame_and_the_end() {
+    let (socket, address) = listen();
+    let name = stream("bridge-end");
+    let mut bodies = Publisher::<BodyFrame>::open(&name).unwrap();
+    let _run = Running::start(&["bridge", "--camera", &name, "--osc", &address]);
+    let mut number = 0;
+    eventually("a frame", || {
+        number += 1;
+        bodies.publish(&frame(number)).unwrap();
+        receive(&socket)
+    });
+    // The last frame, and at once the end.
+    let last = number + 1;
+    bodies.publish(&frame(last)).unwrap();
+    let mut end = frame(last);
+    end.count = 0;
+    end.flags |= FLAG_END_OF_STREAM;
+    bodies.publish(&end).unwrap();
+    let (mut heads, mut gone) = (Vec::new(), Vec::new());
+    eventually("that somebody is gone", || {
+        let (_, messages) = receive(&socket)?;
+        for message in messages {
+            if message.address.ends_with("/frame") {
+                heads.push((message.numbers[0] as u64, message.numbers[1]));
+            } else if message.address.ends_with("/gone") {
+                gone.push(message.address);
+            }
+        }
+        (!gone.is_empty()).then_some(())
+    });
+    assert!(heads.contains(&(last, 1.0)), "{heads:?}");
+    assert_eq!(heads.last(), Some(&(last, 0.0)));
+    assert_eq!(gone, [format!("/edgecap/{name}/body/6/gone")]);
+}
+
 /// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name.
 fn unity(bones: &BTreeMap<String, (DVec3, DQuat)>, bone: &str) -> (DVec3, DQuat) {
     let parent = match bone {
@@ -301,9 +337,9 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
         stderr(&out)
     );
     assert_fails(&["bridge"], 64, &["--osc", "--vmc", "--view"]);
-    for flag in ["--osc", "--vmc"] {
-        let out = crate::program::output(&["bridge", flag, "nowhere"]);
-        assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
+    for flag in ["--osc", "--vmc", "--view"] {
+        let args = ["bridge", flag, "localhost:9000"];
+        assert_fails(&args, 64, &["localhost:9000", "such as 127.0.0.1:9000"]);
     }
 }
 

@@ -119,6 +119,21 @@ fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
         "{last}"
     );
     assert_eq!(count(&lines), 2);
+    // Lines say of which picture they are, and nobody is in two of them.
+    let text = std::fs::read_to_string(&lines).unwrap();
+    let rows: Vec<serde_json::Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let ids = |row: &serde_json::Value| -> Vec<u64> {
+        let people = row["people"].as_array().unwrap();
+        people.iter().map(|p| p["id"].as_u64().unwrap()).collect()
+    };
+    for (row, name) in rows.iter().zip(["1.jpg", "3.jpg"]) {
+        assert!(row["source"].as_str().unwrap().ends_with(name), "{row}");
+        assert!(!ids(row).is_empty(), "{row}");
+    }
+    assert!(ids(&rows[0]).iter().all(|id| !ids(&rows[1]).contains(id)));
     let mut names: Vec<_> = std::fs::read_dir(drawn)
         .unwrap()
         .map(|e| e.unwrap().file_name())

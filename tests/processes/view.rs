@@ -15,6 +15,7 @@ use tungstenite::{Message, WebSocket};
 
 use crate::program::browser::Browser;
 use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+use edgecap::record::{BodiesRow, Format, RecordWriter};
 
 /// `edgecap view` on a port of its own.
 struct View {
@@ -28,7 +29,12 @@ impl View {
         let camera = stream(test);
         let mut args = vec!["view", "--camera", &camera, "--listen", "127.0.0.1:0"];
         args.extend(more);
-        let mut run = Running::start(&args);
+        Self::of(&camera, &args)
+    }
+
+    fn of(camera: &str, args: &[&str]) -> Self {
+        let camera = camera.to_owned();
+        let mut run = Running::start(args);
         let mut said = String::new();
         let stdout = run.0.stdout.as_mut().unwrap();
         BufReader::new(stdout).read_line(&mut said).unwrap();
@@ -169,6 +175,52 @@ fn bodies_come_over_websocket_as_they_were_published() {
     let wait = Some(Duration::from_millis(600));
     other.get_ref().set_read_timeout(wait).unwrap();
     assert!(other.read().is_err());
+}
+
+#[test]
+fn a_record_is_there_from_its_first_frame_to_its_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.record");
+    let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+    // Two minutes.
+    for sequence in 0..240 {
+        let mut frame = crowd(2, sequence);
+        frame.publish_ns = 5_000_000_000 + sequence * 500_000_000;
+        writer.write(&frame, "").unwrap();
+    }
+    writer.finish().unwrap();
+    let view = View::of(
+        "view-record",
+        &[
+            "view",
+            "--record",
+            path.to_str().unwrap(),
+            "--listen",
+            "127.0.0.1:0",
+        ],
+    );
+    let (head, body) = view.get("/features", "");
+    assert!(head.contains(" 200 "), "{head}");
+    let features: Value = serde_json::from_slice(&body).unwrap();
+    assert_eq!(features["recorded"], true);
+    assert!(features["seconds"].as_u64().unwrap() > 1_000_000);
+    let mut client = view.connect("?format=binary&history=1");
+    for sequence in 0..240_u64 {
+        let bytes = client.read().unwrap().into_data();
+        let number = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        assert_eq!(number(8), sequence);
+        assert_eq!(number(32), 5_000_000_000 + sequence * 500_000_000);
+    }
+    let empty = folder.path().join("empty.jsonl");
+    std::fs::write(&empty, "").unwrap();
+    let args = [
+        "view",
+        "--record",
+        empty.to_str().unwrap(),
+        "--listen",
+        "127.0.0.1:0",
+    ];
+    assert_fails(&args, 65, &["expected a record of bodies"]);
 }
 
 #[test]

@@ -131,6 +131,7 @@ impl Hub {
         HubSink {
             hub: self.clone(),
             camera: camera.to_owned(),
+            newest: Box::default(),
         }
     }
 
@@ -175,11 +176,18 @@ impl Hub {
     /// What the page may show.
     fn features(&self) -> Answer {
         let pictures = self.shows_pictures();
+        // Of a record, which is kept for ever, the page keeps all as well.
+        let keep = self.lock().keep;
+        let (recorded, seconds) = (keep == Duration::MAX, keep.as_secs().min(u32::MAX.into()));
         Answer::Body {
             status: "200 OK",
             kind: "application/json",
             headers: &[("Cache-Control", "no-store")],
-            body: format!("{{\"pictures\":{pictures}}}\n").into_bytes().into(),
+            body: format!(
+                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"seconds\":{seconds}}}\n"
+            )
+            .into_bytes()
+            .into(),
         }
     }
 

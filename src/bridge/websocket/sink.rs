@@ -1,28 +1,32 @@
 //! A camera's frames and events to a hub, as a sink.
 
 use super::Hub;
-use crate::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
-use crate::sink::{Packet, Sink, SinkError};
+use crate::message::{BodyFrame, EventFrame};
+use crate::sink::{Packet, Sink, SinkError, Streamed};
 
 /// Hands one camera's frames to everybody who is connected.
 #[derive(Debug)]
 pub struct HubSink {
     pub(super) hub: Hub,
     pub(super) camera: String,
+    /// The newest frame.
+    pub(super) newest: Box<BodyFrame>,
 }
 
 impl Sink<BodyFrame> for HubSink {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
+        *self.newest = *packet.message;
         self.hub.publish(&self.camera, packet.message);
         Ok(())
     }
 
+    fn end(&mut self) -> Result<(), SinkError> {
+        self.newest.end();
+        self.hub.publish(&self.camera, &self.newest);
+        Ok(())
+    }
+
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
-        let end = BodyFrame {
-            flags: FLAG_END_OF_STREAM,
-            ..BodyFrame::default()
-        };
-        self.hub.publish(&self.camera, &end);
         Ok(None)
     }
 }

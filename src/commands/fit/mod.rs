@@ -270,6 +270,9 @@ fn recorded(
                 input.display(),
                 reader.line() + 1
             );
+        } else if frames == 0 {
+            let name = input.display().to_string();
+            return Err(Failure::no_frames(&name, "observations").into());
         }
         Ok(())
     };

@@ -1,10 +1,12 @@
-// The last minute of every camera: what came, and which frame is shown.
+// The last minute of every camera, or all of a record: what came, and which frame is shown.
 
 const KEEP_NS = 60e9;
 
 export class History {
   constructor() {
     this.cameras = new Map();
+    /** How much of the past is kept, nanoseconds. */
+    this.keepNs = KEEP_NS;
   }
 
   /** Adds a frame. A camera that starts anew has no past. */
@@ -14,7 +16,7 @@ export class History {
     if (frames.length > 0 && frame.publishNs < frames.at(-1).publishNs) frames.length = 0;
     frames.push(frame);
     let old = 0;
-    while (frame.publishNs - frames[old].publishNs > KEEP_NS) old++;
+    while (frame.publishNs - frames[old].publishNs > this.keepNs) old++;
     if (old > 0) frames.splice(0, old);
   }
 

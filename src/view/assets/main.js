@@ -85,6 +85,7 @@ function words() {
   const quiet = performance.now() - state.heard > QUIET_MS;
   if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
+  if (features.recorded) return `${state.camera}: recorded`;
   if (state.ended.has(state.camera)) return `${state.camera}: the input has ended`;
   if (state.at !== null) return `${state.camera}: paused`;
   return quiet ? `${state.camera}: no frames come` : `${state.camera}: live`;
@@ -142,7 +143,9 @@ window.edgecap = {
   seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
 };
 
+const features = await fetch(url('http', 'features')).then((answer) => answer.json()).catch(() => ({}));
+if (features.seconds) history.keepNs = features.seconds * 1e9;
 connect(true);
-picture.start(url);
+if (features.pictures) picture.connect(url);
 happened.connect(url);
 requestAnimationFrame(step);

@@ -9,12 +9,7 @@ export class Picture {
     this.context = canvas.getContext('2d');
   }
 
-  /** Asks once whether there are pictures; `url` takes a path to an address. */
-  async start(url) {
-    const answer = await fetch(url('http', 'features'));
-    if (answer.ok && (await answer.json()).pictures) this.connect(url);
-  }
-
+  /** `url` takes a path to an address. */
   connect(url) {
     const socket = new WebSocket(url('ws', 'pictures'));
     socket.binaryType = 'arraybuffer';
