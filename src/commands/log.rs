@@ -12,6 +12,8 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
+use super::stderr::Stderr;
+
 /// Who logs, where several processes write into one journal.
 static NAME: OnceLock<String> = OnceLock::new();
 
@@ -22,7 +24,7 @@ pub fn start() {
     let filter = EnvFilter::try_from_env("EDGECAP_LOG").unwrap_or_else(|_| by_default.into());
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(io::stderr)
+        .with_writer(Stderr::new)
         // Colours are noise in a file.
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)

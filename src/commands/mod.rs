@@ -36,6 +36,7 @@ mod say;
 mod serve;
 mod settings;
 mod status;
+mod stderr;
 mod stop;
 pub mod synth;
 mod table;

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use tracing::Level;
 
 use super::log;
+use super::stderr::Stderr;
 
 /// A line on standard output.
 pub fn out(line: &str) {
@@ -13,18 +14,20 @@ pub fn out(line: &str) {
 
 /// A line on standard error.
 pub fn err(line: &str) {
-    at(Level::INFO, line);
+    at(Stderr::new(), Level::INFO, line);
 }
 
 /// Why this process ends, on standard error.
 pub fn failure(line: &str) {
-    at(Level::ERROR, line);
+    at(Stderr::last(), Level::ERROR, line);
 }
 
-fn at(level: Level, line: &str) {
-    let _ = if log::to_journal() {
-        writeln!(io::stderr(), "{}", log::record(level, line))
+fn at(mut to: Stderr, level: Level, line: &str) {
+    // In one piece, so that lines of several processes do not mix.
+    let line = if log::to_journal() {
+        log::record(level, line) + "\n"
     } else {
-        writeln!(io::stderr(), "{line}")
+        format!("{line}\n")
     };
+    let _ = to.write_all(line.as_bytes());
 }

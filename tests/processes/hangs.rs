@@ -1,9 +1,10 @@
 //! Processes that hang, and what of them is said to the service manager.
 
+use std::io::Write;
 use std::os::unix::net::UnixDatagram;
 use std::time::{Duration, Instant};
 
-use crate::program::stand_in::{StandIn, Watched, processes_of};
+use crate::program::stand_in::{StandIn, Watched, processes_of, program};
 use crate::program::{Running, eventually, signal, stream};
 use edgecap::camera::monotonic_ns;
 use edgecap::message::{BodyFrame, ObservationFrame};
@@ -27,6 +28,43 @@ fn one_that_is_stopped_in_its_start_is_replaced() {
     });
     some_body(&watched.listen::<BodyFrame>());
     assert!(watched.stop().status.success());
+}
+
+#[test]
+fn a_log_that_nobody_reads_holds_nothing_up() {
+    let (_reader, mut log) = std::io::pipe().unwrap();
+    let flags = rustix::fs::fcntl_getfl(&log).unwrap();
+    rustix::fs::fcntl_setfl(&log, flags | rustix::fs::OFlags::NONBLOCK).unwrap();
+    while log.write(&[b'.'; 4096]).is_ok() {}
+    // Whoever writes to it from now on waits for ever.
+    rustix::fs::fcntl_setfl(&log, flags).unwrap();
+    let camera = StandIn::new(30.0);
+    let name = stream("full-log");
+    let run = program()
+        .args(["run", "--input", &camera.input(), "--name", &name])
+        .args(["--size", "64x64", "--threads", "1"])
+        .env("EDGECAP_LOG", "info")
+        .stdout(Stdio::null())
+        .stderr(log)
+        .spawn()
+        .unwrap();
+    let run = Running(run);
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    some_body(&bodies);
+    // Its children are looked after all the same, and it ends when it should.
+    for verb in ["infer", "fit"] {
+        let child = eventually(verb, || run.child(verb));
+        signal(child, "KILL");
+        eventually("another", || run.child(verb).filter(|p| *p != child));
+    }
+    let from = monotonic_ns();
+    eventually("a new body", || {
+        let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+        (body.capture_ns >= from).then_some(())
+    });
+    drop(bodies);
+    signal(run.pid(), "TERM");
+    eventually("its end", || run.has_ended().then_some(()));
 }
 
 #[test]
