@@ -228,3 +228,29 @@ fn every_line_of_the_log_is_explained() {
     }
     assert!(lines > 15, "{lines} lines of the log were found");
 }
+
+/// Tables are as wide as they are, and commands are typed as they stand.
+#[test]
+fn comments_fit_the_page() {
+    const WIDTH: usize = 120;
+    let root = src().with_file_name("");
+    let mut comments = 0;
+    for room in ["src", "kernels", "clients", "tests", "benches", "examples"] {
+        for file in files(&root.join(room)) {
+            for line in fs::read_to_string(&file).unwrap().lines() {
+                let Some(words) = line.trim_start().strip_prefix("//") else {
+                    continue;
+                };
+                comments += 1;
+                let words = words.trim_start_matches(['/', '!']).trim_start();
+                let is_kept = words.starts_with('|') || words.starts_with("cargo ");
+                assert!(
+                    is_kept || line.chars().count() <= WIDTH,
+                    "{}: a comment of more than {WIDTH} characters: {line}",
+                    file.display()
+                );
+            }
+        }
+    }
+    assert!(comments > 1000, "{comments} comments were found");
+}

@@ -131,3 +131,64 @@ fn the_names_of_clients_are_those_of_the_skeleton() {
         );
     }
 }
+
+/// A number of the page: with a real minus.
+fn number(text: &str) -> f64 {
+    text.trim().replace('\u{2212}', "-").parse().unwrap()
+}
+
+#[test]
+fn its_table_is_the_skeleton() {
+    let skeleton = Skeleton::builtin();
+    let table = PAGE
+        .split("| joint | parent | bone at rest")
+        .nth(1)
+        .unwrap();
+    let rows = table
+        .lines()
+        .skip(2)
+        .take_while(|line| line.starts_with('|'));
+    let (mut joints, mut listed) = (0, Vec::new());
+    for row in rows {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let [name, _, rest, angles] = cells[..] else {
+            panic!("{row}")
+        };
+        let name = name.trim_matches('`');
+        let joint = JOINT_NAMES.iter().position(|n| *n == name).unwrap();
+        joints += 1;
+        if rest.is_empty() {
+            continue;
+        }
+        let bone = skeleton.directions()[joint] * skeleton.lengths()[joint];
+        for (shown, is) in rest.split(',').map(number).zip(bone.to_array()) {
+            assert!((shown - is).abs() < 6e-4, "{name}: {shown}, not {is}");
+        }
+        for angle in angles.split(';').map(str::trim).filter(|a| !a.is_empty()) {
+            let words: Vec<&str> = angle.split(' ').collect();
+            let [index, shown, axis, limits] = words[..] else {
+                panic!("{row}: {angle}")
+            };
+            let index: usize = index.parse().unwrap();
+            let is = &skeleton.angles()[index - 6];
+            let ending = shown.trim_matches('`').trim_start_matches('…');
+            assert!(is.name.ends_with(ending), "{shown}, not {}", is.name);
+            let [low, high] = is.limits.map(f64::to_degrees);
+            let limits = match limits.strip_prefix('±') {
+                Some(most) => [-number(most), number(most)],
+                None => {
+                    let (low, high) = limits.split_once('…').unwrap();
+                    [number(low), number(high)]
+                }
+            };
+            assert!((limits[0] - low).abs() < 0.01 && (limits[1] - high).abs() < 0.01);
+            let sign = if axis.starts_with('+') { 1.0 } else { -1.0 };
+            let along = "xyz".find(&axis[axis.len() - 1..]).unwrap();
+            assert_eq!(is.axis.to_array()[along], sign, "{angle}");
+            listed.push(index);
+        }
+    }
+    listed.sort_unstable();
+    assert_eq!(joints, BODY_JOINTS);
+    assert_eq!(listed, (6..DOF).collect::<Vec<_>>());
+}

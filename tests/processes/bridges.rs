@@ -220,7 +220,7 @@ fn osc_tells_what_happens() {
 }
 
 #[test]
-fn a_bridge_hands_on_the_last_frame_and_the_end() {
+fn a_bridge_hands_on_every_run_to_its_end() {
     let (socket, address) = listen();
     let name = stream("bridge-end");
     let mut bodies = Publisher::<BodyFrame>::open(&name).unwrap();
@@ -253,6 +253,42 @@ fn a_bridge_hands_on_the_last_frame_and_the_end() {
     assert!(heads.contains(&(last, 1.0)), "{heads:?}");
     assert_eq!(heads.last(), Some(&(last, 0.0)));
     assert_eq!(gone, [format!("/edgecap/{name}/body/6/gone")]);
+    drop(bodies);
+
+    // The camera comes back, every frame is sent at its own pace, and goes without a word.
+    let mut bodies = Publisher::<BodyFrame>::open(&name).unwrap();
+    let mut received = Vec::new();
+    let take = |received: &mut Vec<u64>| {
+        let (_, messages) = receive(&socket)?;
+        let head = messages.iter().find(|m| m.address.ends_with("/frame"))?;
+        received.push(head.numbers[0] as u64);
+        Some(())
+    };
+    let mut number = 1000;
+    eventually("a frame of the new run", || {
+        number += 1;
+        bodies.publish(&frame(number)).unwrap();
+        while take(&mut received).is_some() {}
+        received.contains(&number).then_some(())
+    });
+    received.clear();
+    for paced in 2000..2010 {
+        bodies.publish(&frame(paced)).unwrap();
+        eventually("a frame", || {
+            while received.last() != Some(&paced) {
+                take(&mut received)?;
+            }
+            Some(())
+        });
+    }
+    received.retain(|n| *n >= 2000);
+    assert_eq!(received, (2000..2010).collect::<Vec<_>>());
+    drop(bodies);
+    eventually("that somebody is gone again", || {
+        let (_, messages) = receive(&socket)?;
+        let mut gone = messages.iter().filter(|m| m.address.ends_with("/gone"));
+        gone.next().map(drop)
+    });
 }
 
 /// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name.
