@@ -6,7 +6,8 @@ use crate::pool::{Job, pool};
 use crate::tensor::{Element, Expected};
 use crate::{Isa, KernelError, Layout, Part, PoolShape, Tensor, TensorMut};
 
-/// A max-pool with a square window. Padding takes part with the halo's value: after ReLU that is 0, which never wins wrongly.
+/// A max-pool with a square window. Padding takes part with the halo's value: after ReLU that is 0, which never wins
+/// wrongly.
 ///
 /// ```
 /// use edgecap_kernels::{Isa, Layout, MaxPool, PoolShape, Tensor, TensorMut};

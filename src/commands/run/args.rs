@@ -29,15 +29,15 @@ pub struct RunArgs {
     /// Write pictures with the fitted skeletons drawn to this folder, or a film where it ends in .avi (files only)
     #[arg(long, value_name = "DIR|FILM.avi")]
     pub overlay: Option<PathBuf>,
-    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .trc, .csv, .npz or .svg (files
-    /// only); may be given several times
+    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .trc, .csv, .npz or
+    /// .svg (files only); may be given several times
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
     /// End where the camera is missing or in use at the start, instead of waiting for it
     #[arg(long)]
     pub no_wait: bool,
-    /// Publish what the camera sees, made small, and show it on the page (--view, 'edgecap view --show-picture'). Otherwise no
-    /// picture leaves the process that sees it
+    /// Publish what the camera sees, made small, and show it on the page (--view, 'edgecap view --show-picture').
+    /// Otherwise no picture leaves the process that sees it
     #[arg(long)]
     pub show_picture: bool,
     #[command(flatten)]

@@ -69,7 +69,12 @@ function seek(publishNs) {
   state.at = publishNs;
   state.changed = true;
   picture.choose(state.camera, publishNs === null);
-  pause.textContent = publishNs === null ? 'pause' : 'live';
+  pause.textContent = publishNs === null ? 'pause' : newestIs();
+}
+
+/** What the newest frame is called. */
+function newestIs() {
+  return features.recorded ? 'end' : 'live';
 }
 
 function newest() {
@@ -105,7 +110,7 @@ function step(now) {
     const ago = (frame.publishNs - newest().publishNs) / 1e9;
     scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
     if (document.activeElement !== scrub || state.at === null) scrub.value = ago;
-    when.textContent = state.at === null ? 'live' : `${ago.toFixed(2)} s`;
+    when.textContent = state.at === null ? newestIs() : `${ago.toFixed(2)} s`;
   }
   const text = words();
   if (say.textContent !== text) say.textContent = text;
