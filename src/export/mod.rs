@@ -16,7 +16,8 @@ mod take;
 mod trc;
 
 pub use error::ExportError;
-pub use motion::Motion;
+pub use gltf::{MeshTrack, encode_meshes};
+pub use motion::{Axes, Motion};
 pub use take::Take;
 
 use std::path::{Path, PathBuf};

@@ -98,8 +98,8 @@ impl Moment {
     }
 }
 
-/// From camera axes to those of the export.
-#[derive(Debug, Clone, Copy)]
+/// From camera axes to those of the export; the same ones to begin with.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Axes {
     turn: DQuat,
     origin: DVec3,
@@ -130,7 +130,17 @@ impl Axes {
 
     /// A point, metres.
     pub fn point(&self, p: [f32; 3]) -> DVec3 {
-        self.turn * DVec3::from_array(p.map(f64::from)) + self.origin
+        self.placed(DVec3::from_array(p.map(f64::from)))
+    }
+
+    /// A point, metres.
+    pub fn placed(&self, p: DVec3) -> DVec3 {
+        self.turn * p + self.origin
+    }
+
+    /// A rotation of something in them.
+    pub fn turned(&self, q: DQuat) -> DQuat {
+        self.turn * q
     }
 
     fn moment(&self, body: &Body) -> Moment {

@@ -21,8 +21,9 @@ const COARSE: f64 = 0.25;
 pub const FINE: f64 = 0.1;
 /// Weight of the pose prior while little is known, and in the end.
 const PRIOR: [f64; 2] = [6.0, 1.0];
-/// Weight of the shape prior.
-pub const SHAPE: f64 = 3.0;
+/// Weight of the shape prior, and with outlines, which tell more of the shape than joints do.
+const SHAPE: f64 = 3.0;
+const OUTLINED: f64 = 1.0;
 /// Weight of a joint in space at the start: rays that hardly meet should not bind.
 const START: f64 = 0.2;
 /// Views and limbs are told apart and fitted again so many times at most.
@@ -116,7 +117,7 @@ impl StageOne {
         moment: &Moment,
         fitted: &mut Fitted,
     ) {
-        let settings = (FINE, PRIOR[1], SHAPE);
+        let settings = (FINE, PRIOR[1], OUTLINED);
         let scene = (body, views, weights);
         refine(&mut self.solver, scene, moment, fitted, settings);
     }

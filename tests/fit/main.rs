@@ -10,6 +10,7 @@ mod demo;
 mod fitter;
 mod live_views;
 mod many_views;
+mod meshes;
 mod multiview;
 mod noise;
 mod one_view;

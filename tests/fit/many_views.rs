@@ -166,6 +166,7 @@ fn the_verb_writes_what_it_says() {
             "bodies.jsonl",
             "bodies.npz",
             "joints.trc",
+            "meshes.glb",
             "person1_000003.obj",
             "report.json"
         ]

@@ -29,6 +29,33 @@ pub const REPORTED: usize = crate::joints::BODY_JOINTS;
 pub const PARENTS: [usize; JOINTS] = [
     0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
 ];
+/// SMPL's names of the joints.
+pub const NAMES: [&str; JOINTS] = [
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_hand",
+    "right_hand",
+];
 /// Values a vertex in `posedirs` has for a pose: nine of every rotation but the root's.
 const CORRECTIVES: usize = 9 * (JOINTS - 1);
 
@@ -84,6 +111,11 @@ impl MeshBody {
     /// Triangles, three vertices each, counter-clockwise seen from outside.
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
+    }
+
+    /// Which joints move a vertex, and how much: 1 in all.
+    pub fn influences(&self, vertex: usize) -> &[(u8, f32)] {
+        self.weights.of(vertex)
     }
 
     /// Whether the body knows where edgecap's joints are: this project's own does, files of others do not.

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
-use crate::export::{Format, Take, encode};
+use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
@@ -87,6 +87,7 @@ pub fn run(
     for (path, bytes) in encode(&take, Format::Trc, Path::new("joints.trc"))? {
         put(&path.display().to_string(), &bytes)?;
     }
+    put("meshes.glb", &meshes(body, scene.rate, fit, &take)?)?;
     for person in &fit.people {
         for f in &person.frames {
             let wanted = match chosen {
@@ -185,6 +186,25 @@ fn lines(
         out.push(b'\n');
     }
     Ok(out)
+}
+
+/// Everybody's mesh on SMPL's tree, moving.
+fn meshes(body: &MeshBody, rate: f64, fit: &MultiviewFit, take: &Take) -> anyhow::Result<Vec<u8>> {
+    let time = |frame: usize| take.frames[frame].time;
+    let tracks: Vec<MeshTrack<'_>> = fit
+        .people
+        .iter()
+        .filter_map(|person| {
+            let frames = person.frames.iter();
+            Some(MeshTrack {
+                id: person.id,
+                person: &person.frames.first()?.body.person,
+                poses: frames.map(|f| (time(f.frame), &f.body.pose)).collect(),
+            })
+        })
+        .collect();
+    let axes = Axes::of(take);
+    Ok(encode_meshes(body, &tracks, &axes, rate)?)
 }
 
 fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {

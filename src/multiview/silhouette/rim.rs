@@ -11,7 +11,9 @@ use crate::multiview::sight::DATA;
 use crate::solve::NormalEquations;
 
 /// What a whole contour weighs, in joints.
-const JOINTS: f64 = 40.0;
+const JOINTS: f64 = 120.0;
+/// What a mask that ends outside of the body weighs, as a part of one that ends inside: clothes and hair are outside.
+const LOOSE: f64 = 0.4;
 /// Distance from which on absolute distances count, metres.
 const EVEN: f64 = 0.005;
 /// Least cosine between the directions in which outline and contour end.
@@ -50,8 +52,11 @@ impl<'a> Rim<'a> {
         let reach = reach / depth;
         let mut pairs = Vec::new();
         let mut pair = |rimmed: &Rimmed, at: &Point| {
-            let off = depth * at.normal.dot(rimmed.plane - at.plane).abs();
-            let weight = if even { EVEN / off.max(EVEN) } else { 1.0 };
+            let off = depth * at.normal.dot(rimmed.plane - at.plane);
+            let weight = match (even, off < 0.0) {
+                (false, _) => 1.0,
+                (true, outside) => EVEN / off.abs().max(EVEN) * if outside { LOOSE } else { 1.0 },
+            };
             pairs.push(Pair {
                 vertex: rimmed.vertex as usize,
                 at: *at,

@@ -1,0 +1,63 @@
+//! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size
+//! 0.
+
+mod document;
+mod figure;
+mod mesh;
+
+pub use mesh::{MeshTrack, encode_meshes};
+
+use self::document::Document;
+use self::figure::{Bone, Figure, FigureSkin, presence};
+use super::error::ExportError;
+use super::mannequin::{Mannequin, starts};
+use super::motion::Motion;
+use super::take::Take;
+use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
+
+/// The file of a take's people as mannequins.
+///
+/// # Errors
+/// [`ExportError::Format`] beyond 4 GiB.
+pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
+    let mut document = Document::default();
+    for id in take.ids() {
+        let heights = take.people[&id].iter().map(|s| f64::from(s.body.height));
+        let height = heights.fold(0.0, f64::max).clamp(0.5, 2.5);
+        document.figure(&mannequin(&Motion::of(take, id), height));
+    }
+    document.finish()
+}
+
+fn mannequin(motion: &Motion, height: f64) -> Figure {
+    let rest = &motion.rest;
+    let bones = HUMANOID_BONES.into_iter().zip(starts(rest)).enumerate();
+    let bones = bones.map(|(bone, (name, start))| Bone {
+        name,
+        parent: rest.parents[bone],
+        start: start.as_vec3(),
+    });
+    let skin = Mannequin::new(rest, height);
+    let time = |step: usize| (motion.start + step as f64 / motion.rate) as f32;
+    let moments = &motion.moments;
+    let there = moments.iter().enumerate();
+    let there = there.map(|(step, moment)| (time(step), moment.is_there));
+    Figure {
+        id: motion.id,
+        what: "mannequin",
+        bones: bones.collect(),
+        skin: FigureSkin {
+            positions: skin.positions,
+            normals: skin.normals,
+            bones: skin.bones,
+            weights: skin.weights,
+            triangles: skin.triangles.into_iter().map(u32::from).collect(),
+        },
+        times: (0..moments.len()).map(time).collect(),
+        places: moments.iter().map(|m| m.position.as_vec3()).collect(),
+        turns: (0..HUMANOID_BONE_COUNT)
+            .map(|bone| moments.iter().map(|m| m.rotations[bone]).collect())
+            .collect(),
+        presence: presence(there, time(moments.len())),
+    }
+}
