@@ -22,7 +22,7 @@ use crate::solve::{LeastSquares, NormalEquations};
 pub const SHAPES: usize = 10;
 /// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts
 /// little.
-const LIFTED: f64 = 0.03;
+const LIFTED: f64 = 0.015;
 const LIFTED_SIGMA: f64 = 0.5;
 /// No joint turns further in one step.
 const LONGEST_STEP: f64 = 0.6;
