@@ -143,7 +143,7 @@ pub fn main() -> u8 {
         Verb::Export(args) => export::export(args),
         Verb::Plot(args) => export::plot(args),
         Verb::Multiview(args) => multiview::multiview(*args),
-        Verb::Calibrate(args) => calibrate::calibrate(args),
+        Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

@@ -1,0 +1,141 @@
+//! Chessboards: the whole grid says which corner is which, and its colours which side is up.
+
+use std::collections::BTreeMap;
+
+use calib_targets_chessboard::{
+    ChessboardDetection, ChessboardDetector, ChessboardParams, GrayImageView, default_chess_config,
+    detect_corners,
+};
+use glam::DVec2;
+
+use super::find::{Corner, Miss};
+
+/// A board counts with so many of its corners.
+const ENOUGH: f64 = 0.8;
+/// Black and white squares differ by so many grey values at least, on average.
+const CONTRAST: f64 = 12.0;
+
+/// Corners by column and row.
+type Grid = BTreeMap<(i64, i64), DVec2>;
+
+/// The detector of chessboards of any size.
+pub fn detector() -> Result<ChessboardDetector, String> {
+    ChessboardDetector::new(ChessboardParams::default()).map_err(|e| e.to_string())
+}
+
+/// The corners of a board of `corners` inner ones in a grey picture.
+pub fn find(
+    detector: &ChessboardDetector,
+    corners: [u32; 2],
+    grey: &[u8],
+    size: [u32; 2],
+) -> Result<Vec<Corner>, Miss> {
+    let picture = GrayImageView {
+        width: size[0] as usize,
+        height: size[1] as usize,
+        data: grey,
+    };
+    let cloud = detect_corners(&picture, &default_chess_config());
+    let mut miss = Miss::Nothing;
+    for found in detector.detect_all(&cloud) {
+        match whole(&right_handed(&found), corners) {
+            Ok(grid) => return first_black(grid, corners, grey, size),
+            Err(e) if miss == Miss::Nothing => miss = e,
+            Err(_) => {}
+        }
+    }
+    Err(miss)
+}
+
+/// The grid as found, x to the right of y from the front: a mirrored one is of nobody's board.
+fn right_handed(found: &ChessboardDetection) -> Grid {
+    let grid: Grid = found
+        .corners
+        .iter()
+        .map(|c| {
+            let at = (i64::from(c.grid.u), i64::from(c.grid.v));
+            (at, DVec2::new(c.position.x.into(), c.position.y.into()))
+        })
+        .collect();
+    let turn: f64 = grid
+        .iter()
+        .filter_map(|(&(u, v), p)| {
+            let (right, down) = (*grid.get(&(u + 1, v))? - *p, *grid.get(&(u, v + 1))? - *p);
+            Some(right.perp_dot(down))
+        })
+        .sum();
+    if turn >= 0.0 {
+        return grid;
+    }
+    grid.into_iter().map(|((u, v), p)| ((v, u), p)).collect()
+}
+
+/// The grid from 0, 0, long side as the board's, if it is the whole board.
+fn whole(grid: &Grid, [columns, rows]: [u32; 2]) -> Result<Grid, Miss> {
+    let (us, vs) = (|| grid.keys().map(|k| k.0), || grid.keys().map(|k| k.1));
+    let (Some(left), Some(right)) = (us().min(), us().max()) else {
+        return Err(Miss::Nothing);
+    };
+    let (Some(top), Some(bottom)) = (vs().min(), vs().max()) else {
+        return Err(Miss::Nothing);
+    };
+    let found = [right - left + 1, bottom - top + 1];
+    let wanted = [i64::from(columns), i64::from(rows)];
+    let place: fn((i64, i64), i64) -> (i64, i64) = if found == wanted {
+        |at, _| at
+    } else if found == [wanted[1], wanted[0]] {
+        // A quarter turn: what goes down becomes x, what goes left becomes y.
+        |(u, v), last| (v, last - u)
+    } else {
+        return Err(Miss::Size(found[0] as u32, found[1] as u32));
+    };
+    if (grid.len() as f64) < ENOUGH * f64::from(columns * rows) {
+        return Err(Miss::Few(grid.len()));
+    }
+    let last = right - left;
+    let moved = grid
+        .iter()
+        .map(|(&(u, v), p)| (place((u - left, v - top), last), *p));
+    Ok(moved.collect())
+}
+
+/// Corners of a grid such that the square right of and below the first one is black, as OpenCV draws boards.
+fn first_black(
+    grid: Grid,
+    [columns, rows]: [u32; 2],
+    grey: &[u8],
+    size: [u32; 2],
+) -> Result<Vec<Corner>, Miss> {
+    let mut sums = [(0.0, 0.0); 2];
+    for (&(u, v), p) in &grid {
+        let others = [(u + 1, v), (u, v + 1), (u + 1, v + 1)].map(|k| grid.get(&k));
+        let [Some(a), Some(b), Some(c)] = others else {
+            continue;
+        };
+        let middle = (*p + *a + *b + *c) / 4.0;
+        let (x, y) = (middle.x.round(), middle.y.round());
+        if x >= 0.0 && y >= 0.0 && x < f64::from(size[0]) && y < f64::from(size[1]) {
+            let (sum, count) = &mut sums[((u + v) % 2) as usize];
+            *sum += f64::from(grey[y as usize * size[0] as usize + x as usize]);
+            *count += 1.0;
+        }
+    }
+    let [even, odd] = sums.map(|(sum, count)| sum / count);
+    // False for NaN as well.
+    if !((even - odd).abs() >= CONTRAST) {
+        return Err(Miss::Pale);
+    }
+    let (last_u, last_v) = (i64::from(columns) - 1, i64::from(rows) - 1);
+    let corner = |((u, v), pixel): ((i64, i64), DVec2)| {
+        let (u, v) = if even > odd && (columns + rows) % 2 == 1 {
+            (last_u - u, last_v - v)
+        } else {
+            (u, v)
+        };
+        Corner {
+            place: DVec2::new(u as f64, v as f64),
+            pixel,
+        }
+    };
+    Ok(grid.into_iter().map(corner).collect())
+}
