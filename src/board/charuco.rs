@@ -8,7 +8,8 @@ use super::pattern::Marked;
 
 /// The detector of one board.
 pub fn detector(board: &Marked) -> Result<CharucoDetector, String> {
-    let params = CharucoParams::for_board(board.layout()?.spec());
+    let mut params = CharucoParams::for_board(board.layout()?.spec());
+    params.chess = params.chess.with_refiner(calib_targets_core::ImageRefiner::saddle_point());
     CharucoDetector::new(params).map_err(|e| format!("no such ChArUco board: {e}"))
 }
 

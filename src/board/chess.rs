@@ -35,7 +35,7 @@ pub fn find(
         height: size[1] as usize,
         data: grey,
     };
-    let cloud = detect_corners(&picture, &default_chess_config());
+    let cloud = detect_corners(&picture, &default_chess_config().with_refiner(calib_targets_core::ImageRefiner::saddle_point()));
     let mut miss = Miss::Nothing;
     for found in detector.detect_all(&cloud) {
         match whole(&right_handed(&found), corners) {

@@ -1,0 +1,239 @@
+//! `edgecap calibrate --board` on pictures of boards whose cameras are known.
+
+use std::fs;
+use std::path::Path;
+
+use edgecap::camera::{Brown, CameraFile, View, calibration};
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::printed::{Lying, Photographer, Printed};
+use crate::program::{assert_fails, output, stderr, stdout};
+
+const CHESS: Printed = Printed {
+    squares: [10, 7],
+    side: 0.03,
+    markers: None,
+};
+const CHARUCO: Printed = Printed {
+    squares: [8, 6],
+    side: 0.036,
+    markers: Some(("DICT_5X5_100", 0.75)),
+};
+
+fn camera() -> View {
+    View {
+        name: "cam01".into(),
+        size: [960, 720],
+        focal: DVec2::new(830.0, 834.0),
+        centre: DVec2::new(471.0, 366.0),
+        distortion: Brown {
+            radial: [-0.22, 0.08, -0.01],
+            tangential: [0.0008, -0.0005],
+        },
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    }
+}
+
+/// Boards tilted both ways, in the middle and in the corners.
+fn album(printed: &Printed) -> Vec<Lying> {
+    let one = |k: usize| {
+        let (x, y) = ([0.0, -1.0, 1.0][k % 3], [0.0, 1.0, -1.0][(k / 3 + k) % 3]);
+        let far = [0.62, 0.5, 0.56][k % 3];
+        let middle = DVec3::new(0.15 * x, 0.09 * y, far);
+        let tilt = [
+            [28.0, 0.0, 5.0],
+            [-20.0, 25.0, -12.0],
+            [12.0, -30.0, 90.0],
+            [-30.0, -8.0, 180.0],
+        ];
+        printed.turned(middle, tilt[k % 4])
+    };
+    (0..15).map(one).collect()
+}
+
+fn photos(folder: &Path, view: &View, printed: &Printed, boards: &[Lying], seed: u64) {
+    fs::create_dir_all(folder).unwrap();
+    let mut photographer = Photographer::new(view, seed);
+    for (k, board) in boards.iter().enumerate() {
+        let picture = photographer.picture(printed, board);
+        picture.save(folder.join(format!("{k}.png"))).unwrap();
+    }
+}
+
+/// Runs `calibrate` and gives what it printed.
+fn calibrate(args: &[&str]) -> String {
+    let done = output(&[&["calibrate"], args].concat());
+    assert!(done.status.success(), "{}", stderr(&done));
+    stderr(&done) + &stdout(&done)
+}
+
+fn assert_lens(found: &View, truth: &View) {
+    let share = (found.focal / truth.focal - 1.0).abs().max_element();
+    assert!(share < 0.003, "focal {} for {}", found.focal, truth.focal);
+    let off = found.centre.distance(truth.centre);
+    assert!(off < 2.0, "centre {} for {}", found.centre, truth.centre);
+    let size = truth.size.map(f64::from);
+    let mut worst: f64 = 0.0;
+    for k in 0..25 {
+        let [x, y] = [k % 5, k / 5].map(|n| f64::from(n) / 4.0);
+        let pixel = DVec2::new(x * (size[0] - 1.0), y * (size[1] - 1.0));
+        let plane = truth
+            .distortion
+            .undistort((pixel - truth.centre) / truth.focal);
+        let apart = found.distortion.distort(plane) - truth.distortion.distort(plane);
+        worst = worst.max((apart * truth.focal).length());
+    }
+    eprintln!(
+        "focal {:.3} %, centre {off:.2} px, distortion {worst:.2} px",
+        100.0 * share
+    );
+    assert!(worst < 0.3, "distortion {worst} px off");
+}
+
+fn lens_of(file: &str) -> View {
+    let lens = CameraFile::read(file.as_ref()).unwrap();
+    let seen = lens.for_frame(960, 720).unwrap();
+    View {
+        focal: DVec2::new(seen.fx.into(), seen.fy.into()),
+        centre: DVec2::new(seen.cx.into(), seen.cy.into()),
+        distortion: lens.distortion(),
+        ..camera()
+    }
+}
+
+#[test]
+fn photos_of_a_chessboard_give_the_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    photos(
+        &folder.path().join("photos"),
+        &camera(),
+        &CHESS,
+        &album(&CHESS),
+        1,
+    );
+    let (photos, out) = (at("photos"), at("camera.toml"));
+    let said = calibrate(&["--board", "9x6", "--view", &photos, "--out", &out]);
+    eprintln!("{said}");
+    assert_lens(&lens_of(&out), &camera());
+}
+
+#[test]
+fn photos_of_parts_of_a_charuco_board_give_the_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    // Nearer, so that most pictures cut the board.
+    let boards: Vec<Lying> = album(&CHARUCO)
+        .into_iter()
+        .map(|b| Lying {
+            origin: b.origin - DVec3::Z * 0.1,
+            ..b
+        })
+        .collect();
+    photos(
+        &folder.path().join("photos"),
+        &camera(),
+        &CHARUCO,
+        &boards,
+        2,
+    );
+    let (photos, out) = (at("photos"), at("camera.toml"));
+    let board = "charuco:8x6:DICT_5X5_100";
+    let said = calibrate(&[
+        "--board", board, "--square", "0.036", "--marker", "0.027", "--view", &photos, "--out",
+        &out,
+    ]);
+    eprintln!("{said}");
+    assert_lens(&lens_of(&out), &camera());
+}
+
+/// Three cameras round a board in the middle of a room, z up.
+fn ring() -> Vec<View> {
+    let target = DVec3::new(0.0, 0.0, 0.3);
+    let one = |(k, at): (usize, DVec3)| {
+        let z = (target - at).normalize();
+        let x = z.cross(DVec3::Z).normalize();
+        View {
+            name: format!("cam0{}", k + 1),
+            focal: camera().focal * (1.0 + 0.05 * k as f64),
+            rotation: DMat3::from_cols(x, z.cross(x), z).transpose(),
+            position: at,
+            ..camera()
+        }
+    };
+    [
+        DVec3::new(0.0, -0.9, 0.8),
+        DVec3::new(0.55, -0.7, 0.95),
+        DVec3::new(-0.6, -0.65, 0.7),
+    ]
+    .into_iter()
+    .enumerate()
+    .map(one)
+    .collect()
+}
+
+/// Boards that all three see; the first lies on the floor, its first inner corner at the world's origin.
+fn shared(printed: &Printed) -> Vec<Lying> {
+    let flat = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let mut all = vec![Lying {
+        axes: flat,
+        origin: -(flat * DVec3::new(printed.side, printed.side, 0.0)),
+    }];
+    let facing = ring()[0].rotation.transpose();
+    for k in 0..14 {
+        let tilt = [[20.0, 10.0], [-15.0, -18.0], [5.0, 22.0], [-25.0, 4.0]][k % 4];
+        let turn = DMat3::from_rotation_x(f64::to_radians(tilt[0]))
+            * DMat3::from_rotation_y(f64::to_radians(tilt[1]))
+            * DMat3::from_rotation_z(0.2 * k as f64);
+        let (x, y) = ([0.0, -0.1, 0.1][k % 3], [0.05, -0.05, 0.0][k / 3 % 3]);
+        let middle = DVec3::new(x, 0.1 + y, 0.3 + 0.05 * (k % 2) as f64);
+        all.push(printed.centred(facing * turn, middle));
+    }
+    all
+}
+
+fn assert_places(found: &[View], truth: &[View], degrees: f64, metres: f64) {
+    assert_eq!(found.len(), truth.len());
+    for (f, t) in found.iter().zip(truth) {
+        let between = f.rotation * t.rotation.transpose();
+        let trace = between.x_axis.x + between.y_axis.y + between.z_axis.z;
+        let angle = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
+        let off = f.position.distance(t.position);
+        eprintln!("{}: {angle:.3}° {:.2} mm", f.name, 1e3 * off);
+        assert!(
+            angle < degrees && off < metres,
+            "{}: {angle}° {off} m",
+            f.name
+        );
+    }
+}
+
+#[test]
+fn photos_of_one_moment_give_places_above_the_floor() {
+    for (printed, board) in [(&CHESS, "9x6"), (&CHARUCO, "charuco:8x6:DICT_5X5_100")] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).display().to_string();
+        let truth = ring();
+        for (k, view) in truth.iter().enumerate() {
+            let to = folder.path().join(&view.name);
+            photos(&to, view, printed, &shared(printed), k as u64);
+        }
+        let out = at("Calib.toml");
+        let (square, views) = (
+            printed.side.to_string(),
+            ["cam01", "cam02", "cam03"].map(at),
+        );
+        let mut args = vec![
+            "--board", board, "--square", &square, "--floor", "0", "--out", &out,
+        ];
+        for view in &views {
+            args.extend(["--view", view]);
+        }
+        let said = calibrate(&args);
+        eprintln!("{said}");
+        assert!(said.contains("height m"), "{said}");
+        let found = calibration::read(out.as_ref()).unwrap().views;
+        assert_places(&found, &truth, 0.2, 0.005);
+    }
+}
