@@ -3,15 +3,17 @@
 use std::collections::BTreeMap;
 
 use calib_targets_chessboard::{
-    ChessboardDetection, ChessboardDetector, ChessboardParams, GrayImageView, default_chess_config,
-    detect_corners,
+    ChessboardDetection, ChessboardDetector, ChessboardParams, GrayImageView, detect_corners,
 };
 use glam::DVec2;
 
 use super::find::{Corner, Miss};
+use super::front::front;
 
 /// A board counts with so many of its corners.
 const ENOUGH: f64 = 0.8;
+/// So many corners more must lie in one place of the board than in the next one.
+const CLEAR: usize = 3;
 /// Black and white squares differ by so many grey values at least, on average.
 const CONTRAST: f64 = 12.0;
 
@@ -35,7 +37,7 @@ pub fn find(
         height: size[1] as usize,
         data: grey,
     };
-    let cloud = detect_corners(&picture, &default_chess_config().with_refiner(calib_targets_core::ImageRefiner::saddle_point()));
+    let cloud = detect_corners(&picture, &front());
     let mut miss = Miss::Nothing;
     for found in detector.detect_all(&cloud) {
         match whole(&right_handed(&found), corners) {
@@ -70,7 +72,8 @@ fn right_handed(found: &ChessboardDetection) -> Grid {
     grid.into_iter().map(|((u, v), p)| ((v, u), p)).collect()
 }
 
-/// The grid from 0, 0, long side as the board's, if it is the whole board.
+/// The grid from 0, 0, long side as the board's, if it is the whole board. Corners that something beside the board
+/// looks like are cut off.
 fn whole(grid: &Grid, [columns, rows]: [u32; 2]) -> Result<Grid, Miss> {
     let (us, vs) = (|| grid.keys().map(|k| k.0), || grid.keys().map(|k| k.1));
     let (Some(left), Some(right)) = (us().min(), us().max()) else {
@@ -81,22 +84,36 @@ fn whole(grid: &Grid, [columns, rows]: [u32; 2]) -> Result<Grid, Miss> {
     };
     let found = [right - left + 1, bottom - top + 1];
     let wanted = [i64::from(columns), i64::from(rows)];
-    let place: fn((i64, i64), i64) -> (i64, i64) = if found == wanted {
-        |at, _| at
-    } else if found == [wanted[1], wanted[0]] {
-        // A quarter turn: what goes down becomes x, what goes left becomes y.
-        |(u, v), last| (v, last - u)
-    } else {
+    // Upright, and turned by a quarter.
+    let ways = [wanted, [wanted[1], wanted[0]]];
+    let windows = ways.into_iter().enumerate().flat_map(|(turned, size)| {
+        (0..=found[0] - size[0])
+            .flat_map(move |u| (0..=found[1] - size[1]).map(move |v| (u, v)))
+            .map(move |(u, v)| (turned == 1, size, (left + u, top + v)))
+    });
+    let inside = |size: [i64; 2], from: (i64, i64)| {
+        grid.iter()
+            .map(move |((u, v), p)| ((u - from.0, v - from.1), *p))
+            .filter(move |((u, v), _)| (0..size[0]).contains(u) && (0..size[1]).contains(v))
+    };
+    let mut counted: Vec<_> = windows
+        .map(|(turned, size, from)| (inside(size, from).count(), turned, size, from))
+        .collect();
+    counted.sort_by_key(|c| std::cmp::Reverse(c.0));
+    let Some(&(most, turned, size, from)) = counted.first() else {
         return Err(Miss::Size(found[0] as u32, found[1] as u32));
     };
-    if (grid.len() as f64) < ENOUGH * f64::from(columns * rows) {
-        return Err(Miss::Few(grid.len()));
+    // Between two places nobody can choose.
+    let clear = counted.get(1).is_none_or(|second| second.0 + CLEAR <= most);
+    if !clear || grid.len() > most + most / 5 {
+        return Err(Miss::Size(found[0] as u32, found[1] as u32));
     }
-    let last = right - left;
-    let moved = grid
-        .iter()
-        .map(|(&(u, v), p)| (place((u - left, v - top), last), *p));
-    Ok(moved.collect())
+    if (most as f64) < ENOUGH * f64::from(columns * rows) {
+        return Err(Miss::Few(most));
+    }
+    // What goes down becomes x, what goes left becomes y.
+    let place = |(u, v): (i64, i64)| if turned { (v, size[0] - 1 - u) } else { (u, v) };
+    Ok(inside(size, from).map(|(at, p)| (place(at), p)).collect())
 }
 
 /// Corners of a grid such that the square right of and below the first one is black, as OpenCV draws boards.

@@ -1,6 +1,6 @@
 //! A picture goes in, the board's corners come out.
 
-use calib_targets_charuco::CharucoDetector;
+use calib_targets_charuco::CharucoParams;
 use calib_targets_chessboard::ChessboardDetector;
 use glam::DVec2;
 
@@ -41,7 +41,7 @@ pub struct Finder(Kind);
 
 enum Kind {
     Chess(ChessboardDetector, [u32; 2]),
-    Charuco(Box<CharucoDetector>),
+    Charuco(Box<CharucoParams>),
 }
 
 impl Finder {
@@ -52,7 +52,7 @@ impl Finder {
     pub fn new(board: &Board) -> Result<Self, String> {
         Ok(Self(match board {
             Board::Chess { corners } => Kind::Chess(chess::detector()?, *corners),
-            Board::Charuco(marked) => Kind::Charuco(Box::new(charuco::detector(marked)?)),
+            Board::Charuco(marked) => Kind::Charuco(Box::new(charuco::params(marked)?)),
         }))
     }
 
@@ -70,7 +70,7 @@ impl Finder {
         let grey: Vec<u8> = rgb.chunks_exact(3).map(grey).collect();
         let corners = match &self.0 {
             Kind::Chess(detector, corners) => chess::find(detector, *corners, &grey, size),
-            Kind::Charuco(detector) => charuco::find(detector, &grey, size),
+            Kind::Charuco(params) => charuco::find(params, &grey, size),
         }?;
         if corners.len() < LEAST_CORNERS {
             return Err(Miss::Few(corners.len()));

@@ -7,6 +7,7 @@
 mod charuco;
 mod chess;
 mod find;
+mod front;
 mod pattern;
 
 pub use find::{Corner, Finder, Miss};

@@ -40,7 +40,7 @@ fn album(printed: &Printed) -> Vec<Lying> {
     let one = |k: usize| {
         let (x, y) = ([0.0, -1.0, 1.0][k % 3], [0.0, 1.0, -1.0][(k / 3 + k) % 3]);
         let far = [0.62, 0.5, 0.56][k % 3];
-        let middle = DVec3::new(0.15 * x, 0.09 * y, far);
+        let middle = DVec3::new(0.19 * x, 0.13 * y, far);
         let tilt = [
             [28.0, 0.0, 5.0],
             [-20.0, 25.0, -12.0],

@@ -54,8 +54,8 @@ pub struct Seen {
 /// What of a camera may move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Free {
-    /// Its lens.
-    pub lens: bool,
+    /// Its lens: so many of k1, k2, k3, with all that is not radial; nothing for `None`.
+    pub lens: Option<usize>,
     /// Its place and direction.
     pub pose: bool,
 }
@@ -63,12 +63,22 @@ pub struct Free {
 impl Free {
     /// Nothing.
     pub const NOTHING: Self = Self {
-        lens: false,
+        lens: None,
         pose: false,
     };
 
     fn unknown(self, k: usize) -> bool {
-        if k < OF_LENS { self.lens } else { self.pose }
+        let radial = match k {
+            4 => 1,
+            5 => 2,
+            8 => 3,
+            _ => 0,
+        };
+        if k < OF_LENS {
+            self.lens.is_some_and(|most| radial <= most)
+        } else {
+            self.pose
+        }
     }
 }
 
@@ -117,7 +127,7 @@ pub fn adjust(scene: &mut Scene, free: &[Free], seen: &[Seen], sigma: f64) -> Ve
     let wanted = |c: usize| boards + OF_CAMERA * c;
     let certain = last.clone().factorise();
     let each = free.iter().enumerate().map(|(c, free)| {
-        if !free.lens {
+        if free.lens.is_none() {
             return 0.0;
         }
         if !certain {
@@ -198,7 +208,7 @@ impl LeastSquares for Problem<'_> {
         for (c, (from, to)) in from.cameras.iter().zip(&mut to.cameras).enumerate() {
             let at = cameras + OF_CAMERA * c;
             *to = *from;
-            if self.free[c].lens {
+            if self.free[c].lens.is_some() {
                 to.lens.focal += pair(at);
                 to.lens.centre += pair(at + 2);
                 let [k1, k2, p1, p2, k3] = std::array::from_fn(|k| -descent[at + 4 + k]);
@@ -300,7 +310,7 @@ mod tests {
             pixel: DVec2::ZERO,
         }];
         let free = [Free {
-            lens: true,
+            lens: Some(3),
             pose: true,
         }];
         let problem = Problem {

@@ -133,6 +133,7 @@ pub fn calibrate_by_board(
             boards: boards.into_iter().flatten().collect(),
         },
         sights,
+        radial: singles.iter().map(|s| s.radial).collect(),
         uncertain: singles.iter().map(|s| s.uncertain).collect(),
     };
     if cameras.len() > 1 {
@@ -216,6 +217,8 @@ struct Whole<'a> {
     scene: Scene,
     /// Camera by camera, moment by moment: the board alone, where a picture of it is used.
     sights: Vec<Vec<Option<Placement>>>,
+    /// How many of k1, k2, k3 are free; `None` for a lens that was given.
+    radial: Vec<Option<usize>>,
     uncertain: Vec<f64>,
 }
 
@@ -300,11 +303,11 @@ impl Whole<'_> {
 
     fn adjust(&mut self) {
         let free: Vec<Free> = self
-            .cameras
+            .radial
             .iter()
             .enumerate()
-            .map(|(c, camera)| Free {
-                lens: camera.lens.is_none(),
+            .map(|(c, radial)| Free {
+                lens: *radial,
                 pose: c > 0,
             })
             .collect();

@@ -13,6 +13,9 @@ use crate::calibrate::pose::Pose;
 const FAR_PX: f64 = 1.0;
 /// … and so many times further than those of the median picture.
 const FAR_TIMES: f64 = 4.0;
+/// Radial coefficients that are always looked for, and at most.
+const LEAST_RADIAL: usize = 1;
+const MOST_RADIAL: usize = 3;
 /// Rounds of adjustment, outliers counting less in each.
 const ROUNDS: usize = 3;
 
@@ -24,6 +27,8 @@ pub type Corners = Vec<(DVec2, DVec2)>;
 pub struct Single {
     /// Its lens.
     pub lens: Lens,
+    /// How many of k1, k2, k3 its pictures tell; `None` for a lens that was given.
+    pub radial: Option<usize>,
     /// Uncertainty of the focal length, as a share of it; 0 for a lens that was given.
     pub uncertain: f64,
     /// Picture by picture, the board in the camera's axes; `None` where it was put aside.
@@ -42,16 +47,45 @@ pub fn single(pictures: &[Corners], size: [u32; 2], known: Option<Lens>) -> Opti
         }
     };
     let loose = f64::from(size[0]) / 100.0;
+    let least = known.is_none().then_some(LEAST_RADIAL);
     let all = starts
         .into_iter()
-        .filter_map(|lens| settled(pictures, lens, known.is_none(), loose));
+        .filter_map(|lens| settled(pictures, lens, least, loose));
     let worth = |s: &Single| median(s.off.clone());
-    all.min_by(|a, b| worth(a).total_cmp(&worth(b)))
+    let mut best = all.min_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+    while let Some(radial) = best.radial.filter(|r| *r < MOST_RADIAL) {
+        let Some(more) = settled(pictures, best.lens, Some(radial + 1), loose) else {
+            break;
+        };
+        if !tells(&best, &more, pictures) {
+            break;
+        }
+        best = more;
+    }
+    Some(best)
 }
 
-fn settled(pictures: &[Corners], lens: Lens, free: bool, loose: f64) -> Option<Single> {
+/// Whether one coefficient more is demanded by corners, not by their noise (Schwarz's criterion): one that is not needed
+/// bends the lens where no board was.
+fn tells(less: &Single, more: &Single, pictures: &[Corners]) -> bool {
+    let (mut corners, mut squares) = (0.0, [0.0; 2]);
+    for (k, picture) in pictures.iter().enumerate() {
+        if less.boards[k].is_some() && more.boards[k].is_some() {
+            let count = picture.len() as f64;
+            corners += count;
+            squares[0] += count * less.off[k] * less.off[k];
+            squares[1] += count * more.off[k] * more.off[k];
+        }
+    }
+    // Two coordinates a corner.
+    let numbers = 2.0 * corners;
+    numbers * f64::ln(squares[0] / squares[1]) > f64::ln(numbers)
+}
+
+fn settled(pictures: &[Corners], lens: Lens, radial: Option<usize>, loose: f64) -> Option<Single> {
     let mut found = Single {
         lens,
+        radial,
         uncertain: f64::INFINITY,
         boards: Vec::new(),
         off: Vec::new(),
@@ -60,12 +94,12 @@ fn settled(pictures: &[Corners], lens: Lens, free: bool, loose: f64) -> Option<S
         .iter()
         .map(|p| Some(placed(&lens, p, loose)?.0))
         .collect();
-    refine(&mut found, pictures, free, loose)?;
+    refine(&mut found, pictures, loose)?;
     // By the lens as it is now, the other side of a board may fit better.
     for (board, picture) in found.boards.iter_mut().zip(pictures) {
         *board = placed(&found.lens, picture, loose).map(|b| b.0);
     }
-    refine(&mut found, pictures, free, loose)?;
+    refine(&mut found, pictures, loose)?;
     let far = limit(&found.off);
     let mut aside = false;
     for (board, off) in found.boards.iter_mut().zip(&found.off) {
@@ -75,7 +109,7 @@ fn settled(pictures: &[Corners], lens: Lens, free: bool, loose: f64) -> Option<S
     }
     if aside {
         let off = found.off.clone();
-        refine(&mut found, pictures, free, loose)?;
+        refine(&mut found, pictures, loose)?;
         for ((now, before), board) in found.off.iter_mut().zip(off).zip(&found.boards) {
             if board.is_none() {
                 *now = before;
@@ -92,7 +126,7 @@ pub fn limit(off: &[f64]) -> f64 {
 }
 
 /// Moves lens and boards.
-fn refine(found: &mut Single, pictures: &[Corners], free: bool, loose: f64) -> Option<()> {
+fn refine(found: &mut Single, pictures: &[Corners], loose: f64) -> Option<()> {
     let used: Vec<usize> = (0..pictures.len())
         .filter(|k| found.boards[*k].is_some())
         .collect();
@@ -117,7 +151,7 @@ fn refine(found: &mut Single, pictures: &[Corners], free: bool, loose: f64) -> O
     });
     let seen: Vec<Seen> = corners.collect();
     let moves = Free {
-        lens: free,
+        lens: found.radial,
         pose: false,
     };
     let share = settle(&mut scene, &[moves], &seen, loose);
