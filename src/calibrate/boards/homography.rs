@@ -3,6 +3,9 @@
 use glam::{DMat3, DVec2};
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 
+/// Of the greatest eigenvalue, what the second least must be.
+const LEAST: f64 = 1e-9;
+
 /// The homography that takes first points to second ones, by the normalised direct linear transform (Hartley 1997).
 /// `None` for fewer than four, or such as lie on a line.
 pub fn homography(pairs: &[(DVec2, DVec2)]) -> Option<DMat3> {
@@ -26,13 +29,17 @@ pub fn homography(pairs: &[(DVec2, DVec2)]) -> Option<DMat3> {
         }
     }
     let eigen = SymmetricEigen::try_new(normal, 1e-14, 500)?;
+    let mut values: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    // Points on a line leave more than one map.
+    if values[1] < LEAST * values[8] {
+        return None;
+    }
     let h = eigen.eigenvectors.column(eigen.eigenvalues.imin());
     let h = DMat3::from_cols_array(&std::array::from_fn(|k| h[3 * (k % 3) + k / 3]));
     let h = to.inverse() * h * from;
     let size = h.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt();
-    // A map onto a line is of points on a line.
-    let flat = h.determinant().abs() < 1e-12 * size.powi(3);
-    (size > 0.0 && size.is_finite() && !flat).then(|| h * (1.0 / size))
+    (size > 0.0 && size.is_finite()).then(|| h * (1.0 / size))
 }
 
 /// Moves points to a mean of 0 and a mean distance from it of 1.
