@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use edgecap::camera::{Brown, CameraFile, View, calibration};
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, DVec4};
 
 use crate::printed::{Lying, Photographer, Printed};
 use crate::program::{assert_fails, output, stderr, stdout};
@@ -40,7 +40,7 @@ fn album(printed: &Printed) -> Vec<Lying> {
     let one = |k: usize| {
         let (x, y) = ([0.0, -1.0, 1.0][k % 3], [0.0, 1.0, -1.0][(k / 3 + k) % 3]);
         let far = [0.62, 0.5, 0.56][k % 3];
-        let middle = DVec3::new(0.19 * x, 0.13 * y, far);
+        let middle = DVec3::new(x * (0.62 * far - 0.15), y * (0.45 * far - 0.105), far);
         let tilt = [
             [28.0, 0.0, 5.0],
             [-20.0, 25.0, -12.0],
@@ -49,7 +49,7 @@ fn album(printed: &Printed) -> Vec<Lying> {
         ];
         printed.turned(middle, tilt[k % 4])
     };
-    (0..15).map(one).collect()
+    (0..24).map(one).collect()
 }
 
 fn photos(folder: &Path, view: &View, printed: &Printed, boards: &[Lying], seed: u64) {
@@ -82,42 +82,40 @@ fn assert_lens(found: &View, truth: &View) {
 }
 
 /// How far a pixel's ray is from its pixel by the found lens, at most over the picture. Which way the camera looks,
-/// nobody told: the turn that fits best is taken.
+/// nobody told, and focal lengths are looked at by themselves: the turn and the zoom that fit best are taken.
 fn bend(found: &View, truth: &View) -> f64 {
     let size = truth.size.map(f64::from);
-    let grid: Vec<DVec2> = (0..81)
-        .map(|k| {
-            DVec2::new(
-                (k % 9) as f64 * (size[0] - 1.0),
-                (k / 9) as f64 * (size[1] - 1.0),
-            ) / 8.0
-        })
-        .collect();
-    let shown = |turn: DVec3, pixel: DVec2| {
+    let at = |k: usize| {
+        DVec2::new(
+            (k % 9) as f64 * (size[0] - 1.0),
+            (k / 9) as f64 * (size[1] - 1.0),
+        )
+    };
+    let grid: Vec<DVec2> = (0..81).map(|k| at(k) / 8.0).collect();
+    let shown = |by: DVec4, pixel: DVec2| {
         let plane = truth
             .distortion
             .undistort((pixel - truth.centre) / truth.focal);
-        let ray = DQuat::from_scaled_axis(turn) * plane.extend(1.0);
-        found.distortion.distort(ray.truncate() / ray.z) * found.focal + found.centre - pixel
+        let ray = DQuat::from_scaled_axis(by.truncate()) * plane.extend(1.0);
+        let plane = ray.truncate() / ray.z;
+        found.distortion.distort(plane) * found.focal * (1.0 + by.w) + found.centre - pixel
     };
-    let mut turn = DVec3::ZERO;
+    let mut by = DVec4::ZERO;
     for _ in 0..3 {
-        let (mut square, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        let (mut square, mut right) = (DMat4::ZERO, DVec4::ZERO);
         for pixel in &grid {
-            let off = shown(turn, *pixel);
-            let by = [DVec3::X, DVec3::Y, DVec3::Z]
-                .map(|axis| (shown(turn + 1e-6 * axis, *pixel) - off) / 1e-6);
+            let off = shown(by, *pixel);
+            let step = DVec4::AXES.map(|axis| (shown(by + 1e-6 * axis, *pixel) - off) / 1e-6);
             for axis in 0..2 {
-                let row = DVec3::new(by[0][axis], by[1][axis], by[2][axis]);
-                square += DMat3::from_cols(row * row.x, row * row.y, row * row.z);
+                let row = DVec4::from_array(step.map(|s| s[axis]));
+                square += DMat4::from_cols_array_2d(&row.to_array().map(|v| (v * row).to_array()));
                 right += row * off[axis];
             }
         }
-        turn -= square.inverse() * right;
+        by -= square.inverse() * right;
     }
-    grid.iter()
-        .map(|p| shown(turn, *p).length())
-        .fold(0.0, f64::max)
+    let off = grid.iter().map(|p| shown(by, *p).length());
+    off.fold(0.0, f64::max)
 }
 
 fn lens_of(file: &str) -> View {
