@@ -138,8 +138,8 @@ fn first_black(
         }
     }
     let [even, odd] = sums.map(|(sum, count)| sum / count);
-    // False for NaN as well.
-    if !((even - odd).abs() >= CONTRAST) {
+    let contrast = (even - odd).abs();
+    if contrast.is_nan() || contrast < CONTRAST {
         return Err(Miss::Pale);
     }
     let (last_u, last_v) = (i64::from(columns) - 1, i64::from(rows) - 1);

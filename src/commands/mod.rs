@@ -88,7 +88,7 @@ enum Verb {
     Plot(export::PlotArgs),
     /// What several calibrated cameras saw in, bodies with shape and mesh out
     Multiview(Box<multiview::MultiviewArgs>),
-    /// Find where several cameras stand by people who walk before them
+    /// Find where several cameras stand by people who walk before them, or lenses and places by pictures of a board
     Calibrate(calibrate::CalibrateArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),

@@ -59,9 +59,9 @@ pub enum BoardError {
         /// What was allowed, pixels.
         limit: f64,
     },
-    /// The picture that tells the floor shows no board.
+    /// The picture that tells the floor shows no board, or one that contradicts the others.
     #[error(
-        "expected the board on the floor in picture {0} of some camera, found it in none; name one in which it was found"
+        "expected the board on the floor in picture {0} of some camera, found none that goes with the other pictures; name another, or take it again"
     )]
     NoFloor(String),
     /// A camera came out below the floor.

@@ -51,7 +51,7 @@ fn said(camera: usize, poses: &[Option<Pose>], sights: &Sights) -> Vec<(Pose, f6
             let both = theirs.iter().zip(&sights[camera]);
             both.filter_map(move |(theirs, own)| {
                 let own = (*own)?;
-                let board = (*theirs)?.from_camera(pose);
+                let board = (*theirs)?.seen_from(pose);
                 Some((board.camera_that_sees(own), own.position.length()))
             })
         })
@@ -76,7 +76,7 @@ fn board(moment: usize, poses: &[Pose], sights: &Sights) -> Option<Placement> {
     let own: Vec<Placement> = poses
         .iter()
         .zip(sights)
-        .filter_map(|(pose, s)| Some(s[moment]?.from_camera(*pose)))
+        .filter_map(|(pose, s)| Some(s[moment]?.seen_from(*pose)))
         .collect();
     let sum = |a: &Placement| {
         let apart = own.iter().map(|b| {

@@ -27,7 +27,7 @@ use lens::Lens;
 use link::link;
 use placement::Placement;
 use plane_pose::placed;
-use single::{Corners, Single, limit, rms, settle, single};
+use single::{Corners, Single, limit, median, rms, settle, single};
 
 /// Every so many moments one is kept apart.
 const HELD_OUT: usize = 5;
@@ -158,7 +158,7 @@ fn held_out(cameras: &[Shots], moments: usize, floor: Option<usize>) -> Vec<bool
         }
         let count = counts.entry(who).or_default();
         *count += 1;
-        *count % HELD_OUT == 0
+        count.is_multiple_of(HELD_OUT)
     };
     seen_by.into_iter().enumerate().map(one).collect()
 }
@@ -184,14 +184,6 @@ fn alone(camera: &Shots, pictures: &[Corners]) -> Result<Single, BoardError> {
         distortion: view.distortion,
     });
     let found = single(pictures, camera.size, known).ok_or_else(few)?;
-    // A focal length that pictures do not tell comes out as anything, also with corners where they belong.
-    if found.uncertain.is_nan() || found.uncertain > CERTAIN {
-        return Err(BoardError::Square {
-            camera: camera.name.clone(),
-            pictures: pictures.len(),
-            percent: (100.0 * found.uncertain).min(100.0),
-        });
-    }
     let used = found
         .boards
         .iter()
@@ -203,6 +195,14 @@ fn alone(camera: &Shots, pictures: &[Corners]) -> Result<Single, BoardError> {
             camera: camera.name.clone(),
             px,
             limit: allowed(camera),
+        });
+    }
+    // A focal length that pictures do not tell comes out as anything, also with corners where they belong.
+    if found.uncertain.is_nan() || found.uncertain > CERTAIN {
+        return Err(BoardError::Square {
+            camera: camera.name.clone(),
+            pictures: pictures.len(),
+            percent: (100.0 * found.uncertain).min(100.0),
         });
     }
     Ok(found)
@@ -266,8 +266,24 @@ impl Whole<'_> {
             }
         }
         let far = limit(&off.iter().map(|o| o.2).collect::<Vec<_>>());
+        let shared = |m: &usize| self.sights.iter().filter(|s| s[*m].is_some()).count() > 1;
+        let links = off.iter().filter(|(_, m, _)| shared(m));
+        let links: Vec<(usize, bool, f64)> = links.map(|(c, _, px)| (*c, *px > far, *px)).collect();
+        for (c, camera) in self.cameras.iter().enumerate() {
+            let own = links.iter().filter(|l| l.0 == c);
+            let apart: Vec<f64> = own.clone().filter(|l| l.1).map(|l| l.2).collect();
+            // A camera that most of its links contradict would be left with those that do so by chance.
+            if 2 * apart.len() > own.count() {
+                return Err(BoardError::Apart {
+                    camera: camera.name.clone(),
+                    px: median(apart),
+                    limit: far,
+                });
+            }
+        }
+        let strays = off.iter().filter(|o| o.2 > far && Some(o.1) != floor);
         let mut aside = false;
-        for (camera, moment, _) in off.iter().filter(|o| o.2 > far && Some(o.1) != floor) {
+        for (camera, moment, _) in strays {
             self.sights[*camera][*moment] = None;
             aside = true;
         }
@@ -279,8 +295,8 @@ impl Whole<'_> {
         for (c, camera) in self.cameras.iter().enumerate() {
             let own = seen.iter().filter(|s| s.camera == c);
             let px = rms(own.map(|s| self.scene.off(s).length_squared()));
-            // False for NaN as well: a camera of which nothing is left.
-            if !(px <= allowed(camera)) {
+            // NaN of a camera of which nothing is left.
+            if px.is_nan() || px > allowed(camera) {
                 return Err(BoardError::Apart {
                     camera: camera.name.clone(),
                     px: if px.is_nan() { far } else { px },
@@ -420,7 +436,7 @@ impl Whole<'_> {
                 let (board, _) = placed(&camera.lens, corners, loose)?;
                 let mut scene = Scene {
                     cameras: self.scene.cameras.clone(),
-                    boards: vec![board.from_camera(camera.pose)],
+                    boards: vec![board.seen_from(camera.pose)],
                 };
                 let free = vec![Free::NOTHING; self.cameras.len()];
                 adjust::adjust(&mut scene, &free, &seen, loose);

@@ -30,8 +30,8 @@ impl Placement {
         }
     }
 
-    /// What a camera sees at this placement, in the camera's axes, in the world.
-    pub fn from_camera(self, camera: Pose) -> Self {
+    /// The same board in the world, if this is where a camera of that pose sees it, in its axes.
+    pub fn seen_from(self, camera: Pose) -> Self {
         let back = camera.rotation.transpose();
         Self {
             rotation: back * self.rotation,
