@@ -1,5 +1,5 @@
-//! Boards to calibrate by: what is printed on one goes in as the user types it, a picture goes in, and where the picture
-//! shows the board's corners comes out.
+//! Boards to calibrate by: what is printed on one goes in as the user types it, a picture goes in, and where the
+//! picture shows the corners of the board comes out.
 //!
 //! Corners are found by Bennett & Lasenby's ChESS (*ChESS – Quick and robust detection of chess-board features*, 2014)
 //! in the crates of calib-targets; which corner is which, a chessboard's colours and a ChArUco board's markers tell.

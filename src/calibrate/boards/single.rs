@@ -68,6 +68,11 @@ pub fn single(pictures: &[Corners], size: [u32; 2], known: Option<Lens>) -> Opti
 /// Whether one coefficient more is demanded by corners, not by their noise (Schwarz's criterion): one that is not needed
 /// bends the lens where no board was.
 fn tells(less: &Single, more: &Single, pictures: &[Corners]) -> bool {
+    let used = |s: &Single| s.boards.iter().flatten().count();
+    // A picture near the edge may be the only one that shows what the lens does there.
+    if used(more) != used(less) {
+        return used(more) > used(less);
+    }
     let (mut corners, mut squares) = (0.0, [0.0; 2]);
     for (k, picture) in pictures.iter().enumerate() {
         if less.boards[k].is_some() && more.boards[k].is_some() {

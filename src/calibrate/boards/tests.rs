@@ -242,9 +242,10 @@ fn what_boards_do_not_tell_is_said() {
 
     // A board on a stand, behind which the third camera is.
     let mut stand = boards(12, 1.0);
+    let facing = room()[0].rotation.transpose();
     stand[0] = Placement {
-        rotation: DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
-        position: DVec3::new(-0.1, -0.64, 0.95),
+        rotation: facing,
+        position: room()[0].position + facing * DVec3::new(-0.12, -0.075, 0.28),
     };
     let mut random = SmallRng::seed_from_u64(3);
     let mut cameras = vec![shots(&room()[0], &stand, 0.1, &mut random)];
