@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use edgecap::camera::{Brown, CameraFile, View, calibration};
+use edgecap::capture::{AviWriter, Frame};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, DVec4};
 
 use crate::printed::{Lying, Photographer, Printed};
@@ -263,6 +264,39 @@ fn photos_of_one_moment_give_places_above_the_floor() {
         let found = calibration::read(out.as_ref()).unwrap().views;
         assert_places(&found, &truth, 0.2, 0.005);
     }
+}
+
+#[test]
+fn films_and_known_lenses_do_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let truth = &ring()[..2];
+    for view in truth {
+        let mut photographer = Photographer::new(view, 5);
+        let file = fs::File::create(at(&format!("{}.avi", view.name))).unwrap();
+        let [width, height] = view.size;
+        let mut film = AviWriter::new(file, width, height, (2, 1)).unwrap();
+        for board in &shared(&CHESS)[..3] {
+            let frame = Frame {
+                width,
+                height,
+                rgb: photographer.picture(&CHESS, board).into_raw(),
+                ..Frame::default()
+            };
+            film.write_frame(&frame, 95).unwrap();
+        }
+        film.finish().unwrap();
+    }
+    let [lens, first, second, out] = ["lenses.toml", "cam01.avi", "cam02.avi", "out.toml"].map(at);
+    fs::write(&lens, calibration::write_pose2sim(truth)).unwrap();
+    let said = calibrate(&[
+        "--board", "9x6", "--square", "0.03", "--floor", "0", "--lens", &lens, "--view", &first,
+        "--view", &second, "--out", &out,
+    ]);
+    assert!(said.contains("cam02"), "{said}");
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    assert_places(&found, truth, 0.2, 0.005);
+    assert_eq!(found[1].focal, truth[1].focal);
 }
 
 #[test]

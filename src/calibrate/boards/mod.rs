@@ -1,8 +1,8 @@
 //! Cameras by a board: corners that pictures show go in; lenses, and where several cameras stand, come out.
 //!
-//! Every camera is calibrated alone first (`lens` gives a start in closed form, `plane_pose` the board in every picture,
-//! `adjust` moves all together), then `link` places cameras that saw the board at one moment, and all of it is adjusted
-//! at once. Every fifth moment is kept apart, to measure by.
+//! Every camera is calibrated alone first (`lens` gives a start in closed form, `plane_pose` the board in every
+//! picture, `adjust` moves all together), then `link` places cameras that saw the board at one moment, and all of it is
+//! adjusted at once. Every fifth moment is kept apart, to measure by.
 
 mod adjust;
 mod error;

@@ -65,8 +65,8 @@ pub fn single(pictures: &[Corners], size: [u32; 2], known: Option<Lens>) -> Opti
     Some(best)
 }
 
-/// Whether one coefficient more is demanded by corners, not by their noise (Schwarz's criterion): one that is not needed
-/// bends the lens where no board was.
+/// Whether one coefficient more is demanded by corners, not by their noise (Schwarz's criterion): one that is not
+/// needed bends the lens where no board was.
 fn tells(less: &Single, more: &Single, pictures: &[Corners]) -> bool {
     let used = |s: &Single| s.boards.iter().flatten().count();
     // A picture near the edge may be the only one that shows what the lens does there.

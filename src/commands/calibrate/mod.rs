@@ -16,12 +16,12 @@ use crate::board::Board;
 #[derive(Debug, Clone, clap::Args)]
 pub struct CalibrateArgs {
     /// What a camera saw of somebody who walked about: the JSON lines or record of 'infer', or a film; once for every
-    /// camera, of the same time. With --board: a folder of photos, or a film; one camera for its lens, several for their
-    /// places too. A camera is called like its file or folder, or CAMERA=FILE says how
+    /// camera, of the same time. With --board: a folder of photos, or a film; one camera for its lens, several for
+    /// their places too. A camera is called like its file or folder, or CAMERA=FILE says how
     #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
     pub view: Vec<String>,
-    /// Calibrate by pictures of a board: a chessboard by its inner corners, as in 9x6, or a ChArUco board by its squares
-    /// and dictionary, as in charuco:8x6:DICT_5X5_100
+    /// Calibrate by pictures of a board: a chessboard by its inner corners, as in 9x6, or a ChArUco board by its
+    /// squares and dictionary, as in charuco:8x6:DICT_5X5_100
     #[arg(long, value_name = "BOARD", conflicts_with_all = ["stature", "distance", "fps"])]
     pub board: Option<Board>,
     /// Side of a square of the board, metres
@@ -30,8 +30,8 @@ pub struct CalibrateArgs {
     /// Side of a marker of a ChArUco board, metres [default: three quarters of a square]
     #[arg(long, value_name = "METRES", requires = "square", value_parser = side)]
     pub marker: Option<f64>,
-    /// Picture in which the board lies on the floor, face up: its name without ending, of a film the frame's number; the
-    /// world's z points up from there [default: from the first board that two cameras see]
+    /// Picture in which the board lies on the floor, face up: its name without ending, of a film the frame's number;
+    /// the world's z points up from there [default: from the first board that two cameras see]
     #[arg(long, value_name = "PICTURE", requires = "board")]
     pub floor: Option<String>,
     /// Lens of all cameras, or of one: a camera.toml, or a calibration of another program whose places are not believed
