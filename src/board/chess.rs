@@ -84,9 +84,10 @@ fn whole(grid: &Grid, [columns, rows]: [u32; 2]) -> Result<Grid, Miss> {
     };
     let found = [right - left + 1, bottom - top + 1];
     let wanted = [i64::from(columns), i64::from(rows)];
-    // Upright, and turned by a quarter.
+    // Upright, and turned by a quarter; of a square board that is the same.
     let ways = [wanted, [wanted[1], wanted[0]]];
-    let windows = ways.into_iter().enumerate().flat_map(|(turned, size)| {
+    let ways = ways.into_iter().take(1 + usize::from(columns != rows));
+    let windows = ways.enumerate().flat_map(|(turned, size)| {
         (0..=found[0] - size[0])
             .flat_map(move |u| (0..=found[1] - size[1]).map(move |v| (u, v)))
             .map(move |(u, v)| (turned == 1, size, (left + u, top + v)))
@@ -155,4 +156,38 @@ fn first_black(
         }
     };
     Ok(grid.into_iter().map(corner).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(columns: i64, rows: i64) -> Grid {
+        let all = (0..columns).flat_map(|u| (0..rows).map(move |v| (u, v)));
+        all.map(|(u, v)| ((u, v), DVec2::new(u as f64, v as f64)))
+            .collect()
+    }
+
+    #[test]
+    fn the_board_is_found_whichever_way_it_lies() {
+        assert_eq!(whole(&grid(9, 6), [9, 6]), Ok(grid(9, 6)));
+        assert_eq!(whole(&grid(7, 7), [7, 7]), Ok(grid(7, 7)));
+        // A quarter turn, not a mirror image.
+        let turned = whole(&grid(6, 9), [9, 6]).unwrap();
+        assert_eq!(turned[&(0, 0)], DVec2::new(5.0, 0.0));
+        assert_eq!(turned[&(8, 0)], DVec2::new(5.0, 8.0));
+        assert_eq!(turned[&(0, 5)], DVec2::new(0.0, 0.0));
+    }
+
+    #[test]
+    fn what_lies_beside_the_board_is_cut_off_and_parts_are_refused() {
+        let mut more = grid(9, 6);
+        more.insert((3, -1), DVec2::ZERO);
+        assert_eq!(whole(&more, [9, 6]), Ok(grid(9, 6)));
+        assert_eq!(whole(&grid(9, 7), [9, 6]), Err(Miss::Size(9, 7)));
+        assert_eq!(whole(&grid(8, 6), [9, 6]), Err(Miss::Size(8, 6)));
+        let mut few = grid(9, 6);
+        few.retain(|(u, v), _| *u == 0 || *v == 0 || *u == 8 || *v == 5);
+        assert_eq!(whole(&few, [9, 6]), Err(Miss::Few(26)));
+    }
 }
