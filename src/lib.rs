@@ -6,6 +6,7 @@
 #![deny(unsafe_code)]
 
 pub mod assignment;
+pub mod board;
 pub mod body;
 pub mod bounded;
 pub mod bridge;

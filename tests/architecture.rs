@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 const ROOMS: &[(&str, &[&str])] = &[
     // Tools that know nothing of motion capture.
     ("assignment", &[]),
+    ("board", &[]),
     ("bounded", &[]),
     ("config", &[]),
     ("http", &[]),
@@ -33,7 +34,10 @@ const ROOMS: &[(&str, &[&str])] = &[
         "multiview",
         &["assignment", "body", "camera", "fit", "npz", "solve"],
     ),
-    ("calibrate", &["body", "camera", "multiview"]),
+    (
+        "calibrate",
+        &["board", "body", "camera", "multiview", "solve"],
+    ),
     ("record", &["output"]),
     (
         "sink",

@@ -5,6 +5,7 @@
 //! `bundle` moves all together, `world` finds size and floor by the people themselves. Sides that a detector exchanged
 //! are healed by [`track`] in between.
 
+pub mod boards;
 mod bundle;
 mod pose;
 mod relative;

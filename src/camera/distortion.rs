@@ -1,7 +1,7 @@
 //! Brown's model of a lens that distorts: the pinhole's point on the plane z = 1 goes in, the point where the lens
 //! shows it comes out, and the other way round.
 
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 
 /// Coefficients as in OpenCV (`k1, k2, p1, p2, k3`), for points on the plane z = 1. All zero: a pinhole.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -34,6 +34,39 @@ impl Brown {
             )
     }
 
+    /// Derivative of [`distort`](Self::distort) by the point, column by column.
+    pub fn by_point(&self, p: DVec2) -> DMat2 {
+        let [k1, k2, k3] = self.radial;
+        let [p1, p2] = self.tangential;
+        let r2 = p.length_squared();
+        let gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3);
+        let across = 2.0 * (p.x * p.y * slope + p1 * p.x + p2 * p.y);
+        DMat2::from_cols(
+            DVec2::new(
+                gain + 2.0 * p.x * p.x * slope + 2.0 * p1 * p.y + 6.0 * p2 * p.x,
+                across,
+            ),
+            DVec2::new(
+                across,
+                gain + 2.0 * p.y * p.y * slope + 6.0 * p1 * p.y + 2.0 * p2 * p.x,
+            ),
+        )
+    }
+
+    /// Derivatives of [`distort`](Self::distort) by k1, k2, p1, p2, k3.
+    pub fn by_coefficient(p: DVec2) -> [DVec2; 5] {
+        let r2 = p.length_squared();
+        let xy = 2.0 * p.x * p.y;
+        [
+            p * r2,
+            p * r2 * r2,
+            DVec2::new(xy, r2 + 2.0 * p.y * p.y),
+            DVec2::new(r2 + 2.0 * p.x * p.x, xy),
+            p * r2 * r2 * r2,
+        ]
+    }
+
     /// Where a pinhole would show what the lens shows at `seen`, by fixed-point iteration: exact to 1e-9 for lenses
     /// that move a point by less than a third of its distance from the axis.
     pub fn undistort(&self, seen: DVec2) -> DVec2 {
@@ -48,6 +81,33 @@ impl Brown {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_are_those_of_small_steps() {
+        let five = [-0.2, 0.14, 0.0006, -0.0007, -0.02];
+        let lens = |c: [f64; 5]| Brown {
+            radial: [c[0], c[1], c[4]],
+            tangential: [c[2], c[3]],
+        };
+        let (p, step) = (DVec2::new(0.31, -0.24), 1e-6);
+        let near = |a: DVec2, b: DVec2| assert!((a - b).length() < 1e-8, "{a} {b}");
+        let by_point = lens(five).by_point(p);
+        for (axis, column) in [DVec2::X, DVec2::Y]
+            .into_iter()
+            .zip([by_point.x_axis, by_point.y_axis])
+        {
+            let [more, less] = [step, -step].map(|s| lens(five).distort(p + s * axis));
+            near((more - less) / (2.0 * step), column);
+        }
+        for (k, column) in Brown::by_coefficient(p).into_iter().enumerate() {
+            let moved = |s: f64| {
+                let mut c = five;
+                c[k] += s;
+                lens(c).distort(p)
+            };
+            near((moved(step) - moved(-step)) / (2.0 * step), column);
+        }
+    }
 
     #[test]
     fn undoing_what_a_lens_does_gives_the_point_back() {

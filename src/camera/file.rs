@@ -5,7 +5,7 @@ use std::path::Path;
 use edgecap_client::message::Intrinsics;
 use serde::{Deserialize, Serialize};
 
-use super::CameraError;
+use super::{Brown, CameraError};
 use crate::bounded;
 
 /// Horizontal field of view of an ordinary webcam, degrees.
@@ -16,7 +16,8 @@ const ASPECT_TOLERANCE: f32 = 0.02;
 /// The lens of a camera, independent of the size of its pictures.
 ///
 /// Either `fov_degrees = 70.0` (horizontal field of view), or a calibration: `fx`, `fy`, `cx`, `cy` in pixels of a
-/// picture of `width` × `height`, centres of pixels on integers.
+/// picture of `width` × `height`, centres of pixels on integers, and distortion `k1`, `k2`, `p1`, `p2`, `k3` as in
+/// OpenCV, 0 where not given.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Raw", into = "Raw")]
 pub enum CameraFile {
@@ -33,6 +34,8 @@ pub enum CameraFile {
         width: u32,
         /// Height of that size.
         height: u32,
+        /// What the lens does to the pinhole's picture.
+        distortion: Brown,
     },
 }
 
@@ -55,6 +58,11 @@ struct Raw {
     cy: Option<f32>,
     width: Option<u32>,
     height: Option<u32>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    k3: Option<f64>,
 }
 
 impl CameraFile {
@@ -88,6 +96,14 @@ impl CameraFile {
         raw.try_into()
     }
 
+    /// What the lens does to the pinhole's picture, at any size.
+    pub fn distortion(&self) -> Brown {
+        match *self {
+            Self::Fov { .. } => Brown::default(),
+            Self::Calibrated { distortion, .. } => distortion,
+        }
+    }
+
     /// The camera of pictures of `width` × `height`.
     ///
     /// # Errors
@@ -99,6 +115,7 @@ impl CameraFile {
                 intrinsics: i,
                 width: w,
                 height: h,
+                ..
             } => {
                 let (sx, sy) = (width as f32 / w as f32, height as f32 / h as f32);
                 if (sx / sy - 1.0).abs() > ASPECT_TOLERANCE {
@@ -131,6 +148,11 @@ impl TryFrom<Raw> for CameraFile {
                 cy: None,
                 width: None,
                 height: None,
+                k1: None,
+                k2: None,
+                p1: None,
+                p2: None,
+                k3: None,
             } => {
                 if !(1.0..=179.0).contains(&degrees) {
                     return Err(format!(
@@ -147,7 +169,16 @@ impl TryFrom<Raw> for CameraFile {
                 cy: Some(cy),
                 width: Some(width),
                 height: Some(height),
+                k1,
+                k2,
+                p1,
+                p2,
+                k3,
             } => {
+                let [k1, k2, p1, p2, k3] = [k1, k2, p1, p2, k3].map(Option::unwrap_or_default);
+                if ![k1, k2, p1, p2, k3].iter().all(|k| k.is_finite()) {
+                    return Err("expected finite k1, k2, p1, p2, k3".into());
+                }
                 let fy = fy.unwrap_or(fx);
                 let lengths = [fx, fy].iter().all(|f| f.is_finite() && *f > 0.0);
                 let inside = (0.0..width as f32).contains(&cx) && (0.0..height as f32).contains(&cy);
@@ -160,10 +191,14 @@ impl TryFrom<Raw> for CameraFile {
                     intrinsics: Intrinsics { fx, fy, cx, cy },
                     width,
                     height,
+                    distortion: Brown {
+                        radial: [k1, k2, k3],
+                        tangential: [p1, p2],
+                    },
                 })
             }
             _ => Err(
-                "expected either fov_degrees alone, or fx, cx, cy, width, height (and fy where pixels are not square)".into(),
+                "expected either fov_degrees alone, or fx, cx, cy, width, height (and fy where pixels are not square, k1, k2, p1, p2, k3 where the lens distorts)".into(),
             ),
         }
     }
@@ -180,15 +215,26 @@ impl From<CameraFile> for Raw {
                 intrinsics: i,
                 width,
                 height,
-            } => Self {
-                fov_degrees: None,
-                fx: Some(i.fx),
-                fy: Some(i.fy),
-                cx: Some(i.cx),
-                cy: Some(i.cy),
-                width: Some(width),
-                height: Some(height),
-            },
+                distortion,
+            } => {
+                // What is 0 is not written, as before there was distortion.
+                let [k1, k2, k3] = distortion.radial.map(|k| Some(k).filter(|k| *k != 0.0));
+                let [p1, p2] = distortion.tangential.map(|p| Some(p).filter(|p| *p != 0.0));
+                Self {
+                    fov_degrees: None,
+                    fx: Some(i.fx),
+                    fy: Some(i.fy),
+                    cx: Some(i.cx),
+                    cy: Some(i.cy),
+                    width: Some(width),
+                    height: Some(height),
+                    k1,
+                    k2,
+                    p1,
+                    p2,
+                    k3,
+                }
+            }
         }
     }
 }

@@ -21,6 +21,8 @@ static NAME: OnceLock<String> = OnceLock::new();
 pub fn start() {
     // A journal is read when something went wrong: then it should say when the camera went and came back.
     let by_default = if to_journal() { "info" } else { "warn" };
+    // A picture without a board is told by 'calibrate' in its own words.
+    let by_default = format!("{by_default},calib_targets_charuco=error");
     let filter = EnvFilter::try_from_env("EDGECAP_LOG").unwrap_or_else(|_| by_default.into());
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)

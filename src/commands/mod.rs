@@ -88,7 +88,7 @@ enum Verb {
     Plot(export::PlotArgs),
     /// What several calibrated cameras saw in, bodies with shape and mesh out
     Multiview(Box<multiview::MultiviewArgs>),
-    /// Find where several cameras stand by people who walk before them
+    /// Find where several cameras stand by people who walk before them, or lenses and places by pictures of a board
     Calibrate(calibrate::CalibrateArgs),
     /// Render synthetic people with exact truth
     Synth(synth::SynthArgs),
@@ -143,7 +143,7 @@ pub fn main() -> u8 {
         Verb::Export(args) => export::export(args),
         Verb::Plot(args) => export::plot(args),
         Verb::Multiview(args) => multiview::multiview(*args),
-        Verb::Calibrate(args) => calibrate::calibrate(args),
+        Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Synth(args) => synth::synth(args),
         Verb::Eval(args) => eval::eval(args),
         Verb::Bench(args) => bench::bench(args),

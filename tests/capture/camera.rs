@@ -537,6 +537,27 @@ fn the_lens_scales_with_the_picture() {
 }
 
 #[test]
+fn a_lens_keeps_its_distortion_in_the_file() {
+    let plain = "fx = 900.0\ncx = 300.0\ncy = 200.0\nwidth = 640\nheight = 480\n";
+    let bent = format!("{plain}k1 = -0.2\nk2 = 0.1\np1 = 0.001\np2 = -0.002\nk3 = 0.01\n");
+    let lens = CameraFile::parse(&bent).unwrap();
+    assert_eq!(lens.distortion().radial, [-0.2, 0.1, 0.01]);
+    assert_eq!(lens.distortion().tangential, [0.001, -0.002]);
+    assert_eq!(
+        CameraFile::parse(&toml::to_string(&lens).unwrap()),
+        Ok(lens)
+    );
+    let straight = CameraFile::parse(plain).unwrap();
+    assert!(!toml::to_string(&straight).unwrap().contains("k1"));
+    for wrong in [
+        format!("{plain}k1 = nan"),
+        "fov_degrees = 60.0\nk1 = 0.1".into(),
+    ] {
+        CameraFile::parse(&wrong).unwrap_err();
+    }
+}
+
+#[test]
 fn the_help_names_what_a_camera_file_may_hold() {
     let keys = [
         ("fov_degrees", "fov_degrees = 70.0"),

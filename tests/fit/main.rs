@@ -5,6 +5,7 @@ mod program;
 mod scene;
 
 mod ablation;
+mod boards;
 mod calibrate;
 mod demo;
 mod fitter;
@@ -15,6 +16,7 @@ mod multiview;
 mod noise;
 mod one_view;
 mod place;
+mod printed;
 mod rate;
 mod silhouettes;
 mod six_people;

@@ -78,6 +78,7 @@ fn infer_task(run: &RunArgs, chosen: &NamedInput, view: &View) -> InferTask {
             intrinsics: view.intrinsics(),
             width: view.size[0],
             height: view.size[1],
+            distortion: view.distortion,
         })
     });
     task

@@ -1,0 +1,79 @@
+//! What can be wrong with pictures of a board.
+
+/// Fewest pictures that tell a lens.
+pub const LEAST_PICTURES: usize = 5;
+
+/// Why there is no calibration.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum BoardError {
+    /// Too few pictures for a lens.
+    #[error(
+        "camera {camera}: expected the board in at least {LEAST_PICTURES} pictures, found it in {found} of {of}; take more, tilted both ways, near and far, in the corners as well"
+    )]
+    Few {
+        /// The camera.
+        camera: String,
+        /// Pictures with the board.
+        found: usize,
+        /// Pictures.
+        of: usize,
+    },
+    /// Every board is square to the camera.
+    #[error(
+        "camera {camera}: expected the board tilted by 20 degrees and more in some pictures, found it too square to the camera in all {pictures}: they tell the focal length to {percent:.0} % only; tilt it both ways"
+    )]
+    Square {
+        /// The camera.
+        camera: String,
+        /// Pictures that were used.
+        pictures: usize,
+        /// Uncertainty of the focal length, %.
+        percent: f64,
+    },
+    /// Corners are not where any lens of the model has them.
+    #[error(
+        "camera {camera}: expected corners within {limit:.1} px of where a lens with Brown's distortion shows them, found them {px:.1} px off: a fisheye lens, whose pictures must be undistorted first, or a board that is not flat or another one"
+    )]
+    Lens {
+        /// The camera.
+        camera: String,
+        /// Root mean square, pixels.
+        px: f64,
+        /// What was allowed, pixels.
+        limit: f64,
+    },
+    /// Nothing links a camera to the others.
+    #[error(
+        "camera {0}: expected the board in a picture at the same moment as in another camera's, found none in common; give pictures of one moment one name"
+    )]
+    NotLinked(String),
+    /// Cameras contradict each other.
+    #[error(
+        "camera {camera}: expected common pictures that agree within {limit:.1} px, found {px:.1} px; pictures of one name must be of one moment, and the board must not move meanwhile"
+    )]
+    Apart {
+        /// The camera.
+        camera: String,
+        /// Root mean square, pixels.
+        px: f64,
+        /// What was allowed, pixels.
+        limit: f64,
+    },
+    /// The picture that tells the floor shows no board, or one that contradicts the others.
+    #[error(
+        "expected the board on the floor in picture {0} of some camera, found none that goes with the other pictures; name another, or take it again"
+    )]
+    NoFloor(String),
+    /// A camera came out below the floor.
+    #[error(
+        "expected cameras above the floor, found {camera} {metres:.2} m below it; in picture {picture} the board must lie on the floor, face up"
+    )]
+    UnderFloor {
+        /// The camera.
+        camera: String,
+        /// How far below.
+        metres: f64,
+        /// The picture that tells the floor.
+        picture: String,
+    },
+}

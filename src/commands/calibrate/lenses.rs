@@ -1,0 +1,117 @@
+//! Lenses that the user knows: files go in, cameras without a place come out.
+
+use std::path::PathBuf;
+
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::camera::calibration;
+use crate::camera::{CameraFile, View};
+use crate::commands::exit::Failure;
+use crate::commands::multiview::told;
+use crate::message::Intrinsics;
+
+/// What is known of lenses.
+pub struct Lenses {
+    /// For one camera, or for all.
+    known: Vec<(Option<String>, Lens)>,
+    /// Nothing was said of any.
+    pub guessed: bool,
+}
+
+enum Lens {
+    File(CameraFile),
+    Calibrated(Vec<View>, PathBuf),
+}
+
+impl Lenses {
+    /// Reads what `--lens` names, for these cameras.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or is for no camera.
+    pub fn read(given: &[String], cameras: &[(String, PathBuf)]) -> anyhow::Result<Self> {
+        let mut known = Vec::new();
+        for text in given {
+            let (camera, file) = match told(text) {
+                Some((camera, file)) => (Some(camera), PathBuf::from(file)),
+                None => (None, PathBuf::from(text)),
+            };
+            if let Some(camera) = camera
+                && !cameras.iter().any(|(n, _)| n == camera)
+            {
+                return Err(Failure::usage(format!(
+                    "expected one of the cameras in --lens {text}, found {camera}"
+                ))
+                .into());
+            }
+            // A file that is no camera.toml may be another program's calibration.
+            let lens = match CameraFile::read(&file) {
+                Ok(lens) => Lens::File(lens),
+                Err(own) => match calibration::read(&file) {
+                    Ok(calibration) => Lens::Calibrated(calibration.views, file),
+                    Err(_) if file.extension().is_some_and(|e| e == "toml") => {
+                        return Err(own.into());
+                    }
+                    Err(other) => return Err(other.into()),
+                },
+            };
+            known.push((camera.map(ToOwned::to_owned), lens));
+        }
+        let guessed = known.is_empty();
+        Ok(Self { known, guessed })
+    }
+
+    /// The camera without a place, for pictures of `size`.
+    ///
+    /// # Errors
+    /// One line when no lens was given for it, or one of other pictures.
+    pub fn of(&self, name: &str, size: [u32; 2]) -> Result<View, String> {
+        let own = self.known.iter().find(|(n, _)| n.as_deref() == Some(name));
+        let lens = own.or_else(|| self.known.iter().find(|(n, _)| n.is_none()));
+        match lens.map(|(_, lens)| lens) {
+            None if self.guessed => plain(name, size, &CameraFile::default()),
+            None => Err(format!("expected a --lens for camera {name}, found none")),
+            Some(Lens::File(file)) => plain(name, size, file),
+            Some(Lens::Calibrated(views, path)) => {
+                let own = views.iter().find(|v| v.name == name);
+                let view = match (own, &views[..]) {
+                    (Some(view), _) | (None, [view]) => view,
+                    _ => {
+                        return Err(format!(
+                            "{}: expected camera {name}, found none of this name",
+                            path.display()
+                        ));
+                    }
+                };
+                let fitting = view.for_pictures(size).ok_or_else(|| {
+                    format!(
+                        "{}: expected pictures of {}x{} pixels of camera {name}, found {}x{}",
+                        path.display(),
+                        view.size[0],
+                        view.size[1],
+                        size[0],
+                        size[1]
+                    )
+                })?;
+                Ok(View {
+                    name: name.to_owned(),
+                    rotation: DMat3::IDENTITY,
+                    position: DVec3::ZERO,
+                    ..fitting
+                })
+            }
+        }
+    }
+}
+
+fn plain(name: &str, size: [u32; 2], file: &CameraFile) -> Result<View, String> {
+    let Intrinsics { fx, fy, cx, cy } = file.for_frame(size[0], size[1])?;
+    Ok(View {
+        name: name.to_owned(),
+        size,
+        focal: DVec2::new(fx.into(), fy.into()),
+        centre: DVec2::new(cx.into(), cy.into()),
+        distortion: file.distortion(),
+        rotation: DMat3::IDENTITY,
+        position: DVec3::ZERO,
+    })
+}

@@ -1,0 +1,106 @@
+//! `edgecap calibrate`: pictures of a board in, lenses and places of cameras out; or what several cameras saw of people
+//! who walk about in, the cameras' places and directions out.
+
+mod boards;
+mod lenses;
+mod people;
+mod shots;
+
+use std::path::PathBuf;
+
+use super::exit::Failure;
+use super::multiview::named as one_named;
+use crate::board::Board;
+
+/// Options of `edgecap calibrate`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct CalibrateArgs {
+    /// What a camera saw of somebody who walked about: the JSON lines or record of 'infer', or a film; once for every
+    /// camera, of the same time. With --board: a folder of photos, or a film; one camera for its lens, several for
+    /// their places too. A camera is called like its file or folder, or CAMERA=FILE says how
+    #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
+    pub view: Vec<String>,
+    /// Calibrate by pictures of a board: a chessboard by its inner corners, as in 9x6, or a ChArUco board by its
+    /// squares and dictionary, as in charuco:8x6:DICT_5X5_100
+    #[arg(long, value_name = "BOARD", conflicts_with_all = ["stature", "distance", "fps"])]
+    pub board: Option<Board>,
+    /// Side of a square of the board, metres
+    #[arg(long, value_name = "METRES", requires = "board", value_parser = side)]
+    pub square: Option<f64>,
+    /// Side of a marker of a ChArUco board, metres [default: three quarters of a square]
+    #[arg(long, value_name = "METRES", requires = "square", value_parser = side)]
+    pub marker: Option<f64>,
+    /// Picture in which the board lies on the floor, face up: its name without ending, of a film the frame's number;
+    /// the world's z points up from there [default: from the first board that two cameras see]
+    #[arg(long, value_name = "PICTURE", requires = "board")]
+    pub floor: Option<String>,
+    /// Lens of all cameras, or of one: a camera.toml, or a calibration of another program whose places are not believed
+    /// [default: a field of view of 60 degrees]
+    #[arg(long, value_name = "[CAMERA=]FILE")]
+    pub lens: Vec<String>,
+    /// Height of the tallest person in view, metres: it gives the room its size
+    #[arg(long, value_name = "METRES", value_parser = stature)]
+    pub stature: Option<f64>,
+    /// Distance between two cameras, as in left,right=3.2; it gives the room its size, more exactly than a height
+    #[arg(long, value_name = "A,B=METRES", conflicts_with = "stature")]
+    pub distance: Option<String>,
+    /// Frames a second [default: by the times in the files]
+    #[arg(long, value_name = "RATE", value_parser = super::multiview::rate)]
+    pub fps: Option<f64>,
+    /// File to write: Pose2Sim's Calib.toml, as 'multiview' reads it; of one camera's lens a camera.toml, as 'infer
+    /// --camera' and --lens read it
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
+fn stature(text: &str) -> Result<f64, String> {
+    let metres = text
+        .parse()
+        .map_err(|_| "expected metres, such as 1.78".to_owned())?;
+    if (0.5..=2.6).contains(&metres) {
+        Ok(metres)
+    } else {
+        Err("expected 0.5 to 2.6 metres".into())
+    }
+}
+
+fn side(text: &str) -> Result<f64, String> {
+    let metres = text
+        .parse()
+        .map_err(|_| "expected metres, such as 0.025".to_owned())?;
+    if (0.001..=2.0).contains(&metres) {
+        Ok(metres)
+    } else {
+        Err("expected 0.001 to 2 metres".into())
+    }
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// When a file cannot be read, views do not go together, or too little was seen of anybody or of the board.
+pub fn calibrate(args: &CalibrateArgs) -> anyhow::Result<()> {
+    let files = named(&args.view)?;
+    match &args.board {
+        Some(board) => boards::by_board(args, *board, &files),
+        None => people::by_people(args, &files),
+    }
+}
+
+/// Names and files of `NAME=FILE`, or of files that are called like their camera.
+fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+    let mut all: Vec<(String, PathBuf)> = Vec::new();
+    for text in given {
+        let (name, file) = one_named(text);
+        if let Some((_, other)) = all.iter().find(|(n, _)| *n == name) {
+            return Err(Failure::usage(format!(
+                "expected every camera once, found {name} in {} and {}; name them by CAMERA=FILE",
+                other.display(),
+                file.display()
+            ))
+            .into());
+        }
+        all.push((name, file));
+    }
+    Ok(all)
+}

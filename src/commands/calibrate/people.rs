@@ -1,0 +1,110 @@
+//! Places by people who walk about: what several cameras saw of them goes in, a calibration comes out.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::CalibrateArgs;
+use super::lenses::Lenses;
+use crate::calibrate::{CalibrateError, Room, Scale, calibrate as find};
+use crate::camera::calibration::write_pose2sim;
+use crate::camera::{DEFAULT_FOV, View};
+use crate::commands::exit::Failure;
+use crate::commands::say;
+use crate::commands::view_file::{ViewFile, together};
+use crate::multiview::{Detections, Sight};
+use crate::output;
+use crate::record::CameraSource;
+
+/// Cameras by what they saw of people.
+///
+/// # Errors
+/// When a file cannot be read, views do not go together, or too little was seen of anybody.
+pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::Result<()> {
+    if files.len() < 2 {
+        return Err(Failure::usage(format!(
+            "expected at least two --view, found {}",
+            files.len()
+        ))
+        .into());
+    }
+    let lenses = Lenses::read(&args.lens, files)?;
+    let mut notes = Vec::new();
+    if lenses.guessed {
+        notes.push(format!(
+            "no --lens: a field of view of {DEFAULT_FOV} degrees is taken for every camera; places are as far off as it is"
+        ));
+    }
+    let mut seen = Vec::new();
+    let mut views = Vec::new();
+    for (name, file) in files {
+        let lens = |w: u32, h: u32| Ok(lenses.of(name, [w, h])?.intrinsics());
+        let read = ViewFile::read(name, CameraSource::Given(&lens), file)?;
+        views.push(lenses.of(name, read.size).map_err(Failure::data)?);
+        seen.push(read);
+    }
+    let (rate, count) = together(args.fps, &seen, &mut notes)?;
+    let scale = scale(args, &views, &mut notes)?;
+    let one = |k: usize, (view, file): (&View, &ViewFile)| -> Detections {
+        file.frames[k].iter().map(|o| Sight::new(view, o)).collect()
+    };
+    let frames: Vec<Vec<Detections>> = (0..count)
+        .map(|k| views.iter().zip(&seen).map(|pair| one(k, pair)).collect())
+        .collect();
+    let room = find(&views, &frames, rate, scale).map_err(refused)?;
+    if !room.floor_by_feet {
+        notes.push(
+            "feet were in one place: the floor is level as people hold themselves; walk about for a slope".into(),
+        );
+    }
+    for note in &notes {
+        say::err(note);
+    }
+    output::write(&args.out, write_pose2sim(&room.views).as_bytes())
+        .map_err(|e| Failure::output(&args.out, &e))?;
+    say::out(table(&room).trim_end());
+    Ok(())
+}
+
+fn refused(e: CalibrateError) -> anyhow::Error {
+    Failure::data(e.to_string()).into()
+}
+
+fn scale(args: &CalibrateArgs, views: &[View], notes: &mut Vec<String>) -> anyhow::Result<Scale> {
+    if let Some(text) = &args.distance {
+        let wrong = || {
+            Failure::usage(format!(
+                "expected two cameras and metres, as in {},{}=3.2, found --distance {text}",
+                views[0].name, views[1].name
+            ))
+        };
+        let (pair, metres) = text.rsplit_once('=').ok_or_else(wrong)?;
+        let (a, b) = pair.split_once(',').ok_or_else(wrong)?;
+        let number = |name: &str| views.iter().position(|v| v.name == name);
+        let (a, b) = number(a).zip(number(b)).ok_or_else(wrong)?;
+        let metres: f64 = metres.parse().map_err(|_| wrong())?;
+        if a == b || !(0.05..=100.0).contains(&metres) {
+            return Err(wrong().into());
+        }
+        return Ok(Scale::Distance(a, b, metres));
+    }
+    Ok(Scale::Stature(args.stature.unwrap_or_else(|| {
+        notes.push(
+            "neither --stature nor --distance: people are taken for 1.70 m; distances are as far off as this is".into(),
+        );
+        f64::from(crate::joints::CANONICAL_STATURE)
+    })))
+}
+
+/// The report for people.
+fn table(room: &Room) -> String {
+    let mut text = "camera              sights  rms px  held out px  far %  height m\n".to_owned();
+    for q in &room.quality {
+        let _ = writeln!(
+            text,
+            "{:<18}  {:>6}  {:>6.1}  {:>11.1}  {:>5.1}  {:>8.2}",
+            q.name, q.sights, q.rms_px, q.held_out_rms_px, q.far_percent, q.height_m
+        );
+    }
+    let _ = writeln!(text, "tallest person {:.2} m", room.stature);
+    text
+}
