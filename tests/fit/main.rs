@@ -5,6 +5,7 @@ mod program;
 mod scene;
 
 mod ablation;
+mod background;
 mod calibrate;
 mod demo;
 mod fitter;
