@@ -12,21 +12,30 @@ use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
 };
+use crate::lab::humaneva::{self, HumanEva, HumanEvaError, HumanEvaOptions};
 use crate::lab::multiview::{TablesOptions, tables};
 use crate::output;
+
+/// Frames of every synthetic person.
+const SYNTHETIC_FRAMES: u64 = 60;
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct EvalArgs {
     /// Predictions: the JSON lines that `infer --jsonl` or `run --jsonl` wrote
-    #[arg(long, value_name = "FILE", required_unless_present = "multiview", num_args = 1..)]
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present_any = ["multiview", "humaneva"],
+        num_args = 1..
+    )]
     pub predictions: Vec<PathBuf>,
     /// Ground truth; several files of one kind count as one set
     #[arg(
         long,
         value_name = "FILE",
         num_args = 1..,
-        required_unless_present_any = ["no_people", "multiview"]
+        required_unless_present_any = ["no_people", "multiview", "humaneva"]
     )]
     pub truth: Vec<PathBuf>,
     /// How the truth is written
@@ -59,9 +68,13 @@ pub struct EvalArgs {
     /// With --multiview: how many people, each with a motion of their own, figures are the mean of
     #[arg(long, value_name = "N", default_value_t = 5, requires = "multiview", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
-    /// With --multiview: frames of each
-    #[arg(long, value_name = "N", default_value_t = 60, requires = "multiview", value_parser = clap::value_parser!(u64).range(10..=10_000))]
-    pub frames: u64,
+    /// With --multiview: frames of each [default: 60]; with --humaneva: of every piece at most [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(10..=10_000))]
+    pub frames: Option<u64>,
+    /// Bodies from one to three views of HumanEva-I's people are fitted and measured: a folder with humaneva1_gt.npz and
+    /// humaneva1_alphapose_aligned.npz, many minutes long
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["predictions", "truth", "no_people", "multiview"])]
+    pub humaneva: Option<PathBuf>,
     /// Write every figure as JSON; '-' for standard output, in place of the table
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -75,15 +88,19 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
     if args.multiview {
         let options = TablesOptions {
             seeds: args.seeds,
-            frames: args.frames,
+            frames: args.frames.unwrap_or(SYNTHETIC_FRAMES),
         };
-        let bar = progress::bar(1, "fits");
-        let tables = tables(options, &|done, of| {
-            bar.set_length(of);
-            bar.set_position(done);
-        });
-        bar.finish_and_clear();
+        let tables = told(|heard| tables(options, heard));
         return show(&tables, args.json.as_deref());
+    }
+    if let Some(folder) = &args.humaneva {
+        let data = HumanEva::read(folder).map_err(no_humaneva)?;
+        let options = HumanEvaOptions {
+            most: args.frames.map_or(usize::MAX, |n| n as usize),
+            ..HumanEvaOptions::default()
+        };
+        let tables = told(|heard| humaneva::tables(&data, options, heard));
+        return show(&tables.map_err(no_humaneva)?, args.json.as_deref());
     }
     let mut predictions = Predictions::default();
     for path in &args.predictions {
@@ -118,6 +135,17 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
     show(&report, args.json.as_deref())
 }
 
+/// Shows how far fits have come while they are made.
+fn told<T>(fits: impl FnOnce(&(dyn Fn(u64, u64) + Sync)) -> T) -> T {
+    let bar = progress::bar(1, "fits");
+    let done = fits(&|done, of| {
+        bar.set_length(of);
+        bar.set_position(done);
+    });
+    bar.finish_and_clear();
+    done
+}
+
 /// Prints the table, and writes the figures as JSON where that is wanted.
 fn show(report: &(impl Serialize + Display), json: Option<&Path>) -> anyhow::Result<()> {
     if let Some(path) = json {
@@ -130,6 +158,14 @@ fn show(report: &(impl Serialize + Display), json: Option<&Path>) -> anyhow::Res
     }
     write!(std::io::stdout(), "{report}")?;
     Ok(())
+}
+
+/// Gives an error of HumanEva's archives its exit code.
+fn no_humaneva(error: HumanEvaError) -> anyhow::Error {
+    match error {
+        HumanEvaError::Read { path, source } => Failure::no_input(&path, &source).into(),
+        other => Failure::data(other.to_string()).into(),
+    }
 }
 
 /// Gives an error of the measures its exit code.

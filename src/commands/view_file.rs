@@ -98,7 +98,8 @@ impl ViewFile {
     }
 }
 
-fn is_film(path: &Path) -> bool {
+/// Whether a file is a film by its name, not a record.
+pub fn is_film(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
 }

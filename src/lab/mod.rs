@@ -4,5 +4,6 @@
 
 pub mod bench;
 pub mod eval;
+pub mod humaneva;
 pub mod multiview;
 pub mod synth;

@@ -42,6 +42,8 @@ pub use prior::PosePrior;
 pub use publish::bodies;
 pub use report::{MultiviewReport, Observed, PersonReport, ViewReport, report, stature};
 pub use sight::{Ray, Sight, distance};
-pub use silhouette::{Contour, Mask, Masks};
+pub use silhouette::{
+    Background, Contour, Figure, Mask, Masks, Pixel, Small, UNKNOWN, mask, squares,
+};
 pub use triangulate::{Joints3d, triangulate};
 pub use world::world;

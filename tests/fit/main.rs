@@ -6,6 +6,7 @@ mod scene;
 
 mod ablation;
 mod boards;
+mod background;
 mod calibrate;
 mod demo;
 mod fitter;

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use tempfile::TempDir;
+
 use super::read::Scene;
 use crate::bounded;
 use crate::commands::exit::Failure;
@@ -11,13 +13,31 @@ use crate::multiview::Mask;
 /// Largest file of a mask, bytes.
 const LARGEST: u64 = 64 << 20;
 
+/// Refuses views whose frames are not those of their files.
+///
+/// # Errors
+/// When views do not go frame by frame.
+pub fn expect_in_step(scene: &Scene) -> anyhow::Result<()> {
+    if scene.in_step {
+        return Ok(());
+    }
+    Err(Failure::data(
+        "expected views that go frame by frame where there are --masks, found others; give --sync none if they started together",
+    )
+    .into())
+}
+
 /// A folder with a folder of numbered masks a camera.
 pub struct MaskFolder {
     /// By view.
     folders: Vec<PathBuf>,
     sizes: Vec<[u32; 2]>,
+    /// The value of pixels of which it is not known whose they are.
+    unknown: Option<u8>,
     /// What was wrong with the first mask that could not be read.
     failed: Mutex<Option<Failure>>,
+    /// The folder where it was made for this run alone.
+    _made: Option<TempDir>,
 }
 
 impl MaskFolder {
@@ -26,12 +46,7 @@ impl MaskFolder {
     /// # Errors
     /// When there are none of any camera, or the views' frames are not the masks'.
     pub fn open(path: &Path, scene: &Scene) -> anyhow::Result<Self> {
-        if !scene.in_step {
-            return Err(Failure::data(
-                "expected views that go frame by frame where there are --masks, found others; give --sync none if they started together",
-            )
-            .into());
-        }
+        expect_in_step(scene)?;
         let views = &scene.views;
         let folders: Vec<PathBuf> = views.iter().map(|v| path.join(&v.name)).collect();
         if !folders.iter().any(|f| f.is_dir()) {
@@ -46,12 +61,27 @@ impl MaskFolder {
         let found = Self {
             folders,
             sizes: views.iter().map(|v| v.size).collect(),
+            unknown: None,
             failed: Mutex::new(None),
+            _made: None,
         };
         // Before minutes of work: what is wrong with one is mostly wrong with all.
         (0..views.len()).for_each(|view| drop(found.mask(0, view)));
         found.whole()?;
         Ok(found)
+    }
+
+    /// Masks that were made for the scene's cameras, as many as could be; `unknown` is the value of pixels of which it is
+    /// not known whose they are.
+    pub fn made(folder: TempDir, scene: &Scene, unknown: u8) -> Self {
+        let path = folder.path();
+        Self {
+            folders: scene.views.iter().map(|v| path.join(&v.name)).collect(),
+            sizes: scene.views.iter().map(|v| v.size).collect(),
+            unknown: Some(unknown),
+            failed: Mutex::new(None),
+            _made: Some(folder),
+        }
     }
 
     /// The mask of a frame; none where there is no file, or it is none.
@@ -96,6 +126,7 @@ impl MaskFolder {
         Ok(Mask {
             size: [width, height],
             owners: grey.into_raw(),
+            unknown: self.unknown,
         })
     }
 

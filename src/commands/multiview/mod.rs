@@ -1,5 +1,6 @@
 //! `edgecap multiview`: several calibrated views of the same people in, bodies with shape, pose and mesh out.
 
+mod background;
 mod masks;
 mod one_view;
 mod read;
@@ -24,6 +25,9 @@ use crate::bounded;
 use crate::camera::{View, calibration};
 use crate::multiview::{Masks, MultiviewOptions, fit, fit_tracks, nearest_sight, report};
 
+/// The word for masks from films.
+const BACKGROUND: &str = "background";
+
 /// Options of `edgecap multiview`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MultiviewArgs {
@@ -42,9 +46,14 @@ pub struct MultiviewArgs {
     #[arg(long)]
     pub no_dct: bool,
     /// Folder of who every pixel shows: CAMERA/000000.png and so on, one grey picture a frame, 0 where nobody is, one
-    /// value a person; as 'synth --views --masks' makes them
-    #[arg(long, value_name = "FOLDER")]
+    /// value a person; as 'synth --views --masks' makes them. 'background' (a folder of this name is ./background): what
+    /// in films of cameras that stand still differs from where nobody is
+    #[arg(long, value_name = "FOLDER|background")]
     pub masks: Option<PathBuf>,
+    /// With --masks background: the film of a camera whose --view is a record of it, frame by frame; may be given for
+    /// every camera
+    #[arg(long, value_name = "CAMERA=FILE", requires = "masks")]
+    pub film: Vec<String>,
     /// Measure a camera against the bodies that the others give, without using it; may be given several times
     #[arg(long, value_name = "CAMERA")]
     pub hold_out: Vec<String>,
@@ -125,7 +134,19 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         hierarchy: true,
     };
     let folder = match &args.masks {
-        Some(path) => Some(MaskFolder::open(path, &scene)?),
+        Some(path) if path.as_os_str() == BACKGROUND => {
+            Some(background::masks(&args.film, &scene)?)
+        }
+        Some(path) => {
+            if let Some(film) = args.film.first() {
+                return Err(Failure::usage(format!(
+                    "expected --masks background where --film {film} is given, found --masks {}",
+                    path.display()
+                ))
+                .into());
+            }
+            Some(MaskFolder::open(path, &scene)?)
+        }
         None => None,
     };
     let read = |frame: usize, view: usize| folder.as_ref()?.mask(frame, view);

@@ -7,7 +7,7 @@ use super::read::{Scene, named, pictured};
 use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
-use crate::commands::view_file::{ViewFile, together};
+use crate::commands::view_file::{ViewFile, is_film, together};
 use crate::multiview::{Detections, Sight, Track, one_view, stage_three};
 use crate::record::CameraSource;
 
@@ -55,6 +55,7 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
     let tracks = one_view(&view, &bodies, &frames);
     let scene = Scene {
         views: vec![view],
+        films: vec![is_film(&path).then_some(path)],
         frames: frames.into_iter().map(|f| vec![f]).collect(),
         times: file.times[..count].to_vec(),
         rate,

@@ -7,7 +7,7 @@ use super::sync::{Together, bring_together};
 use crate::camera::View;
 use crate::camera::calibration::Calibration;
 use crate::commands::exit::Failure;
-use crate::commands::view_file::ViewFile;
+use crate::commands::view_file::{ViewFile, is_film};
 use crate::message::Observation;
 use crate::multiview::{Detections, Sight, agreement};
 use crate::record::CameraSource;
@@ -19,6 +19,8 @@ const CLEAR: f64 = 0.99;
 pub struct Scene {
     /// The cameras as their pictures show them, in the calibration's order.
     pub views: Vec<View>,
+    /// The film of every view, where its file is one.
+    pub films: Vec<Option<PathBuf>>,
     /// Per frame, per view, who is seen.
     pub frames: Vec<Vec<Detections>>,
     /// When every frame was taken, nanoseconds, by the fastest view.
@@ -113,8 +115,10 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
             }
         }
     }
+    let film = |(_, file): &(usize, PathBuf)| is_film(file).then(|| file.clone());
     Ok(Scene {
         views,
+        films: files.iter().map(film).collect(),
         frames: sights,
         times,
         rate,

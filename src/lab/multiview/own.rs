@@ -77,6 +77,7 @@ impl Walker {
         Mask {
             size: view.size,
             owners: buffer.who.iter().map(|w| u8::from(*w != NOBODY)).collect(),
+            unknown: None,
         }
     }
 

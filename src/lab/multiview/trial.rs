@@ -69,6 +69,7 @@ impl Trial {
                 Mask {
                     size: [view.width, view.height],
                     owners: studio.owners(view, frame as u64),
+                    unknown: None,
                 }
             }
         }

@@ -18,6 +18,8 @@ pub struct Mask {
     pub size: [u32; 2],
     /// Row by row.
     pub owners: Vec<u8>,
+    /// The identity of what is neither somebody's nor surely nobody's, where there is one.
+    pub unknown: Option<u8>,
 }
 
 impl Mask {
@@ -37,6 +39,7 @@ impl Mask {
             counts[usize::from(self.at(p.round().as_ivec2()).unwrap_or(0))] += 1;
         }
         let (owner, count) = (1..=255u8)
+            .filter(|id| Some(*id) != self.unknown)
             .map(|id| (id, counts[usize::from(id)]))
             .max_by_key(|(_, n)| *n)?;
         (3 * count > all).then_some(owner)

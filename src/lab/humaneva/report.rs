@@ -1,0 +1,115 @@
+//! What came out, as JSON and as the table of the book.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+
+/// A mean over pieces.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Spread {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error; 0 for fewer than two pieces.
+    pub error: f64,
+}
+
+impl Spread {
+    /// Of so many values.
+    pub fn new(values: &[f64]) -> Self {
+        let n = values.len().max(1) as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+        Self {
+            mean,
+            error: (square / (n - 1.0).max(1.0) / n).sqrt(),
+        }
+    }
+}
+
+/// How well a camera was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraLine {
+    /// Whose, and which.
+    pub name: String,
+    /// Root mean square distance in frames that it was not found from, pixels.
+    pub rms_px: f64,
+}
+
+/// One experiment; lengths in metres.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// Whether 2D is a detector's; else it is exact.
+    pub detected: bool,
+    /// Number of cameras; figures are means over all choices of so many.
+    pub views: usize,
+    /// Whether paths were made of few cosines.
+    pub paths: bool,
+    /// Pieces.
+    pub pieces: usize,
+    /// Frames that are measured: those that all cameras saw.
+    pub frames: usize,
+    /// Share of these with a body.
+    pub found: f64,
+    /// Mean distance of the 15 joints as they are named, in the world.
+    pub named: Spread,
+    /// The same of elbows, wrists, knees and ankles.
+    pub limbs: Spread,
+    /// Of the 15 after every frame's body is moved, turned and scaled onto the truth.
+    pub named_aligned: Spread,
+    /// Of the 15 with offsets learned from the other people, in the world.
+    pub mapped: Spread,
+    /// The same, aligned.
+    pub mapped_aligned: Spread,
+}
+
+/// Everything.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HumanEvaTables {
+    /// Every person's cameras.
+    pub cameras: Vec<CameraLine>,
+    /// Pieces with fewer frames were left out.
+    pub least: usize,
+    /// Experiments.
+    pub lines: Vec<Line>,
+}
+
+impl Display for HumanEvaTables {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Cameras, found from exact 2D of half the frames, off in others:\n"
+        )?;
+        for c in &self.cameras {
+            writeln!(f, "{}: {:.2} px", c.name, c.rms_px)?;
+        }
+        writeln!(
+            f,
+            "\nJoints, mm, means over pieces of {} frames or more, ± standard error:\n",
+            self.least
+        )?;
+        writeln!(
+            f,
+            "| 2D | views | DCT | pieces | frames | found | named | limbs | named, aligned | mapped | mapped, aligned |"
+        )?;
+        writeln!(f, "|---|---|---|---|---|---|---|---|---|---|---|")?;
+        let mm = |s: Spread| format!("{:.1} ± {:.1}", 1e3 * s.mean, 1e3 * s.error);
+        for l in &self.lines {
+            writeln!(
+                f,
+                "| {} | {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} | {} |",
+                if l.detected { "AlphaPose" } else { "exact" },
+                l.views,
+                if l.paths { "yes" } else { "no" },
+                l.pieces,
+                l.frames,
+                100.0 * l.found,
+                mm(l.named),
+                mm(l.limbs),
+                mm(l.named_aligned),
+                mm(l.mapped),
+                mm(l.mapped_aligned)
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,153 @@
+//! The experiments: pieces by number of cameras, by whose 2D it is and whether paths are smooth.
+
+use std::collections::BTreeSet;
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::archive::{CAMERAS, HumanEva, HumanEvaError, Piece};
+use super::cameras::{self, FittedCamera};
+use super::compare::{Distances, Offsets, Pair};
+use super::report::{CameraLine, HumanEvaTables, Line, Spread};
+use super::trial::{Source, found, lifter};
+use crate::camera::View;
+
+/// Cameras that are used together; those of one number are one line.
+const SETS: [&[usize]; 7] = [&[0], &[1], &[2], &[0, 1], &[0, 2], &[1, 2], &[0, 1, 2]];
+
+/// How much is tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HumanEvaOptions {
+    /// Pieces with fewer frames that all cameras saw are left out.
+    pub least: usize,
+    /// Frames of a piece at most, from its first on.
+    pub most: usize,
+}
+
+impl Default for HumanEvaOptions {
+    /// A window of stage two at least, whole pieces.
+    fn default() -> Self {
+        Self {
+            least: 30,
+            most: usize::MAX,
+        }
+    }
+}
+
+/// What one piece gave with one set of cameras.
+struct Outcome {
+    subject: String,
+    piece: usize,
+    wanted: usize,
+    pairs: Vec<Pair>,
+}
+
+/// Finds the cameras and runs all experiments. `progress` hears of every fit that is done, out of how many.
+///
+/// # Errors
+/// When points do not tell a camera.
+pub fn tables(
+    data: &HumanEva,
+    options: HumanEvaOptions,
+    progress: &(dyn Fn(u64, u64) + Sync),
+) -> Result<HumanEvaTables, HumanEvaError> {
+    let cameras = cameras::all(data)?;
+    let lifter = lifter();
+    let chosen = |source: Source| -> Vec<(usize, &Piece)> {
+        let all = data.pieces.iter().enumerate();
+        all.filter(|(_, p)| source.whole(p, source.span(p, options.most)) >= options.least)
+            .collect()
+    };
+    let sources = [Source::Exact, Source::Detected].map(|s| (s, chosen(s)));
+    let count: usize = sources.iter().map(|(_, pieces)| pieces.len()).sum();
+    let (done, total) = (Mutex::new(0), (2 * SETS.len() * count) as u64);
+    let mut lines = Vec::new();
+    for (source, pieces) in &sources {
+        for views in 1..=CAMERAS {
+            for paths in [false, true] {
+                let sets = SETS.iter().filter(|s| s.len() == views);
+                let all: Vec<Vec<Outcome>> = sets
+                    .map(|set| {
+                        let each = pieces.par_iter().map(|&(number, piece)| {
+                            let frames = source.span(piece, options.most);
+                            let seen_by: Vec<View> =
+                                set.iter().map(|c| camera(&cameras, piece, *c)).collect();
+                            let result = Outcome {
+                                subject: piece.subject().to_owned(),
+                                piece: number,
+                                wanted: source.whole(piece, frames.clone()),
+                                pairs: found(
+                                    piece,
+                                    frames,
+                                    (&seen_by, set),
+                                    *source,
+                                    paths,
+                                    lifter.clone(),
+                                ),
+                            };
+                            let mut done = done.lock().unwrap_or_else(|e| e.into_inner());
+                            *done += 1;
+                            progress(*done, total);
+                            result
+                        });
+                        each.collect()
+                    })
+                    .collect();
+                lines.push(line(*source, views, paths, &all));
+            }
+        }
+    }
+    Ok(HumanEvaTables {
+        cameras: cameras
+            .iter()
+            .map(|c| CameraLine {
+                name: c.view.name.clone(),
+                rms_px: c.rms_px,
+            })
+            .collect(),
+        least: options.least,
+        lines,
+    })
+}
+
+fn camera(cameras: &[FittedCamera], piece: &Piece, number: usize) -> View {
+    let mut own = cameras.iter().filter(|c| c.subject == piece.subject());
+    let found = own.nth(number).expect("every person has cameras");
+    found.view.clone()
+}
+
+/// Means of all sets by piece, then over pieces.
+fn line(source: Source, views: usize, paths: bool, sets: &[Vec<Outcome>]) -> Line {
+    let pieces: BTreeSet<usize> = sets.iter().flatten().map(|r| r.piece).collect();
+    let mut all: Vec<(usize, Distances)> = Vec::new();
+    for set in sets {
+        for result in set.iter().filter(|r| !r.pairs.is_empty()) {
+            let others = set.iter().filter(|r| r.subject != result.subject);
+            let offsets = Offsets::learn(others.flat_map(|r| &r.pairs));
+            all.push((result.piece, Distances::new(&result.pairs, &offsets)));
+        }
+    }
+    let spread = |of: &dyn Fn(&Distances) -> f64| {
+        let of_piece = |p: &usize| {
+            let own = all.iter().filter(|(k, _)| k == p);
+            let own: Vec<f64> = own.map(|(_, d)| of(d)).collect();
+            (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
+        };
+        Spread::new(&pieces.iter().filter_map(of_piece).collect::<Vec<f64>>())
+    };
+    let wanted: usize = sets.iter().flatten().map(|r| r.wanted).sum();
+    let met: usize = sets.iter().flatten().map(|r| r.pairs.len()).sum();
+    Line {
+        detected: source == Source::Detected,
+        views,
+        paths,
+        pieces: pieces.len(),
+        frames: wanted / sets.len().max(1),
+        found: met as f64 / wanted.max(1) as f64,
+        named: spread(&|d| d.named),
+        limbs: spread(&|d| d.limbs),
+        named_aligned: spread(&|d| d.named_aligned),
+        mapped: spread(&|d| d.mapped),
+        mapped_aligned: spread(&|d| d.mapped_aligned),
+    }
+}
