@@ -5,8 +5,8 @@ mod program;
 mod scene;
 
 mod ablation;
-mod boards;
 mod background;
+mod boards;
 mod calibrate;
 mod demo;
 mod fitter;
