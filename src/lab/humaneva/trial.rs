@@ -63,7 +63,7 @@ impl Source {
     }
 }
 
-/// Fits a piece's frames as `views` of the cameras of the same numbers saw them, and pairs what is found with the truth.
+/// Fits a piece's frames as `views` saw them, cameras of the same numbers, and pairs what is found with the truth.
 pub fn found(
     piece: &Piece,
     frames: Range<usize>,
