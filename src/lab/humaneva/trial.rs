@@ -34,8 +34,11 @@ pub enum Source {
 }
 
 impl Source {
-    /// What a camera saw in a frame.
+    /// What a camera saw in a frame; nothing where the truth is none.
     fn seen(self, piece: &Piece, frame: usize, camera: usize) -> Option<Observation> {
+        if !piece.is_sound(frame) {
+            return None;
+        }
         match self {
             Self::Exact => Some(evidence::of_set(&piece.exact[frame][camera])),
             Self::Detected => piece.detected[frame][camera]
