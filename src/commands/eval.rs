@@ -71,8 +71,8 @@ pub struct EvalArgs {
     /// With --multiview: frames of each [default: 60]; with --humaneva: of every piece at most [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(10..=10_000))]
     pub frames: Option<u64>,
-    /// Bodies from one to three views of HumanEva-I's people are fitted and measured: a folder with humaneva1_gt.npz and
-    /// humaneva1_alphapose_aligned.npz, many minutes long
+    /// Bodies from one to three views of HumanEva-I's people are fitted and measured: a folder with humaneva1_gt.npz
+    /// and humaneva1_alphapose_aligned.npz, minutes long
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["predictions", "truth", "no_people", "multiview"])]
     pub humaneva: Option<PathBuf>,
     /// Write every figure as JSON; '-' for standard output, in place of the table

@@ -381,8 +381,8 @@ fn the_verb_takes_films_beside_records_and_refuses_others() {
     const FRAMES: usize = 8;
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    files(folder.path(), 2, FRAMES);
-    let trial = own(5, 2, FRAMES, steady(5));
+    files(folder.path(), 3, FRAMES);
+    let trial = own(5, 3, FRAMES, steady(5));
     film(
         Path::new(&at("seen.avi")),
         (0..FRAMES).map(|k| trial.mask(k, 0)),
@@ -392,19 +392,25 @@ fn the_verb_takes_films_beside_records_and_refuses_others() {
         (0..3).map(|k| trial.mask(k, 0)),
     );
     let (calibration, run) = (at("Calib.toml"), at("run"));
-    let records = ["0", "120"].map(|v| at(&format!("{v}.jsonl")));
-    let usual = [
-        "multiview",
-        "--calibration",
-        &calibration,
-        "--sync",
-        "none",
-        "--no-dct",
-    ];
-    let views = ["--view", &records[0], "--view", &records[1], "--out", &run];
+    let records = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
     let with = |more: &[&str]| -> Vec<String> {
-        let all = usual.iter().chain(&views).chain(more);
-        all.map(|a| (*a).to_owned()).collect()
+        let usual = [
+            "multiview",
+            "--calibration",
+            &calibration,
+            "--sync",
+            "none",
+            "--no-dct",
+        ];
+        let mut all: Vec<String> = usual.map(str::to_owned).to_vec();
+        all.extend(["--out", &run].map(str::to_owned));
+        all.extend(
+            records
+                .iter()
+                .flat_map(|r| ["--view".to_owned(), r.clone()]),
+        );
+        all.extend(more.iter().map(|a| (*a).to_owned()));
+        all
     };
     let refused = |code, more: &[&str], words: &[&str]| {
         let args = with(more);
@@ -427,7 +433,7 @@ fn the_verb_takes_films_beside_records_and_refuses_others() {
     refused_film(
         64,
         &film("7", "seen.avi"),
-        &["--film CAMERA=FILE", "0, 120", "7"],
+        &["--film CAMERA=FILE", "0, 120, 240", "7"],
     );
     refused_film(66, &film("0", "none.avi"), &["none.avi"]);
     refused_film(

@@ -146,6 +146,10 @@ fn cameras_and_people_of_small_archives_are_found() {
     };
     assert_eq!([first.subject(), second.subject()], ["S1", "S2"]);
     assert_eq!(first.joints.len(), FRAMES);
+    assert!((0..FRAMES).all(|f| first.is_sound(f)));
+    let mut upside_down = first.clone();
+    upside_down.joints[2][14] = upside_down.joints[2][0];
+    assert!(!upside_down.is_sound(2) && upside_down.is_sound(3));
     let told = |f: usize| second.detected[f].map(|d| d.is_some());
     assert_eq!([told(3), told(4)], [[true; 3], [false, true, true]]);
     for (k, found) in cameras::all(&data).unwrap().iter().enumerate() {

@@ -71,8 +71,8 @@ impl MaskFolder {
         Ok(found)
     }
 
-    /// Masks that were made for the scene's cameras, as many as could be; `unknown` is the value of pixels of which it is
-    /// not known whose they are.
+    /// Masks that were made for the scene's cameras, as many as could be; `unknown` is the value of pixels of which it
+    /// is not known whose they are.
     pub fn made(folder: TempDir, scene: &Scene, unknown: u8) -> Self {
         let path = folder.path();
         Self {

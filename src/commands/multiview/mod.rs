@@ -46,8 +46,8 @@ pub struct MultiviewArgs {
     #[arg(long)]
     pub no_dct: bool,
     /// Folder of who every pixel shows: CAMERA/000000.png and so on, one grey picture a frame, 0 where nobody is, one
-    /// value a person; as 'synth --views --masks' makes them. 'background' (a folder of this name is ./background): what
-    /// in films of cameras that stand still differs from where nobody is
+    /// value a person; as 'synth --views --masks' makes them. 'background' (a folder of this name is ./background):
+    /// what in films of cameras that stand still differs from where nobody is
     #[arg(long, value_name = "FOLDER|background")]
     pub masks: Option<PathBuf>,
     /// With --masks background: the film of a camera whose --view is a record of it, frame by frame; may be given for

@@ -44,6 +44,13 @@ impl Piece {
         let after = self.name.split_once('/').map_or(&self.name[..], |(_, s)| s);
         after.split_once('|').map_or(after, |(s, _)| s)
     }
+
+    /// Whether a frame's truth can be a body's: in some pieces the set has the head below the neck, within the trunk.
+    pub fn is_sound(&self, frame: usize) -> bool {
+        let joints = &self.joints[frame];
+        let (pelvis, neck, head) = (joints[0], joints[1], joints[14]);
+        (head - neck).dot(neck - pelvis) > 0.0
+    }
 }
 
 /// All pieces.

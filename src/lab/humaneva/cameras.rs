@@ -51,7 +51,7 @@ pub fn all(data: &HumanEva) -> Result<Vec<FittedCamera>, HumanEvaError> {
             }
             let name = format!("{subject} camera {}", camera + 1);
             let view = resect(&name, SIZE, &known);
-            let view = view.ok_or_else(|| HumanEvaError::Camera(name))?;
+            let view = view.ok_or(HumanEvaError::Camera(name))?;
             found.push(FittedCamera {
                 subject: subject.to_owned(),
                 rms_px: rms(&view, if kept.is_empty() { &known } else { &kept }),
@@ -72,8 +72,8 @@ pub fn rms(view: &View, known: &[(DVec3, DVec2)]) -> f64 {
 }
 
 /// The camera of least squared error that shows points of the world, metres, at pixels: a direct linear transform, then
-/// Levenberg–Marquardt with focal lengths, principal point, k1, k2, p1, p2, direction and place. `None` where points are
-/// too few or lie in a plane.
+/// Levenberg–Marquardt with focal lengths, principal point, k1, k2, p1, p2, direction and place. `None` where points
+/// are too few or lie in a plane.
 pub fn resect(name: &str, size: [u32; 2], known: &[(DVec3, DVec2)]) -> Option<View> {
     let mut view = linear(name, size, known)?;
     let problem = Problem {

@@ -80,7 +80,7 @@ impl Display for HumanEvaTables {
             "Cameras, found from exact 2D of half the frames, off in others:\n"
         )?;
         for c in &self.cameras {
-            writeln!(f, "{}: {:.2} px", c.name, c.rms_px)?;
+            writeln!(f, "{}: {:.3} px", c.name, c.rms_px)?;
         }
         writeln!(
             f,

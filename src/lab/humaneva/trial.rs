@@ -34,8 +34,11 @@ pub enum Source {
 }
 
 impl Source {
-    /// What a camera saw in a frame.
+    /// What a camera saw in a frame; nothing where the truth is none.
     fn seen(self, piece: &Piece, frame: usize, camera: usize) -> Option<Observation> {
+        if !piece.is_sound(frame) {
+            return None;
+        }
         match self {
             Self::Exact => Some(evidence::of_set(&piece.exact[frame][camera])),
             Self::Detected => piece.detected[frame][camera]
@@ -63,7 +66,7 @@ impl Source {
     }
 }
 
-/// Fits a piece's frames as `views` of the cameras of the same numbers saw them, and pairs what is found with the truth.
+/// Fits a piece's frames as `views` saw them, cameras of the same numbers, and pairs what is found with the truth.
 pub fn found(
     piece: &Piece,
     frames: Range<usize>,

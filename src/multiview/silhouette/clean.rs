@@ -10,8 +10,8 @@ pub struct Bits {
 }
 
 impl Bits {
-    /// Specks are what most of nine neighbours are not; gaps up to twice `closed` pixels wide are closed, and holes of up
-    /// to `hole` pixels filled.
+    /// Specks are what most of nine neighbours are not; gaps up to twice `closed` pixels wide are closed, and holes of
+    /// up to `hole` pixels filled.
     pub fn cleaned(self, closed: usize, hole: usize) -> Self {
         let mut out = self.counted(1, |n, all| 2 * n > all);
         out = out.counted(closed, |n, _| n > 0);

@@ -88,7 +88,7 @@ impl Figure {
         least.sqrt() / self.stature.max(1.0)
     }
 
-    /// Whether a pixel may be within `reach` statures of a bone: a quick test by box.
+    /// Corners of the box that everything within `reach` statures of a bone is in.
     pub fn bounds(&self, reach: f64) -> [DVec2; 2] {
         let by = DVec2::splat(reach * self.stature);
         let ends = || self.reach.iter().flatten();
