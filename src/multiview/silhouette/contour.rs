@@ -60,6 +60,8 @@ pub struct Point {
 pub struct Contour {
     /// Its points, evenly spread.
     pub points: Vec<Point>,
+    /// Whether the mask knows of every pixel whose it is.
+    pub is_sure: bool,
 }
 
 impl Contour {
@@ -98,6 +100,7 @@ impl Contour {
         });
         Some(Self {
             points: points.collect(),
+            is_sure: mask.unknown.is_none(),
         })
     }
 }

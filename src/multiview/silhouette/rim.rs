@@ -10,8 +10,9 @@ use crate::multiview::fitted::Fitted;
 use crate::multiview::sight::DATA;
 use crate::solve::NormalEquations;
 
-/// What a whole contour weighs, in joints.
+/// What a whole contour weighs, in joints, and one of a mask that does not know every pixel: it may be wrong by more.
 const JOINTS: f64 = 120.0;
+const UNSURE: f64 = 40.0;
 /// What a mask that ends outside of the body weighs, as a part of one that ends inside: clothes and hair are outside.
 const LOOSE: f64 = 0.4;
 /// Distance from which on absolute distances count, metres.
@@ -77,8 +78,9 @@ impl<'a> Rim<'a> {
             }
         }
         let all = (outline.rim.len() + contour.points.len()).max(1) as f64;
+        let joints = if contour.is_sure { JOINTS } else { UNSURE };
         for p in &mut pairs {
-            p.weight *= weight * DATA * JOINTS / all;
+            p.weight *= weight * DATA * joints / all;
         }
         Self { view, depth, pairs }
     }
