@@ -33,6 +33,8 @@ JOINTS21 = (
     "head_top neck r_shoulder r_elbow r_wrist l_shoulder l_elbow l_wrist r_hip r_knee r_ankle l_hip l_knee l_ankle pelvis "
     "spine head r_hand l_hand r_foot_tip l_foot_tip"
 ).split()
+BETWEEN = {"neck": ("neck", "spine-1", 0.08), "spine": ("spine-3", "spine-2", 0.8)}  # markers, and how far from the first to the second
+PELVIS = 0.75  # how far from the middle of the hips to the marker
 CARRIER21 = np.array([15, 12, 17, 19, 21, 16, 18, 20, 2, 5, 8, 1, 4, 7, 0, 6, 15, 23, 22, 11, 10])  # joint that moves each of the 21
 
 
@@ -42,16 +44,24 @@ def joints24(mesh: BaseMesh, bodies: np.ndarray) -> np.ndarray:
 
 
 def joints21(mesh: BaseMesh, bodies: np.ndarray, crown: int) -> np.ndarray:
-    """[n, 21, 3]: the joints that edgecap reports; `crown` is the vertex at the top of the head."""
-    at = {"head_top": bodies[:, crown], "neck": mesh.marker(bodies, "joint-neck")}
-    at |= {"spine": mesh.marker(bodies, "joint-spine-3"), "head": mesh.marker(bodies, "joint-head")}
+    """[n, 21, 3]: the joints that edgecap reports; `crown` is the vertex at the top of the head.
+
+    Neck, spine and pelvis lie between markers where `models/skeleton.toml` has them on a person of the same stature.
+    """
+    at = {"head_top": bodies[:, crown], "head": mesh.marker(bodies, "joint-head")}
+    at |= {name: _between(mesh, bodies, *markers) for name, markers in BETWEEN.items()}
     parts = dict(
         shoulder="shoulder", elbow="elbow", wrist="hand", hip="upper-leg", knee="knee", ankle="ankle", hand="finger-3-2", foot_tip="toe-2-3"
     )
     for side in "lr":
         at |= {f"{side}_{ours}": mesh.marker(bodies, f"joint-{side}-{theirs}") for ours, theirs in parts.items()}
-    at["pelvis"] = (at["l_hip"] + at["r_hip"]) / 2
+    hips = (at["l_hip"] + at["r_hip"]) / 2
+    at["pelvis"] = hips + PELVIS * (mesh.marker(bodies, "joint-pelvis") - hips)
     return np.stack([at[name] for name in JOINTS21], 1)
+
+
+def _between(mesh: BaseMesh, bodies: np.ndarray, first: str, second: str, share: float) -> np.ndarray:
+    return (1 - share) * mesh.marker(bodies, f"joint-{first}") + share * mesh.marker(bodies, f"joint-{second}")
 
 
 def weights(mesh: BaseMesh) -> np.ndarray:
