@@ -75,8 +75,8 @@ pub struct MultiviewArgs {
     /// may be given several times
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
-    /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes. What is computed is kept in
-    /// its folder 'resume' until they are written: a run that was broken off goes on when it is given again
+    /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes. What is computed lies in
+    /// its folder 'resume' until they are written: a run that was broken off goes on when the same is given again
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
