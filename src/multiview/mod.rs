@@ -40,7 +40,7 @@ pub use fitted::Fitted;
 pub use kept::{Kept, Nothing};
 pub use moment::Moment;
 pub use one_view::{one_view, stage_three};
-pub use people::{Detections, Track, nearest_sight, track};
+pub use people::{Detections, Track, matched, track};
 pub use points::{all as body_joints, evidence as evidence_joints};
 pub use prior::PosePrior;
 pub use publish::bodies;

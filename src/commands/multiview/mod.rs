@@ -26,9 +26,7 @@ use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::{View, calibration};
-use crate::multiview::{
-    Masks, MultiviewOptions, Run, Step, fit, fit_tracks, nearest_sight, report,
-};
+use crate::multiview::{Masks, MultiviewOptions, Run, Step, fit, fit_tracks, matched, report};
 
 /// The word for masks from films.
 const BACKGROUND: &str = "background";
@@ -195,7 +193,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         masked?;
         return Err(nobody(views, frames.len()));
     }
-    let other = |v: usize, f: usize, joints: &_| nearest_sight(&views[v], &frames[f][v], joints);
+    let other = |v: usize, f: usize, all: &[_]| matched(&views[v], &frames[f][v], all);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
     report.notes = scene.notes.clone();
     for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
