@@ -45,11 +45,8 @@ impl Sight {
     /// An observation in `view`.
     pub fn new(view: &View, seen: &Observation) -> Self {
         let rays = seen.joints2d.map(|[u, v, confidence]| {
-            let pixel = DVec2::new(u.into(), v.into());
-            // Beyond the picture's edge is the network's border, where it guesses.
-            let size = DVec2::from(view.size.map(f64::from));
-            let inside = pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size).all();
-            (inside && confidence >= LEAST_CONFIDENCE).then(|| {
+            (confidence >= LEAST_CONFIDENCE).then(|| {
+                let pixel = DVec2::new(u.into(), v.into());
                 let plane = view
                     .distortion
                     .undistort((pixel - view.centre) / view.focal);

@@ -8,7 +8,7 @@ use edgecap::camera::calibration::write_pose2sim;
 use edgecap::lab::multiview::own::{Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
 use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use edgecap::message::{Observation, ObservationFrame};
+use edgecap::message::ObservationFrame;
 use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
@@ -142,20 +142,6 @@ fn a_detection_is_held_against_one_body() {
     assert!(found[0].is_none() && found[1].is_some());
     assert_eq!(matched(&views[0], &[], &joints), [None, None]);
     assert!(matched(&views[0], &seen, &[]).is_empty());
-}
-
-#[test]
-fn what_is_beyond_the_picture_is_not_seen() {
-    let view = &ring(1)[0];
-    let mut seen = Observation::default();
-    for joint in &mut seen.joints2d {
-        *joint = [500.0, 600.0, 0.9];
-    }
-    seen.joints2d[3] = [500.0, 1090.0, 0.9];
-    seen.joints2d[4] = [-3.0, 600.0, 0.9];
-    let sight = Sight::new(view, &seen);
-    let unseen: Vec<usize> = (0..14).filter(|j| sight.rays[*j].is_none()).collect();
-    assert_eq!(unseen, [3, 4]);
 }
 
 /// Calibration and records of `frames` frames of one person, as files.

@@ -25,6 +25,7 @@ const INPUTS: &str = "inputs.txt";
 const PARTS: &str = "parts";
 const MASKS: &str = "masks";
 const FILM: &str = "film-";
+const SEAL: &str = "seal";
 /// Bytes of a digest before a part.
 const DIGEST: usize = blake3::OUT_LEN;
 
@@ -211,7 +212,7 @@ impl Store {
     }
 
     fn sealed(&self, name: &str) -> PathBuf {
-        self.folder.join(format!("{name}.seal"))
+        self.folder.join(format!("{name}.{SEAL}"))
     }
 
     /// Of a file, or of the files of a folder, and what they were computed from.
@@ -290,12 +291,18 @@ impl Drop for Store {
         if lock.is_none() {
             return;
         }
-        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
-        let worth = |name: &str| name != LOCK && name != INPUTS;
-        if entries
-            .map(|e| e.file_name())
-            .any(|n| worth(&n.to_string_lossy()))
-        {
+        // Parts are whole by themselves; films and masks are when they have their seal.
+        let worth = [
+            self.folder.clone(),
+            self.all_masks(),
+            self.folder.join(PARTS),
+        ];
+        let entries = worth.iter().flat_map(fs::read_dir).flatten().flatten();
+        let is_worth = |path: &Path| {
+            path.extension().is_some_and(|e| e == SEAL)
+                || path.parent().is_some_and(|p| p.ends_with(PARTS))
+        };
+        if entries.map(|e| e.path()).any(|path| is_worth(&path)) {
             return;
         }
         let _ = fs::remove_dir_all(&self.folder);
