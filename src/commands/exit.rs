@@ -82,6 +82,14 @@ impl Failure {
         }
     }
 
+    /// Somebody else is at it.
+    pub fn try_later(message: impl Into<String>) -> Self {
+        Self {
+            code: TRY_LATER,
+            message: message.into(),
+        }
+    }
+
     /// What is needed is taken.
     pub fn unavailable(message: impl Into<String>) -> Self {
         Self {

@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use super::exit::Failure;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
+use crate::supervise::tie;
 
 /// Seconds that views may differ in length: who stops cameras one after the other.
 const SPARE: f64 = 0.5;
@@ -39,15 +40,27 @@ impl ViewFile {
     /// # Errors
     /// When the file cannot be read, its pictures change size, or nobody is in it.
     pub fn read(camera: &str, lens: CameraSource<'_>, path: &Path) -> anyhow::Result<Self> {
-        let folder;
-        let mut record = path.to_owned();
-        if is_film(path) {
-            folder = tempfile::tempdir()?;
-            record = folder.path().join("observations");
-            look(path, camera, &record)?;
+        if !is_film(path) {
+            return Self::of_record(camera, lens, path, path);
         }
-        let file = File::open(&record).map_err(|e| Failure::no_input(path, &e))?;
-        let name = path.display().to_string();
+        let folder = tempfile::tempdir()?;
+        let record = folder.path().join("observations");
+        look(path, camera, &record)?;
+        Self::of_record(camera, lens, &record, path)
+    }
+
+    /// Reads what `camera` saw from JSON lines or a record, which is called `named` where something is wrong with it.
+    ///
+    /// # Errors
+    /// When the file cannot be read, its pictures change size, or nobody is in it.
+    pub fn of_record(
+        camera: &str,
+        lens: CameraSource<'_>,
+        record: &Path,
+        named: &Path,
+    ) -> anyhow::Result<Self> {
+        let file = File::open(record).map_err(|e| Failure::no_input(named, &e))?;
+        let name = named.display().to_string();
         let mut reader = ObservationReader::new(BufReader::new(file), &name, lens);
         let mut seen = Self {
             name: camera.to_owned(),
@@ -104,8 +117,11 @@ pub fn is_film(path: &Path) -> bool {
     ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
 }
 
-/// Runs a film through `edgecap infer`.
-fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
+/// Runs a film through `edgecap infer`, which ends with this process.
+///
+/// # Errors
+/// When it fails; it has said why.
+pub fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
     let mut command = Command::new(std::env::current_exe()?);
     command
         .arg("infer")
@@ -117,6 +133,7 @@ fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
         "--name",
         &format!("multiview-{camera}-{}", std::process::id()),
     ]);
+    tie(&mut command);
     let status = command
         .stdin(Stdio::null())
         .stdout(Stdio::null())

@@ -1,16 +1,14 @@
 //! Everyone, from all views: identities, stage one, the weights of the views, stage two.
 
-use rayon::prelude::*;
-
 use super::fitted::Fitted;
 use super::moment::Moment;
+use super::over_frames::OverFrames;
 use super::people::{Detections, Track, track};
 use super::points;
-use super::refine::contours;
+use super::run::{Run, Step};
 use super::sight::distance;
-use super::silhouette::Masks;
-use super::stage_one::{StageOne, between};
-use super::stage_two::{median_shape, refit};
+use super::stage_one::between;
+use super::stage_two::{Refit, median_shape};
 use crate::body::mesh::MeshBody;
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
@@ -19,8 +17,6 @@ use crate::joints::EVIDENCE_JOINTS;
 const BRIDGED: f64 = 0.35;
 /// By what factor a view's residual exceeds the others' before it counts less.
 const WORSE: f64 = 3.0;
-/// By what factor a frame's cost exceeds its neighbours' before it is fitted again from there.
-const DOUBT: f64 = 1.5;
 
 /// Choices.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,15 +62,14 @@ pub struct MultiviewFit {
 }
 
 /// Fits everyone. `frames`: per frame, per view, who is seen there; `used`: which views count, the others are only
-/// measured. `progress` hears of every fitted frame, out of how many. With `masks` outlines count as well as joints.
+/// measured.
 pub fn fit(
     body: &MeshBody,
     views: &[View],
     used: &[bool],
     frames: &[Vec<Detections>],
     options: MultiviewOptions,
-    masks: Option<&Masks<'_>>,
-    progress: &(dyn Fn(usize) + Sync),
+    run: Run<'_>,
 ) -> MultiviewFit {
     let chosen: Vec<Vec<Detections>> = frames
         .iter()
@@ -87,7 +82,7 @@ pub fn fit(
         .collect();
     let tracks = track(views, &chosen, options.rate);
     let weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
-    fit_tracks(body, views, weights, tracks, options, masks, progress)
+    fit_tracks(body, views, weights, tracks, options, run)
 }
 
 /// Fits people who are told apart already; `weights`: how much every view counts.
@@ -97,23 +92,20 @@ pub fn fit_tracks(
     mut weights: Vec<f64>,
     tracks: Vec<Track>,
     options: MultiviewOptions,
-    masks: Option<&Masks<'_>>,
-    progress: &(dyn Fn(usize) + Sync),
+    run: Run<'_>,
 ) -> MultiviewFit {
-    progress(tracks.iter().map(|t| t.moments.len()).sum());
-    let mut people: Vec<PersonFit> = tracks
-        .into_iter()
-        .filter_map(|t| {
-            stage_one(
-                body,
-                views,
-                &weights,
-                t,
-                options.hierarchy,
-                (masks, progress),
-            )
-        })
-        .collect();
+    let stages = 2 + usize::from(run.masks.is_some());
+    let frames: usize = tracks.iter().map(|t| t.moments.len()).sum();
+    (run.progress)(Step::Planned(stages * frames));
+    let over_frames = OverFrames {
+        body,
+        views,
+        weights: &weights,
+        hierarchy: options.hierarchy,
+        run,
+    };
+    let fitted = tracks.into_iter().filter_map(|t| over_frames.fit(t));
+    let mut people: Vec<PersonFit> = fitted.collect();
     weights = weigh(views, &weights, &people);
     let bridged = (BRIDGED * options.rate).round() as usize;
     for person in &mut people {
@@ -125,19 +117,19 @@ pub fn fit_tracks(
             body,
             views.len(),
         );
-        for mut piece in pieces {
+        let refit = Refit {
+            body,
+            views,
+            weights: &weights,
+            paths: options.paths,
+            run,
+        };
+        for (k, mut piece) in pieces.into_iter().enumerate() {
             for f in &mut piece {
                 f.body = Fitted::new(body, f.body.pose, &person.betas);
             }
             let (numbers, mut moments, mut fits) = parts(piece);
-            refit(
-                body,
-                views,
-                &weights,
-                &mut moments,
-                &mut fits,
-                options.paths,
-            );
+            refit.fit(&format!("paths-{}-{k}", person.id), &mut moments, &mut fits);
             let joined = numbers.into_iter().zip(fits).zip(moments);
             person
                 .frames
@@ -159,85 +151,6 @@ fn parts(piece: Vec<PersonFrame>) -> (Vec<usize>, Vec<Moment>, Vec<Fitted>) {
         fits.push(f.body);
     }
     (numbers, moments, fits)
-}
-
-fn stage_one(
-    body: &MeshBody,
-    views: &[View],
-    weights: &[f64],
-    track: Track,
-    hierarchy: bool,
-    (masks, progress): (Option<&Masks<'_>>, &(dyn Fn(usize) + Sync)),
-) -> Option<PersonFit> {
-    let mut moments = track.moments;
-    let solve = |stage: &mut StageOne, moment: &mut Moment, near: Option<&Fitted>| {
-        stage.fit(body, views, weights, moment, near)
-    };
-    let mut fits: Vec<Option<(Fitted, f64)>> = moments
-        .par_iter_mut()
-        .map_init(
-            || StageOne::new(hierarchy),
-            |stage, (_, moment)| {
-                let fitted = solve(stage, moment, None);
-                progress(0);
-                fitted
-            },
-        )
-        .collect();
-    // From the neighbours, forth and back: what ended in a bad place, or had no place to start.
-    let mut stage = StageOne::new(hierarchy);
-    let count = fits.len();
-    for (k, from) in (1..count)
-        .map(|k| (k, k - 1))
-        .chain((0..count.saturating_sub(1)).rev().map(|k| (k, k + 1)))
-    {
-        let Some((near, cost)) = fits[from].clone() else {
-            continue;
-        };
-        if fits[k].as_ref().is_none_or(|(_, own)| *own > DOUBT * cost) {
-            let again = solve(&mut stage, &mut moments[k].1, Some(&near));
-            if again
-                .as_ref()
-                .is_some_and(|(_, c)| fits[k].as_ref().is_none_or(|(_, own)| c < own))
-            {
-                fits[k] = again;
-            }
-        }
-    }
-    if let Some(masks) = masks {
-        moments.par_iter_mut().zip(&mut fits).for_each_init(
-            || StageOne::new(hierarchy),
-            |stage, ((frame, moment), fitted)| {
-                let Some((fitted, _)) = fitted else {
-                    return;
-                };
-                moment.contours = contours(masks, *frame, views, moment);
-                stage.outline(body, views, weights, moment, fitted);
-            },
-        );
-    }
-    let frames: Vec<PersonFrame> = moments
-        .into_iter()
-        .zip(fits)
-        .filter_map(|((frame, mut moment), fitted)| {
-            let (fitted, _) = fitted?;
-            // Where one view alone saw them, the body tells how far away they are.
-            let joints = points::evidence(body, &fitted.posed);
-            for (known, joint) in moment.joints.iter_mut().zip(joints) {
-                *known = known.or(Some(joint));
-            }
-            Some(PersonFrame {
-                frame,
-                body: fitted,
-                moment,
-            })
-        })
-        .collect();
-    (!frames.is_empty()).then_some(PersonFit {
-        id: track.id,
-        betas: Vec::new(),
-        frames,
-    })
 }
 
 /// Parts a person's frames at long pauses and fills in short ones.

@@ -384,3 +384,29 @@ pub fn nearest_sight(
     let near = each.filter(|(d, _)| *d < REACH);
     near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, s)| s)
 }
+
+/// The detection of every body in one view, sides exchanged where that is nearer: one detection a body, one body a
+/// detection, and `None` where none is within reach. `people`: joints in the world, metres.
+pub fn matched(
+    view: &View,
+    detections: &[Sight],
+    people: &[[DVec3; EVIDENCE_JOINTS]],
+) -> Vec<Option<Sight>> {
+    let pair = |joints: &[DVec3; EVIDENCE_JOINTS], sight: &Sight| {
+        let mut sight = sight.clone();
+        exchange::follow(view, &mut sight, joints);
+        let off = mean_distance(view, &sight, &joints.map(Some));
+        let near = off.map_or(0.0, |off| (1.0 - off / REACH).max(0.0));
+        (near as f32, sight)
+    };
+    let pairs: Vec<(f32, Sight)> = people
+        .iter()
+        .flat_map(|joints| detections.iter().map(|d| pair(joints, d)))
+        .collect();
+    let scores: Vec<f32> = pairs.iter().map(|(near, _)| *near).collect();
+    let mut matcher = Matcher::default();
+    let chosen = matcher.solve(people.len(), detections.len(), &scores);
+    let each = chosen.iter().enumerate();
+    each.map(|(k, d)| d.map(|d| pairs[k * detections.len() + d].1.clone()))
+        .collect()
+}

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::fit::MultiviewFit;
+use super::fit::{MultiviewFit, PersonFrame};
 use super::points;
 use super::sight::Sight;
 use crate::body::BodyModel;
@@ -75,11 +75,15 @@ pub struct PersonReport {
     pub acceleration: Option<f64>,
 }
 
-/// What a view saw of a person, by view, frame number and the body's joints.
-pub type Observed<'a> = dyn Fn(usize, usize, &[DVec3; EVIDENCE_JOINTS]) -> Option<Sight> + 'a;
+/// What a view saw of everybody in a frame, by view, frame number and everybody's joints.
+pub type Observed<'a> =
+    dyn Fn(usize, usize, &[[DVec3; EVIDENCE_JOINTS]]) -> Vec<Option<Sight>> + 'a;
 
 /// One residual: pixels, and % of the person's height.
 type Residual = [f64; 2];
+
+/// Somebody in a frame, and where their joints are.
+type Seen<'a> = (&'a PersonReport, &'a PersonFrame, [DVec3; EVIDENCE_JOINTS]);
 
 /// Measures a fit. `observed` tells what a view saw that the fit did not use.
 pub fn report(
@@ -112,16 +116,23 @@ pub fn report(
             }
         })
         .collect();
+    let mut by_frame: Vec<Vec<Seen<'_>>> = vec![Vec::new(); frames];
+    for (p, person) in fit.people.iter().zip(&people) {
+        for f in &p.frames {
+            if let Some(all) = by_frame.get_mut(f.frame) {
+                all.push((person, f, points::evidence(body, &f.body.posed)));
+            }
+        }
+    }
     let view = |(v, view): (usize, &View)| {
         let (mut residuals, mut sights): (Vec<Residual>, usize) = (Vec::new(), 0);
-        for (p, person) in fit.people.iter().zip(&people) {
-            for f in &p.frames {
-                let joints = points::evidence(body, &f.body.posed);
-                let other = if fit.weights[v] > 0.0 {
-                    None
-                } else {
-                    observed(v, f.frame, &joints)
-                };
+        for (frame, all) in by_frame.iter().enumerate() {
+            let joints: Vec<_> = all.iter().map(|seen| seen.2).collect();
+            let others = match fit.weights[v] > 0.0 || all.is_empty() {
+                true => vec![None; all.len()],
+                false => observed(v, frame, &joints),
+            };
+            for ((person, f, joints), other) in all.iter().zip(&others) {
                 let Some(sight) = f.moment.sights[v].as_ref().or(other.as_ref()) else {
                     continue;
                 };

@@ -31,7 +31,12 @@ pub struct Ray {
 pub struct Sight {
     /// The evidence joints; none where they were not seen.
     pub rays: [Option<Ray>; EVIDENCE_JOINTS],
+    /// Which pairs of joints have other sides than the detector said, a bit a pair.
+    pub(super) swapped: u8,
 }
+
+/// The right one of every pair that has a bit.
+const PAIRS: [usize; 6] = [2, 3, 4, 8, 9, 10];
 
 /// Limbs whose sides a detector exchanges: pairs of evidence joints, the right one first.
 pub const LIMB_PAIRS: [&[usize]; 4] = [&[2, 3, 4], &[8, 9, 10], &[3, 4], &[9, 10]];
@@ -55,6 +60,7 @@ impl Sight {
         });
         Self {
             rays: rays.map(|r| r.filter(|r| r.plane.is_finite() && r.direction.is_finite())),
+            swapped: 0,
         }
     }
 
@@ -63,8 +69,20 @@ impl Sight {
         let mut other = self.clone();
         for &j in right {
             other.rays.swap(j, MIRROR[j]);
+            let bit = PAIRS.iter().position(|r| *r == j.min(MIRROR[j]));
+            other.swapped ^= bit.map_or(0, |b| 1 << b);
         }
         other
+    }
+
+    /// Exchanges sides so that these pairs have others than the detector said.
+    pub(super) fn swap_as(&mut self, pairs: u8) {
+        for (bit, &j) in PAIRS.iter().enumerate() {
+            if (self.swapped ^ pairs) >> bit & 1 == 1 {
+                self.rays.swap(j, MIRROR[j]);
+            }
+        }
+        self.swapped = pairs;
     }
 }
 

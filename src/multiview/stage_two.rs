@@ -14,6 +14,7 @@ use super::fitted::Fitted;
 use super::moment::Moment;
 use super::points;
 use super::refine;
+use super::run::{Run, Step};
 use super::silhouette::Rim;
 use super::stage_one::FINE;
 use crate::body::mesh::MeshBody;
@@ -39,72 +40,127 @@ pub fn median_shape(fits: &[&Fitted]) -> Vec<f64> {
         .collect()
 }
 
-/// Fits consecutive frames of one person again, the shape held; smooth in time when `paths`.
-pub fn refit(
-    body: &MeshBody,
-    views: &[View],
-    weights: &[f64],
-    moments: &mut [Moment],
-    fits: &mut [Fitted],
-    paths: bool,
-) {
-    let masked = moments.iter().any(|m| !m.contours.is_empty());
-    let mut rims: Vec<Vec<Rim<'_>>> = vec![Vec::new(); fits.len()];
-    for turn in 0..if paths { TURNS } else { 2 } {
-        // Outlines take long to find and change little.
-        if masked && (turn == 0 || turn == TURNS / 2) {
-            rims = moments
-                .par_iter()
-                .zip(fits.par_iter())
-                .map(|(moment, fitted)| refine::rims(body, views, weights, moment, fitted, 1.0))
-                .collect();
+/// Stage two of some consecutive frames of one person.
+pub struct Refit<'a> {
+    /// The model.
+    pub body: &'a MeshBody,
+    /// The cameras.
+    pub views: &'a [View],
+    /// How much each counts.
+    pub weights: &'a [f64],
+    /// Whether paths are smooth in time.
+    pub paths: bool,
+    /// How the fit runs.
+    pub run: Run<'a>,
+}
+
+impl Refit<'_> {
+    /// Fits the frames again, the shape held. `part` is what this is called where it is kept, in the middle and when it
+    /// is done.
+    pub fn fit(&self, part: &str, moments: &mut [Moment], fits: &mut [Fitted]) {
+        let middle = format!("{part}-half");
+        let turns = if self.paths { TURNS } else { 2 };
+        let mut begin = 0;
+        if self.restore(part, moments, fits) {
+            (self.run.progress)(Step::Restored(fits.len()));
+            return;
         }
-        let targets: Vec<Targets> = if paths {
-            project(body, fits)
-        } else {
-            vec![[None; BODY_JOINTS]; fits.len()]
-        };
-        let each = moments
-            .par_iter_mut()
-            .zip(fits.par_iter_mut())
-            .zip(targets.par_iter().zip(&rims));
-        each.for_each_init(
-            Solver::default,
-            |solver, ((moment, fitted), (targets, rims))| {
-                if turn == TURNS / 2 {
-                    let joints = points::evidence(body, &fitted.posed);
-                    for (view, sight) in views.iter().zip(&mut moment.sights) {
-                        moment.healed += sight
-                            .as_mut()
-                            .map_or(0, |s| exchange::follow(view, s, &joints));
+        // In the middle outlines are found anew, and nothing else goes on from the turn before.
+        if turns > TURNS / 2 && self.restore(&middle, moments, fits) {
+            begin = TURNS / 2;
+        }
+        let masked = moments.iter().any(|m| !m.contours.is_empty());
+        let mut rims: Vec<Vec<Rim<'_>>> = vec![Vec::new(); fits.len()];
+        for turn in begin..turns {
+            if turn == TURNS / 2 && begin == 0 {
+                self.keep(&middle, moments, fits);
+            }
+            // Outlines take long to find and change little.
+            if masked && (turn == 0 || turn == TURNS / 2) {
+                rims = moments
+                    .par_iter()
+                    .zip(fits.par_iter())
+                    .map(|(moment, fitted)| {
+                        refine::rims(self.body, self.views, self.weights, moment, fitted, 1.0)
+                    })
+                    .collect();
+            }
+            let targets: Vec<Targets> = if self.paths {
+                project(self.body, fits)
+            } else {
+                vec![[None; BODY_JOINTS]; fits.len()]
+            };
+            let each = moments
+                .par_iter_mut()
+                .zip(fits.par_iter_mut())
+                .zip(targets.par_iter().zip(&rims));
+            each.for_each_init(
+                Solver::default,
+                |solver, ((moment, fitted), (targets, rims))| {
+                    if turn == TURNS / 2 {
+                        let joints = points::evidence(self.body, &fitted.posed);
+                        for (view, sight) in self.views.iter().zip(&mut moment.sights) {
+                            moment.healed += sight
+                                .as_mut()
+                                .map_or(0, |s| exchange::follow(view, s, &joints));
+                        }
                     }
-                }
-                let seen = moment.seen(views, weights);
-                let energy = Energy {
-                    body,
-                    seen: &seen,
-                    sigma: FINE,
-                    targets: paths.then_some(targets),
-                    target_sigma: dct::SIGMA,
-                    lifted: moment.lifted(),
-                    rims,
-                    prior: 1.0,
-                    shape: 0.0,
-                    free: Free::Pose,
-                };
-                let iterations = if paths { STEPS } else { 10 };
-                let mut spare = fitted.clone();
-                solver.solve(
-                    &energy,
-                    Effort {
-                        iterations,
-                        tolerance: 1e-5,
-                    },
-                    fitted,
-                    &mut spare,
-                );
-            },
-        );
+                    self.turn(solver, moment, fitted, targets, rims);
+                    if turn + 1 == turns {
+                        (self.run.progress)(Step::Smoothed);
+                    }
+                },
+            );
+        }
+        self.keep(part, moments, fits);
+    }
+
+    /// Some steps of one frame towards its joints' paths.
+    fn turn(
+        &self,
+        solver: &mut Solver,
+        moment: &Moment,
+        fitted: &mut Fitted,
+        targets: &Targets,
+        rims: &[Rim<'_>],
+    ) {
+        let seen = moment.seen(self.views, self.weights);
+        let energy = Energy {
+            body: self.body,
+            seen: &seen,
+            sigma: FINE,
+            targets: self.paths.then_some(targets),
+            target_sigma: dct::SIGMA,
+            lifted: moment.lifted(),
+            rims,
+            prior: 1.0,
+            shape: 0.0,
+            free: Free::Pose,
+        };
+        let effort = Effort {
+            iterations: if self.paths { STEPS } else { 10 },
+            tolerance: 1e-5,
+        };
+        let mut spare = fitted.clone();
+        solver.solve(&energy, effort, fitted, &mut spare);
+    }
+
+    fn restore(&self, part: &str, moments: &mut [Moment], fits: &mut [Fitted]) -> bool {
+        let mut moments: Vec<&mut Moment> = moments.iter_mut().collect();
+        let Some(restored) = self.run.restore(part, self.body, &mut moments) else {
+            return false;
+        };
+        for (fitted, restored) in fits.iter_mut().zip(restored) {
+            if let Some((restored, _)) = restored {
+                *fitted = restored;
+            }
+        }
+        true
+    }
+
+    fn keep(&self, part: &str, moments: &[Moment], fits: &[Fitted]) {
+        let fits = fits.iter().map(|f| Some((f, 0.0)));
+        self.run.keep(part, moments.iter().zip(fits));
     }
 }
 

@@ -15,4 +15,4 @@ pub use child::{Child, Job, describe, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
 pub use systemd::{Progress, ServiceManager};
-pub use tie::is_parent;
+pub use tie::{is_parent, tie};

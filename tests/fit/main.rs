@@ -19,6 +19,7 @@ mod one_view;
 mod place;
 mod printed;
 mod rate;
+mod resume;
 mod silhouettes;
 mod six_people;
 mod time_offsets;

@@ -7,9 +7,9 @@ use edgecap::camera::View;
 use edgecap::camera::calibration::write_pose2sim;
 use edgecap::lab::multiview::own::{Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
-use edgecap::lab::synth::detector::{Flaws, LEGS, exchange};
+use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
 use edgecap::message::ObservationFrame;
-use edgecap::multiview::{MultiviewFit, MultiviewOptions};
+use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::{DMat3, DVec3};
@@ -69,6 +69,25 @@ fn a_detector_s_mistakes_are_outvoted() {
     );
 }
 
+/// With errors as measured, which stay for a second and exchange limbs themselves, in frames here and there.
+#[test]
+fn exchanges_are_healed_whatever_the_detector() {
+    let trial = own(3, 3, 40, Flaws::MEASURED);
+    let (joints, _) = errors(&trial, &fitted(&trial, true));
+    let mut exchanged = trial.clone();
+    for (k, views) in exchanged.seen.iter_mut().enumerate() {
+        if k * 7 % 10 < 3 {
+            for seen in &mut views[0] {
+                exchange(seen, ARMS);
+                exchange(seen, LEGS);
+            }
+        }
+    }
+    let (healed, _) = errors(&exchanged, &fitted(&exchanged, true));
+    println!("{healed:.1} mm with exchanges, {joints:.1} mm without");
+    assert!(healed < 1.05 * joints, "{healed} mm, not {joints} mm");
+}
+
 #[test]
 fn everyone_keeps_their_identity() {
     let places = [
@@ -107,6 +126,22 @@ fn everyone_keeps_their_identity() {
     }
     taken.sort_unstable();
     assert_eq!(taken, [0, 1, 2]);
+}
+
+#[test]
+fn a_detection_is_held_against_one_body() {
+    let places = [DVec3::new(-0.25, 0.0, 0.0), DVec3::new(0.25, 0.0, 0.1)];
+    let people = [0, 1].map(|k| Walker::new(1, 30 + k, places[k as usize]));
+    let (views, joints) = (ring(1), people.each_ref().map(|p| p.joints[0]));
+    let seen = observe(&views, &people[1..], Flaws::NONE, 1);
+    let seen: Vec<Sight> = seen[0][0]
+        .iter()
+        .map(|o| Sight::new(&views[0], o))
+        .collect();
+    let found = matched(&views[0], &seen, &joints);
+    assert!(found[0].is_none() && found[1].is_some());
+    assert_eq!(matched(&views[0], &[], &joints), [None, None]);
+    assert!(matched(&views[0], &seen, &[]).is_empty());
 }
 
 /// Calibration and records of `frames` frames of one person, as files.

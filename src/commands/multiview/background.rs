@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::masks::{MaskFolder, expect_in_step};
 use super::read::{Scene, names, told};
+use super::store::Store;
 use crate::capture::{Frame, InputSpec, OpenOptions, Source, open};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
@@ -17,14 +18,13 @@ use crate::multiview::{Background, Detections, Figure, Small, UNKNOWN, mask, squ
 /// Pictures of a film from which its background is learned, at most.
 const SAMPLES: usize = 31;
 
-/// Makes the masks of every camera whose film is known, in a folder that is gone with what is returned.
+/// Makes the masks of every camera whose film is known, as far as they are not in the store.
 ///
 /// # Errors
 /// When there is no film, or one cannot be read or is not what the view saw.
-pub fn masks(given: &[String], scene: &Scene) -> anyhow::Result<MaskFolder> {
+pub fn masks(given: &[String], scene: &Scene, store: &Store) -> anyhow::Result<MaskFolder> {
     expect_in_step(scene)?;
     let films = films(given, scene)?;
-    let folder = tempfile::tempdir()?;
     let bar = progress::bar(scene.frames.len() as u64, "masks");
     let known = films.iter().flatten().count() as u64;
     bar.set_length(known * scene.frames.len() as u64);
@@ -33,8 +33,12 @@ pub fn masks(given: &[String], scene: &Scene) -> anyhow::Result<MaskFolder> {
         let Some(film) = film else {
             return Ok(());
         };
-        let out = folder.path().join(&scene.views[v].name);
-        std::fs::create_dir_all(&out)?;
+        let camera = &scene.views[v].name;
+        let (out, are_there) = store.masks(camera)?;
+        if are_there {
+            bar.inc(scene.frames.len() as u64);
+            return Ok(());
+        }
         let view = Film {
             path: film,
             number: v,
@@ -52,10 +56,12 @@ pub fn masks(given: &[String], scene: &Scene) -> anyhow::Result<MaskFolder> {
             }
             bar.inc(1);
             Ok(())
-        })
+        })?;
+        store.masks_are_whole(camera);
+        Ok(())
     })?;
     bar.finish_and_clear();
-    Ok(MaskFolder::made(folder, scene, UNKNOWN))
+    Ok(MaskFolder::made(&store.all_masks(), scene, UNKNOWN))
 }
 
 /// The film of every view, as given or as its own file.

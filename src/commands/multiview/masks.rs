@@ -3,8 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use tempfile::TempDir;
-
 use super::read::Scene;
 use crate::bounded;
 use crate::commands::exit::Failure;
@@ -36,8 +34,6 @@ pub struct MaskFolder {
     unknown: Option<u8>,
     /// What was wrong with the first mask that could not be read.
     failed: Mutex<Option<Failure>>,
-    /// The folder where it was made for this run alone.
-    _made: Option<TempDir>,
 }
 
 impl MaskFolder {
@@ -63,7 +59,6 @@ impl MaskFolder {
             sizes: views.iter().map(|v| v.size).collect(),
             unknown: None,
             failed: Mutex::new(None),
-            _made: None,
         };
         // Before minutes of work: what is wrong with one is mostly wrong with all.
         (0..views.len()).for_each(|view| drop(found.mask(0, view)));
@@ -73,14 +68,12 @@ impl MaskFolder {
 
     /// Masks that were made for the scene's cameras, as many as could be; `unknown` is the value of pixels of which it
     /// is not known whose they are.
-    pub fn made(folder: TempDir, scene: &Scene, unknown: u8) -> Self {
-        let path = folder.path();
+    pub fn made(path: &Path, scene: &Scene, unknown: u8) -> Self {
         Self {
             folders: scene.views.iter().map(|v| path.join(&v.name)).collect(),
             sizes: scene.views.iter().map(|v| v.size).collect(),
             unknown: Some(unknown),
             failed: Mutex::new(None),
-            _made: Some(folder),
         }
     }
 

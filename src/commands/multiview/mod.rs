@@ -1,9 +1,11 @@
 //! `edgecap multiview`: several calibrated views of the same people in, bodies with shape, pose and mesh out.
 
 mod background;
+mod inputs;
 mod masks;
 mod one_view;
 mod read;
+mod store;
 mod sync;
 mod write;
 
@@ -15,6 +17,7 @@ pub(super) use read::{names, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use self::masks::MaskFolder;
+use self::store::Store;
 use self::sync::Sync;
 use super::exit::Failure;
 use super::export::Exports;
@@ -23,7 +26,7 @@ use super::say;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::{View, calibration};
-use crate::multiview::{Masks, MultiviewOptions, fit, fit_tracks, nearest_sight, report};
+use crate::multiview::{Masks, MultiviewOptions, Run, Step, fit, fit_tracks, matched, report};
 
 /// The word for masks from films.
 const BACKGROUND: &str = "background";
@@ -70,7 +73,8 @@ pub struct MultiviewArgs {
     /// may be given several times
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
-    /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes
+    /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes. What is computed lies in
+    /// its folder 'resume' until they are written: a run that was broken off goes on when the same is given again
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
@@ -109,8 +113,9 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
             &own
         }
     };
+    let store = Store::open(&args.out, inputs::inputs(&args))?;
     let (scene, alone) = if args.view.len() == 1 {
-        let (scene, tracks) = one_view::scene(&args)?;
+        let (scene, tracks) = one_view::scene(&args, &store)?;
         (scene, Some(tracks))
     } else {
         let path = args.calibration.as_ref().ok_or_else(|| {
@@ -118,7 +123,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
                 "expected --calibration for several views, found none; 'calibrate' makes one",
             )
         })?;
-        (read::scene(&args, calibration::read(path)?)?, None)
+        (read::scene(&args, calibration::read(path)?, &store)?, None)
     };
     for note in &scene.notes {
         say::err(note);
@@ -135,7 +140,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     };
     let folder = match &args.masks {
         Some(path) if path.as_os_str() == BACKGROUND => {
-            Some(background::masks(&args.film, &scene)?)
+            Some(background::masks(&args.film, &scene, &store)?)
         }
         Some(path) => {
             if let Some(film) = args.film.first() {
@@ -152,17 +157,34 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let read = |frame: usize, view: usize| folder.as_ref()?.mask(frame, view);
     let masks: Option<&Masks<'_>> = args.masks.is_some().then_some(&read);
     let bar = progress::bar(1, "steps");
-    let total = AtomicUsize::new(0);
-    let progress = |found: usize| match found {
-        0 => bar.inc(1),
-        n => bar.set_length(total.fetch_add(n, Ordering::Relaxed) as u64 + n as u64),
+    let [planned, restored, said] = [0, 0, 0].map(AtomicUsize::new);
+    let progress = |step: Step| match step {
+        Step::Planned(steps) => {
+            planned.store(steps, Ordering::Relaxed);
+            bar.set_length(steps as u64);
+        }
+        Step::Restored(steps) => {
+            restored.fetch_add(steps, Ordering::Relaxed);
+            bar.inc(steps as u64);
+        }
+        Step::Placed | Step::Outlined | Step::Smoothed => {
+            let before = restored.load(Ordering::Relaxed);
+            if before > 0 && said.swap(1, Ordering::Relaxed) == 0 {
+                let all = planned.load(Ordering::Relaxed);
+                let line = format!("goes on: {before} of {all} steps of the fit were done before");
+                bar.suspend(|| say::err(&line));
+            }
+            bar.inc(1);
+        }
+    };
+    let run = Run {
+        masks,
+        progress: &progress,
+        kept: &store,
     };
     let fitted = match alone {
-        Some(tracks) => {
-            let weights = vec![1.0];
-            fit_tracks(body, views, weights, tracks, options, masks, &progress)
-        }
-        None => fit(body, views, &used, frames, options, masks, &progress),
+        Some(tracks) => fit_tracks(body, views, vec![1.0], tracks, options, run),
+        None => fit(body, views, &used, frames, options, run),
     };
     bar.finish_and_clear();
     // A mask that cannot be read counts as none: bodies are written all the same.
@@ -171,13 +193,13 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         masked?;
         return Err(nobody(views, frames.len()));
     }
-    let other = |v: usize, f: usize, joints: &_| nearest_sight(&views[v], &frames[f][v], joints);
+    let other = |v: usize, f: usize, all: &[_]| matched(&views[v], &frames[f][v], all);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
     report.notes = scene.notes.clone();
     for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
         line.offset_s = *offset;
     }
-    let take = write::run(&args.out, body, &scene, &fitted, &report, &chosen)?;
+    let take = write::run((&args.out, store), body, &scene, &fitted, &report, &chosen)?;
     say::out(write::table(&report).trim_end());
     let exported = exports.write(&take)?;
     exported.iter().for_each(|line| say::out(line));

@@ -3,7 +3,8 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
-use super::read::{Scene, named, pictured};
+use super::read::{Scene, named, pictured, view_file};
+use super::store::Store;
 use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
@@ -15,7 +16,7 @@ use crate::record::CameraSource;
 ///
 /// # Errors
 /// When the file cannot be read, or the calibration has no such camera.
-pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
+pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<Track>)> {
     if let Some(held) = args.hold_out.first() {
         return Err(Failure::usage(format!(
             "expected several views where one is held out, found --hold-out {held} and one --view"
@@ -26,7 +27,7 @@ pub fn scene(args: &MultiviewArgs) -> anyhow::Result<(Scene, Vec<Track>)> {
     let recorded = CameraSource::Recorded {
         fov_degrees: DEFAULT_FOV,
     };
-    let file = ViewFile::read(&name, recorded, &path)?;
+    let file = view_file(&name, recorded, &path, store, &mut 0)?;
     let view = match &args.calibration {
         None => camera_axes(&file),
         Some(path) => {

@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::MultiviewArgs;
+use super::store::Store;
 use super::sync::{Together, bring_together};
 use crate::camera::View;
 use crate::camera::calibration::Calibration;
 use crate::commands::exit::Failure;
+use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
 use crate::message::Observation;
 use crate::multiview::{Detections, Sight, agreement};
@@ -41,7 +43,11 @@ pub struct Scene {
 ///
 /// # Errors
 /// When a file cannot be read, or views do not go together.
-pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<Scene> {
+pub fn scene(
+    args: &MultiviewArgs,
+    calibration: Calibration,
+    store: &Store,
+) -> anyhow::Result<Scene> {
     let Calibration {
         views,
         mut notes,
@@ -57,15 +63,18 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
             .into());
         }
     }
-    let mut seen = Vec::new();
+    let (mut seen, mut found) = (Vec::new(), 0);
     for (v, file) in &files {
         // Distances are told by the calibration, not by the record's lens.
         let lens = views[*v].intrinsics();
-        seen.push(ViewFile::read(
-            &views[*v].name,
-            CameraSource::Given(&|_, _| Ok(lens)),
-            file,
-        )?);
+        let lens = CameraSource::Given(&|_, _| Ok(lens));
+        seen.push(view_file(&views[*v].name, lens, file, store, &mut found)?);
+    }
+    if found > 0 {
+        say::err(&format!(
+            "goes on: {found} of {} views were looked at before",
+            files.len()
+        ));
     }
     let sizes: Vec<[u32; 2]> = seen.iter().map(|s| s.size).collect();
     let all_pictured = |all: &[View]| -> anyhow::Result<Vec<View>> {
@@ -127,6 +136,22 @@ pub fn scene(args: &MultiviewArgs, calibration: Calibration) -> anyhow::Result<S
         in_world: true,
         notes,
     })
+}
+
+/// What a camera saw; the observations of a film are kept, and counted where they were `found`.
+pub fn view_file(
+    camera: &str,
+    lens: CameraSource<'_>,
+    file: &Path,
+    store: &Store,
+    found: &mut usize,
+) -> anyhow::Result<ViewFile> {
+    if !is_film(file) {
+        return ViewFile::of_record(camera, lens, file, file);
+    }
+    let (record, was_there) = store.film(camera, file)?;
+    *found += usize::from(was_there);
+    ViewFile::of_record(camera, lens, &record, file)
 }
 
 /// What the calibration calls its cameras.

@@ -1,9 +1,11 @@
 //! What a run leaves: bodies as arrays, as lines, as joints over time, as meshes, and the report.
 
 use std::fmt::Write as _;
+use std::fs::DirEntry;
 use std::path::Path;
 
 use super::read::Scene;
+use super::store::{self, Store};
 use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
@@ -43,17 +45,17 @@ pub fn frames(text: Option<&str>) -> anyhow::Result<Chosen> {
     }
 }
 
-/// Refuses a folder that holds files, before any work is done.
+/// Refuses a folder that holds files, before any work is done; work that was broken off may lie there.
 ///
 /// # Errors
 /// When it does.
 pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
-    if out.is_dir()
-        && std::fs::read_dir(out)
-            .map_err(|e| Failure::output(out, &e))?
-            .next()
-            .is_some()
-    {
+    if !out.is_dir() {
+        return Ok(());
+    }
+    let mut entries = std::fs::read_dir(out).map_err(|e| Failure::output(out, &e))?;
+    let is_work = |e: &DirEntry| e.file_name() == store::NAME && store::is_one(&e.path());
+    if entries.any(|e| e.is_ok_and(|e| !is_work(&e))) {
         let found = format!(
             "expected a new or empty folder, but {} holds files; choose another --out",
             out.display()
@@ -63,12 +65,13 @@ pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes everything; the folder appears when it is complete. Returns the bodies as a take.
+/// Writes everything; the folder appears when it is complete, in place of the work that was kept for it. Returns the
+/// bodies as a take.
 ///
 /// # Errors
 /// When it cannot be written.
 pub fn run(
-    out: &Path,
+    (out, store): (&Path, Store),
     body: &MeshBody,
     scene: &Scene,
     fit: &MultiviewFit,
@@ -105,6 +108,11 @@ pub fn run(
     let mut text = serde_json::to_string_pretty(report)?;
     text.push('\n');
     put("report.json", text.as_bytes())?;
+    // Before the work is gone its results are on the disk.
+    let on_disk = std::fs::File::open(folder.beside()).and_then(|f| Ok(rustix::fs::syncfs(f)?));
+    on_disk
+        .and_then(|()| store.remove())
+        .map_err(|e| Failure::output(out, &e))?;
     folder.finish().map_err(|e| Failure::output(out, &e))?;
     Ok(take)
 }

@@ -18,7 +18,7 @@ use crate::joints::{EVIDENCE_JOINTS, LIMBS};
 use crate::lift::{Encodings, Lifter};
 use crate::message::Observation;
 use crate::multiview::{
-    Detections, MultiviewFit, MultiviewOptions, Sight, fit, fit_tracks, one_view, stage_three,
+    Detections, MultiviewFit, MultiviewOptions, Run, Sight, fit, fit_tracks, one_view, stage_three,
 };
 
 /// Side of the input that Stage II's coordinates are of; it reads proportions alone.
@@ -120,8 +120,7 @@ fn several(
         &used,
         &frames,
         options,
-        None,
-        &|_| (),
+        Run::new(None, &|_| ()),
     )
 }
 
@@ -146,8 +145,7 @@ fn alone(
         vec![1.0],
         tracks,
         options,
-        None,
-        &|_| (),
+        Run::new(None, &|_| ()),
     )
 }
 

@@ -8,7 +8,7 @@ use rustix::time::{ClockId, clock_gettime};
 use super::own::{own, steady};
 use super::{Errors, Line, Tables, Times, Trial, studio};
 use crate::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use crate::multiview::{Mask, Masks, MultiviewOptions, windows};
+use crate::multiview::{Mask, Masks, MultiviewOptions, Step, windows};
 
 /// Share of one view's frames in which limbs are exchanged.
 const EXCHANGED: f64 = 0.3;
@@ -163,8 +163,10 @@ fn times(frames: usize) -> Option<Times> {
         };
         warm.fit(options, None, &|_| ());
         let begin = spent();
-        trial.fit(options, None, &|_| {
-            *last.lock().unwrap_or_else(|e| e.into_inner()) = spent();
+        trial.fit(options, None, &|step| {
+            if step == Step::Placed {
+                *last.lock().unwrap_or_else(|e| e.into_inner()) = spent();
+            }
         });
         (begin, spent())
     });

@@ -12,8 +12,8 @@ use crate::lab::eval::align_similarity;
 use crate::lab::synth::studio::Studio;
 use crate::message::Observation;
 use crate::multiview::{
-    Detections, Mask, Masks, MultiviewFit, MultiviewOptions, Sight, evidence_joints, fit,
-    fit_tracks, one_view, stage_three, stature,
+    Detections, Mask, Masks, MultiviewFit, MultiviewOptions, Run, Sight, Step, evidence_joints,
+    fit, fit_tracks, one_view, stage_three, stature,
 };
 
 /// Who is before the cameras.
@@ -80,9 +80,10 @@ impl Trial {
         &self,
         options: MultiviewOptions,
         masks: Option<&Masks<'_>>,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &(dyn Fn(Step) + Sync),
     ) -> MultiviewFit {
         let body = MeshBody::shipped();
+        let run = Run::new(masks, progress);
         let frames: Vec<Vec<Detections>> = self
             .seen
             .iter()
@@ -94,7 +95,7 @@ impl Trial {
             .collect();
         let [view] = &self.views[..] else {
             let used = vec![true; self.views.len()];
-            return fit(body, &self.views, &used, &frames, options, masks, progress);
+            return fit(body, &self.views, &used, &frames, options, run);
         };
         let mut fitter = Fitter::new(FitConfig::default()).expect("the usual settings are valid");
         let people = self.seen.iter().map(|views| views[0].as_slice());
@@ -102,7 +103,7 @@ impl Trial {
         let seen: Vec<Detections> = frames.into_iter().map(|mut f| f.swap_remove(0)).collect();
         let tracks = one_view(view, &bodies, &seen);
         let weights = vec![1.0];
-        fit_tracks(body, &self.views, weights, tracks, options, masks, progress)
+        fit_tracks(body, &self.views, weights, tracks, options, run)
     }
 
     /// Errors of the person who was found most often.

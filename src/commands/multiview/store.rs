@@ -1,0 +1,314 @@
+//! What a run has computed, kept in its folder until the results are there: after a kill or a power cut the same
+//! command goes on.
+//!
+//! Everything is bound by a digest to what it was computed from; what is cut, damaged or of other inputs counts as not
+//! there.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use super::inputs::{difference, film};
+use crate::bounded;
+use crate::commands::exit::Failure;
+use crate::commands::say;
+use crate::commands::view_file::look;
+use crate::multiview::Kept;
+use crate::output::{self, AtomicFile};
+
+/// The folder in the run's.
+pub const NAME: &str = "resume";
+const LOCK: &str = "lock";
+const INPUTS: &str = "inputs.txt";
+const PARTS: &str = "parts";
+const MASKS: &str = "masks";
+const FILM: &str = "film-";
+const SEAL: &str = "seal";
+/// Bytes of a digest before a part.
+const DIGEST: usize = blake3::OUT_LEN;
+
+/// Whether a folder holds what is kept here, and is not somebody's own of that name.
+pub fn is_one(folder: &Path) -> bool {
+    match bounded::read_text(&folder.join(INPUTS), bounded::SETTINGS) {
+        Ok(inputs) => inputs.starts_with("edgecap "),
+        // It was only begun, or a power cut took its first file.
+        Err(_) => fs::read_dir(folder)
+            .is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name() == LOCK))),
+    }
+}
+
+/// The work of a run that is not done.
+pub struct Store {
+    out: PathBuf,
+    folder: PathBuf,
+    /// What results depend on.
+    inputs: String,
+    /// Held while the folder is in use; `None` before there is one.
+    lock: Mutex<Option<File>>,
+    /// Whether the run's folder was made for this one.
+    made: AtomicBool,
+    /// Whether it was said that nothing can be kept.
+    failed: AtomicBool,
+}
+
+impl Store {
+    /// Finds what an earlier run with the same inputs left in `out`; says so where they are others.
+    ///
+    /// # Errors
+    /// When another process is at work there, or it cannot be read or written.
+    pub fn open(out: &Path, inputs: String) -> anyhow::Result<Self> {
+        let store = Self {
+            out: out.to_owned(),
+            folder: out.join(NAME),
+            inputs,
+            lock: Mutex::new(None),
+            made: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+        };
+        if store.folder.is_dir() {
+            store.make()?;
+            store.tidy().map_err(|e| Failure::output(out, &e))?;
+        }
+        Ok(store)
+    }
+
+    /// Makes the folder where it is not there yet.
+    fn make(&self) -> anyhow::Result<()> {
+        let failed = |e: &io::Error| Failure::output(&self.folder, e);
+        let mut lock = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        if lock.is_some() {
+            return Ok(());
+        }
+        let is_new = !self.folder.is_dir();
+        self.made.store(!self.out.is_dir(), Ordering::Relaxed);
+        fs::create_dir_all(&self.folder).map_err(|e| failed(&e))?;
+        let file = File::create(self.folder.join(LOCK)).map_err(|e| failed(&e))?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            let found = format!(
+                "expected nobody else at work on {}, found another 'multiview'; wait for it, or choose another --out",
+                self.out.display()
+            );
+            return Err(Failure::try_later(found).into());
+        }
+        *lock = Some(file);
+        if is_new {
+            let path = self.folder.join(INPUTS);
+            output::write(&path, self.inputs.as_bytes()).map_err(|e| failed(&e))?;
+        }
+        Ok(())
+    }
+
+    /// Removes what a kill left half done, and what other inputs gave. Observations of a film depend on it alone.
+    fn tidy(&self) -> io::Result<()> {
+        let path = self.folder.join(INPUTS);
+        let before = bounded::read_text(&path, bounded::SETTINGS).ok();
+        let is_same = before.as_ref() == Some(&self.inputs);
+        for entry in fs::read_dir(&self.folder)? {
+            let entry = entry?;
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name == LOCK || (is_same && !name.starts_with('.')) || name.starts_with(FILM) {
+                continue;
+            }
+            if entry.file_type()?.is_dir() {
+                fs::remove_dir_all(entry.path())?;
+            } else {
+                fs::remove_file(entry.path())?;
+            }
+        }
+        if !is_same {
+            let before = before.unwrap_or_default();
+            say::err(&format!(
+                "bodies are computed afresh: the run that {} is left of had other inputs ({})",
+                self.folder.display(),
+                difference(&self.inputs, &before)
+            ));
+            output::write(&path, self.inputs.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The observations of a film, as a record, and whether they were there.
+    ///
+    /// # Errors
+    /// When they cannot be computed or written.
+    pub fn film(&self, camera: &str, path: &Path) -> anyhow::Result<(PathBuf, bool)> {
+        self.make()?;
+        let inputs = film(path);
+        let name = format!("{FILM}{}", &blake3::hash(inputs.as_bytes()).to_hex()[..16]);
+        let record = self.folder.join(&name);
+        if self.is_sealed(&name, &inputs) {
+            return Ok((record, true));
+        }
+        // Under another name until it is whole: one that is interrupted makes its record complete.
+        let part = self.folder.join(format!("{name}.part"));
+        let looked = look(path, camera, &part);
+        if looked.is_err() {
+            let _ = fs::remove_file(&part);
+        }
+        looked?;
+        let sealed = File::open(&part)
+            .and_then(|f| f.sync_all())
+            .and_then(|()| fs::rename(&part, &record))
+            .and_then(|()| self.seal(&name, &inputs));
+        sealed.map_err(|e| Failure::output(&record, &e))?;
+        Ok((record, false))
+    }
+
+    /// Where masks of a camera go, and whether they are all there; what there is of some is removed.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn masks(&self, camera: &str) -> anyhow::Result<(PathBuf, bool)> {
+        self.make()?;
+        let name = format!("{MASKS}/{camera}");
+        let path = self.folder.join(&name);
+        if self.is_sealed(&name, &self.inputs) {
+            return Ok((path, true));
+        }
+        let made = match fs::remove_dir_all(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+            _ => fs::create_dir_all(&path),
+        };
+        made.map_err(|e| Failure::output(&path, &e))?;
+        Ok((path, false))
+    }
+
+    /// Says that all masks of a camera are there.
+    pub fn masks_are_whole(&self, camera: &str) {
+        let sealed = self.seal(&format!("{MASKS}/{camera}"), &self.inputs);
+        self.note(sealed);
+    }
+
+    /// The folder with a folder of masks a camera.
+    pub fn all_masks(&self) -> PathBuf {
+        self.folder.join(MASKS)
+    }
+
+    /// Removes everything: the results are there.
+    ///
+    /// # Errors
+    /// When something cannot be removed.
+    pub fn remove(self) -> io::Result<()> {
+        match fs::remove_dir_all(&self.folder) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+            _ => Ok(()),
+        }
+    }
+
+    fn seal(&self, name: &str, inputs: &str) -> io::Result<()> {
+        let digest = self.digest(name, inputs)?;
+        output::write(&self.sealed(name), digest.to_hex().as_bytes())
+    }
+
+    fn is_sealed(&self, name: &str, inputs: &str) -> bool {
+        let Ok(sealed) = bounded::read_text(&self.sealed(name), bounded::SETTINGS) else {
+            return false;
+        };
+        self.digest(name, inputs)
+            .is_ok_and(|d| sealed == d.to_hex().as_str())
+    }
+
+    fn sealed(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.{SEAL}"))
+    }
+
+    /// Of a file, or of the files of a folder, and what they were computed from.
+    fn digest(&self, name: &str, inputs: &str) -> io::Result<blake3::Hash> {
+        let path = self.folder.join(name);
+        let mut hash = blake3::Hasher::new();
+        hash.update(inputs.as_bytes());
+        if path.is_dir() {
+            let entries = fs::read_dir(&path)?.collect::<io::Result<Vec<_>>>()?;
+            let mut files: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
+            files.sort();
+            for file in files {
+                let name = file.file_name().unwrap_or_default();
+                hash.update(name.as_encoded_bytes());
+                hash.update(&fs::metadata(&file)?.len().to_le_bytes());
+                hash.update_reader(File::open(&file)?)?;
+            }
+        } else {
+            hash.update_reader(File::open(&path)?)?;
+        }
+        Ok(hash.finalize())
+    }
+
+    fn part(&self, part: &str) -> PathBuf {
+        self.folder.join(PARTS).join(part)
+    }
+
+    fn part_digest(&self, part: &str, bytes: &[u8]) -> blake3::Hash {
+        let mut hash = blake3::Hasher::new();
+        for piece in [self.inputs.as_bytes(), part.as_bytes(), bytes] {
+            hash.update(&(piece.len() as u64).to_le_bytes());
+            hash.update(piece);
+        }
+        hash.finalize()
+    }
+
+    fn write(&self, part: &str, bytes: &[u8]) -> anyhow::Result<()> {
+        self.make()?;
+        let mut file = AtomicFile::create(&self.part(part))?;
+        file.write_all(self.part_digest(part, bytes).as_bytes())?;
+        file.write_all(bytes)?;
+        file.sync()?;
+        Ok(file.finish()?)
+    }
+
+    /// Says once that nothing can be kept.
+    fn note<E: std::fmt::Display>(&self, outcome: Result<(), E>) {
+        if let Err(e) = outcome
+            && !self.failed.swap(true, Ordering::Relaxed)
+        {
+            say::err(&format!(
+                "cannot keep parts of the work in {}: {e}; if this run is broken off, some of it is lost",
+                self.folder.display()
+            ));
+        }
+    }
+}
+
+impl Kept for Store {
+    fn get(&self, part: &str) -> Option<Vec<u8>> {
+        let mut bytes = bounded::read(&self.part(part), bounded::DATA).ok()?;
+        let payload = (bytes.len() >= DIGEST).then(|| bytes.split_off(DIGEST))?;
+        (bytes == self.part_digest(part, &payload).as_bytes()).then_some(payload)
+    }
+
+    fn put(&self, part: &str, bytes: &[u8]) {
+        let kept = self.write(part, bytes);
+        self.note(kept);
+    }
+}
+
+impl Drop for Store {
+    /// Leaves nothing where nothing was computed.
+    fn drop(&mut self) {
+        let lock = self.lock.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if lock.is_none() {
+            return;
+        }
+        // Parts are whole by themselves; films and masks are when they have their seal.
+        let worth = [
+            self.folder.clone(),
+            self.all_masks(),
+            self.folder.join(PARTS),
+        ];
+        let entries = worth.iter().flat_map(fs::read_dir).flatten().flatten();
+        let is_worth = |path: &Path| {
+            path.extension().is_some_and(|e| e == SEAL)
+                || path.parent().is_some_and(|p| p.ends_with(PARTS))
+        };
+        if entries.map(|e| e.path()).any(|path| is_worth(&path)) {
+            return;
+        }
+        let _ = fs::remove_dir_all(&self.folder);
+        if *self.made.get_mut() {
+            // Fails when somebody else put something there meanwhile; then it stays.
+            let _ = fs::remove_dir(&self.out);
+        }
+    }
+}
