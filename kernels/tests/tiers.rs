@@ -229,6 +229,11 @@ fn layer_shapes() -> Vec<ConvShape> {
         conv(64, 256, 1, 1, 2),
         conv(36, 40, 1, 3, 1),
         conv(36, 63, 1, 3, 1),
+        // Chunks of tiles: one and two, even and sharing a group; one, two and three vectors of outputs.
+        conv(68, 17, 1, 3, 1),
+        conv(136, 48, 1, 1, 1),
+        conv(128, 96, 2, 3, 2),
+        conv(576, 33, 1, 1, 1),
         deconv(256, 192, 4),
         deconv(8, 6, 2),
         conv(3, 5, 1, 3, 1),
@@ -265,7 +270,11 @@ fn int8_layers_equal_scalar() {
             check_q(&Case {
                 shape,
                 height: 3 + i % 4,
-                width: [1, 4, 5, 9, 11, 16][i % 6].max(if shape.kernel() == 7 { 7 } else { 1 }),
+                width: [1, 4, 5, 9, 11, 16, 17, 33, 39][i % 9].max(if shape.kernel() == 7 {
+                    7
+                } else {
+                    1
+                }),
                 input_max: if picture { 255 } else { 127 },
                 values,
                 around: i % 3,
@@ -306,7 +315,7 @@ fn small_layers_equal_scalar() {
 prop_compose! {
     fn any_case()(
         groups in 1usize..4,
-        depth in prop_oneof![1usize..6, Just(4), Just(8), Just(12), Just(32), Just(36)],
+        depth in prop_oneof![1usize..6, Just(4), Just(8), Just(12), Just(32), Just(36), (1usize..40).prop_map(|n| 4 * n)],
         outs in prop_oneof![1usize..20, 30usize..50],
         kernel in 1usize..5,
         stride in 1usize..4,
@@ -323,7 +332,7 @@ prop_compose! {
             transposed,
         }).unwrap()),
         height in 4usize..8,
-        width in 4usize..20,
+        width in prop_oneof![4usize..20, 20usize..50],
         input_max in prop_oneof![Just(127u8), Just(255u8)],
         values in prop_oneof![Just(Values::Any), Just(Values::Most), Just(Values::Least), Just(Values::Ends)],
         around in 0usize..6,
