@@ -21,7 +21,8 @@ const ROW_BYTES: u16 = 64;
 /// Tiles of sums that are computed together; with inputs and weights they take all 8 tile registers.
 pub(crate) const SUMS: usize = 4;
 
-/// Sums of [`SUMS`] tiles, row after row.
+/// Sums of [`SUMS`] tiles, row after row. Without the initial values: they are added to what is read from here, since
+/// loading them into tiles takes as long as a product.
 #[repr(C, align(64))]
 pub(crate) struct Sums(pub [[[i32; LANES]; ROWS]; SUMS]);
 
@@ -105,12 +106,11 @@ impl Tiles {
         }
     }
 
-    /// Two tiles of pixels × two of outputs: `sums[2 · p + v] = bias[v] + Σ steps inputs[p] · weights[v]`.
+    /// Two tiles of pixels × two of outputs: `sums[2 · p + v] = Σ steps inputs[p] · weights[v]`.
     ///
     /// # Safety
     /// [`is_granted`]. For every offset, both inputs plus it are `pixels` rows of `4 · groups` readable bytes, `stride`
-    /// bytes apart; `weights` are `offsets.len() · groups` rows of 128 readable bytes, `bias` 32 values. `offsets` is not
-    /// empty.
+    /// bytes apart; `weights` are `offsets.len() · groups` rows of 128 readable bytes. `offsets` is not empty.
     #[inline(always)]
     pub unsafe fn two_by_two(
         &self,
@@ -118,20 +118,18 @@ impl Tiles {
         stride: usize,
         offsets: &[isize],
         weights: *const u8,
-        bias: *const i32,
         sums: &mut Sums,
     ) {
         let end = offsets.as_ptr_range().end;
-        // SAFETY: tiles read and write what their configuration says: a stride of 0 gives every row of sums the same 64
-        // bytes of `bias`; inputs and weights as the caller promises, where the step from one offset's weights to the
-        // next is groups · 128 bytes; `pixels <= ROWS` rows of every tile of `sums`.
+        // SAFETY: tiles read and write what their configuration says: inputs and weights as the caller promises, where the
+        // step from one offset's weights to the next is groups · 128 bytes; of every tile of `sums` `pixels <= ROWS`
+        // rows. The loop reads the offsets up to `end`, the first before it compares: there is one (caller).
         unsafe {
             asm!(
-                "tileloadd tmm0, [{bias} + {row}*1]",
-                "tileloadd tmm1, [{bias} + {row}*1 + 64]",
-                "tileloadd tmm2, [{bias} + {row}*1]",
-                "tileloadd tmm3, [{bias} + {row}*1 + 64]",
-                "mov {row:e}, 128",
+                "tilezero tmm0",
+                "tilezero tmm1",
+                "tilezero tmm2",
+                "tilezero tmm3",
                 "2:",
                 "mov {x}, [{offset}]",
                 "add {offset}, 8",
@@ -153,8 +151,7 @@ impl Tiles {
                 "tilestored [{sums} + {row}*1 + 1024], tmm1",
                 "tilestored [{sums} + {row}*1 + 2048], tmm2",
                 "tilestored [{sums} + {row}*1 + 3072], tmm3",
-                bias = in(reg) bias,
-                row = inout(reg) 0usize => _,
+                row = inout(reg) 128usize => _,
                 offset = inout(reg) offsets.as_ptr() => _,
                 end = in(reg) end,
                 input0 = in(reg) inputs[0],
@@ -172,10 +169,10 @@ impl Tiles {
         }
     }
 
-    /// Four tiles of pixels × one of outputs: `sums[p] = bias + Σ steps inputs[p] · weights`.
+    /// Four tiles of pixels × one of outputs: `sums[p] = Σ steps inputs[p] · weights`.
     ///
     /// # Safety
-    /// As [`two_by_two`](Self::two_by_two), with rows of 64 bytes of weights and 16 values of `bias`.
+    /// As [`two_by_two`](Self::two_by_two), with rows of 64 bytes of weights.
     #[inline(always)]
     pub unsafe fn four_by_one(
         &self,
@@ -183,7 +180,6 @@ impl Tiles {
         stride: usize,
         offsets: &[isize],
         weights: *const u8,
-        bias: *const i32,
         sums: &mut Sums,
     ) {
         let end = offsets.as_ptr_range().end;
@@ -192,11 +188,10 @@ impl Tiles {
         // SAFETY: as in `two_by_two`; the step from one offset's weights to the next is groups · 64 bytes.
         unsafe {
             asm!(
-                "tileloadd tmm0, [{bias} + {row}*1]",
-                "tileloadd tmm1, [{bias} + {row}*1]",
-                "tileloadd tmm2, [{bias} + {row}*1]",
-                "tileloadd tmm3, [{bias} + {row}*1]",
-                "mov {row:e}, 64",
+                "tilezero tmm0",
+                "tilezero tmm1",
+                "tilezero tmm2",
+                "tilezero tmm3",
                 "2:",
                 "mov {x}, [{offset}]",
                 "add {offset}, 8",
@@ -220,8 +215,7 @@ impl Tiles {
                 "tilestored [{sums} + {row}*1 + 1024], tmm1",
                 "tilestored [{sums} + {row}*1 + 2048], tmm2",
                 "tilestored [{sums} + {row}*1 + 3072], tmm3",
-                bias = inout(reg) bias => _,
-                row = inout(reg) 0usize => _,
+                row = in(reg) 64usize,
                 offset = inout(reg) offsets.as_ptr() => _,
                 end = in(reg) end,
                 input = in(reg) inputs[0],
