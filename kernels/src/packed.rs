@@ -13,8 +13,8 @@ use crate::simd::{Dot, Simd};
 pub(crate) const MAX_TAPS: usize = 49;
 
 /// Packed weights. Made by [`Packed::new`] only; what kernels rely on is that panel (group, block, phase) holds
-/// `taps · chunks.count · chunks.size · block.count · lanes` groups of 4 bytes, and blocks are 1 to [`MAX_BLOCK`] vectors
-/// that cover `outs`. Where chunks are not limited there is one, of `depth`.
+/// `taps · chunks.count · chunks.size · block.count · lanes` groups of 4 bytes, and blocks are 1 to [`MAX_BLOCK`]
+/// vectors that cover `outs`. Where chunks are not limited there is one, of `depth`.
 #[derive(Debug, Clone)]
 pub(crate) struct Packed {
     phases: Vec<Phase>,

@@ -121,9 +121,10 @@ impl Tiles {
         sums: &mut Sums,
     ) {
         let end = offsets.as_ptr_range().end;
-        // SAFETY: tiles read and write what their configuration says: inputs and weights as the caller promises, where the
-        // step from one offset's weights to the next is groups · 128 bytes; of every tile of `sums` `pixels <= ROWS`
-        // rows. The loop reads the offsets up to `end`, the first before it compares: there is one (caller).
+        // SAFETY: tiles read and write what their configuration says: inputs and weights as the caller promises, where
+        // the step from one offset's weights to the next is groups · 128 bytes; of every tile of `sums`
+        // `pixels <= ROWS` rows. The loop reads the offsets up to `end`, the first before it compares: there is one
+        // (caller).
         unsafe {
             asm!(
                 "tilezero tmm0",

@@ -48,8 +48,8 @@ fn ask() -> bool {
     const ARCH_REQ_XCOMP_PERM: u64 = 0x1023;
     const TILE_DATA: u64 = 18;
     let status: i64;
-    // SAFETY: a system call that reads and writes no memory of ours; the registers that it overwrites are named. A Linux
-    // that does not know the request, or does not grant it, returns an error.
+    // SAFETY: a system call that reads and writes no memory of ours; the registers that it overwrites are named. A
+    // Linux that does not know the request, or does not grant it, returns an error.
     unsafe {
         std::arch::asm!(
             "syscall",
