@@ -224,10 +224,10 @@ impl<W: Write<Avx512, __m512i>> Panel<'_, W> {
             // Behind the last tile it is summed again, and not written.
             let runs: [Run; RUNS] =
                 std::array::from_fn(|i| self.strip.run((first + i).min(count - 1)));
-            // SAFETY: a run's pixels are output pixels of the part: y is one of its rows, and
-            // column + pixels <= columns. Their taps lie in -halo..height + halo rows and -halo..width + halo columns of the input, halo being
-            // `ConvShape::input_halo`, which `check` proved readable; of each pixel a step reads `size` groups from
-            // `first`, and first + size <= depth (`Chunks`). The panel holds steps · size · NV vectors (`Packed`).
+            // SAFETY: a run's pixels are output pixels of the part: y is one of its rows, and column + pixels <=
+            // columns. Their taps lie in -halo..height + halo rows and -halo..width + halo columns of the input, halo
+            // being `ConvShape::input_halo`, which `check` proved readable; of each pixel a step reads `size` groups
+            // from `first`, and first + size <= depth (`Chunks`). The panel holds steps · size · NV vectors (`Packed`).
             unsafe {
                 let inputs = runs.map(|run| self.input.offset(self.strip.offset(&run)));
                 self.sum::<NV, RUNS>(inputs, &mut sums);
