@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use edgecap_kernels::Isa;
+use edgecap_kernels::{Algorithms, Isa};
 use serde::Serialize;
 
 /// Where a measurement was made.
@@ -16,6 +16,8 @@ pub struct Machine {
     pub governor: Option<String>,
     /// Instruction set in use.
     pub isa: &'static str,
+    /// Algorithms in use where `EDGECAP_ALGORITHM` names some that there are.
+    pub algorithms: &'static str,
     /// Instruction sets this CPU has kernels for, slowest first.
     pub available: Vec<&'static str>,
     /// Runnable processes, mean of the minute before the measurement; `None` where the system does not say.
@@ -36,6 +38,7 @@ impl Machine {
             governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
                 .map(|s| s.trim().to_owned()),
             isa: isa.name(),
+            algorithms: Algorithms::detect().unwrap_or_default().name(),
             available: Isa::available().map(Isa::name).collect(),
             load: read("/proc/loadavg").and_then(|s| s.split(' ').next()?.parse().ok()),
         }

@@ -107,6 +107,7 @@ fn run(model: &Model, precision: Precision) {
         height: side,
         threads: 1,
         isa: None,
+        algorithms: None,
         precision,
     };
     if let Ok(mut engine) = Engine::new(model, options) {

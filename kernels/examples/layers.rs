@@ -42,6 +42,12 @@ impl<T: Copy + From<u8>> Pool<T> {
     }
 }
 
+/// From a buffer's first cache line on: the engine's tensors begin with one.
+fn aligned<T>(buffer: &mut [T]) -> &mut [T] {
+    let first = buffer.as_ptr().align_offset(64);
+    &mut buffer[first..]
+}
+
 fn int8(
     isa: Isa,
     algorithm: Algorithm,
@@ -79,6 +85,7 @@ fn int8(
     let run = move || {
         let pool = &mut *pool.borrow_mut();
         let [data, result] = &mut pool.buffers;
+        let (data, result) = (aligned(data), aligned(result));
         conv.check((&input, data.len()), None, (&output, result.len()))
             .unwrap();
         let part = Part::whole(output.height(), shape.groups());

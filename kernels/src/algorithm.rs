@@ -1,6 +1,11 @@
 //! Ways to compute a convolution that differ in their numerics.
 
+use std::fmt;
+
 use crate::ConvShape;
+
+/// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
+pub const ALGORITHM_VARIABLE: &str = "EDGECAP_ALGORITHM";
 
 /// How an int8 convolution is computed. Results are bit-identical on every tier within one algorithm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -33,5 +38,93 @@ impl Algorithm {
         } else {
             Algorithm::Direct
         }
+    }
+}
+
+/// Which algorithm each layer of a network takes. Every CPU gives the same bits for the same choice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Algorithms {
+    /// [`Algorithm::preferred`]: what is fastest on most CPUs.
+    #[default]
+    Portable,
+    /// [`Algorithm::Direct`] for every layer: the definition, and faster on CPUs with tiles ([`Isa::Amx`]).
+    ///
+    /// [`Isa::Amx`]: crate::Isa::Amx
+    Direct,
+}
+
+impl Algorithms {
+    /// Every choice.
+    pub const ALL: [Algorithms; 2] = [Algorithms::Portable, Algorithms::Direct];
+
+    /// The name used in `EDGECAP_ALGORITHM` and certificates.
+    pub fn name(self) -> &'static str {
+        match self {
+            Algorithms::Portable => "portable",
+            Algorithms::Direct => "direct",
+        }
+    }
+
+    /// The choice for a layer.
+    pub fn of(self, shape: &ConvShape) -> Algorithm {
+        match self {
+            Algorithms::Portable => Algorithm::preferred(shape),
+            Algorithms::Direct => Algorithm::Direct,
+        }
+    }
+
+    /// What `EDGECAP_ALGORITHM` says, else the portable ones.
+    ///
+    /// # Errors
+    /// When the variable names no choice.
+    pub fn detect() -> Result<Self, AlgorithmsError> {
+        match std::env::var(ALGORITHM_VARIABLE) {
+            Ok(name) if !name.is_empty() => Self::named(&name),
+            _ => Ok(Self::default()),
+        }
+    }
+
+    /// The choice called `name`.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn named(name: &str) -> Result<Self, AlgorithmsError> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|choice| choice.name() == name)
+            .ok_or_else(|| AlgorithmsError(name.to_owned()))
+    }
+}
+
+/// No choice of algorithms has this name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AlgorithmsError(pub String);
+
+impl fmt::Display for AlgorithmsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = Algorithms::ALL.map(Algorithms::name).join(" or ");
+        let found = &self.0;
+        write!(
+            f,
+            "{ALGORITHM_VARIABLE}: expected {names}, found {found:?}; correct or unset the variable"
+        )
+    }
+}
+
+impl std::error::Error for AlgorithmsError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_found_by_name() {
+        for choice in Algorithms::ALL {
+            assert_eq!(Algorithms::named(choice.name()), Ok(choice));
+        }
+        let error = Algorithms::named("magic").unwrap_err().to_string();
+        assert!(
+            error.contains("portable or direct") && error.contains("magic"),
+            "{error}"
+        );
     }
 }

@@ -4,6 +4,9 @@
 //! of input channels it loads NV weight vectors and one broadcast group per pixel. Panels are the outer loop: a panel
 //! stays in the first two cache levels while the rows stream past it.
 
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod tiles;
+
 use std::marker::PhantomData;
 
 use crate::packed::{Blocking, MAX_TAPS, Packed, Panels};

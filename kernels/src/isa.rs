@@ -20,6 +20,8 @@ pub enum Isa {
     Avx512,
     /// AVX-512 F, BW, VL and VNNI.
     Avx512Vnni,
+    /// AMX with int8 (`tdpbusd` on tiles) beside AVX-512 with VNNI.
+    Amx,
     /// NEON: every aarch64 CPU.
     Neon,
     /// NEON with dotprod (`sdot`).
@@ -28,13 +30,14 @@ pub enum Isa {
 
 impl Isa {
     /// Every tier, slowest first.
-    pub const ALL: [Isa; 8] = [
+    pub const ALL: [Isa; 9] = [
         Isa::Scalar,
         Isa::Sse41,
         Isa::Avx2,
         Isa::AvxVnni,
         Isa::Avx512,
         Isa::Avx512Vnni,
+        Isa::Amx,
         Isa::Neon,
         Isa::NeonDot,
     ];
@@ -48,6 +51,7 @@ impl Isa {
             Isa::AvxVnni => "avxvnni",
             Isa::Avx512 => "avx512",
             Isa::Avx512Vnni => "avx512vnni",
+            Isa::Amx => "amx",
             Isa::Neon => "neon",
             Isa::NeonDot => "neondot",
         }

@@ -134,6 +134,13 @@ pub(crate) enum DotProduct {
         kernel: &'static Direct<Packed>,
         input_max: u8,
     },
+    /// By tiles where they pay ([`direct::tiles::pay`](crate::direct)), `otherwise` by vectors; exact for every input,
+    /// whatever the weights.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    Tiled {
+        kernel: &'static Direct<Packed>,
+        otherwise: &'static Direct<Packed>,
+    },
     /// For weights that can be cut into i16 segments.
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     Segmented(&'static Direct<SegmentedPacked>),
@@ -163,7 +170,7 @@ impl Tier {
     /// Whether this CPU can run all kernels of the tier.
     pub fn is_available(&self) -> bool {
         let dot: &dyn Kernel = match &self.dot {
-            DotProduct::Plain { kernel, .. } => *kernel,
+            DotProduct::Plain { kernel, .. } | DotProduct::Tiled { kernel, .. } => *kernel,
             DotProduct::Segmented(kernel) => *kernel,
         };
         let others: [&dyn Kernel; 6] = [

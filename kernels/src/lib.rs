@@ -41,7 +41,7 @@ mod winograd;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod writers;
 
-pub use algorithm::Algorithm;
+pub use algorithm::{ALGORITHM_VARIABLE, Algorithm, Algorithms, AlgorithmsError};
 pub use error::KernelError;
 pub use fconv::{FConv, FConvParams};
 pub use geometry::{ConvDims, ConvShape, Layout, PoolShape};

@@ -2,7 +2,7 @@
 //!
 //! Output channels of a group are cut into vectors of LANES, vectors into blocks of at most MAX_NV, and every (group,
 //! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Lanes beyond
-//! the last output channel hold zeros.
+//! the last output channel hold zeros, and so do depth groups that a chunk shares with the one before it.
 
 use crate::ConvShape;
 use crate::phase::{Phase, Tap};
@@ -13,13 +13,15 @@ use crate::simd::{Dot, Simd};
 pub(crate) const MAX_TAPS: usize = 49;
 
 /// Packed weights. Made by [`Packed::new`] only; what kernels rely on is that panel (group, block, phase) holds
-/// `taps · depth · block.count · lanes` groups of 4 bytes, and blocks are 1 to [`MAX_BLOCK`] vectors that cover `outs`.
+/// `taps · chunks.count · chunks.size · block.count · lanes` groups of 4 bytes, and blocks are 1 to [`MAX_BLOCK`]
+/// vectors that cover `outs`. Where chunks are not limited there is one, of `depth`.
 #[derive(Debug, Clone)]
 pub(crate) struct Packed {
     phases: Vec<Phase>,
     groups: usize,
     outs: usize,
     depth: usize,
+    chunks: Chunks,
     blocking: Blocking,
     blocks: Vec<Block>,
     panels: Vec<usize>,
@@ -64,6 +66,34 @@ pub(crate) struct Blocking {
     pub max_nv: usize,
     /// Numbers in a 32-bit group of input channels.
     pub pack: usize,
+    /// Most 32-bit groups of a tap that the kernel takes at once; [`usize::MAX`] where it takes any number.
+    pub chunk: usize,
+}
+
+/// The 32-bit groups of a tap in chunks of one size, as even as they get. The last chunk ends where the depth does, so
+/// that nothing behind it is read; groups that it shares with the chunk before have weight 0 in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Chunks {
+    /// Chunks of a tap.
+    pub count: usize,
+    /// 32-bit groups in every chunk; at most the depth.
+    pub size: usize,
+}
+
+impl Chunks {
+    /// `depth` groups in chunks of at most `most`.
+    pub fn of(depth: usize, most: usize) -> Self {
+        let count = depth.div_ceil(most);
+        Self {
+            count,
+            size: depth.div_ceil(count.max(1)),
+        }
+    }
+
+    /// First group of a chunk; `first + size <= depth`.
+    pub fn first(&self, chunk: usize, depth: usize) -> usize {
+        (chunk * self.size).min(depth - self.size)
+    }
 }
 
 /// Most vectors in a block: kernels are compiled for 1, 2 and 3.
@@ -77,6 +107,7 @@ impl Blocking {
             lanes: D::S::LANES,
             max_nv: D::MAX_NV,
             pack: D::PACK,
+            chunk: usize::MAX,
         }
     }
 }
@@ -101,10 +132,20 @@ impl Packed {
         }
         let outs = shape.group_out();
         let depth = channels / blocking.pack;
+        let chunks = Chunks::of(depth, blocking.chunk);
+        // (Group of input channels, whether an earlier chunk has it.)
+        let order: Vec<(usize, bool)> = (0..chunks.count)
+            .flat_map(|c| {
+                (chunks.first(c, depth)..)
+                    .take(chunks.size)
+                    .map(move |g| (g, g < c * chunks.size))
+            })
+            .collect();
         let blocks = blocks(outs.div_ceil(blocking.lanes), blocking.max_nv);
         let taps: usize = phases.iter().map(|phase| phase.taps.len()).sum();
         let vectors: usize = blocks.iter().map(|block| block.count).sum();
-        let mut data = Scratch::new(shape.groups() * vectors * taps * depth * blocking.lanes * 4);
+        let mut data =
+            Scratch::new(shape.groups() * vectors * taps * order.len() * blocking.lanes * 4);
         let bytes = data.as_mut_bytes();
         let mut panels = Vec::new();
         let mut at = 0;
@@ -113,11 +154,11 @@ impl Packed {
                 for phase in &phases {
                     panels.push(at);
                     for tap in &phase.taps {
-                        for group_of_ic in 0..depth {
+                        for &(group_of_ic, seen) in &order {
                             for lane in 0..block.count * blocking.lanes {
                                 let out = block.first * blocking.lanes + lane;
                                 for i in 0..blocking.pack {
-                                    if out < outs {
+                                    if out < outs && !seen {
                                         let ic = group_of_ic * blocking.pack + i;
                                         bytes[at..at + BYTES].copy_from_slice(&weight(
                                             group * outs + out,
@@ -138,6 +179,7 @@ impl Packed {
             groups: shape.groups(),
             outs,
             depth,
+            chunks,
             blocking,
             blocks,
             panels,
@@ -163,6 +205,11 @@ impl Packed {
     /// 32-bit groups of input channels per tap.
     pub fn depth(&self) -> usize {
         self.depth
+    }
+
+    /// How the 32-bit groups of a tap are cut.
+    pub fn chunks(&self) -> Chunks {
+        self.chunks
     }
 
     /// How the panels are cut.
@@ -241,6 +288,7 @@ mod tests {
             lanes: 4,
             max_nv: 3,
             pack: 4,
+            chunk: usize::MAX,
         };
         let packed = Packed::new(&shape, blocking, |oc, ic, _| [(oc * 4 + ic) as u8]).unwrap();
         // 5 outputs are 2 vectors; the second has one lane in use.
@@ -251,5 +299,35 @@ mod tests {
             packed.per_channel(&(0..10).collect::<Vec<i32>>()),
             [0, 1, 2, 3, 4, 0, 0, 0, 5, 6, 7, 8, 9, 0, 0, 0]
         );
+    }
+
+    #[test]
+    fn chunks_hold_every_group_once_and_end_with_the_depth() {
+        for depth in 1..80 {
+            let chunks = Chunks::of(depth, 16);
+            assert!(chunks.size <= 16 && chunks.count == depth.div_ceil(16));
+            let mut seen = 0;
+            for chunk in 0..chunks.count {
+                let first = chunks.first(chunk, depth);
+                assert!(first <= seen && seen < first + chunks.size);
+                seen = first + chunks.size;
+            }
+            assert_eq!(seen, depth);
+        }
+        // 17 groups are 2 chunks of 9: the second begins with the last group of the first, there with weight 0.
+        let dims = ConvDims {
+            in_channels: 17 * 4,
+            ..ConvDims::default()
+        };
+        let blocking = Blocking {
+            lanes: 1,
+            max_nv: 1,
+            pack: 4,
+            chunk: 16,
+        };
+        let weight = |_, ic: usize, _: &Tap| [ic as u8 + 1];
+        let packed = Packed::new(&ConvShape::new(dims).unwrap(), blocking, weight).unwrap();
+        let expected: Vec<u8> = (1..37).chain([0; 4]).chain(37..69).collect();
+        assert_eq!(packed.weights(0)[..expected.len()], expected);
     }
 }

@@ -177,14 +177,18 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
 
 fn check_q(case: &Case) {
     for &algorithm in Algorithm::candidates(&case.shape) {
-        let expected = run_q(Isa::Scalar, algorithm, case);
-        for isa in Isa::available() {
-            let found = run_q(isa, algorithm, case);
-            assert!(
-                found == expected,
-                "{isa} {algorithm:?} differs from scalar: {case:?}"
-            );
-        }
+        check_algorithm(case, algorithm);
+    }
+}
+
+fn check_algorithm(case: &Case, algorithm: Algorithm) {
+    let expected = run_q(Isa::Scalar, algorithm, case);
+    for isa in Isa::available() {
+        let found = run_q(isa, algorithm, case);
+        assert!(
+            found == expected,
+            "{isa} {algorithm:?} differs from scalar: {case:?}"
+        );
     }
 }
 
@@ -229,6 +233,11 @@ fn layer_shapes() -> Vec<ConvShape> {
         conv(64, 256, 1, 1, 2),
         conv(36, 40, 1, 3, 1),
         conv(36, 63, 1, 3, 1),
+        // Chunks of tiles: one and two, even and sharing a group; one, two and three vectors of outputs.
+        conv(68, 17, 1, 3, 1),
+        conv(136, 48, 1, 1, 1),
+        conv(128, 96, 2, 3, 2),
+        conv(576, 33, 1, 1, 1),
         deconv(256, 192, 4),
         deconv(8, 6, 2),
         conv(3, 5, 1, 3, 1),
@@ -265,7 +274,11 @@ fn int8_layers_equal_scalar() {
             check_q(&Case {
                 shape,
                 height: 3 + i % 4,
-                width: [1, 4, 5, 9, 11, 16][i % 6].max(if shape.kernel() == 7 { 7 } else { 1 }),
+                width: [1, 4, 5, 9, 11, 16, 17, 33, 39][i % 9].max(if shape.kernel() == 7 {
+                    7
+                } else {
+                    1
+                }),
                 input_max: if picture { 255 } else { 127 },
                 values,
                 around: i % 3,
@@ -323,7 +336,7 @@ prop_compose! {
             transposed,
         }).unwrap()),
         height in 4usize..8,
-        width in 4usize..20,
+        width in prop_oneof![4usize..20, 20usize..50],
         input_max in prop_oneof![Just(127u8), Just(255u8)],
         values in prop_oneof![Just(Values::Any), Just(Values::Most), Just(Values::Least), Just(Values::Ends)],
         around in 0usize..6,
@@ -342,6 +355,86 @@ proptest! {
     fn int8_of_any_shape_equals_scalar(case in any_case()) {
         check_q(&case);
     }
+}
+
+prop_compose! {
+    /// Layers deep enough for tiles: chunks that share groups, rows around 16 pixels, one to five vectors of outputs.
+    fn deep_case()(
+        groups in 1usize..3,
+        depth in (3usize..50).prop_map(|n| 4 * n),
+        outs in 1usize..72,
+        kernel in 1usize..4,
+        stride in 1usize..3,
+        padding in 0usize..2,
+        transposed in any::<bool>(),
+    )(
+        shape in Just(ConvShape::new(ConvDims {
+            in_channels: groups * depth,
+            out_channels: groups * outs,
+            groups,
+            kernel: kernel.max(if transposed { stride } else { 1 }),
+            stride,
+            padding: padding.min(kernel - 1) / if transposed { 2 } else { 1 },
+            transposed,
+        }).unwrap()),
+        height in 3usize..6,
+        width in prop_oneof![3usize..15, 15usize..18, 30usize..36],
+        values in prop_oneof![Just(Values::Any), Just(Values::Most), Just(Values::Least), Just(Values::Ends)],
+        input_max in prop_oneof![Just(127u8), Just(255u8)],
+        around in prop_oneof![Just(0usize), 1usize..70],
+        residual in any::<bool>(),
+        to_f32 in any::<bool>(),
+        parts in 1usize..4,
+        seed in any::<u64>(),
+    ) -> Case {
+        Case { shape, height, width, input_max, values, around, residual, to_f32, parts, seed }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    #[cfg_attr(miri, ignore = "Miri runs no tiles, and hours at the rest")]
+    fn int8_of_deep_shapes_equals_scalar(case in deep_case()) {
+        // Winograd refuses the worst sums of so many channels.
+        check_algorithm(&case, Algorithm::Direct);
+    }
+}
+
+#[test]
+fn tiles_run_where_they_pay() {
+    if !Isa::Amx.is_available() {
+        println!("skipped: this CPU, or this system, has no tiles");
+        return;
+    }
+    let name = |shape: ConvShape| {
+        let params = QConvParams {
+            shape,
+            weights: &vec![1; shape.weight_len()],
+            bias: &vec![0; shape.out_channels()],
+            input_max: 127,
+            epilogue: Epilogue::F32 {
+                scale: vec![1.0; shape.out_channels()],
+            },
+            algorithm: Algorithm::Direct,
+        };
+        QConv::new(Isa::Amx, &params).unwrap().name()
+    };
+    for tiled in [
+        conv(64, 64, 1, 1, 1),
+        conv(64, 8, 4, 3, 2),
+        deconv(256, 192, 4),
+    ] {
+        assert_eq!(name(tiled), "qs8_direct_32x32c4__amx", "{tiled:?}");
+    }
+    for narrow in [
+        conv(4, 32, 1, 3, 2),
+        conv(64, 64, 16, 3, 1),
+        conv(16, 16, 1, 1, 1),
+    ] {
+        assert_eq!(name(narrow), "qs8_direct_8x48c4__avx512vnni", "{narrow:?}");
+    }
+    assert_eq!(name(conv(6, 6, 1, 1, 1)), "qs8_direct__scalar");
 }
 
 /// `Σ` in another order and with fused products: within 4 · 2⁻²⁴ · √terms… bounded here by 1e-5 of the sum of

@@ -172,7 +172,10 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<CameraError>() {
                 return Some(e.exit_code());
             }
-            if let Some(EngineError::Isa(_) | EngineError::Size { .. }) = cause.downcast_ref() {
+            if let Some(
+                EngineError::Isa(_) | EngineError::Algorithms(_) | EngineError::Size { .. },
+            ) = cause.downcast_ref()
+            {
                 return Some(USAGE);
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {

@@ -11,7 +11,7 @@ mod plan;
 mod run;
 
 pub use calibrate::{CalibrationOptions, Trial, WILD};
-pub use edgecap_kernels::Isa;
+pub use edgecap_kernels::{Algorithms, Isa};
 pub use flip::FlipTest;
 pub use maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 pub use model::{Model, ModelError};

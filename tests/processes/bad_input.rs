@@ -194,17 +194,16 @@ fn files_that_do_not_end_are_refused_before_they_fill_the_memory() {
 
 #[test]
 fn what_the_user_can_mend_is_no_fault_of_the_program() {
-    let out = crate::program::edgecap()
-        .args(["infer", "--input", "demo", "--jsonl", "/dev/null"])
-        .env("EDGECAP_ISA", "abacus")
-        .output()
-        .unwrap();
-    assert_eq!(
-        out.status.code(),
-        Some(64),
-        "{}",
-        crate::program::stderr(&out)
-    );
+    for variable in ["EDGECAP_ISA", "EDGECAP_ALGORITHM"] {
+        let out = crate::program::edgecap()
+            .args(["infer", "--input", "demo", "--jsonl", "/dev/null"])
+            .env(variable, "abacus")
+            .output()
+            .unwrap();
+        let text = crate::program::stderr(&out);
+        assert_eq!(out.status.code(), Some(64), "{text}");
+        assert!(text.contains(variable), "{text}");
+    }
     assert_fails(
         &["synth", "--frames", "1", "--out", "/dev/full"],
         73,

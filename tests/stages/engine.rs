@@ -3,7 +3,9 @@
 
 use crate::tiny_network::{naive, picture, tiny};
 use edgecap::engine::model::{Calibration, RangeChoice, Weights};
-use edgecap::engine::{CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Precision};
+use edgecap::engine::{
+    Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Precision,
+};
 
 const SIZE: (usize, usize) = (48, 32);
 
@@ -14,6 +16,7 @@ fn engine(model: &Model, precision: Precision, threads: usize, isa: Option<Isa>)
         threads,
         isa,
         precision,
+        ..EngineOptions::default()
     };
     Engine::new(model, options).unwrap()
 }
@@ -73,6 +76,41 @@ fn int8_is_near_f32_and_the_same_on_every_tier() {
         for threads in [1, 2, 5] {
             let mut engine = engine(&quantised, Precision::Int8, threads, Some(isa));
             assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn direct_algorithms_are_near_f32_and_the_same_on_every_tier() {
+    let model = Model::random(tiny(), 3);
+    let quantised = quantised(&model);
+    let picture = picture(SIZE, 2);
+    let run = |threads, algorithms, isa| {
+        let options = EngineOptions {
+            width: SIZE.0,
+            height: SIZE.1,
+            threads,
+            algorithms: Some(algorithms),
+            isa: Some(isa),
+            ..EngineOptions::default()
+        };
+        Engine::new(&quantised, options)
+            .unwrap()
+            .run(&picture)
+            .clone()
+    };
+    let scalar = run(1, Algorithms::Direct, Isa::Scalar);
+    let float = engine(&model, Precision::F32, 1, None)
+        .run(&picture)
+        .clone();
+    let e = error(&float, &scalar);
+    assert!(e < 0.05, "{e}");
+    // Or nothing of this was tested.
+    assert!(scalar != run(1, Algorithms::Portable, Isa::Scalar));
+    for isa in Isa::available() {
+        for threads in [1, 2, 5] {
+            let found = run(threads, Algorithms::Direct, isa);
+            assert!(found == scalar, "{isa}, {threads} threads");
         }
     }
 }

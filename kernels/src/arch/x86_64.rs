@@ -1,21 +1,22 @@
 //! x86-64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a 32-bit
 //! group, set.
 
+pub(crate) mod amx;
 mod avx2;
-mod avx512;
+pub(crate) mod avx512;
 mod sse41;
 
 use super::{chain, direct_f32, direct_int8, max_pool, winograd_int8};
 use crate::Isa;
 use crate::direct::{Plain, Segmented};
-use crate::kernel::{Direct, DotProduct, FloatDirect, PeakChain, Pool, Tier, Winograd};
+use crate::kernel::{Direct, DotProduct, FloatDirect, Kernel, PeakChain, Pool, Tier, Winograd};
 use crate::packed::Packed;
 use crate::peak::{dots, sums};
 use crate::segments::SegmentedPacked;
 use std::arch::is_x86_feature_detected as has;
 
 /// Every tier, slowest first.
-pub(crate) static TIERS: [Tier; 5] = [
+pub(crate) static TIERS: [Tier; 6] = [
     Tier {
         isa: Isa::Sse41,
         dot: DotProduct::Segmented(&DIRECT_SSE41),
@@ -70,6 +71,19 @@ pub(crate) static TIERS: [Tier; 5] = [
         float: &F32_AVX512,
         pool: &POOL_AVX512,
         peak_int8: &VNNI_512,
+        peak_f32: &FMA_512,
+    },
+    Tier {
+        isa: Isa::Amx,
+        dot: DotProduct::Tiled {
+            kernel: &DIRECT_AMX,
+            otherwise: &DIRECT_AVX512VNNI,
+        },
+        widening: &WIDE_AVX512,
+        winograd: &WINOGRAD_AVX512VNNI,
+        float: &F32_AVX512,
+        pool: &POOL_AVX512,
+        peak_int8: &TILES,
         peak_f32: &FMA_512,
     },
 ];
@@ -190,3 +204,26 @@ chain!(
     ],
     dots::<avx512::U8Vnni>
 );
+
+// AMX with int8: sums in tiles, everything else with AVX-512. Features that the compiler does not know are granted by
+// the system, not only had by the CPU.
+static DIRECT_AMX: Direct<Packed> = {
+    use crate::direct::{self, tiles};
+    use crate::{arch::leaf, writers};
+    leaf!(["avx512f", "avx512bw", "avx512vl", "avx512vnni", "avx2", "fma"],
+        fn to_u8(job: &direct::Job<'_, Packed>, writer: &writers::ToU8<'_>) = tiles::run(job, writer));
+    leaf!(["avx512f", "avx512bw", "avx512vl", "avx512vnni", "avx2", "fma"],
+        fn to_f32(job: &direct::Job<'_, Packed>, writer: &writers::ToF32<'_>) = tiles::run(job, writer));
+    Direct {
+        name: "qs8_direct_32x32c4__amx",
+        available: || DIRECT_AVX512VNNI.is_available() && amx::is_granted(),
+        blocking: tiles::BLOCKING,
+        to_u8,
+        to_f32,
+    }
+};
+static TILES: PeakChain = PeakChain {
+    name: "tdpbusd",
+    available: amx::is_granted,
+    run: amx::products,
+};

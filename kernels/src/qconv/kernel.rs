@@ -14,7 +14,7 @@ pub(super) enum Kernel {
     WinogradReference(TransformedWeights),
     /// A kernel of a vector tier.
     #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-    Vector(super::vector::Vector),
+    Vector(Box<super::vector::Vector>),
 }
 
 /// Least t of a Winograd convolution: below it the rounding of weights would be felt.
@@ -44,7 +44,7 @@ impl Kernel {
             Algorithm::Direct => {
                 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 if let Some(vector) = super::vector::Vector::direct(isa, params) {
-                    return Ok((Kernel::Vector(vector), params.epilogue.clone()));
+                    return Ok((Kernel::Vector(Box::new(vector)), params.epilogue.clone()));
                 }
                 let reference = Kernel::Reference {
                     weights: weights.to_vec(),
@@ -64,7 +64,7 @@ impl Kernel {
                 if let Some(vector) =
                     super::vector::Vector::winograd(isa, shape, &transformed, &epilogue)
                 {
-                    return Ok((Kernel::Vector(vector), epilogue));
+                    return Ok((Kernel::Vector(Box::new(vector)), epilogue));
                 }
                 Ok((Kernel::WinogradReference(transformed), epilogue))
             }

@@ -7,7 +7,7 @@ use crate::capture::{self, Frame, demo};
 use crate::commands::exit;
 use crate::commands::infer::{DEFAULT_SIZE, EngineArgs};
 use crate::commands::pipeline::{Pipeline, PipelineOptions, SCALAR_ONLY};
-use crate::engine::Isa;
+use crate::engine::{Algorithms, Isa};
 use crate::machine::Machine;
 
 /// Pictures of the bundled clip that speed is measured with.
@@ -24,13 +24,15 @@ pub const SPEED: &str = "speed";
 
 /// What it is, and which kernels it has.
 pub fn processor() -> Finding {
-    match Isa::detect() {
-        Ok(isa) => processor_with(isa),
-        Err(e) => Finding::new(PROCESSOR, State::Broken(exit::USAGE), e.to_string()),
+    let broken = |e: String| Finding::new(PROCESSOR, State::Broken(exit::USAGE), e);
+    match (Isa::detect(), Algorithms::detect()) {
+        (Ok(isa), Ok(algorithms)) => processor_with(isa, algorithms),
+        (Err(e), _) => broken(e.to_string()),
+        (_, Err(e)) => broken(e.to_string()),
     }
 }
 
-fn processor_with(isa: Isa) -> Finding {
+fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
     let machine = Machine::here(isa);
     let mut text = format!("{}, {} cores, {}", machine.cpu, machine.cores, machine.isa);
     let mut state = State::Fine;
@@ -50,6 +52,9 @@ fn processor_with(isa: Isa) -> Finding {
         Isa::Sse41 => {
             text += "; no AVX2, which the network is made for: expected a CPU of 2015 or later";
             state = State::Warning;
+        }
+        Isa::Amx if algorithms == Algorithms::Portable => {
+            text += "; EDGECAP_ALGORITHM=direct is faster here, with slightly other numbers than on other CPUs";
         }
         _ => {}
     }
@@ -125,12 +130,18 @@ mod tests {
 
     #[test]
     fn a_processor_without_fast_kernels_is_told_loudly() {
-        let scalar = processor_with(Isa::Scalar);
+        let scalar = processor_with(Isa::Scalar, Algorithms::Portable);
         assert!(scalar.text.contains("only scalar kernels are left"));
         assert!(scalar.to_string().starts_with("WARNING processor"));
-        assert_eq!(processor_with(Isa::Sse41).state, State::Warning);
+        assert_eq!(
+            processor_with(Isa::Sse41, Algorithms::Portable).state,
+            State::Warning
+        );
         for isa in Isa::available().filter(|isa| *isa > Isa::Sse41) {
-            assert_ne!(processor_with(isa).state, State::Warning);
+            assert_ne!(
+                processor_with(isa, Algorithms::Portable).state,
+                State::Warning
+            );
         }
     }
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use edgecap_kernels::{
-    Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool, Part, QConv,
-    QConvParams,
+    Algorithm, Algorithms, ConvShape, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool,
+    Part, QConv, QConvParams,
 };
 
 use rayon::prelude::*;
@@ -84,13 +84,20 @@ fn missing(node: &Node) -> EngineError {
     EngineError::Layer(node.name.clone())
 }
 
+/// What kernels are packed for.
+#[derive(Clone, Copy)]
+pub(super) struct How {
+    pub isa: Isa,
+    pub algorithms: Algorithms,
+}
+
 /// Packs every node's weights.
 pub(super) fn kernels(
     graph: &Graph,
     source: &Source<'_>,
-    isa: Isa,
+    how: How,
 ) -> Result<Arc<[Kernel]>, EngineError> {
-    let kernel = |i: usize| kernel(graph, source, isa, i);
+    let kernel = |i: usize| kernel(graph, source, how, i);
     // Packing is most of the start-up: every layer is packed on its own.
     (0..graph.nodes.len()).into_par_iter().map(kernel).collect()
 }
@@ -98,13 +105,13 @@ pub(super) fn kernels(
 fn kernel(
     graph: &Graph,
     source: &Source<'_>,
-    isa: Isa,
+    how: How,
     index: usize,
 ) -> Result<Kernel, EngineError> {
     let node = &graph.nodes[index];
     Ok(match (&node.op, source) {
         (Op::MaxPool { shape }, _) => {
-            Kernel::Pool(MaxPool::new(isa, *shape).map_err(refused(node))?)
+            Kernel::Pool(MaxPool::new(how.isa, *shape).map_err(refused(node))?)
         }
         (Op::Conv { shape, relu, .. }, Source::Float(convs)) => {
             let conv = convs[index].as_ref().ok_or_else(|| missing(node))?;
@@ -115,7 +122,7 @@ fn kernel(
                 relu: *relu,
                 residual: node.residual.is_some(),
             };
-            Kernel::Float(FConv::new(isa, &params).map_err(refused(node))?)
+            Kernel::Float(FConv::new(how.isa, &params).map_err(refused(node))?)
         }
         (Op::Conv { relu, .. }, Source::Int8(convs, scales)) => {
             let conv = convs[index].as_ref().ok_or_else(|| missing(node))?;
@@ -125,7 +132,7 @@ fn kernel(
             }
             check_sum(graph, node, scales)?;
             let channels = node.inputs.iter().map(|&v| graph.values[v].channels).sum();
-            let conv = int8(node, channels, conv, scales, isa).map_err(refused(node))?;
+            let conv = int8(node, channels, conv, scales, how).map_err(refused(node))?;
             if is_map {
                 Kernel::Int8ToMap(conv)
             } else {
@@ -228,7 +235,7 @@ fn int8(
     channels: usize,
     conv: &QuantConv,
     scales: &[Option<Scale>],
-    isa: Isa,
+    how: How,
 ) -> Result<QConv, KernelError> {
     let Op::Conv { shape, .. } = &node.op else {
         unreachable!("called for convolutions only");
@@ -293,10 +300,10 @@ fn int8(
             epilogue: epilogue.clone(),
             algorithm,
         };
-        QConv::new(isa, &params)
+        QConv::new(how.isa, &params)
     };
     // Winograd refuses some weights. Which ones depends on the weights alone, so every machine takes the same way.
-    match pack(Algorithm::preferred(&shape)) {
+    match pack(how.algorithms.of(&shape)) {
         Err(KernelError::Value(_)) => pack(Algorithm::Direct),
         packed => packed,
     }

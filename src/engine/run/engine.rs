@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use edgecap_kernels::{ConvShape, Isa};
+use edgecap_kernels::{Algorithms, ConvShape, Isa};
 
 use super::arena::Arena;
 use super::build::{self, Source};
@@ -37,6 +37,8 @@ pub struct EngineOptions {
     pub threads: usize,
     /// Instruction set; `None` takes the fastest, or what `EDGECAP_ISA` says.
     pub isa: Option<Isa>,
+    /// Algorithms of int8 layers; `None` takes the portable ones, or what `EDGECAP_ALGORITHM` says.
+    pub algorithms: Option<Algorithms>,
     /// Arithmetic.
     pub precision: Precision,
 }
@@ -50,6 +52,7 @@ impl Default for EngineOptions {
             height: 320,
             threads: cores.min(4),
             isa: None,
+            algorithms: None,
             precision: Precision::Int8,
         }
     }
@@ -115,12 +118,16 @@ impl Engine {
             Some(isa) => isa,
             None => Isa::detect()?,
         };
+        let algorithms = match options.algorithms {
+            Some(algorithms) => algorithms,
+            None => Algorithms::detect()?,
+        };
         let source = match options.precision {
             Precision::Int8 => Source::int8(model.weights())?,
             Precision::F32 => Source::float(&graph, model.weights()),
         };
         let stored = build::stored(&graph, &source);
-        let kernels = build::kernels(&stored, &source, isa)?;
+        let kernels = build::kernels(&stored, &source, build::How { isa, algorithms })?;
         let scratch = kernels.iter().map(Kernel::scratch_bytes).max();
         let packed = Packed {
             padding: (0..graph.values.len()).map(|v| source.padding(v)).collect(),

@@ -1,6 +1,6 @@
 //! Why an engine cannot be built.
 
-use edgecap_kernels::{IsaError, KernelError};
+use edgecap_kernels::{AlgorithmsError, IsaError, KernelError};
 
 use crate::engine::model::ModelError;
 use crate::engine::plan::PlanError;
@@ -59,10 +59,19 @@ pub enum EngineError {
     /// The instruction set asked for.
     #[error("{0}")]
     Isa(String),
+    /// The algorithms asked for.
+    #[error("{0}")]
+    Algorithms(String),
 }
 
 impl From<IsaError> for EngineError {
     fn from(e: IsaError) -> Self {
         Self::Isa(e.to_string())
+    }
+}
+
+impl From<AlgorithmsError> for EngineError {
+    fn from(e: AlgorithmsError) -> Self {
+        Self::Algorithms(e.to_string())
     }
 }

@@ -14,8 +14,9 @@ impl fmt::Display for Certificate {
         writeln!(f, "governor  {governor}")?;
         writeln!(
             f,
-            "kernels   {} (this CPU has {})",
+            "kernels   {}, {} algorithms (this CPU has {})",
             m.isa,
+            m.algorithms,
             m.available.join(", ")
         )?;
         writeln!(
