@@ -34,6 +34,7 @@ JOINTS21 = (
     "spine head r_hand l_hand r_foot_tip l_foot_tip"
 ).split()
 BETWEEN = {"neck": ("neck", "spine-1", 0.08), "spine": ("spine-3", "spine-2", 0.8)}  # markers, and how far from the first to the second
+BETWEEN |= {f"{side}_foot_tip": (f"{side}-toe-2-3", f"{side}-foot-2", 0.3) for side in "lr"}
 PELVIS = 0.75  # how far from the middle of the hips to the marker
 CARRIER21 = np.array([15, 12, 17, 19, 21, 16, 18, 20, 2, 5, 8, 1, 4, 7, 0, 6, 15, 23, 22, 11, 10])  # joint that moves each of the 21
 
@@ -46,12 +47,12 @@ def joints24(mesh: BaseMesh, bodies: np.ndarray) -> np.ndarray:
 def joints21(mesh: BaseMesh, bodies: np.ndarray, crown: int) -> np.ndarray:
     """[n, 21, 3]: the joints that edgecap reports; `crown` is the vertex at the top of the head.
 
-    Neck, spine and pelvis lie between markers where `models/skeleton.toml` has them on a person of the same stature.
+    Neck, spine, pelvis and the tips of feet lie between markers where `models/skeleton.toml` has them on a person of the same stature.
     """
     at = {"head_top": bodies[:, crown], "head": mesh.marker(bodies, "joint-head")}
     at |= {name: _between(mesh, bodies, *markers) for name, markers in BETWEEN.items()}
     parts = dict(
-        shoulder="shoulder", elbow="elbow", wrist="hand", hip="upper-leg", knee="knee", ankle="ankle", hand="finger-3-2", foot_tip="toe-2-3"
+        shoulder="shoulder", elbow="elbow", wrist="hand", hip="upper-leg", knee="knee", ankle="ankle", hand="finger-3-1"
     )
     for side in "lr":
         at |= {f"{side}_{ours}": mesh.marker(bodies, f"joint-{side}-{theirs}") for ours, theirs in parts.items()}

@@ -69,7 +69,7 @@ pub struct Energy<'a> {
     /// Distance beyond which a target counts little, metres.
     pub target_sigma: f64,
     /// Where one view alone places the joints: told from their image, so they count little beside it.
-    pub lifted: Option<&'a [Option<DVec3>; EVIDENCE_JOINTS]>,
+    pub lifted: Option<&'a [DVec3; BODY_JOINTS]>,
     /// Outlines in views with masks.
     pub rims: &'a [Rim<'a>],
     /// Weight of the pose prior.
@@ -101,11 +101,11 @@ impl Energy<'_> {
         if let Some((target, weight)) = self.targets.and_then(|t| t[j]) {
             towards(target, DATA * weight, self.target_sigma);
         }
+        if let Some(lifted) = self.lifted {
+            towards(lifted[j], 1.0 / (LIFTED * LIFTED), LIFTED_SIGMA);
+        }
         if j >= EVIDENCE_JOINTS {
             return (cost, pull, matrix);
-        }
-        if let Some(target) = self.lifted.and_then(|l| l[j]) {
-            towards(target, 1.0 / (LIFTED * LIFTED), LIFTED_SIGMA);
         }
         for seen in self.seen {
             let Some(ray) = seen.sight.rays[j] else {
@@ -133,7 +133,7 @@ impl Energy<'_> {
     }
 
     fn counts(&self) -> usize {
-        if self.targets.is_some() {
+        if self.targets.is_some() || self.lifted.is_some() {
             BODY_JOINTS
         } else {
             EVIDENCE_JOINTS

@@ -177,7 +177,7 @@ fn pieces(
                         sights: vec![None; views],
                         joints,
                         healed: 0,
-                        lifted: false,
+                        lifted: None,
                         contours: Vec::new(),
                     };
                     piece.push(PersonFrame {

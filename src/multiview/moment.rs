@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::sight::Sight;
 use super::silhouette::Contour;
 use crate::camera::View;
-use crate::joints::EVIDENCE_JOINTS;
+use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
 /// One person in one frame.
 #[derive(Debug, Clone)]
@@ -16,8 +16,8 @@ pub struct Moment {
     pub joints: [Option<DVec3>; EVIDENCE_JOINTS],
     /// Exchanged limbs that were healed.
     pub healed: usize,
-    /// Whether one view alone told `joints`: then they are evidence of their own.
-    pub lifted: bool,
+    /// Where Stage III has all joints, when one view is all there is: evidence beside what it saw.
+    pub lifted: Option<[DVec3; BODY_JOINTS]>,
     /// Where masks end, by view; empty without masks.
     pub contours: Vec<Option<Contour>>,
 }
@@ -29,11 +29,6 @@ impl Moment {
         let mean = known.iter().sum::<DVec3>() / known.len().max(1) as f64;
         let z = view.to_camera(mean).z;
         (!known.is_empty() && z > 0.2).then_some(z)
-    }
-
-    /// Joints that are evidence.
-    pub fn lifted(&self) -> Option<&[Option<DVec3>; EVIDENCE_JOINTS]> {
-        self.lifted.then_some(&self.joints)
     }
 
     /// What views saw, as the energy wants it; one weight a view.

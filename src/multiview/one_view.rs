@@ -7,7 +7,7 @@ use super::moment::Moment;
 use super::people::{Detections, Track, nearest_sight};
 use crate::camera::View;
 use crate::fit::Fitter;
-use crate::joints::EVIDENCE_JOINTS;
+use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::message::{Body, BodyFrame, BodyState, MAX_PEOPLE, Observation, ObservationFrame};
 
 /// Stage III's bodies by frame, of what a view sees `rate` times a second; camera axes, metres.
@@ -42,15 +42,16 @@ pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<T
     let mut tracks: Vec<Track> = Vec::new();
     for (frame, (bodies, seen)) in bodies.iter().zip(seen).enumerate() {
         for body in bodies.iter().filter(|b| b.state == BodyState::TRACKED) {
-            let joints: [DVec3; EVIDENCE_JOINTS] = std::array::from_fn(|j| {
+            let lifted: [DVec3; BODY_JOINTS] = std::array::from_fn(|j| {
                 let p = DVec3::from(body.joints3d[j].map(f64::from));
                 view.position + view.rotation.transpose() * p
             });
+            let joints: [DVec3; EVIDENCE_JOINTS] = std::array::from_fn(|j| lifted[j]);
             let moment = Moment {
                 sights: vec![nearest_sight(view, seen, &joints)],
                 joints: joints.map(Some),
                 healed: 0,
-                lifted: true,
+                lifted: Some(lifted),
                 contours: Vec::new(),
             };
             match tracks.iter_mut().find(|t| t.id == body.id) {

@@ -216,7 +216,7 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
             sights,
             joints: points,
             healed: 0,
-            lifted: false,
+            lifted: None,
             contours: Vec::new(),
         },
     ));

@@ -86,7 +86,7 @@ pub fn refine(
             sigma,
             targets: None,
             target_sigma: sigma,
-            lifted: moment.lifted(),
+            lifted: moment.lifted.as_ref(),
             rims: &rims,
             prior,
             shape,

@@ -138,7 +138,7 @@ impl StageOne {
             sigma,
             targets: None,
             target_sigma: FINE,
-            lifted: moment.lifted(),
+            lifted: moment.lifted.as_ref(),
             rims: &[],
             prior,
             shape: SHAPE,

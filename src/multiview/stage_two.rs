@@ -131,7 +131,7 @@ impl Refit<'_> {
             sigma: FINE,
             targets: self.paths.then_some(targets),
             target_sigma: dct::SIGMA,
-            lifted: moment.lifted(),
+            lifted: moment.lifted.as_ref(),
             rims,
             prior: 1.0,
             shape: 0.0,
