@@ -22,8 +22,10 @@ use crate::solve::{LeastSquares, NormalEquations};
 pub const SHAPES: usize = 10;
 /// Expected error of a joint that one view alone places in space, metres, and the distance beyond which it counts
 /// little.
-const LIFTED: f64 = 0.015;
+const LIFTED: f64 = 0.010;
 const LIFTED_SIGMA: f64 = 0.5;
+/// Share of the pose prior beside such joints: they come from a fit that had a prior of its own.
+const LIFTED_PRIOR: f64 = 0.3;
 /// No joint turns further in one step.
 const LONGEST_STEP: f64 = 0.6;
 /// Nearer to a camera nothing is seen.
@@ -68,7 +70,7 @@ pub struct Energy<'a> {
     pub targets: Option<&'a Targets>,
     /// Distance beyond which a target counts little, metres.
     pub target_sigma: f64,
-    /// Where one view alone places the joints: told from their image, so they count little beside it.
+    /// Where Stage III places the joints of somebody whom one view alone sees.
     pub lifted: Option<&'a [DVec3; BODY_JOINTS]>,
     /// Outlines in views with masks.
     pub rims: &'a [Rim<'a>],
@@ -132,6 +134,13 @@ impl Energy<'_> {
         (cost, pull, matrix)
     }
 
+    fn pose_prior(&self) -> f64 {
+        match self.lifted {
+            Some(_) => LIFTED_PRIOR * self.prior,
+            None => self.prior,
+        }
+    }
+
     fn counts(&self) -> usize {
         if self.targets.is_some() || self.lifted.is_some() {
             BODY_JOINTS
@@ -158,7 +167,7 @@ impl LeastSquares for Energy<'_> {
         let mut cost: f64 = joints.sum();
         cost += self.rims.iter().map(|r| r.cost(self.body, at)).sum::<f64>();
         if self.free != Free::Root {
-            cost += self.prior * PosePrior::shipped().cost(&at.pose.rotations);
+            cost += self.pose_prior() * PosePrior::shipped().cost(&at.pose.rotations);
             cost += RIGID
                 * at.pose.rotations[1..]
                     .iter()
@@ -197,7 +206,7 @@ impl LeastSquares for Energy<'_> {
             rim.add(self.body, at, self.shapes(), out);
         }
         if self.free != Free::Root {
-            PosePrior::shipped().add(&at.pose.rotations, self.prior, out);
+            PosePrior::shipped().add(&at.pose.rotations, self.pose_prior(), out);
             for (j, q) in at.pose.rotations.iter().enumerate().skip(1) {
                 let v = vector(*q);
                 for k in 0..3 {
