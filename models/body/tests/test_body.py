@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pathlib
 import sys
+import tomllib
 import unittest
 
 import numpy as np
@@ -13,7 +14,7 @@ sys.path.insert(0, str(HERE))
 
 import population  # noqa: E402
 from decimate import decimate  # noqa: E402
-from tree import JOINTS, PARENTS, REST, rotation_between, t_pose  # noqa: E402
+from tree import JOINTS, JOINTS21, PARENTS, REST, rotation_between, t_pose  # noqa: E402
 
 
 def sphere(rings: int, sectors: int) -> tuple[np.ndarray, np.ndarray]:
@@ -122,6 +123,19 @@ class Result(unittest.TestCase):
         self.assertAlmostEqual(v[:, 1].min(), 0, delta=0.005)
         self.assertLess(np.ptp(joints[[16, 18, 20], 1]), 0.03)
         self.assertGreater(joints[20, 0], joints[16, 0] + 0.4)  # left is +x
+
+    def test_joints_mean_what_the_skeleton_means(self):
+        bones = tomllib.loads((HERE.parent / "skeleton.toml").read_text())
+        v = self.z["v_template"]
+        at = dict(zip(JOINTS21, self.z["J_regressor_edgecap21"] @ v * bones["stature"] / np.ptp(v[:, 1])))
+        theirs = {"pelvis": np.zeros(3)}
+        for bone in bones["bone"]:
+            theirs[bone["joint"]] = theirs[bone["parent"]] + bone["rest"]
+            length = np.linalg.norm(bone["rest"])
+            own = np.linalg.norm(at[bone["joint"]] - at[bone["parent"]])
+            self.assertAlmostEqual(own, length, delta=0.025, msg=bone["joint"])
+        for joint in ("spine", "neck", "head", "head_top", "l_hip", "r_hip", "l_shoulder", "r_shoulder"):
+            self.assertAlmostEqual((at[joint] - at["pelvis"])[1], theirs[joint][1], delta=0.012, msg=joint)
 
     def test_left_is_right_mirrored(self):
         joints = self.z["J_regressor"] @ self.z["v_template"]
