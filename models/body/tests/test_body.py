@@ -135,7 +135,7 @@ class Result(unittest.TestCase):
             own = np.linalg.norm(at[bone["joint"]] - at[bone["parent"]])
             self.assertAlmostEqual(own, length, delta=0.025, msg=bone["joint"])
         for joint in ("spine", "neck", "head", "head_top", "l_hip", "r_hip", "l_shoulder", "r_shoulder"):
-            self.assertAlmostEqual((at[joint] - at["pelvis"])[1], theirs[joint][1], delta=0.012, msg=joint)
+            self.assertAlmostEqual((at[joint] - at["pelvis"])[1], theirs[joint][1], delta=0.015, msg=joint)
 
     def test_left_is_right_mirrored(self):
         joints = self.z["J_regressor"] @ self.z["v_template"]
