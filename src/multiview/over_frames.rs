@@ -49,7 +49,7 @@ impl OverFrames<'_> {
             }
             None => {
                 let mut fits = self.each(id, &mut moments);
-                self.from_neighbours(&mut moments, &mut fits);
+                self.take_from_neighbours(&mut moments, &mut fits);
                 self.keep(&part, &moments, &fits);
                 fits
             }
@@ -126,7 +126,7 @@ impl OverFrames<'_> {
     }
 
     /// From the neighbours, forth and back: what ended in a bad place, or had no place to start.
-    fn from_neighbours(&self, moments: &mut Frames, fits: &mut [Placed]) {
+    fn take_from_neighbours(&self, moments: &mut Frames, fits: &mut [Placed]) {
         let mut stage = self.stage();
         let count = fits.len();
         for (k, from) in (1..count)
