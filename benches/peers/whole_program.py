@@ -19,8 +19,8 @@ HERE = Path(__file__).resolve().parent
 OF_SHAPE = 2
 # Inputs of ours unless --sizes names others.
 SIZES = {
-    "photos": ["512x320", "512x320/direct", "384x240", "256x160"],
-    "film": ["auto", "auto/direct", "512x320", "512x320/direct"],
+    "photos": ["default", "default/direct", "512x320/direct", "384x240/direct", "256x160/direct"],
+    "film": ["default", "default/direct", "512x320", "512x320/direct"],
 }
 
 
@@ -45,7 +45,7 @@ def arguments() -> argparse.Namespace:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--models", type=Path, default=HERE / ".cache/whole", help="the peers' files: README.md")
     common.add_argument("--rounds", type=int, default=3)
-    common.add_argument("--sizes", nargs="+", help="inputs of ours, WxH; WxH/direct: without Winograd")
+    common.add_argument("--sizes", nargs="+", help="inputs of ours, default or WxH; WxH/direct: without Winograd")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     kinds = parser.add_subparsers(dest="what", required=True)
     of_photos = kinds.add_parser("photos", parents=[common])

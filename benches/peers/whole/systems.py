@@ -92,10 +92,11 @@ PEERS = [
 
 
 def ours(sizes: list[str]) -> list[System]:
-    """Rows of ours, 'auto' and `WxH`; a size with '/direct' is run with that algorithm."""
+    """Rows of ours: 'default', 'auto', or `WxH` (then for upright photos, too); '/direct' runs that algorithm."""
     rows = []
     for size in sizes:
         shape, _, algorithm = size.partition("/")
         name = f"edgecap {shape.replace('x', '×')}{', direct' if algorithm else ''}"
-        rows.append(System(name, OUR_LICENCE, size=shape, environment=DIRECT if algorithm else ()))
+        size = "" if shape == "default" else shape
+        rows.append(System(name, OUR_LICENCE, size=size, environment=DIRECT if algorithm else ()))
     return rows
