@@ -14,6 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+# What is made out of the peers' files.
+MADE = Path(__file__).resolve().parent / ".cache"
+
 
 def system(name: str, models: Path, film: bool):
     """Imports only what that system needs: every one may have its own environment."""
@@ -25,10 +28,10 @@ def system(name: str, models: Path, film: bool):
     if kind == "movenet":
         from whole.movenet import MultiPose
 
-        return MultiPose(models / "movenet-multipose.pb")
+        return MultiPose(MADE / "movenet-multipose.pb")
     from whole import mediapipe_pose
 
-    return mediapipe_pose.One(film) if size == "one" else mediapipe_pose.Many(film, models / "pose_full.task")
+    return mediapipe_pose.One(film) if size == "one" else mediapipe_pose.Many(film, MADE / "pose_full.task")
 
 
 def pictures(source: Path) -> Iterator[tuple[str, np.ndarray]]:

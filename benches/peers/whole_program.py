@@ -14,7 +14,8 @@ import cv2
 from peers import machine
 from whole import labels, measure, reports, score, systems, tfjs
 
-HERE = Path(__file__).resolve().parent
+# Where program.py looks for what is made out of the peers' files.
+MADE = Path(__file__).resolve().parent / ".cache"
 # Photos of each shape (wide, upright, square) in the short run.
 OF_SHAPE = 2
 # Inputs of ours unless --sizes names others.
@@ -26,11 +27,11 @@ SIZES = {
 
 def main() -> None:
     args = arguments()
-    moved = args.models / "movenet-multipose"
-    if moved.with_suffix(".json").exists() and not moved.with_suffix(".pb").exists():
-        tfjs.convert(moved.with_suffix(".json"), moved.with_suffix(".pb"))
-    measure.pin()
     entries = measure.able(systems.ours(args.sizes or SIZES[args.what]) + systems.PEERS, args.models)
+    MADE.mkdir(exist_ok=True)
+    if any(e.program == "movenet" for e in entries):
+        tfjs.convert(args.models / "movenet-multipose.json", MADE / "movenet-multipose.pb")
+    measure.pin()
     with tempfile.TemporaryDirectory() as folder:
         rows = (photos if args.what == "photos" else film)(args, entries, Path(folder))
     print("\n".join("| " + " | ".join(row) + " |" for row in rows))
@@ -43,7 +44,7 @@ def main() -> None:
 
 def arguments() -> argparse.Namespace:
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--models", type=Path, default=HERE / ".cache/whole", help="the peers' files: README.md")
+    common.add_argument("--models", type=Path, default=MADE / "whole", help="the peers' files: README.md")
     common.add_argument("--rounds", type=int, default=3)
     common.add_argument("--sizes", nargs="+", help="inputs of ours, default or WxH; WxH/direct: without Winograd")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -13,6 +13,9 @@ from pathlib import Path
 
 from whole.systems import System
 
+# Frames over which start-up, seconds in some programs and not the same each time, no longer matters.
+ENOUGH = 50
+
 
 @dataclass
 class Input:
@@ -56,6 +59,8 @@ def race(systems: list[System], models: Path, long: Input, short: Input, rounds:
     """Every round begins with another system; `out` keeps each one's people on the long input, `0.jsonl` and so on."""
     timings = [Timing() for _ in systems]
     more = long.frames - short.frames
+    if more < ENOUGH:
+        print(f"WARNING: times over {more} frames mean nothing: starting weighs more; give {ENOUGH}", file=sys.stderr)
     for turn in range(rounds):
         for k in range(len(systems)):
             i = (k + turn) % len(systems)
@@ -63,7 +68,7 @@ def race(systems: list[System], models: Path, long: Input, short: Input, rounds:
             first = systems[i].run(models, short.source, out / "short.jsonl")
             whole = systems[i].run(models, long.source, out / f"{i}.jsonl")
             timings[i].version = whole.version
-            timings[i].cpu_ms.append((whole.cpu_s - first.cpu_s) / more * 1e3)
+            timings[i].cpu_ms.append((whole.cpu_s - first.cpu_s) / max(more, 1) * 1e3)
             if whole.networks_s is not None and first.networks_s is not None:
-                timings[i].networks_ms.append((whole.networks_s - first.networks_s) / more * 1e3)
+                timings[i].networks_ms.append((whole.networks_s - first.networks_s) / max(more, 1) * 1e3)
     return timings

@@ -79,11 +79,12 @@ def _our_version() -> str:
     return said.split()[1]
 
 
+MOVENET = ("movenet-multipose.json", "movenet-multipose.bin")
 CHAIN = ("yolox_nano.onnx", "tinypose_256x192.onnx")
 OUR_LICENCE = "MIT or Apache-2.0; weights academic"
 DIRECT = (("EDGECAP_ALGORITHM", "direct"),)
 PEERS = [
-    System("MoveNet MultiPose Lightning, 256, up to 6", APACHE, program="movenet", files=("movenet-multipose.pb",)),
+    System("MoveNet MultiPose Lightning, 256, up to 6", APACHE, program="movenet", files=MOVENET),
     System("YOLOX-nano 416 + PP-TinyPose", APACHE, program="yolox-416", files=CHAIN),
     System("YOLOX-nano 640 + PP-TinyPose", APACHE, program="yolox-640", files=CHAIN),
     System("MediaPipe Pose full, one person", APACHE, program="mediapipe-one"),
