@@ -9,7 +9,7 @@ FLAGS = ("avx2", "avx_vnni", "avx512bw", "avx512_vnni", "avx512_bf16", "amx_int8
 def facts() -> dict:
     """CPU, cores, instruction sets, governor, load of the last minute."""
     cpuinfo = Path("/proc/cpuinfo").read_text()
-    fields = {}
+    fields: dict[str, str] = {}
     for line in cpuinfo.splitlines():
         key, _, value = line.partition(":")
         fields.setdefault(key.strip(), value.strip())
