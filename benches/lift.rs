@@ -14,6 +14,7 @@ fn person(index: usize) -> Detection {
     let at = |j: usize| [40.0 * index as f32 + 7.0 * j as f32, 20.0 * j as f32, 0.8];
     Detection {
         joints: std::array::from_fn(at),
+        confidence: [0.8; EVIDENCE_JOINTS],
         encodings: [[0.1; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
         limbs: [0.8; LIMBS],
         score: 0.8,

@@ -206,6 +206,7 @@ impl Associator {
         while self.detections.len() < self.found {
             self.detections.push(Detection {
                 joints: [[0.0; 3]; EVIDENCE_JOINTS],
+                confidence: [0.0; EVIDENCE_JOINTS],
                 encodings: [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
                 limbs: [0.0; LIMBS],
                 score: 0.0,
@@ -215,7 +216,7 @@ impl Associator {
             d.joints = [[0.0; 3]; EVIDENCE_JOINTS];
             d.encodings = [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS];
             d.limbs = person.limb_scores();
-            d.score = person.score;
+            d.score = config.confidence.person(person.score);
             for (j, peak) in person.chosen(peaks) {
                 let centre = 0.5 * (Maps::STRIDE as f32 - 1.0);
                 d.joints[j] = [
@@ -228,6 +229,7 @@ impl Associator {
                     *to = if from.is_finite() { *from } else { 0.0 };
                 }
             }
+            d.confidence = config.confidence.joints(&d.joints);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use edgecap_client::message::MAX_PEOPLE;
 use serde::{Deserialize, Serialize};
 
-use super::PersonScore;
+use super::{Confidence, PersonScore};
 
 /// When a peak is a joint, when two joints make a limb, and when joints make a person.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,6 +40,8 @@ pub struct AssociationConfig {
     pub max_peaks: usize,
     /// Tells people from what only looks like some.
     pub score: PersonScore,
+    /// How likely what was found is right.
+    pub confidence: Confidence,
 }
 
 fn most_people() -> usize {

@@ -1,6 +1,7 @@
 //! Association: Stage I's maps go in, people come out. XNect §4.1.1.
 
 mod associator;
+mod confidence;
 mod config;
 mod detection;
 mod limb;
@@ -9,6 +10,7 @@ mod person;
 mod score;
 
 pub use associator::Associator;
+pub use confidence::Confidence;
 pub use config::AssociationConfig;
 pub use detection::Detection;
 pub use score::{FEATURES, PersonScore, features};

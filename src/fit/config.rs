@@ -173,7 +173,7 @@ impl Default for IdentityConfig {
             appearance_weight: 1.8,
             reidentify_appearance: 0.3,
             refresh: 30.0,
-            sure_score: 0.6,
+            sure_score: 0.95,
         }
     }
 }

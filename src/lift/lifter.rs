@@ -106,7 +106,8 @@ impl Lifter {
 
 /// Joints in pixels of the original picture.
 fn original(d: &Detection, letterbox: &Letterbox) -> [[f32; 3]; EVIDENCE_JOINTS] {
-    d.joints.map(|[u, v, confidence]| {
+    std::array::from_fn(|j| {
+        let ([u, v, _], confidence) = (d.joints[j], d.confidence[j]);
         if confidence > 0.0 {
             let [u, v] = letterbox.to_original(u, v);
             [u, v, confidence]

@@ -17,7 +17,7 @@ fn canonical(joints: &[[f32; 3]; BODY_JOINTS], stature: f32) -> [Vec3; BODY_JOIN
 /// Stages I and II without any error; what something else hides is not seen.
 fn observed(person: &TruthPerson) -> Observation {
     let mut seen = Observation {
-        score: 0.9,
+        score: 0.98,
         joints3d: canonical(&person.joints3d, person.stature).map(|p| p.to_array()),
         ..Observation::default()
     };

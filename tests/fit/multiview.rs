@@ -61,7 +61,7 @@ fn check(truth: Truth, pixels: f64, space: f64) -> MultiviewReport {
         let (mut moment, mut exact) = (Vec::new(), Vec::new());
         for (v, view) in views.iter().enumerate() {
             let mut seen = Observation {
-                score: 0.8,
+                score: 0.98,
                 ..Observation::default()
             };
             let mut told = seen;

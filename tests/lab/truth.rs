@@ -64,7 +64,7 @@ fn seen([x, y, z]: [f64; 3]) -> [f64; 2] {
 fn observed(solid: Pose, pose: &Pose) -> Person {
     Person {
         id: None,
-        score: 0.9,
+        score: 0.98,
         joints2d: std::array::from_fn(|j| {
             let [u, v] = seen(pose[j]);
             [u as f32, v as f32, 1.0]

@@ -62,7 +62,7 @@ fn frame(view: &View, sequence: u64, t: f64) -> ObservationFrame {
         ..ObservationFrame::default()
     };
     let mut seen = Observation {
-        score: 0.9,
+        score: 0.98,
         ..Observation::default()
     };
     for (out, joint) in seen.joints2d.iter_mut().zip(posed.joints) {

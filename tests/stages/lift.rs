@@ -36,6 +36,7 @@ fn random_layers(rng: &mut SmallRng) -> Vec<LinearLayer> {
 fn random_detection(rng: &mut SmallRng) -> Detection {
     let mut d = Detection {
         joints: [[0.0; 3]; EVIDENCE_JOINTS],
+        confidence: [0.0; EVIDENCE_JOINTS],
         encodings: [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
         limbs: [0.0; LIMBS],
         score: 0.5,
@@ -47,6 +48,7 @@ fn random_detection(rng: &mut SmallRng) -> Detection {
                 rng.random_range(50.0..250.0),
                 rng.random_range(0.3..1.0),
             ];
+            d.confidence[j] = d.joints[j][2];
             d.encodings[j].fill_with(|| rng.random_range(-0.5..0.5));
         }
     }
@@ -267,6 +269,7 @@ fn pytorch_gives_the_same_joints() {
             let at = |j: usize| n * EVIDENCE_JOINTS + j;
             Detection {
                 joints: std::array::from_fn(|j| [uv[2 * at(j)], uv[2 * at(j) + 1], conf[at(j)]]),
+                confidence: std::array::from_fn(|j| conf[at(j)]),
                 encodings: std::array::from_fn(|j| {
                     std::array::from_fn(|k| enc[at(j) * HEAD3D_CHANNELS + k])
                 }),

@@ -180,8 +180,9 @@ typedef struct edgecap_event_frame {
 
 /* One person as seen in one picture, before the fit. */
 typedef struct edgecap_observation {
-    float score; /* expected object keypoint similarity, 0 to 1 */
-    /* u, v in pixels of the original picture, and confidence; of confidence 0: not seen, u and v are where it is expected */
+    float score; /* probability that somebody is there, 0 to 1 */
+    /* u, v in pixels of the original picture, and confidence: the probability of being within 0.2 of the torso's length of
+       the truth; of confidence 0: not seen, u and v are where it is expected */
     float joints2d[EDGECAP_EVIDENCE_JOINTS][3];
     /* relative to the pelvis, camera axes, metres, of the person rescaled to 1.70 m; unseen joints are filled in */
     float joints3d[EDGECAP_BODY_JOINTS][3];

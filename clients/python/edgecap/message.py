@@ -82,9 +82,10 @@ class Observation(_Person):
     ]
 
     score: float
-    """Expected object keypoint similarity, 0-1."""
+    """Probability that somebody is there, 0-1."""
     joints2d: Table
-    """Evidence joints: u, v in pixels, confidence.  Of confidence 0: not seen, u and v are where it is expected."""
+    """Evidence joints: u, v in pixels, confidence: the probability of being within 0.2 of the torso's length of the truth.
+    Of confidence 0: not seen, u and v are where it is expected."""
     joints3d: Table
     """Body joints relative to the pelvis, camera axes, metres, of the person rescaled to 1.70 m."""
     hue: Row

@@ -173,6 +173,7 @@ fn lift(lifter: &mut Lifter, view: &View, seen: &mut Observation) {
                 [0.0; 3]
             }
         }),
+        confidence: seen.joints2d.map(|[_, _, confidence]| confidence),
         encodings: [[0.0; HEAD3D_CHANNELS]; EVIDENCE_JOINTS],
         limbs: [0.0; LIMBS],
         score: seen.score,

@@ -155,7 +155,7 @@ impl Detector {
         let grown = person.stature / CANONICAL_STATURE;
         let body = axes(&person.joints3d);
         let mut seen = Observation {
-            score: 0.8,
+            score: 0.98,
             ..Observation::default()
         };
         for (j, out) in seen.joints2d.iter_mut().enumerate() {

@@ -94,7 +94,7 @@ fn one(
 ) -> Option<Observation> {
     let (_, joints) = person.at(t);
     let mut seen = Observation {
-        score: 0.8,
+        score: 0.98,
         ..Observation::default()
     };
     let inside = |p: DVec2| {

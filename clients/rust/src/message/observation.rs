@@ -11,10 +11,11 @@ use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 #[type_name("EdgecapObservationV1")]
 #[repr(C)]
 pub struct Observation {
-    /// How well the joints can be expected to fit somebody who is there: expected object keypoint similarity, 0–1.
+    /// Probability that somebody is there: joints with an object keypoint similarity of 0.5 at least.
     pub score: f32,
-    /// Evidence joints: u, v in pixels of the original picture, confidence 0–1. Confidence 0: not seen; u and v are
-    /// where Stage II's body has the joint once it is placed over the seen ones, or 0, 0 where that is not known.
+    /// Evidence joints: u, v in pixels of the original picture, confidence: the probability that the joint is within
+    /// 0.2 of the torso's length of the truth. 0: not seen; u and v are where Stage II's body has the joint once it is
+    /// placed over the seen ones, or 0, 0 where that is not known.
     pub joints2d: [[f32; 3]; EVIDENCE_JOINTS],
     /// Body joints relative to the pelvis, camera axes, metres, of the person rescaled to
     /// [`CANONICAL_STATURE`](crate::joints::CANONICAL_STATURE). Complete: unseen joints are filled in by Stage II.
