@@ -340,7 +340,8 @@ fn body(sparse: bool) -> Vec<u8> {
     npz::write(&arrays).expect("arrays are as long as their shapes say")
 }
 
-/// Writes the right checksums into what may be an archive of files that are not compressed, as its directory tells them.
+/// Writes the right checksums into what may be an archive of files that are not compressed, where its directory has
+/// them.
 pub fn sign_archive(bytes: &mut [u8]) {
     const ENTRY: &[u8] = b"PK\x01\x02";
     const HEAD: usize = 46;

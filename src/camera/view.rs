@@ -43,8 +43,8 @@ impl View {
     }
 
     /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole
-    /// macroblocks of 16 pixels, cut at the right and below. Where the calibration does not say for which, the principal
-    /// point must be near the pictures' middle. `None` for pictures of another camera or scale.
+    /// macroblocks of 16 pixels, cut at the right and below. Where the calibration does not say for which, the
+    /// principal point must be near the pictures' middle. `None` for pictures of another camera or scale.
     pub fn for_pictures(&self, size: [u32; 2]) -> Option<Self> {
         let fits = match self.size {
             [0, 0] => self.off_middle(size.map(f64::from)) < NEAR_MIDDLE,

@@ -20,8 +20,8 @@ type Rows = Vec<Vec<(usize, f64)>>;
 
 impl MeshBody {
     /// Reads a body model: `v_template`, `f`, `shapedirs`, `J_regressor` (dense, or `J_regressor_data`, `_indices` and
-    /// `_indptr` of one compressed by rows or by columns), `weights`, `kintree_table`; `posedirs` may be absent or empty.
-    /// An array may have its unit beside it (`X_unit`).
+    /// `_indptr` of one compressed by rows or by columns), `weights`, `kintree_table`; `posedirs` may be absent or
+    /// empty. An array may have its unit beside it (`X_unit`).
     ///
     /// # Errors
     /// When the archive is damaged, an array is missing, or shapes, numbers, axes or the tree are not those of SMPL's
