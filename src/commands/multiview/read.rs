@@ -17,10 +17,16 @@ use crate::record::CameraSource;
 /// By how much one reading of the lenses must be better than the other to be told apart.
 const CLEAR: f64 = 0.99;
 
-/// Rays that meet within this, metres, are of a calibration that is right.
-const SUSPICIOUS: f64 = 0.035;
-/// Part of the distance between rays that is left where mirrored pictures are right.
-const MIRRORED: f64 = 0.6;
+/// Rays of a calibration that is right meet within this, metres.
+const NEAR: f64 = 0.035;
+/// Share of the sights that could confirm others of which more do where nothing is doubtful.
+const WELL: f64 = 0.9;
+/// Share of them that does at least in the right one of two readings.
+const MOSTLY: f64 = 0.6;
+/// So many times those of the wrong one, or …
+const CLEARLY_MORE: f64 = 1.15;
+/// … rays that meet within so many times the distance.
+const CLEARLY_NEARER: f64 = 0.6;
 
 /// All views over time.
 pub struct Scene {
@@ -105,6 +111,7 @@ pub fn scene(
             agreement(&other, &theirs, rate),
         ];
         // Where nobody is found in one reading, rays meet nowhere.
+        let both = both.map(|found| found.map(|a| a.apart));
         let [as_is, changed] = both.map(|apart| apart.unwrap_or(f64::INFINITY));
         let better = changed < CLEAR * as_is;
         let verdict = match better {
@@ -145,24 +152,27 @@ fn expect_not_mirrored(
     frames: &impl Fn(&[View]) -> Vec<Vec<Detections>>,
     rate: f64,
 ) -> anyhow::Result<()> {
+    let most = 1.0 - 1.0 / views.len() as f64;
     let as_is = agreement(views, sights, rate);
-    if as_is.is_some_and(|apart| apart < SUSPICIOUS) {
+    let (told, apart) = as_is.map_or((0.0, f64::INFINITY), |a| (a.confirmed, a.apart));
+    if told > WELL * most && apart < NEAR {
         return Ok(());
     }
     let other: Vec<View> = views.iter().map(View::mirrored).collect();
-    let Some(mirrored) = agreement(&other, &frames(&other), rate) else {
+    let mirrored = agreement(&other, &frames(&other), rate).filter(|a| {
+        let better = a.confirmed > CLEARLY_MORE * told || a.apart < CLEARLY_NEARER * apart;
+        better && a.apart < NEAR && a.confirmed > MOSTLY * most
+    });
+    let Some(mirrored) = mirrored else {
         return Ok(());
     };
-    if as_is.is_some_and(|apart| mirrored > MIRRORED * apart) || mirrored > SUSPICIOUS {
-        return Ok(());
-    }
-    let found = as_is.map_or_else(
-        || "nobody".to_owned(),
-        |apart| format!("rays that meet within {:.0} mm", 1e3 * apart),
-    );
     Err(Failure::data(format!(
-        "expected pictures as the calibration knows them, found {found}, and within {:.0} mm if all pictures are mirrored; flip them (ffmpeg -vf hflip) or calibrate with these",
-        1e3 * mirrored
+        "expected pictures as the calibration knows them, found that {:.0} % of detections go together{}, and {:.0} % \
+         within {:.0} mm if all pictures are mirrored; flip them (ffmpeg -vf hflip) or calibrate with these",
+        100.0 * told / most,
+        as_is.map_or_else(String::new, |a| format!(" within {:.0} mm", 1e3 * a.apart)),
+        100.0 * mirrored.confirmed / most,
+        1e3 * mirrored.apart
     ))
     .into())
 }
@@ -292,8 +302,8 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
     for (k, (v, path)) in files.iter().enumerate() {
         let place = path.canonicalize().ok();
         let before = files[..k].iter();
-        let same = before.filter(|(_, p)| place.is_some() && p.canonicalize().ok() == place);
-        if let Some((other, _)) = same.last() {
+        let mut same = before.filter(|(_, p)| place.is_some() && p.canonicalize().ok() == place);
+        if let Some((other, _)) = same.next_back() {
             return Err(Failure::usage(format!(
                 "expected a file of its own for every camera, found {} for {} and {}",
                 path.display(),
