@@ -114,7 +114,8 @@ each!(
     camera,
     calibration,
     fit_config,
-    messages
+    messages,
+    body
 );
 
 #[cfg(feature = "mp4")]
@@ -178,6 +179,20 @@ fn seeds_are_whole() {
     }
     for text in seeds("camera") {
         CameraFile::parse(std::str::from_utf8(&text).unwrap()).unwrap();
+    }
+    for bytes in seeds("body") {
+        let mut signed = bytes.clone();
+        self::seeds::sign_archive(&mut signed);
+        assert_eq!(signed, bytes, "checksums were right before");
+        edgecap::body::mesh::MeshBody::read(std::io::Cursor::new(bytes)).unwrap();
+    }
+    for bytes in seeds("observations") {
+        let camera = edgecap::record::CameraSource::Recorded { fov_degrees: 60.0 };
+        let mut reader = edgecap::record::ObservationReader::new(&bytes[..], "seed", camera);
+        let mut frame = edgecap::message::ObservationFrame::default();
+        for _ in 0..3 {
+            assert!(reader.read(&mut frame).unwrap());
+        }
     }
     let config = seeds("fit_config").remove(0);
     edgecap::fit::FitConfig::parse(std::str::from_utf8(&config).unwrap()).unwrap();

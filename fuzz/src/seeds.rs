@@ -2,10 +2,13 @@
 
 use std::io::Cursor;
 
+use edgecap::body::mesh::{JOINTS, PARENTS};
 use edgecap::capture::{AviWriter, Frame};
 use edgecap::engine::{Model, Network};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use edgecap::message::{Body, BodyFrame, Intrinsics, ObservationFrame};
+use edgecap::npz::{self, Array, Values};
+use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use serde_json::{Value, json};
 
 /// Every kind of layer that a model needs, as small as it can be.
@@ -83,11 +86,12 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "mp4" => vec![mp4()],
         "y4m" => vec![y4m("420jpeg", 24), y4m("444 XCOLORRANGE=FULL", 48)],
         "photo" => vec![jpeg(), exif_jpeg(), png()],
-        "observations" => vec![observations()],
+        "observations" => vec![observations(), binary_observations()],
         "camera" => CAMERA.map(Into::into).to_vec(),
         "calibration" => CALIBRATIONS.map(Into::into).to_vec(),
         "fit_config" => vec![FIT_CONFIG.into()],
         "messages" => messages(),
+        "body" => vec![body(false), body(true)],
         other => panic!("expected one of TARGETS, found {other}"),
     }
 }
@@ -259,6 +263,120 @@ fn exif_jpeg() -> Vec<u8> {
 fn observations() -> Vec<u8> {
     let lines: Vec<String> = (0..3).map(|k| line(&observation_frame(k))).collect();
     lines.join("\n").into_bytes()
+}
+
+fn binary_observations() -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let path = folder.path().join("seed.ecr");
+    let mut writer = RecordWriter::<ObservationsRow>::create(&path, Format::Binary)
+        .expect("the folder can be written");
+    for k in 0..3 {
+        let written = writer.write(&observation_frame(k), "a.mp4");
+        written.expect("the folder can be written");
+    }
+    writer.finish().expect("the folder can be written");
+    std::fs::read(path).expect("what was written can be read")
+}
+
+/// A body of four vertices in SMPL's format, with a sparse regressor and pose correctives or without.
+fn body(sparse: bool) -> Vec<u8> {
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.2, -0.9, 0.0],
+        [-0.2, -0.9, 0.1],
+        [0.0, 0.6, 0.0],
+    ];
+    // The left side hangs on the second vertex, the right one on the third, the head on the fourth.
+    let vertex = |joint: usize| match joint {
+        1 | 4 | 7 | 10 => 1_usize,
+        2 | 5 | 8 | 11 => 2,
+        15 => 3,
+        _ => 0,
+    };
+    let on_vertex = |rows: bool| -> Vec<f32> {
+        let number = |i: usize| {
+            let (vertex_of, joint) = if rows {
+                (i % 4, i / 4)
+            } else {
+                (i / JOINTS, i % JOINTS)
+            };
+            let own = if rows {
+                vertex(joint) == vertex_of
+            } else {
+                joint == vertex_of
+            };
+            f32::from(u8::from(own))
+        };
+        (0..4 * JOINTS).map(number).collect()
+    };
+    let tree: Vec<i64> = PARENTS.iter().map(|p| *p as i64).chain(0..24).collect();
+    let indices: Vec<i64> = (0..JOINTS).map(|j| vertex(j) as i64).collect();
+    let starts: Vec<i64> = (0..=JOINTS as i64).collect();
+    let (template, shapes) = (corners.as_flattened(), [0.01; 24]);
+    let (dense, weights) = (on_vertex(true), on_vertex(false));
+    let (ones, correctives) = ([1.0; JOINTS], vec![0.001; 12 * 9 * (JOINTS - 1)]);
+    let array = |name, shape, data| Array { name, shape, data };
+    let mut arrays = vec![
+        array("v_template", &[4, 3][..], Values::F32(template)),
+        array("f", &[2, 3], Values::I64(&[0, 1, 2, 1, 2, 3])),
+        array("shapedirs", &[4, 3, 2], Values::F32(&shapes)),
+        array("weights", &[4, JOINTS], Values::F32(&weights)),
+        array("kintree_table", &[2, JOINTS], Values::I64(&tree)),
+    ];
+    if sparse {
+        arrays.extend([
+            array("J_regressor_data", &[JOINTS][..], Values::F32(&ones)),
+            array("J_regressor_indices", &[JOINTS], Values::I64(&indices)),
+            array("J_regressor_indptr", &[JOINTS + 1], Values::I64(&starts)),
+            array(
+                "posedirs",
+                &[4, 3, 9 * (JOINTS - 1)],
+                Values::F32(&correctives),
+            ),
+        ]);
+    } else {
+        arrays.push(array("J_regressor", &[JOINTS, 4], Values::F32(&dense)));
+    }
+    npz::write(&arrays).expect("arrays are as long as their shapes say")
+}
+
+/// Writes the right checksums into what may be an archive of files that are not compressed, where its directory has
+/// them.
+pub fn sign_archive(bytes: &mut [u8]) {
+    const ENTRY: &[u8] = b"PK\x01\x02";
+    const HEAD: usize = 46;
+    let number = |bytes: &[u8], at: usize, long: usize| {
+        let part = bytes.get(at..at + long)?;
+        Some(
+            part.iter()
+                .rev()
+                .fold(0_usize, |n, b| n << 8 | usize::from(*b)),
+        )
+    };
+    let starts: Vec<usize> = bytes
+        .windows(ENTRY.len())
+        .enumerate()
+        .filter_map(|(at, w)| (w == ENTRY && at + HEAD <= bytes.len()).then_some(at))
+        .collect();
+    for at in starts {
+        let data = (|| {
+            let (length, local) = (number(bytes, at + 20, 4)?, number(bytes, at + 42, 4)?);
+            let names = number(bytes, local + 26, 2)? + number(bytes, local + 28, 2)?;
+            bytes.get(local + 30 + names..local + 30 + names + length)
+        })();
+        if let Some(sum) = data.map(crc32) {
+            bytes[at + 16..at + 20].copy_from_slice(&sum.to_le_bytes());
+        }
+    }
+}
+
+/// ISO 3309's checksum, as zip archives have it.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| {
+            (sum >> 1) ^ if sum & 1 == 1 { 0xEDB8_8320 } else { 0 }
+        })
+    })
 }
 
 /// A frame as `infer --jsonl` writes it.

@@ -5,6 +5,8 @@
 
 use std::io::Cursor;
 
+use edgecap::body::BodyModel;
+use edgecap::body::mesh::{FREEDOM, MeshBody, PosedTree, Skin};
 use edgecap::camera::CameraFile;
 use edgecap::camera::calibration::{
     check, read_colmap, read_easymocap, read_opencv, read_pose2sim, read_qtm, write_pose2sim,
@@ -36,6 +38,7 @@ pub const TARGETS: &[Target] = &[
     ("calibration", calibration),
     ("fit_config", fit_config),
     ("messages", messages),
+    ("body", body),
 ];
 
 /// Pictures that are taken from one film.
@@ -228,6 +231,24 @@ pub fn calibration(data: &[u8]) {
             }
         }
     }
+}
+
+/// A body model in SMPL's format, posed and skinned. Its archive's checksums are made right first.
+pub fn body(data: &[u8]) {
+    let mut bytes = data.to_vec();
+    seeds::sign_archive(&mut bytes);
+    let Ok(body) = MeshBody::read(Cursor::new(bytes)) else {
+        return;
+    };
+    let person = body.person(&[1.0, -2.0]);
+    let mut step = [0.0; FREEDOM];
+    step[12] = 0.4;
+    let pose = body.moved(&body.rest_pose(), &step);
+    let mut posed = PosedTree::default();
+    body.kinematics(&pose, &person, &mut posed);
+    let mut vertices = Vec::new();
+    Skin::new(&body, &person).pose(&body, &pose, &posed, &mut vertices);
+    assert_eq!(vertices.len(), body.vertices());
 }
 
 /// The fit's settings, and people fitted under them.

@@ -7,13 +7,17 @@ use super::Brown;
 
 /// Films are coded in squares of as many pixels.
 const MACROBLOCK: u32 = 16;
+/// Part of width and height by which a principal point may be off the middle of pictures of a size not told.
+const NEAR_MIDDLE: f64 = 0.1;
+/// Pixels: no picture is broader.
+const MOST: f64 = 65_536.0;
 
 /// A camera in the world, pixels of the original picture, metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// What the calibration calls it.
     pub name: String,
-    /// Pixels across and down.
+    /// Pixels across and down; 0x0 where the calibration does not say.
     pub size: [u32; 2],
     /// Focal lengths and principal point.
     pub focal: DVec2,
@@ -39,15 +43,44 @@ impl View {
     }
 
     /// This camera for pictures of `size` pixels: as it was calibrated, or as films show what was calibrated in whole
-    /// macroblocks of 16 pixels, cut at the right and below. `None` for pictures of another camera or scale.
+    /// macroblocks of 16 pixels, cut at the right and below. Where the calibration does not say for which, the
+    /// principal point must be near the pictures' middle. `None` for pictures of another camera or scale.
     pub fn for_pictures(&self, size: [u32; 2]) -> Option<Self> {
-        let fits = (0..2).all(|k| {
-            size[k] == self.size[k] || size[k].next_multiple_of(MACROBLOCK) == self.size[k]
-        });
+        let fits = match self.size {
+            [0, 0] => self.off_middle(size.map(f64::from)) < NEAR_MIDDLE,
+            own => {
+                (0..2).all(|k| size[k] == own[k] || size[k].next_multiple_of(MACROBLOCK) == own[k])
+            }
+        };
         fits.then(|| Self {
             size,
             ..self.clone()
         })
+    }
+
+    /// Pixels across and down; such that the principal point is in the middle, where the calibration does not say.
+    pub fn likely_size(&self) -> [u32; 2] {
+        match self.size {
+            [0, 0] => (2.0 * self.centre + 1.0)
+                .to_array()
+                .map(|s| s.round().clamp(1.0, MOST) as u32),
+            told => told,
+        }
+    }
+
+    /// How far the principal point is from the middle of pictures of `size`, the larger part of width and height.
+    pub fn off_middle(&self, size: [f64; 2]) -> f64 {
+        (self.centre / DVec2::from(size) - 0.5).abs().max_element()
+    }
+
+    /// This camera for pictures that somebody flipped left to right.
+    pub fn mirrored(&self) -> Self {
+        let last = f64::from(self.likely_size()[0]) - 1.0;
+        Self {
+            focal: DVec2::new(-self.focal.x, self.focal.y),
+            centre: DVec2::new(last - self.centre.x, self.centre.y),
+            ..self.clone()
+        }
     }
 
     /// A world point in camera axes.
@@ -104,5 +137,29 @@ pub(super) mod tests {
         for other in [[1072, 1920], [1088, 1080], [544, 960], [1096, 1920]] {
             assert_eq!(coded.for_pictures(other), None, "{other:?}");
         }
+    }
+
+    #[test]
+    fn in_flipped_pictures_everything_is_on_the_other_side() {
+        let (view, point) = (around(20.0), DVec3::new(0.3, -0.2, 0.4));
+        let (seen, flipped) = (view.project(point).unwrap(), view.mirrored());
+        let there = flipped.project(point).unwrap();
+        assert!((there - DVec2::new(1079.0 - seen.x, seen.y)).length() < 1e-9);
+        assert!((flipped.ray(there) - view.ray(seen)).length() < 1e-6);
+    }
+
+    #[test]
+    fn of_a_size_not_told_the_principal_point_is_near_the_middle() {
+        let untold = View {
+            size: [0; 2],
+            ..around(0.0)
+        };
+        for size in [[1080, 1920], [1088, 1920]] {
+            assert_eq!(untold.for_pictures(size).unwrap().size, size);
+        }
+        for other in [[1920, 1080], [540, 960], [2160, 3840]] {
+            assert_eq!(untold.for_pictures(other), None, "{other:?}");
+        }
+        assert_eq!(untold.likely_size(), [1065, 1897]);
     }
 }

@@ -57,7 +57,9 @@ fn size(joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> f32 {
             high = [high[0].max(*u), high[1].max(*v)];
         }
     }
-    (high[0] - low[0]).max(0.0).hypot((high[1] - low[1]).max(0.0))
+    (high[0] - low[0])
+        .max(0.0)
+        .hypot((high[1] - low[1]).max(0.0))
 }
 
 fn logit(p: f32) -> f32 {

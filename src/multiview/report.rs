@@ -36,8 +36,10 @@ pub struct ViewReport {
     pub weight: f64,
     /// By how many seconds it started before the first view, where that was told.
     pub offset_s: Option<f64>,
-    /// People and frames.
+    /// People and frames of bodies that it saw.
     pub sights: usize,
+    /// People and frames that its detector told of, whoever they are; as many where nobody counted.
+    pub told: usize,
     /// Joints.
     pub joints: usize,
     /// Median distance, pixels.
@@ -154,6 +156,7 @@ pub fn report(
             weight: fit.weights[v],
             offset_s: None,
             sights,
+            told: sights,
             joints: residuals.len(),
             median_px: px.map(|p| p[0]),
             mean_px: px.map(|p| p[1]),

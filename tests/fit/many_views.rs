@@ -8,7 +8,7 @@ use edgecap::camera::calibration::write_pose2sim;
 use edgecap::lab::multiview::own::{Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
 use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use edgecap::message::ObservationFrame;
+use edgecap::message::{Observation, ObservationFrame};
 use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
@@ -148,6 +148,12 @@ fn a_detection_is_held_against_one_body() {
 pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
     let Trial { views, seen, .. } = own(5, count, frames, steady(5));
     std::fs::write(folder.join("Calib.toml"), write_pose2sim(&views)).unwrap();
+    record(folder, &views, &seen);
+    views
+}
+
+/// A record of every view, called like it.
+fn record(folder: &Path, views: &[View], seen: &[Vec<Vec<Observation>>]) {
     for (v, view) in views.iter().enumerate() {
         let path = folder.join(format!("{}.jsonl", view.name));
         let mut file = RecordWriter::<ObservationsRow>::create(&path, Format::Jsonl).unwrap();
@@ -166,7 +172,6 @@ pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
         }
         file.finish().unwrap();
     }
-    views
 }
 
 #[test]
@@ -365,6 +370,133 @@ fn views_that_do_not_go_together_are_refused() {
         64,
         &["0, 120, 240", "7.jsonl"],
     );
+    let copy = format!("120={first}");
+    refused(&calibration, &copy, 64, &["of its own", "0 and 120"]);
+    // Somebody flipped all pictures.
+    let mut seen = own(5, 3, 30, steady(5)).seen;
+    for (view, people) in seen.iter_mut().flat_map(|frame| views.iter().zip(frame)) {
+        for joint in people.iter_mut().flat_map(|p| &mut p.joints2d) {
+            joint[0] = view.size[0] as f32 - 1.0 - joint[0];
+        }
+    }
+    let flipped = folder.path().join("flipped");
+    std::fs::create_dir(&flipped).unwrap();
+    record(&flipped, &views, &seen);
+    let names = ["0", "120", "240"].map(|v| at(&format!("flipped/{v}.jsonl")));
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(names.iter().flat_map(|name| ["--view", name]));
+    assert_fails(&args, 65, &["mirrored", "hflip"]);
+}
+
+/// A calibration as Qualisys writes it; all lenses with `k1`.
+fn qualisys(views: &[View], k1: f64) -> String {
+    let camera = |v: &View| {
+        let rows = (0..3).map(|r| {
+            let row = v.rotation.row(r) * if r == 0 { 1.0 } else { -1.0 };
+            (1..4)
+                .zip(row.to_array())
+                .fold(String::new(), |text, (c, x)| {
+                    format!("{text} r{}{c}=\"{x}\"", r + 1)
+                })
+        });
+        let (place, focal, centre) = (1e3 * v.position, 64.0 * v.focal, 64.0 * v.centre);
+        let [right, bottom] = v.size.map(|s| s - 1);
+        format!(
+            "<camera active=\"1\" serial=\"{}\"><fov_video_max left=\"0\" top=\"0\" right=\"{right}\" \
+             bottom=\"{bottom}\"/><transform x=\"{}\" y=\"{}\" z=\"{}\"{}/><intrinsic focalLengthU=\"{}\" \
+             focalLengthV=\"{}\" centerPointU=\"{}\" centerPointV=\"{}\" radialDistortion1=\"{k1}\" \
+             radialDistortion2=\"0\" tangentalDistortion1=\"0\" tangentalDistortion2=\"0\"/></camera>",
+            v.name,
+            place.x,
+            place.y,
+            place.z,
+            rows.collect::<String>(),
+            focal.x,
+            focal.y,
+            centre.x,
+            centre.y,
+        )
+    };
+    let all: String = views.iter().map(camera).collect();
+    format!("<?xml version=\"1.0\"?><calibration><cameras>{all}</cameras></calibration>")
+}
+
+/// Distortion 64 times too strong: as it is written nobody is found at all.
+#[test]
+fn lenses_in_which_nobody_is_found_are_read_the_other_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let views = files(folder.path(), 3, 12);
+    let (calibration, run) = (at("all.qca.txt"), at("run"));
+    std::fs::write(&calibration, qualisys(&views, -64.0 * 0.1)).unwrap();
+    let names = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(names.iter().flat_map(|name| ["--view", name]));
+    let out = output(&args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let said = stderr(&out);
+    assert!(
+        said.contains("divided by 64") && said.contains("the second is used"),
+        "{said}"
+    );
+}
+
+/// A camera that was moved far after its calibration: none of its sights is anybody's.
+#[test]
+fn a_view_that_sees_nobody_of_the_others_people_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut views = files(folder.path(), 4, 12);
+    views[1].rotation = DMat3::from_rotation_y(0.3) * views[1].rotation;
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    std::fs::write(&calibration, write_pose2sim(&views)).unwrap();
+    let names: Vec<String> = views
+        .iter()
+        .map(|v| at(&format!("{}.jsonl", v.name)))
+        .collect();
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(names.iter().flat_map(|name| ["--view", name]));
+    let out = output(&args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let table = String::from_utf8(out.stdout).unwrap();
+    let line = table
+        .lines()
+        .find(|l| l.starts_with(&views[1].name))
+        .unwrap();
+    assert!(line.contains("check its place"), "{table}");
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(at("run/report.json")).unwrap()).unwrap();
+    assert_eq!(
+        (&report["views"][1]["sights"], &report["views"][1]["told"]),
+        (&0.into(), &12.into())
+    );
+}
+
+#[test]
+fn what_the_views_have_not_is_refused_before_the_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    files(folder.path(), 3, 12);
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    let (first, second) = (at("0.jsonl"), at("120.jsonl"));
+    let base = [
+        "multiview",
+        "--calibration",
+        &calibration,
+        "--view",
+        &first,
+        "--view",
+        &second,
+        "--out",
+        &run,
+    ];
+    for (more, words) in [
+        (["--obj", "12"], &["frames 0 to 11", "12"]),
+        (["--hold-out", "240"], &["views 0, 120", "240"]),
+        (["--hold-out", "120"], &["two views", "1 of 2"]),
+    ] {
+        assert_fails(&[&base[..], &more].concat(), 64, words);
+    }
 }
 
 /// The experiments of `eval --multiview`, few of them: every row is there, and in the direction in which it should be.

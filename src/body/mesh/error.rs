@@ -8,6 +8,11 @@ pub enum MeshError {
     /// The archive or an array of it is damaged.
     #[error("body model: {0}")]
     Archive(#[from] NpzError),
+    /// It is no archive but a pickle, as SMPL's own files are.
+    #[error(
+        "body model: expected a NumPy archive (.npz), found a pickle, which is a program and is not run; convert it by 'python models/body/from_pickle.py MODEL.pkl MODEL.npz'"
+    )]
+    Pickle,
     /// An array is missing.
     #[error(
         "body model: expected an array {name} as SMPL's files have it, found none; pickled models are converted with models/body/from_pickle.py"

@@ -20,12 +20,16 @@ type Rows = Vec<Vec<(usize, f64)>>;
 
 impl MeshBody {
     /// Reads a body model: `v_template`, `f`, `shapedirs`, `J_regressor` (dense, or `J_regressor_data`, `_indices` and
-    /// `_indptr` of a sparse one), `weights`, `kintree_table`; `posedirs` may be absent or empty. An array may have its
-    /// unit beside it (`X_unit`).
+    /// `_indptr` of one compressed by rows or by columns), `weights`, `kintree_table`; `posedirs` may be absent or
+    /// empty. An array may have its unit beside it (`X_unit`).
     ///
     /// # Errors
-    /// When the archive is damaged, an array is missing, or shapes, numbers or the tree are not those of SMPL's format.
-    pub fn read<R: Read + Seek>(reader: R) -> Result<Self, MeshError> {
+    /// When the archive is damaged, an array is missing, or shapes, numbers, axes or the tree are not those of SMPL's
+    /// format.
+    pub fn read<R: Read + Seek>(mut reader: R) -> Result<Self, MeshError> {
+        if is_pickle(&mut reader) {
+            return Err(MeshError::Pickle);
+        }
         let mut file = File(Archive::new(reader)?);
         file.tree()?;
         let template = file.need("v_template")?;
@@ -68,6 +72,7 @@ impl MeshBody {
             rows.iter().map(point).collect()
         };
         let joints = fixed(&at_rest(&regressor, &template));
+        upright(&joints)?;
         let joint_components: Vec<_> = components
             .iter()
             .map(|c| fixed(&at_rest(&regressor, c)))
@@ -131,12 +136,17 @@ impl<R: Read + Seek> File<R> {
         if table.shape[..] != [2, JOINTS] {
             return Err(MeshError::unfit("kintree_table", expected, shape(&table)));
         }
-        for (joint, &parent) in PARENTS.iter().enumerate().skip(1) {
-            let found = table.data[joint];
-            if found != parent as f64 {
-                let found = format!("joint {joint} on {found} instead of {parent}");
-                return Err(MeshError::unfit("kintree_table", expected, found));
-            }
+        let (parents, joints) = table.data.split_at(JOINTS);
+        for (joint, (&found, &id)) in parents.iter().zip(joints).enumerate() {
+            let parent = PARENTS[joint];
+            let found = if id != joint as f64 {
+                format!("joint {id} in place of {joint}")
+            } else if joint > 0 && found != parent as f64 {
+                format!("joint {joint} on {found} instead of {parent}")
+            } else {
+                continue;
+            };
+            return Err(MeshError::unfit("kintree_table", expected, found));
         }
         Ok(())
     }
@@ -146,7 +156,7 @@ impl<R: Read + Seek> File<R> {
             return Ok(Vec::new());
         };
         match array.shape[..] {
-            [n, 3, 0] if n == count => Ok(Vec::new()),
+            _ if array.data.is_empty() => Ok(Vec::new()),
             [n, 3, CORRECTIVES] if n == count => {
                 // Zeros, as bodies without correctives carry them for strict readers, cost nothing here.
                 let zero = array.data.iter().all(|&x| x == 0.0);
@@ -157,7 +167,7 @@ impl<R: Read + Seek> File<R> {
                 })
             }
             _ => {
-                let expected = format!("{count}x3x{CORRECTIVES} numbers, or {count}x3x0");
+                let expected = format!("{count}x3x{CORRECTIVES} numbers, or none");
                 Err(MeshError::unfit("posedirs", expected, shape(&array)))
             }
         }
@@ -222,35 +232,13 @@ impl<R: Read + Seek> File<R> {
         };
         let indices = self.need("J_regressor_indices")?;
         let starts = self.need("J_regressor_indptr")?;
-        let whole = |x: &f64, most: usize| {
-            (*x >= 0.0 && *x <= most as f64 && x.fract() == 0.0).then_some(*x as usize)
-        };
-        let starts: Option<Vec<usize>> = starts
-            .data
-            .iter()
-            .map(|x| whole(x, data.data.len()))
-            .collect();
-        let columns: Option<Vec<usize>> =
-            indices.data.iter().map(|x| whole(x, count - 1)).collect();
-        let fits = |(s, c): &(Vec<usize>, Vec<usize>)| {
-            s.len() == JOINTS + 1
-                && c.len() == data.data.len()
-                && s.is_sorted()
-                && s[JOINTS] == c.len()
-        };
-        let Some((starts, columns)) = starts.zip(columns).filter(fits) else {
-            return Err(MeshError::unfit(
+        sparse_rows(&data.data, &indices.data, &starts.data, count).ok_or_else(|| {
+            MeshError::unfit(
                 "J_regressor_indptr",
                 format!("a sparse matrix of {JOINTS} rows and {count} columns"),
                 "parts that do not fit together",
-            ));
-        };
-        let row = |j: usize| {
-            (starts[j]..starts[j + 1])
-                .map(|i| (columns[i], data.data[i]))
-                .collect()
-        };
-        Ok((0..JOINTS).map(row).collect())
+            )
+        })
     }
 
     fn reported(&mut self, count: usize) -> Result<Option<Rows>, MeshError> {
@@ -259,6 +247,74 @@ impl<R: Read + Seek> File<R> {
             .map(|array| dense_rows(name, &array, REPORTED, count))
             .transpose()
     }
+}
+
+/// Rows of a matrix of [`JOINTS`] rows, compressed by rows (SciPy's CSR) or by columns (CSC), as many `starts` as there
+/// are tell which; `None` where the parts do not fit together.
+fn sparse_rows(data: &[f64], indices: &[f64], starts: &[f64], count: usize) -> Option<Rows> {
+    let by_columns = starts.len() == count + 1 && starts.len() != JOINTS + 1;
+    let (lines, across) = match by_columns {
+        true => (count, JOINTS),
+        false => (JOINTS, count),
+    };
+    let whole = |x: &f64, most: usize| {
+        (*x >= 0.0 && *x <= most as f64 && x.fract() == 0.0).then_some(*x as usize)
+    };
+    let starts: Vec<usize> = starts
+        .iter()
+        .map(|x| whole(x, data.len()))
+        .collect::<Option<_>>()?;
+    let indices: Vec<usize> = indices
+        .iter()
+        .map(|x| whole(x, across - 1))
+        .collect::<Option<_>>()?;
+    let fits = starts.len() == lines + 1
+        && indices.len() == data.len()
+        && starts.is_sorted()
+        && starts[lines] == data.len();
+    if !fits {
+        return None;
+    }
+    let mut rows = vec![Vec::new(); JOINTS];
+    for line in 0..lines {
+        for i in starts[line]..starts[line + 1] {
+            let (row, column) = match by_columns {
+                true => (indices[i], line),
+                false => (line, indices[i]),
+            };
+            rows[row].push((column, data[i]));
+        }
+    }
+    Some(rows)
+}
+
+/// Whether a file begins as pickles of protocol 2 and later do; its reader is where it was afterwards.
+fn is_pickle<R: Read + Seek>(reader: &mut R) -> bool {
+    let mut start = [0; 2];
+    let read = reader.read_exact(&mut start).is_ok();
+    reader.rewind().is_ok() && read && start[0] == 0x80 && (2..=5).contains(&start[1])
+}
+
+/// Refuses bodies whose y does not point up or whose x does not point to their left: joints at rest, metres.
+fn upright(joints: &[[f64; 3]; JOINTS]) -> Result<(), MeshError> {
+    let [left_hip, right_hip, left_ankle, head] = [1, 2, 7, 15];
+    for (from, to, axis, words) in [
+        (left_ankle, head, 1, "y up"),
+        (right_hip, left_hip, 0, "x to its left"),
+    ] {
+        let along: [f64; 3] = std::array::from_fn(|k| joints[to][k] - joints[from][k]);
+        let most = along.iter().fold(0.0_f64, |most, d| most.max(d.abs()));
+        if along[axis] < most {
+            return Err(MeshError::unfit(
+                "v_template",
+                format!("a body at rest with {words}"),
+                format!(
+                    "{along:.2?} m from joint {from} to {to}; turn v_template, shapedirs and posedirs"
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn dense_rows(name: &str, array: &Numbers, rows: usize, count: usize) -> Result<Rows, MeshError> {

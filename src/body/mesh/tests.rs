@@ -209,6 +209,21 @@ fn other_bodies_of_the_format_are_read() {
     }))
     .unwrap();
     assert_eq!(sparse.joints, plain.joints);
+    // As SMPL's own files have it: by columns.
+    let by_columns = read(small(|a| {
+        a.retain(|(name, ..)| *name != "J_regressor");
+        a.push(("J_regressor_data", vec![JOINTS], vec![1.0; JOINTS]));
+        let rows = (0..JOINTS).map(|x| x as f32).collect();
+        a.push(("J_regressor_indices", vec![JOINTS], rows));
+        let all = JOINTS as f32;
+        a.push(("J_regressor_indptr", vec![5], vec![0., all, all, all, all]));
+    }))
+    .unwrap();
+    assert_eq!(by_columns.joints, plain.joints);
+    for shape in [vec![0], vec![0, 3, CORRECTIVES], vec![CORRECTIVES, 0]] {
+        let empty = read(small(|a| a.push(("posedirs", shape, Vec::new())))).unwrap();
+        assert!(empty.correctives.is_empty());
+    }
 }
 
 #[test]
@@ -242,7 +257,19 @@ fn pose_correctives_move_the_mesh_as_the_format_says() {
 #[test]
 fn what_is_no_body_is_refused_with_what_was_expected() {
     type Change = fn(&mut Vec<(&'static str, Vec<usize>, Vec<f32>)>);
-    let cases: [(&str, Change); 8] = [
+    // Joint 15, the head, on another vertex than the ankles; joint 1 on another than joint 2.
+    let lying: Change = |a| {
+        (a[0].2[3..6]).copy_from_slice(&[0.0, 0.1, 1.6]);
+        (a[4].2[4 * 15..][..2]).copy_from_slice(&[0.0, 1.0]);
+    };
+    let mirrored: Change = |a| {
+        (a[0].2[3..6]).copy_from_slice(&[-0.2, 0.1, 0.1]);
+        (a[4].2[4..][..2]).copy_from_slice(&[0.0, 1.0]);
+    };
+    let cases: [(&str, Change); 11] = [
+        ("with y up", lying),
+        ("with x to its left", mirrored),
+        ("joint 0 in place of 5", |a| a[5].2[JOINTS + 5] = 0.0),
         ("an array weights", |a| a.retain(|(n, ..)| *n != "weights")),
         ("joint 5 on 9 instead of 2", |a| a[5].2[5] = 9.0),
         ("finite numbers", |a| a[0].2[3] = f32::NAN),
@@ -256,6 +283,8 @@ fn what_is_no_body_is_refused_with_what_was_expected() {
         let error = read(small(change)).unwrap_err().to_string();
         assert!(error.contains(words), "{words}: {error}");
     }
+    let pickle = read(b"\x80\x02}q\x00.".to_vec()).unwrap_err();
+    assert!(pickle.to_string().contains("from_pickle.py"), "{pickle}");
     let whole = small(|_| ());
     for end in [0, 10, whole.len() / 2, whole.len() - 1] {
         assert!(

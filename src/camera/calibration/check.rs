@@ -95,10 +95,11 @@ fn spread(views: &[View]) -> f64 {
 
 /// What is wrong where a camera was calibrated with portrait pictures, or with others than it says.
 fn turned(view: &View) -> Option<String> {
+    if view.size == [0; 2] {
+        return None;
+    }
     let [w, h] = view.size.map(f64::from);
-    let off =
-        |x: f64, y: f64| ((view.centre.x / x - 0.5).abs()).max((view.centre.y / y - 0.5).abs());
-    let (upright, side) = (off(w, h), off(h, w));
+    let (upright, side) = (view.off_middle([w, h]), view.off_middle([h, w]));
     if upright < 0.25 {
         return None;
     }

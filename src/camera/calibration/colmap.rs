@@ -2,6 +2,7 @@
 //! files.
 
 use std::collections::HashMap;
+use std::ffi::OsStr;
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -16,7 +17,8 @@ struct Lens {
     distortion: [f64; 8],
 }
 
-/// Reads the texts of both files; `file` is for errors. A view is called like its image, without the ending.
+/// Reads the texts of both files; `file` is for errors. A view is called like its image, without the ending; where
+/// images of several folders are called the same, like the folder.
 ///
 /// # Errors
 /// [`CameraError::Calibration`].
@@ -45,7 +47,28 @@ pub fn read_colmap(cameras: &str, images: &str, file: &str) -> Result<Vec<View>,
     if views.is_empty() {
         return Err(wrong("no image in images.txt".into()));
     }
-    Ok(views)
+    Ok(named(views))
+}
+
+/// Names views, which are called like their images' paths.
+fn named(mut views: Vec<View>) -> Vec<View> {
+    let text = |part: Option<&OsStr>| part.map(|p| p.to_string_lossy().into_owned());
+    let stems: Vec<_> = views
+        .iter()
+        .map(|v| text(Path::new(&v.name).file_stem()).unwrap_or_else(|| v.name.clone()))
+        .collect();
+    let folders: Vec<_> = views
+        .iter()
+        .map(|v| text(Path::new(&v.name).parent().and_then(Path::file_name)))
+        .collect();
+    let shared: Vec<bool> = stems
+        .iter()
+        .map(|stem| stems.iter().filter(|s| *s == stem).count() > 1)
+        .collect();
+    for (((view, stem), folder), shared) in views.iter_mut().zip(stems).zip(folders).zip(shared) {
+        view.name = folder.filter(|_| shared).unwrap_or(stem);
+    }
+    views
 }
 
 fn is_data(line: &str) -> bool {
@@ -104,9 +127,7 @@ fn view(line: &str, lenses: &HashMap<&str, Lens>) -> Result<View, String> {
     else {
         return Err(format!("the line '{line}' in images.txt"));
     };
-    let name = Path::new(image)
-        .file_stem()
-        .map_or_else(|| (*image).to_owned(), |s| s.to_string_lossy().into_owned());
+    let name = *image;
     let lens = lenses
         .get(*camera)
         .ok_or_else(|| format!("image {name} of a camera {camera} that cameras.txt has not"))?;
@@ -115,7 +136,7 @@ fn view(line: &str, lenses: &HashMap<&str, Lens>) -> Result<View, String> {
         return Err(format!("image {name} with a rotation that is none"));
     }
     Parts {
-        name: &name,
+        name,
         size: lens.size,
         focal: lens.focal,
         centre: lens.centre,

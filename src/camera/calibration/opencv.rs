@@ -59,8 +59,7 @@ fn one(storage: &Storage, name: &str) -> Result<View, String> {
     .view()
 }
 
-/// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Pictures whose size they do not tell are taken to have
-/// the principal point in their middle.
+/// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Most do not tell the pictures' size; then it is 0x0.
 ///
 /// # Errors
 /// [`CameraError::Calibration`].
@@ -83,26 +82,27 @@ pub fn read_easymocap(intri: &str, extri: &str, file: &str) -> Result<Vec<View>,
         }
         let matrix = inner.numbers(&[&key("K")]).ok_or_else(|| lacks("K"))?;
         let (focal, centre) = pinhole(matrix, name)?;
-        let size = [inner.number(&[&key("W")]), inner.number(&[&key("H")])];
-        let told = |k: usize| {
-            size[k]
-                .filter(|s| *s > 0.0)
-                .unwrap_or((2.0 * centre[k]).round())
-        };
+        let side = |of: &str| inner.number(&[&key(of)]).filter(|s| *s > 0.0);
+        let told = side("W").zip(side("H"));
+        let size = told.map_or([1.0; 2], |(w, h)| [w, h]);
         let turn = outer
             .numbers(&[&key("Rot"), &key("R")])
             .ok_or_else(|| lacks("R"))?;
         let shift = outer.numbers(&[&key("T")]).ok_or_else(|| lacks("T"))?;
-        Parts {
+        let mut view = Parts {
             name,
-            size: [told(0), told(1)],
+            size,
             focal,
             centre,
             distortion: inner.numbers(&[&key("dist"), &key("D")]).unwrap_or(&[]),
             rotation: rotation(turn, name)?,
             translation: vector(shift, name)?,
         }
-        .view()
+        .view()?;
+        if told.is_none() {
+            view.size = [0; 2];
+        }
+        Ok(view)
     };
     names.iter().map(|n| view(n).map_err(wrong)).collect()
 }

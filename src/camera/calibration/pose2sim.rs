@@ -96,7 +96,7 @@ pub fn write_pose2sim(views: &[View]) -> String {
         let _ = write!(
             text,
             "[{name}]\nname = {name}\nsize = {}\nmatrix = [{}, {}, {}]\ndistortions = {}\nrotation = {}\ntranslation = {}\nfisheye = false\n\n",
-            list(&view.size.map(f64::from)),
+            list(&view.likely_size().map(f64::from)),
             list(&[view.focal.x, 0.0, view.centre.x]),
             list(&[0.0, view.focal.y, view.centre.y]),
             list(&[0.0, 0.0, 1.0]),

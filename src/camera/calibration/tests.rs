@@ -121,6 +121,16 @@ fn opencv_and_easymocap_tell_the_same_cameras() {
     for (a, b) in views.iter().zip(&read) {
         close(a, b);
     }
+    // Most of EasyMocap's files do not say how large pictures are.
+    let told = intri.lines().filter(|l| !l.starts_with(['W', 'H']));
+    let untold = told.map(|l| format!("{l}\n")).collect::<String>();
+    let read = read_easymocap(&untold, &extri, "folder").unwrap();
+    let read = check("folder", read).unwrap().views;
+    for (a, b) in views.iter().zip(&read) {
+        assert_eq!(b.size, [0; 2]);
+        close(a, &b.for_pictures(a.size).unwrap());
+        assert_eq!(b.for_pictures([a.size[1], a.size[0]]), None);
+    }
 }
 
 #[test]
@@ -152,6 +162,11 @@ fn colmap_counts_pixels_from_their_corner() {
     for (a, b) in views.iter().zip(&read) {
         close(a, b);
     }
+    // A folder a camera, pictures of one name.
+    let folders = images.replace("cam00.jpg", "cam00/000000.jpg");
+    let folders = folders.replace("cam01.jpg", "all/cam01/000000.jpg");
+    let read = read_colmap(&cameras, &folders, "folder").unwrap();
+    assert_eq!([&read[0].name, &read[1].name], ["cam00", "cam01"]);
     let fish = cameras.replace("OPENCV", "OPENCV_FISHEYE");
     let error = read_colmap(&fish, &images, "folder")
         .unwrap_err()

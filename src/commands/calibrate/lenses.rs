@@ -83,11 +83,10 @@ impl Lenses {
                     }
                 };
                 let fitting = view.for_pictures(size).ok_or_else(|| {
+                    let [width, height] = view.likely_size();
                     format!(
-                        "{}: expected pictures of {}x{} pixels of camera {name}, found {}x{}",
+                        "{}: expected pictures of {width}x{height} pixels of camera {name}, found {}x{}",
                         path.display(),
-                        view.size[0],
-                        view.size[1],
                         size[0],
                         size[1]
                     )

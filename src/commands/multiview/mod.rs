@@ -129,6 +129,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         say::err(note);
     }
     let (views, frames) = (&scene.views, &scene.frames);
+    chosen.expect_within(frames.len())?;
     let used: Vec<bool> = views
         .iter()
         .map(|v| !args.hold_out.contains(&v.name))
@@ -198,6 +199,9 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     report.notes = scene.notes.clone();
     for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
         line.offset_s = *offset;
+    }
+    for (v, line) in report.views.iter_mut().enumerate() {
+        line.told = frames.iter().map(|f| f[v].len()).sum();
     }
     let take = write::run((&args.out, store), body, &scene, &fitted, &report, &chosen)?;
     say::out(write::table(&report).trim_end());

@@ -17,6 +17,17 @@ use crate::record::CameraSource;
 /// By how much one reading of the lenses must be better than the other to be told apart.
 const CLEAR: f64 = 0.99;
 
+/// Rays of a calibration that is right meet within this, metres.
+const NEAR: f64 = 0.035;
+/// Share of the sights that could confirm others of which more do where nothing is doubtful.
+const WELL: f64 = 0.9;
+/// Share of them that does at least in the right one of two readings.
+const MOSTLY: f64 = 0.6;
+/// So many times those of the wrong one, or …
+const CLEARLY_MORE: f64 = 1.15;
+/// … rays that meet within so many times the distance.
+const CLEARLY_NEARER: f64 = 0.6;
+
 /// All views over time.
 pub struct Scene {
     /// The cameras as their pictures show them, in the calibration's order.
@@ -54,15 +65,7 @@ pub fn scene(
         alternative,
     } = calibration;
     let files = assign(&args.view, &views)?;
-    for name in &args.hold_out {
-        if !files.iter().any(|(v, _)| views[*v].name == *name) {
-            return Err(Failure::usage(format!(
-                "expected one of the cameras {} for --hold-out, found {name}",
-                names(&views)
-            ))
-            .into());
-        }
-    }
+    held_out(&args.hold_out, &files, &views)?;
     let (mut seen, mut found) = (Vec::new(), 0);
     for (v, file) in &files {
         // Distances are told by the calibration, not by the record's lens.
@@ -103,27 +106,31 @@ pub fn scene(
     if let Some((other, what)) = alternative {
         let other = all_pictured(&other)?;
         let theirs = frames(&other);
-        let both = (
+        let both = [
             agreement(&views, &sights, rate),
             agreement(&other, &theirs, rate),
-        );
-        if let (Some(as_is), Some(changed)) = both {
-            let better = changed < CLEAR * as_is;
-            let verdict = match better {
-                true => "the second is used",
-                false if as_is < CLEAR * changed => "the first is used",
-                false => "they cannot be told apart, the first is used",
-            };
-            notes.push(format!(
-                "lenses as they are written: rays meet within {:.1} mm; {what}: {:.1} mm; {verdict}",
-                1e3 * as_is,
-                1e3 * changed,
-            ));
-            if better {
-                (views, sights) = (other, theirs);
-            }
+        ];
+        // Where nobody is found in one reading, rays meet nowhere.
+        let both = both.map(|found| found.map(|a| a.apart));
+        let [as_is, changed] = both.map(|apart| apart.unwrap_or(f64::INFINITY));
+        let better = changed < CLEAR * as_is;
+        let verdict = match better {
+            true => "the second is used",
+            false if as_is < CLEAR * changed => "the first is used",
+            false => "they cannot be told apart, the first is used",
+        };
+        let [first, second] = both.map(|apart| match apart {
+            Some(apart) => format!("within {:.1} mm", 1e3 * apart),
+            None => "nowhere".to_owned(),
+        });
+        notes.push(format!(
+            "lenses as they are written: rays meet {first}; {what}: {second}; {verdict}"
+        ));
+        if better {
+            (views, sights) = (other, theirs);
         }
     }
+    expect_not_mirrored(&views, &sights, &frames, rate)?;
     let film = |(_, file): &(usize, PathBuf)| is_film(file).then(|| file.clone());
     Ok(Scene {
         views,
@@ -136,6 +143,60 @@ pub fn scene(
         in_world: true,
         notes,
     })
+}
+
+/// Refuses pictures that were flipped left to right against their calibration, as programs show cameras at a desk.
+fn expect_not_mirrored(
+    views: &[View],
+    sights: &[Vec<Detections>],
+    frames: &impl Fn(&[View]) -> Vec<Vec<Detections>>,
+    rate: f64,
+) -> anyhow::Result<()> {
+    let most = 1.0 - 1.0 / views.len() as f64;
+    let as_is = agreement(views, sights, rate);
+    let (told, apart) = as_is.map_or((0.0, f64::INFINITY), |a| (a.confirmed, a.apart));
+    if told > WELL * most && apart < NEAR {
+        return Ok(());
+    }
+    let other: Vec<View> = views.iter().map(View::mirrored).collect();
+    let mirrored = agreement(&other, &frames(&other), rate).filter(|a| {
+        let better = a.confirmed > CLEARLY_MORE * told || a.apart < CLEARLY_NEARER * apart;
+        better && a.apart < NEAR && a.confirmed > MOSTLY * most
+    });
+    let Some(mirrored) = mirrored else {
+        return Ok(());
+    };
+    Err(Failure::data(format!(
+        "expected pictures as the calibration knows them, found that {:.0} % of detections go together{}, and {:.0} % \
+         within {:.0} mm if all pictures are mirrored; flip them (ffmpeg -vf hflip) or calibrate with these",
+        100.0 * told / most,
+        as_is.map_or_else(String::new, |a| format!(" within {:.0} mm", 1e3 * a.apart)),
+        100.0 * mirrored.confirmed / most,
+        1e3 * mirrored.apart
+    ))
+    .into())
+}
+
+/// Refuses to hold out cameras without a view, and so many that fewer than two are left.
+fn held_out(held: &[String], files: &[(usize, PathBuf)], views: &[View]) -> anyhow::Result<()> {
+    let given: Vec<&str> = files.iter().map(|(v, _)| views[*v].name.as_str()).collect();
+    if let Some(other) = held.iter().find(|h| !given.contains(&h.as_str())) {
+        return Err(Failure::usage(format!(
+            "expected one of the views {} for --hold-out, found {other}",
+            given.join(", ")
+        ))
+        .into());
+    }
+    let left = given.iter().filter(|name| !held.iter().any(|h| h == *name));
+    let left = left.count();
+    if left < 2 {
+        return Err(Failure::usage(format!(
+            "expected two views or more that are not held out, found {left} of {}",
+            given.len()
+        ))
+        .into());
+    }
+    Ok(())
 }
 
 /// What a camera saw; the observations of a film are kept, and counted where they were `found`.
@@ -238,6 +299,20 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
             .into());
         }
     }
+    for (k, (v, path)) in files.iter().enumerate() {
+        let place = path.canonicalize().ok();
+        let before = files[..k].iter();
+        let mut same = before.filter(|(_, p)| place.is_some() && p.canonicalize().ok() == place);
+        if let Some((other, _)) = same.next_back() {
+            return Err(Failure::usage(format!(
+                "expected a file of its own for every camera, found {} for {} and {}",
+                path.display(),
+                views[*other].name,
+                views[*v].name
+            ))
+            .into());
+        }
+    }
     Ok(files)
 }
 
@@ -247,14 +322,15 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
 /// Pictures of a size that it is not calibrated for.
 pub fn pictured(view: &View, size: [u32; 2], source: &str) -> anyhow::Result<View> {
     view.for_pictures(size).ok_or_else(|| {
-        let ([w, h], [found_w, found_h]) = (view.size, size);
+        let ([w, h], [found_w, found_h]) = (view.likely_size(), size);
+        let about = if view.size == [0; 2] { "about " } else { "" };
         let turned = if view.for_pictures([found_h, found_w]).is_some() {
             ", turned by 90 degrees; turn pictures or calibration"
         } else {
             "; calibrate with pictures of this size"
         };
         Failure::data(format!(
-            "{source}: expected pictures of {w}x{h} pixels as camera {} is calibrated for, found {found_w}x{found_h}{turned}",
+            "{source}: expected pictures of {about}{w}x{h} pixels as camera {} is calibrated for, found {found_w}x{found_h}{turned}",
             view.name
         ))
         .into()

@@ -25,6 +25,26 @@ pub enum Chosen {
     All,
 }
 
+impl Chosen {
+    /// Refuses frames that a run has not, before it is fitted.
+    ///
+    /// # Errors
+    /// Naming the first.
+    pub fn expect_within(&self, frames: usize) -> anyhow::Result<()> {
+        let far = match self {
+            Self::Some(all) => all.iter().find(|k| **k >= frames),
+            Self::All => None,
+        };
+        far.map_or(Ok(()), |far| {
+            let last = frames.saturating_sub(1);
+            Err(Failure::usage(format!(
+                "expected frames 0 to {last} for --obj, found {far}"
+            ))
+            .into())
+        })
+    }
+}
+
 /// Reads `--obj`.
 ///
 /// # Errors
@@ -229,6 +249,9 @@ fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {
     text
 }
 
+/// A view of whose sights fewer than one in so many are of somebody is doubted.
+const FEW: usize = 10;
+
 /// The report for people.
 pub fn table(report: &MultiviewReport) -> String {
     let mut text =
@@ -248,6 +271,8 @@ pub fn table(report: &MultiviewReport) -> String {
             match v.weight {
                 0.0 => "  held out",
                 w if w < 1.0 => "  disagrees with the others and counts less",
+                _ if v.sights * FEW < v.told =>
+                    "  sees hardly any of the others' people; check its place",
                 _ => "",
             }
         );
