@@ -155,6 +155,19 @@ pub fn may_pass(code: u8) -> bool {
     matches!(code, UNAVAILABLE | SOFTWARE | IO | TRY_LATER)
 }
 
+/// An error in one line: what went wrong and why. Causes that a message names already are not said again.
+pub fn told(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if line.is_empty() {
+            line = cause;
+        } else if !line.contains(&cause) {
+            line = format!("{line}: {cause}");
+        }
+    }
+    line
+}
+
 /// The exit code for an error: the first cause that knows one, else [`SOFTWARE`].
 pub fn code(error: &anyhow::Error) -> u8 {
     error
@@ -247,5 +260,21 @@ fn model_code(error: &ModelError) -> u8 {
         ModelError::Io { .. } => CANNOT_CREATE,
         ModelError::NoRange(_) => USAGE,
         _ => DATA,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn what_a_message_names_is_said_once() {
+        let gone = || std::io::Error::new(std::io::ErrorKind::NotFound, "no such file");
+        let camera = CameraError::read(std::path::Path::new("Calib.toml"), gone());
+        let line = told(&camera.into());
+        assert_eq!(line.matches("no such file").count(), 1, "{line}");
+        let wrapped = Err::<(), _>(gone()).context("cannot start").unwrap_err();
+        assert_eq!(told(&wrapped), "cannot start: no such file");
     }
 }

@@ -158,7 +158,7 @@ pub fn main() -> u8 {
         Ok(()) => 0,
         Err(e) => {
             if !exit::is_silent(&e) {
-                say::failure(&format!("edgecap: {e:#}"));
+                say::failure(&format!("edgecap: {}", exit::told(&e)));
             }
             exit::code(&e)
         }

@@ -92,7 +92,7 @@ fn what_cannot_be_calibrated_is_said() {
     refused(
         &more(["--distance", "0,7=3"]),
         64,
-        &["0,120=3.2", "--distance 0,7=3"],
+        &["--distance 0,7=3", "no --view is of 7", "two of 0, 120"],
     );
     refused(
         &more(["--lens", "north=x.toml"]),

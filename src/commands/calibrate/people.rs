@@ -80,6 +80,16 @@ fn scale(args: &CalibrateArgs, views: &[View], notes: &mut Vec<String>) -> anyho
         let (pair, metres) = text.rsplit_once('=').ok_or_else(wrong)?;
         let (a, b) = pair.split_once(',').ok_or_else(wrong)?;
         let number = |name: &str| views.iter().position(|v| v.name == name);
+        for name in [a, b] {
+            if number(name).is_none() {
+                let known: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
+                return Err(Failure::usage(format!(
+                    "--distance {text}: no --view is of {name}; expected two of {}",
+                    known.join(", ")
+                ))
+                .into());
+            }
+        }
         let (a, b) = number(a).zip(number(b)).ok_or_else(wrong)?;
         let metres: f64 = metres.parse().map_err(|_| wrong())?;
         if a == b || !(0.05..=100.0).contains(&metres) {
