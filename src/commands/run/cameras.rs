@@ -69,8 +69,8 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                     let plan = Plan::of_camera(args, chosen);
                     let ended = live::run(args, plan, table, meter, &pulse, hub, stop);
                     if let Err(e) = &ended {
-                        meter.failed(told(&e));
-                        tracing::error!("{}: ended, the others go on: {}", chosen.name, told(&e));
+                        meter.failed(told(e));
+                        tracing::error!("{}: ended, the others go on: {}", chosen.name, told(e));
                     }
                     // Without a sign of life of it the service manager starts everything anew.
                     if !ended.as_ref().is_err_and(|e| exit::may_pass(exit::code(e))) {
