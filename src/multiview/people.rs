@@ -97,28 +97,7 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
             stays
         });
         done.extend(gone);
-        let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
-        let mut taken: Vec<Vec<Option<usize>>> = vec![vec![None; views.len()]; live.len()];
-        for (v, detections) in frame.iter().enumerate() {
-            let scores: Vec<f32> = live
-                .iter()
-                .flat_map(|t| {
-                    let reach = REACH + (ROAM[0] * t.away(f)).min(ROAM[1]);
-                    detections
-                        .iter()
-                        .map(move |d| closeness(&views[v], d, &t.joints, reach))
-                })
-                .collect();
-            for (t, d) in matcher
-                .solve(live.len(), detections.len(), &scores)
-                .iter()
-                .enumerate()
-            {
-                if let Some(d) = *d {
-                    (taken[t][v], free[v][d]) = (Some(d), false);
-                }
-            }
-        }
+        let (taken, free) = take(views, frame, f, frames.len(), &live, &mut matcher);
         for (t, chosen) in live.iter_mut().zip(&taken) {
             advance(views, frame, f, chosen, t);
         }
@@ -145,6 +124,47 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
         moments: settled(t),
     };
     done.into_iter().enumerate().map(number).collect()
+}
+
+/// Detections as `[view][detection]`, of everybody known as `[person][view]`.
+type Taken = Vec<Vec<Option<usize>>>;
+
+/// What everybody known takes of a frame, and whether each detection, by view, is left. Who is proven takes first: a
+/// ghost lies on a real person's rays and would go on living from them.
+fn take(
+    views: &[View],
+    frame: &[Detections],
+    f: usize,
+    frames: usize,
+    live: &[Live],
+    matcher: &mut Matcher,
+) -> (Taken, Vec<Vec<bool>>) {
+    let mut taken: Taken = vec![vec![None; views.len()]; live.len()];
+    let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
+    for proven in [true, false] {
+        let people: Vec<usize> = (0..live.len())
+            .filter(|&t| live[t].is_proven(frames) == proven)
+            .collect();
+        for (v, (view, detections)) in views.iter().zip(frame).enumerate() {
+            let near = |t: &Live, d: usize| {
+                let reach = REACH + (ROAM[0] * t.away(f)).min(ROAM[1]);
+                closeness(view, &detections[d], &t.joints, reach)
+            };
+            let left: Vec<usize> = (0..detections.len()).filter(|&d| free[v][d]).collect();
+            let scores: Vec<f32> = people
+                .iter()
+                .flat_map(|&t| left.iter().map(move |&d| (t, d)))
+                .map(|(t, d)| near(&live[t], d))
+                .collect();
+            let chosen = matcher.solve(people.len(), left.len(), &scores);
+            for (&t, d) in people.iter().zip(chosen) {
+                if let Some(d) = d.map(|d| left[d]) {
+                    (taken[t][v], free[v][d]) = (Some(d), false);
+                }
+            }
+        }
+    }
+    (taken, free)
 }
 
 /// A person's frames with left and right as they are.

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use edgecap::camera::View;
 use edgecap::camera::calibration::write_pose2sim;
-use edgecap::lab::multiview::own::{Walker, observe, own, ring, steady};
+use edgecap::lab::multiview::own::{RATE, Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
 use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
 use edgecap::message::{Observation, ObservationFrame};
-use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched};
+use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched, track};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::{DMat3, DVec3};
@@ -126,6 +126,33 @@ fn everyone_keeps_their_identity() {
     }
     taken.sort_unstable();
     assert_eq!(taken, [0, 1, 2]);
+}
+
+/// What a spurious detection and a real person's make together lies on the real one's rays, and lives from them.
+#[test]
+fn a_ghost_takes_nothing_from_a_person() {
+    let (views, person) = (ring(4), [Walker::new(1, 40, DVec3::ZERO)]);
+    let mut filmed = views.clone();
+    filmed[0].position.y += 0.06; // so its rays pass beside where the others see the person
+    let seen =
+        |by: &[View]| -> Vec<Vec<Observation>> { observe(by, &person, Flaws::NONE, 1).remove(0) };
+    let sights: Vec<Vec<Sight>> = views
+        .iter()
+        .zip(seen(&filmed))
+        .map(|(view, seen)| seen.iter().map(|o| Sight::new(view, o)).collect())
+        .collect();
+    let mut frames = vec![sights; 20];
+    // View 3 sees, once, what would lie on the person's rays of view 0 at 0.94 of their distance.
+    let mut aside = views[3].clone();
+    aside.position = filmed[0].position + (aside.position - views[0].position) / 0.94;
+    let ghost = seen(&[aside]);
+    frames[0][3].extend(ghost[0].iter().map(|o| Sight::new(&views[3], o)));
+    let people = track(&views, &frames, RATE);
+    assert_eq!(people.len(), 1);
+    for (frame, moment) in &people[0].moments[4..] {
+        let views = moment.sights.iter().flatten().count();
+        assert_eq!(views, 4, "frame {frame}");
+    }
 }
 
 #[test]
