@@ -17,8 +17,8 @@ use crate::fit::scene::FloorEstimate;
 use crate::fit::scene::FloorPlane;
 use crate::fit::scene::SteadyFloor;
 use crate::fit::scene::assumed;
-use crate::fit::track::{Context, Track};
-use crate::joints::CANONICAL_STATURE;
+use crate::fit::track::{Context, KnownJoint, Track};
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
 use crate::message::{Body, BodyFrame, FLAG_END_OF_STREAM, MAX_PEOPLE, ObservationFrame};
 
 /// Times that go back by more than this, or ahead by more than the identities' memory, belong to another recording.
@@ -155,6 +155,12 @@ impl Fitter {
     /// Tracks held in memory: present ones, with and without identity, and those remembered after they left.
     pub fn remembered(&self) -> usize {
         self.present.len() + self.gone.len()
+    }
+
+    /// What the confidence of everybody's joints rests on, in the newest frame, by identity.
+    pub fn known_joints(&self) -> impl Iterator<Item = (u32, [KnownJoint; BODY_JOINTS])> {
+        let named = self.present.iter().filter(|t| t.id != 0);
+        named.map(|t| (t.id, std::array::from_fn(|j| t.known(j, 0.0))))
     }
 
     /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.

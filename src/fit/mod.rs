@@ -17,9 +17,10 @@ mod track;
 
 pub use config::{FitConfig, GroundConfig};
 pub use fitter::{FitCounters, Fitter};
+pub use publish::confidence;
 
 // The parts of the energy, and of who is who, that do not ask how many cameras there are.
 pub(crate) use energy::{Motion, MotionModel, Quadratic, constrain, robust_cost, robust_weight};
 pub(crate) use identity::Appearance;
-pub(crate) use publish::{confidence, flat_angles};
+pub(crate) use publish::flat_angles;
 pub(crate) use track::{SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose};

@@ -118,37 +118,3 @@ fn ablation() {
         );
     }
 }
-
-#[test]
-#[ignore = "prints a table; slow"]
-fn calibration() {
-    for (name, people, frames) in [
-        ("everyday", people::everyday(), 1500),
-        ("crossing", people::crossing(), 900),
-        ("wanderers", people::wanderers(120.0, 3), 3600),
-    ] {
-        let mut scene = Scene::new(people, profile(), 30.0, 9);
-        let r = run(&mut scene, FitConfig::default(), frames, 30, false);
-        println!("{name}: claimed → true (share), all joints | not observed");
-        for bin in 0..10 {
-            println!(
-                "  {:.2} → {:.2} ({:6.0}) | {:.2} → {:.2} ({:6.0})",
-                r.claimed[bin].get(),
-                r.calibration[bin].get(),
-                r.claimed[bin].n,
-                r.claimed_hidden[bin].get(),
-                r.calibration_hidden[bin].get(),
-                r.claimed_hidden[bin].n
-            );
-        }
-        for j in 0..21 {
-            println!(
-                "  joint {j:2} seen II {:5.1} III {:5.1}  hidden II {:5.1} III {:5.1} mm",
-                1e3 * r.stage2[j][0].get(),
-                1e3 * r.stage3[j][0].get(),
-                1e3 * r.stage2[j][1].get(),
-                1e3 * r.stage3[j][1].get()
-            );
-        }
-    }
-}

@@ -6,7 +6,10 @@ use edgecap::joints::{BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, PARENTS, 
 use edgecap::lab::synth::demo;
 use edgecap::lab::synth::truth::{SELF_OCCLUDED, Truth, TruthFrame, TruthPerson, VISIBLE};
 use edgecap::message::{BodyFrame, Intrinsics, Observation, ObservationFrame};
-use glam::Vec3;
+use edgecap::record::{CameraSource, ObservationReader};
+use glam::{Vec2, Vec3};
+
+use crate::program::{output, stderr};
 
 /// Joints about the pelvis at canonical stature, as Stage II gives them.
 fn canonical(joints: &[[f32; 3]; BODY_JOINTS], stature: f32) -> [Vec3; BODY_JOINTS] {
@@ -109,4 +112,65 @@ fn perfect_observations_end_near_the_truth() {
     );
     assert!(bodies > 450, "{bodies} bodies");
     assert!(mean < 0.03, "{mean} m");
+}
+
+/// What the network reports of the clip is fitted; what bodies say of their joints is held against the truth.
+#[test]
+#[ignore = "long: the demo at full size"]
+fn long_bodies_are_as_sure_as_they_are_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = folder.path().join("observations.jsonl");
+    let done = output(&[
+        "infer",
+        "--input",
+        "demo",
+        "--jsonl",
+        lines.to_str().unwrap(),
+    ]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let file = std::io::BufReader::new(std::fs::File::open(&lines).unwrap());
+    let camera = CameraSource::Recorded { fov_degrees: 60.0 };
+    let mut reader = ObservationReader::new(file, "demo".to_owned(), camera);
+    let truth = demo::truth();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let (mut seen, mut out) = (ObservationFrame::default(), BodyFrame::default());
+    // By tenths of what is said: how often, the sum of what was said, and what was within 150 mm.
+    let mut bins = [[0.0_f64; 3]; 10];
+    while reader.read(&mut seen).unwrap() {
+        fitter.update(&seen, &mut out);
+        let people = &truth.frames[seen.sequence as usize].people;
+        for body in out.bodies() {
+            let apart = |p: &&TruthPerson| {
+                let off = |j: usize| Vec2::from(body.joints2d[j]).distance(p.joints2d[j].into());
+                (0..EVIDENCE_JOINTS).map(off).sum::<f32>()
+            };
+            let nearest = people
+                .iter()
+                .min_by(|a, b| apart(a).total_cmp(&apart(b)))
+                .expect("people");
+            for j in (0..BODY_JOINTS).filter(|j| *j != PELVIS) {
+                let about = |joints: &[[f32; 3]; BODY_JOINTS]| {
+                    Vec3::from(joints[j]) - Vec3::from(joints[PELVIS])
+                };
+                let off = about(&body.joints3d).distance(about(&nearest.joints3d));
+                let said = f64::from(body.confidence[j]);
+                let [count, sum, right] = &mut bins[((said * 10.0) as usize).min(9)];
+                *count += 1.0;
+                *sum += said;
+                *right += f64::from(u8::from(off < 0.15));
+            }
+        }
+    }
+    let total: f64 = bins.iter().map(|b| b[0]).sum();
+    let mut error = 0.0;
+    for [count, sum, right] in bins {
+        println!(
+            "said {:.2}, right {:.2}, of {count}",
+            sum / count,
+            right / count
+        );
+        error += (sum - right).abs() / total;
+    }
+    assert!(total > 8000.0, "{total} joints");
+    assert!(error < 0.05, "expected calibration error {error}");
 }

@@ -121,32 +121,6 @@ fn angles_and_bone_lengths_give_the_joints() {
 }
 
 #[test]
-fn confidence_means_what_it_says() {
-    let mut scene = Scene::new(people::everyday(), Noise::REAL, FPS, 9);
-    let mut r = run(&mut scene, FitConfig::default(), 300, 30, false);
-    let mut scene = Scene::new(people::crossing(), Noise::REAL, FPS, 9);
-    let other = run(&mut scene, FitConfig::default(), 300, 30, false);
-    let (mut error, mut n) = (0.0, 0.0);
-    for bin in 0..10 {
-        for (into, from) in [
-            (&mut r.calibration[bin], other.calibration[bin]),
-            (&mut r.claimed[bin], other.claimed[bin]),
-        ] {
-            into.sum += from.sum;
-            into.n += from.n;
-        }
-        let (claimed, hit) = (r.claimed[bin].get(), r.calibration[bin].get());
-        println!("claimed {claimed:.2} true {hit:.2} of {}", r.claimed[bin].n);
-        if r.claimed[bin].n > 500.0 {
-            assert!((claimed - hit).abs() < 0.3, "bin {bin}");
-        }
-        error += r.claimed[bin].n * (claimed - hit).abs();
-        n += r.claimed[bin].n;
-    }
-    assert!(error / n < 0.06, "expected calibration error {}", error / n);
-}
-
-#[test]
 fn people_seen_for_one_frame_are_never_born() {
     // At 6 frames a second two in a row are enough, so of phantoms in every frame some would stand where another just
     // stood.

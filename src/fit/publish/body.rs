@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::confidence::confidence;
+use super::confidence;
 use super::header::pixel;
 use crate::body::skeleton::bone_rotations;
 use crate::body::skeleton::{Pose, Skeleton, rotation_vector};
@@ -29,7 +29,6 @@ pub fn write_body(
         skeleton.pose(&pose, track.bones.lengths(), &mut posed);
     }
     let scale = track.stature.scale(config);
-    let unseen = track.unseen + ahead;
     let state = if track.unseen > 0.0 {
         BodyState::PREDICTED
     } else {
@@ -47,7 +46,7 @@ pub fn write_body(
         let p = (posed.joints[j] * scale).as_vec3();
         body.joints3d[j] = p.to_array();
         body.joints2d[j] = pixel(camera, p);
-        let sure = confidence(j, track.states[j], unseen, track.deviations[j]);
+        let sure = confidence::of(j, &track.known(j, ahead));
         body.confidence[j] = sure as f32;
         sum += sure;
         // Those that the pose was solved with: the estimate may have moved on since.

@@ -1,9 +1,8 @@
 //! In: people as the fit knows them. Out: the body frame that apps read, in metres and pixels.
 
 mod body;
-mod confidence;
+pub mod confidence;
 mod header;
 
 pub use body::{flat_angles, write_body};
-pub use confidence::confidence;
 pub use header::Header;

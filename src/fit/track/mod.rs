@@ -2,6 +2,7 @@
 
 mod bones;
 mod first_pose;
+mod known;
 
 use glam::{DVec2, DVec3};
 
@@ -24,6 +25,7 @@ use crate::message::JointState;
 use crate::solve::Effort;
 use bones::Bones;
 pub use first_pose::{best_branch, first_pose};
+pub use known::KnownJoint;
 
 /// E3D weight of each joint: trunk and head are seen, ends of limbs are guessed. Falls with the error that Stage II has
 /// on rendered clips, 16 mm at the hips, 130 mm at the wrists.
@@ -99,6 +101,8 @@ pub struct Track {
     pub states: [JointState; BODY_JOINTS],
     /// Recent distance between fit and Stage II, metres.
     pub deviations: [f64; BODY_JOINTS],
+    /// How likely each evidence joint's last observation was right, 0–1; 0: not seen.
+    pub seen_right: [f64; EVIDENCE_JOINTS],
     /// Seconds since each joint was seen.
     pub joint_unseen: [f64; BODY_JOINTS],
     filters2d: [OneEuro<2>; EVIDENCE_JOINTS],
@@ -131,6 +135,7 @@ impl Track {
             feet: Feet::default(),
             states: [JointState::PREDICTED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
+            seen_right: evidence.confidence,
             joint_unseen: [0.0; BODY_JOINTS],
             filters2d: [OneEuro::default(); EVIDENCE_JOINTS],
             filters3d: [OneEuro::default(); BODY_JOINTS],
@@ -428,6 +433,16 @@ impl Track {
         }
     }
 
+    /// What the confidence of a joint rests on, `ahead` seconds after the person was last looked at.
+    pub fn known(&self, joint: usize, ahead: f64) -> KnownJoint {
+        KnownJoint {
+            state: self.states[joint],
+            seen_right: self.seen_right[SEEN_THROUGH[joint]],
+            deviation: self.deviations[joint],
+            unseen: self.unseen + ahead,
+        }
+    }
+
     fn settle_after(&mut self, e: &Evidence, targets: &Targets, dt: f64, cx: &Context<'_>) {
         let share = (dt / 0.3).min(1.0);
         if e.known3d {
@@ -439,6 +454,7 @@ impl Track {
         for t in &mut self.joint_unseen {
             *t += dt;
         }
+        self.seen_right = e.confidence;
         self.settle(e, targets);
         let torso = [1, 2, 5, 8, 11].iter().all(|&j| e.confidence[j] > 0.0);
         let strain: f64 = (0..BODY_JOINTS)

@@ -6,6 +6,7 @@
 //! are the views see together. World axes are those of the calibration, metres.
 
 mod build;
+mod confidence;
 mod energy;
 mod identity;
 mod met;

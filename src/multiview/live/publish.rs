@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use super::confidence::confidence;
 use super::person::Person;
 use crate::body::skeleton::bone_rotations;
-use crate::fit::{MotionModel, confidence, flat_angles};
+use crate::fit::{MotionModel, flat_angles};
 use crate::joints::{BODY_JOINTS, PARENTS};
 use crate::message::{Body, BodyState, JointState};
 

@@ -6,7 +6,7 @@ use edgecap::assignment::assign;
 use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
-use edgecap::message::{Body, BodyFrame, JointState, ObservationFrame};
+use edgecap::message::{Body, BodyFrame, ObservationFrame};
 use glam::DVec3;
 
 use super::{Scene, Truth};
@@ -64,11 +64,6 @@ pub struct Report {
     pub ids: usize,
     /// Greatest excess over a limit, degrees.
     pub beyond: f64,
-    /// Confidence in ten bins: within 150 mm, by claimed probability; the same for joints not observed.
-    pub calibration: [Mean; 10],
-    pub claimed: [Mean; 10],
-    pub calibration_hidden: [Mean; 10],
-    pub claimed_hidden: [Mean; 10],
     /// Speed of ankles that stand still in truth, m/s.
     pub sliding2: Mean,
     pub sliding3: Mean,
@@ -241,17 +236,6 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
                     for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
                         report.predicted.add((stage3[j] - wanted[j]).length());
                     }
-                }
-            }
-            for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
-                let claimed = f64::from(body.confidence[j]);
-                let bin = ((claimed * 10.0) as usize).min(9);
-                let hit = f64::from(u8::from((stage3[j] - wanted[j]).length() < 0.15));
-                report.calibration[bin].add(hit);
-                report.claimed[bin].add(claimed);
-                if body.joint_states[j] != JointState::OBSERVED {
-                    report.calibration_hidden[bin].add(hit);
-                    report.claimed_hidden[bin].add(claimed);
                 }
             }
             if lag && let Some(stage2) = stage2 {
