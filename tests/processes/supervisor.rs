@@ -233,14 +233,6 @@ fn children_have_nothing_open_of_their_supervisor() {
     let camera = Camera::start("open", &[]);
     let bodies = camera.listen::<BodyFrame>();
     some_body(&bodies);
-    // Those that are started now could have what the supervisor has opened meanwhile.
-    for verb in ["infer", "fit"] {
-        let old = eventually(verb, || camera.run.child(verb));
-        signal(old, "KILL");
-        camera.replaced(verb, old);
-        while bodies.next(Duration::ZERO).unwrap().is_some() {}
-        some_body(&bodies);
-    }
     let open = |pid: u32| -> Vec<PathBuf> {
         let fds = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
         let names = fds
@@ -250,8 +242,18 @@ fn children_have_nothing_open_of_their_supervisor() {
             .filter(|n| n.to_string_lossy().starts_with("socket:"))
             .collect()
     };
-    let supervisors = open(camera.run.pid());
-    assert!(!supervisors.is_empty(), "it listens to bodies");
+    // It listens to bodies, and begins when it comes to it.
+    let supervisors = eventually("a socket of the supervisor's", || {
+        Some(open(camera.run.pid())).filter(|sockets| !sockets.is_empty())
+    });
+    // Those that are started now could have what the supervisor has opened.
+    for verb in ["infer", "fit"] {
+        let old = eventually(verb, || camera.run.child(verb));
+        signal(old, "KILL");
+        camera.replaced(verb, old);
+        while bodies.next(Duration::ZERO).unwrap().is_some() {}
+        some_body(&bodies);
+    }
     for child in camera.children() {
         let both: Vec<PathBuf> = open(child)
             .into_iter()
