@@ -20,8 +20,8 @@ pub struct EngineArgs {
     #[arg(long, value_name = "FILE")]
     pub stage2: Option<PathBuf>,
     /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people
-    /// close to the camera better in less time [default: auto for films and cameras, 512x320 for photos; turned for
-    /// upright pictures]
+    /// close to the camera better in less time, turned for upright pictures [default: auto for films and cameras; for
+    /// photos 512x320, for upright ones 256x384]
     #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,
     /// Threads for the network [default: all cores; for films and cameras fewer where that is measured to be faster]
@@ -31,6 +31,9 @@ pub struct EngineArgs {
     #[arg(long)]
     pub flip_test: bool,
 }
+
+/// Upright photos show people who fill them, and these are seen better by less than 320x512 (docs/accuracy.md).
+const UPRIGHT_PHOTO: (usize, usize) = (256, 384);
 
 /// The network's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,12 +105,14 @@ impl EngineArgs {
         matches!(self.size, Some(InputSize::Fixed(..)))
     }
 
-    /// The input for pictures of this orientation; `level` counts where it follows the people in view, from the largest
-    /// on.
-    pub fn size_of(&self, upright: bool, level: usize) -> (usize, usize) {
+    /// The inputs for pictures of this orientation: several, from the largest on, where it `follows` the people in
+    /// view.
+    pub fn sizes(&self, upright: bool, follows: bool) -> Vec<(usize, usize)> {
         match self.size {
-            Some(InputSize::Fixed(w, h)) => (w, h),
-            Some(InputSize::Auto) | None => turned(INPUTS[level], upright),
+            Some(InputSize::Fixed(w, h)) => vec![(w, h)],
+            Some(InputSize::Auto) | None if follows => INPUTS.map(|s| turned(s, upright)).to_vec(),
+            Some(InputSize::Auto) | None if upright => vec![UPRIGHT_PHOTO],
+            Some(InputSize::Auto) | None => vec![INPUTS[0]],
         }
     }
 
@@ -139,4 +144,31 @@ impl EngineArgs {
 /// A size for landscape pictures, turned for portrait ones if `upright`.
 pub fn turned((w, h): (usize, usize), upright: bool) -> (usize, usize) {
     if upright { (h, w) } else { (w, h) }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        engine: EngineArgs,
+    }
+
+    #[test]
+    fn photos_have_one_input_and_films_several() {
+        let of = |args: &[&str], upright, follows| {
+            let line = [&["infer"], args].concat();
+            Line::parse_from(line).engine.sizes(upright, follows)
+        };
+        assert_eq!(of(&[], false, false), [(512, 320)]);
+        assert_eq!(of(&[], true, false), [(256, 384)]);
+        assert_eq!(of(&[], true, true), [(320, 512), (240, 384), (160, 256)]);
+        for (upright, follows) in [(false, false), (true, false)] {
+            assert_eq!(of(&["--size", "320x512"], upright, follows), [(320, 512)]);
+        }
+    }
 }

@@ -41,18 +41,18 @@ impl<'a> Pipelines<'a> {
     /// As [`Pipeline::new`].
     pub fn new(engine: &'a EngineArgs, film: bool, target: Option<f32>) -> anyhow::Result<Self> {
         let follows = film && !engine.is_fixed();
-        let levels = if follows { INPUTS.len() } else { 1 };
         let orientations = if engine.is_fixed() { 1 } else { 2 };
-        let mut built: Vec<Vec<Pipeline>> = vec![vec![engine.build(engine.size_of(false, 0))?]];
-        for orientation in 0..orientations {
-            if orientation > 0 {
-                built.push(Vec::new());
+        let mut built: Vec<Vec<Pipeline>> = Vec::new();
+        for upright in [false, true].into_iter().take(orientations) {
+            let mut sizes = Vec::new();
+            for size in engine.sizes(upright, follows) {
+                let first = built.first().and_then(|sizes| sizes.first());
+                sizes.push(match first.or(sizes.first()) {
+                    Some(first) => first.resized(size.0, size.1)?,
+                    None => engine.build(size)?,
+                });
             }
-            for level in built[orientation].len()..levels {
-                let (width, height) = engine.size_of(orientation > 0, level);
-                let other = built[0][0].resized(width, height)?;
-                built[orientation].push(other);
-            }
+            built.push(sizes);
         }
         Ok(Self {
             engine,
