@@ -77,8 +77,8 @@ impl Shell {
     }
 }
 
-/// Moves and turns `a` onto `b`, each of its vertices to the nearest point again and again, then tells the mean distance
-/// of its vertices from `b`'s surface, and of `b`'s vertices from its surface, metres.
+/// Moves and turns `a` onto `b`, each of its vertices to the nearest point again and again, then tells the mean
+/// distance of its vertices from `b`'s surface, and of `b`'s vertices from its surface, metres.
 pub fn apart(a: &Shell, b: &Shell) -> [f64; 2] {
     let mut at: Vec<DVec3> = a.at.iter().map(|p| p.as_dvec3()).collect();
     for _ in 0..ROUNDS {
