@@ -131,8 +131,8 @@ impl Store {
         Ok(())
     }
 
-    /// The observations of a film, as a record, and whether they were there; `fov` is the lens's field of view, degrees,
-    /// where one is known.
+    /// The observations of a film, as a record, and whether they were there; `fov` is the lens's field of view,
+    /// degrees, where one is known.
     ///
     /// # Errors
     /// When they cannot be computed or written.
