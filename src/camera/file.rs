@@ -104,6 +104,16 @@ impl CameraFile {
         }
     }
 
+    /// Horizontal field of view, degrees.
+    pub fn fov_degrees(&self) -> f32 {
+        match *self {
+            Self::Fov { degrees } => degrees,
+            Self::Calibrated {
+                intrinsics, width, ..
+            } => 2.0 * (0.5 * width as f32 / intrinsics.fx).atan().to_degrees(),
+        }
+    }
+
     /// The camera of pictures of `width` × `height`.
     ///
     /// # Errors

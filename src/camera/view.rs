@@ -68,6 +68,12 @@ impl View {
         }
     }
 
+    /// Horizontal field of view, degrees.
+    pub fn fov_degrees(&self) -> f64 {
+        let half = 0.5 * f64::from(self.likely_size()[0]);
+        2.0 * (half / self.focal.x.abs()).atan().to_degrees()
+    }
+
     /// How far the principal point is from the middle of pictures of `size`, the larger part of width and height.
     pub fn off_middle(&self, size: [f64; 2]) -> f64 {
         (self.centre / DVec2::from(size) - 0.5).abs().max_element()

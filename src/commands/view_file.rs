@@ -1,9 +1,11 @@
 //! One view's file: a record, JSON lines, or a film that is looked at first.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
+
+use tempfile::NamedTempFile;
 
 use super::exit::Failure;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
@@ -35,17 +37,22 @@ pub struct ViewFile {
 
 impl ViewFile {
     /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells its
-    /// camera.
+    /// camera, `fov` its field of view for `infer`, degrees.
     ///
     /// # Errors
     /// When the file cannot be read, its pictures change size, or nobody is in it.
-    pub fn read(camera: &str, lens: CameraSource<'_>, path: &Path) -> anyhow::Result<Self> {
+    pub fn read(
+        camera: &str,
+        lens: CameraSource<'_>,
+        fov: f64,
+        path: &Path,
+    ) -> anyhow::Result<Self> {
         if !is_film(path) {
             return Self::of_record(camera, lens, path, path);
         }
         let folder = tempfile::tempdir()?;
         let record = folder.path().join("observations");
-        look(path, camera, &record)?;
+        look(path, camera, Some(fov), &record)?;
         Self::of_record(camera, lens, &record, path)
     }
 
@@ -117,11 +124,14 @@ pub fn is_film(path: &Path) -> bool {
     ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
 }
 
-/// Runs a film through `edgecap infer`, which ends with this process.
+/// Runs a film through `edgecap infer`, which ends with this process. `fov` is the lens's horizontal field of view,
+/// degrees, where one is known; a whole calibration would refuse pictures of another shape before the caller can say
+/// what is wrong with them.
 ///
 /// # Errors
 /// When it fails; it has said why.
-pub fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
+pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyhow::Result<()> {
+    let lens = fov.map(|degrees| lens_file(degrees, record)).transpose()?;
     let mut command = Command::new(std::env::current_exe()?);
     command
         .arg("infer")
@@ -133,6 +143,9 @@ pub fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
         "--name",
         &format!("multiview-{camera}-{}", std::process::id()),
     ]);
+    if let Some(lens) = &lens {
+        command.arg("--camera").arg(lens.path());
+    }
     tie(&mut command);
     let status = command
         .stdin(Stdio::null())
@@ -147,6 +160,14 @@ pub fn look(film: &Path, camera: &str, record: &Path) -> anyhow::Result<()> {
         )
         .into()),
     }
+}
+
+/// A `camera.toml` beside a record, for as long as it is held.
+fn lens_file(degrees: f64, record: &Path) -> anyhow::Result<NamedTempFile> {
+    let folder = record.parent().unwrap_or(Path::new("."));
+    let mut file = NamedTempFile::new_in(folder)?;
+    writeln!(file, "fov_degrees = {:?}", degrees.clamp(1.0, 179.0))?;
+    Ok(file)
 }
 
 /// Rate and number of frames that all views have; `given` is the user's word for the rate.

@@ -338,7 +338,8 @@ fn films_are_looked_at_once() {
         ];
         args.iter().chain(&more).map(|a| (*a).to_owned()).collect()
     };
-    done(&of(&at("whole")));
+    let said = done(&of(&at("whole")));
+    assert!(!said.contains("no lens"), "the calibration has it: {said}");
     let run = of(&at("run"));
     let store = folder.join("run/resume");
     let sealed = |found: &[PathBuf]| {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::calibration;
-use crate::camera::{CameraFile, View};
+use crate::camera::{CameraFile, DEFAULT_FOV, View};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::told;
 use crate::message::Intrinsics;
@@ -60,14 +60,31 @@ impl Lenses {
         Ok(Self { known, guessed })
     }
 
+    /// A camera's horizontal field of view, degrees; the usual one where none is known.
+    pub fn fov_degrees(&self, name: &str) -> f64 {
+        match self.lens(name) {
+            Some(Lens::File(file)) => file.fov_degrees().into(),
+            Some(Lens::Calibrated(views, _)) => {
+                let own = views.iter().find(|v| v.name == name).or(views.first());
+                own.map_or(DEFAULT_FOV.into(), View::fov_degrees)
+            }
+            None => DEFAULT_FOV.into(),
+        }
+    }
+
+    /// What was said of a camera, or of all.
+    fn lens(&self, name: &str) -> Option<&Lens> {
+        let own = self.known.iter().find(|(n, _)| n.as_deref() == Some(name));
+        let lens = own.or_else(|| self.known.iter().find(|(n, _)| n.is_none()));
+        lens.map(|(_, lens)| lens)
+    }
+
     /// The camera without a place, for pictures of `size`.
     ///
     /// # Errors
     /// One line when no lens was given for it, or one of other pictures.
     pub fn of(&self, name: &str, size: [u32; 2]) -> Result<View, String> {
-        let own = self.known.iter().find(|(n, _)| n.as_deref() == Some(name));
-        let lens = own.or_else(|| self.known.iter().find(|(n, _)| n.is_none()));
-        match lens.map(|(_, lens)| lens) {
+        match self.lens(name) {
             None if self.guessed => plain(name, size, &CameraFile::default()),
             None => Err(format!("expected a --lens for camera {name}, found none")),
             Some(Lens::File(file)) => plain(name, size, file),

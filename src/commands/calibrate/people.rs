@@ -38,7 +38,8 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     let mut views = Vec::new();
     for (name, file) in files {
         let lens = |w: u32, h: u32| Ok(lenses.of(name, [w, h])?.intrinsics());
-        let read = ViewFile::read(name, CameraSource::Given(&lens), file)?;
+        let fov = lenses.fov_degrees(name);
+        let read = ViewFile::read(name, CameraSource::Given(&lens), fov, file)?;
         views.push(lenses.of(name, read.size).map_err(Failure::data)?);
         seen.push(read);
     }

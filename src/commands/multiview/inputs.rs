@@ -57,9 +57,9 @@ pub fn inputs(args: &MultiviewArgs) -> String {
     text
 }
 
-/// What the observations of a film depend on.
-pub fn film(path: &Path) -> String {
-    format!("{}film {}\n", program(), facts(path))
+/// What the observations of a film depend on; `fov` is the lens's field of view, degrees.
+pub fn film(path: &Path, fov: Option<f64>) -> String {
+    format!("{}film {}\nlens {fov:?}\n", program(), facts(path))
 }
 
 /// The first line that one run has and another has not, shortened to what the user typed.

@@ -5,12 +5,11 @@ use glam::{DMat3, DVec2, DVec3};
 use super::MultiviewArgs;
 use super::read::{Scene, named, pictured, view_file};
 use super::store::Store;
-use crate::camera::{Brown, DEFAULT_FOV, View, calibration};
+use crate::camera::{Brown, View, calibration};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
 use crate::commands::view_file::{ViewFile, is_film, together};
 use crate::multiview::{Detections, Sight, Track, one_view, stage_three};
-use crate::record::CameraSource;
 
 /// Reads the view, and finds everyone in it.
 ///
@@ -24,12 +23,8 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         .into());
     }
     let (name, path) = named(&args.view[0]);
-    let recorded = CameraSource::Recorded {
-        fov_degrees: DEFAULT_FOV,
-    };
-    let file = view_file(&name, recorded, &path, store, &mut 0)?;
-    let view = match &args.calibration {
-        None => camera_axes(&file),
+    let calibrated = match &args.calibration {
+        None => None,
         Some(path) => {
             let views = calibration::read(path)?.views;
             let own = views.iter().find(|v| v.name == name);
@@ -41,8 +36,14 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
                     all.join(", ")
                 ))
             })?;
-            pictured(view, file.size, &path.display().to_string())?
+            Some((view.clone(), path))
         }
+    };
+    let known = calibrated.as_ref().map(|(view, _)| view);
+    let file = view_file(&name, known, &path, store, &mut 0)?;
+    let view = match &calibrated {
+        None => camera_axes(&file),
+        Some((view, from)) => pictured(view, file.size, &from.display().to_string())?,
     };
     let mut notes = Vec::new();
     let (rate, count) = together(args.fps, std::slice::from_ref(&file), &mut notes)?;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use super::MultiviewArgs;
 use super::store::Store;
 use super::sync::{Together, bring_together};
-use crate::camera::View;
 use crate::camera::calibration::Calibration;
+use crate::camera::{DEFAULT_FOV, View};
 use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
@@ -68,10 +68,8 @@ pub fn scene(
     held_out(&args.hold_out, &files, &views)?;
     let (mut seen, mut found) = (Vec::new(), 0);
     for (v, file) in &files {
-        // Distances are told by the calibration, not by the record's lens.
-        let lens = views[*v].intrinsics();
-        let lens = CameraSource::Given(&|_, _| Ok(lens));
-        seen.push(view_file(&views[*v].name, lens, file, store, &mut found)?);
+        let view = &views[*v];
+        seen.push(view_file(&view.name, Some(view), file, store, &mut found)?);
     }
     if found > 0 {
         say::err(&format!(
@@ -199,18 +197,29 @@ fn held_out(held: &[String], files: &[(usize, PathBuf)], views: &[View]) -> anyh
     Ok(())
 }
 
-/// What a camera saw; the observations of a film are kept, and counted where they were `found`.
+/// What a camera saw, by the calibration's lens where there is one; the observations of a film are kept, and counted
+/// where they were `found`.
 pub fn view_file(
     camera: &str,
-    lens: CameraSource<'_>,
+    calibrated: Option<&View>,
     file: &Path,
     store: &Store,
     found: &mut usize,
 ) -> anyhow::Result<ViewFile> {
+    // Distances are told by the calibration, not by the record's lens.
+    let own = calibrated.map(View::intrinsics);
+    let given = |_: u32, _: u32| own.ok_or_else(String::new);
+    let lens = match own {
+        Some(_) => CameraSource::Given(&given),
+        None => CameraSource::Recorded {
+            fov_degrees: DEFAULT_FOV,
+        },
+    };
     if !is_film(file) {
         return ViewFile::of_record(camera, lens, file, file);
     }
-    let (record, was_there) = store.film(camera, file)?;
+    let fov = calibrated.map(View::fov_degrees);
+    let (record, was_there) = store.film(camera, fov, file)?;
     *found += usize::from(was_there);
     ViewFile::of_record(camera, lens, &record, file)
 }

@@ -100,7 +100,8 @@ impl Store {
         Ok(())
     }
 
-    /// Removes what a kill left half done, and what other inputs gave. Observations of a film depend on it alone.
+    /// Removes what a kill left half done, and what other inputs gave. Observations of a film depend on it and its
+    /// lens alone.
     fn tidy(&self) -> io::Result<()> {
         let path = self.folder.join(INPUTS);
         let before = bounded::read_text(&path, bounded::SETTINGS).ok();
@@ -130,13 +131,19 @@ impl Store {
         Ok(())
     }
 
-    /// The observations of a film, as a record, and whether they were there.
+    /// The observations of a film, as a record, and whether they were there; `fov` is the lens's field of view,
+    /// degrees, where one is known.
     ///
     /// # Errors
     /// When they cannot be computed or written.
-    pub fn film(&self, camera: &str, path: &Path) -> anyhow::Result<(PathBuf, bool)> {
+    pub fn film(
+        &self,
+        camera: &str,
+        fov: Option<f64>,
+        path: &Path,
+    ) -> anyhow::Result<(PathBuf, bool)> {
         self.make()?;
-        let inputs = film(path);
+        let inputs = film(path, fov);
         let name = format!("{FILM}{}", &blake3::hash(inputs.as_bytes()).to_hex()[..16]);
         let record = self.folder.join(&name);
         if self.is_sealed(&name, &inputs) {
@@ -144,7 +151,7 @@ impl Store {
         }
         // Under another name until it is whole: one that is interrupted makes its record complete.
         let part = self.folder.join(format!("{name}.part"));
-        let looked = look(path, camera, &part);
+        let looked = look(path, camera, fov, &part);
         if looked.is_err() {
             let _ = fs::remove_file(&part);
         }

@@ -4,7 +4,10 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
-use super::Errors;
+use super::{Errors, PARTS};
+
+/// The experiment whose posed meshes are told by part of the body.
+pub const AS_MEASURED: &str = "errors as measured";
 
 /// Means over all seeds of one experiment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -67,14 +70,15 @@ impl Display for Tables {
         writeln!(f, "People of synth, {seeds} seeds, {frames} frames:\n")?;
         writeln!(
             f,
-            "| views | hierarchy | masks | DCT | frames found | joints, mm | aligned, mm | stature, mm |"
+            "| views | hierarchy | masks | DCT | frames found | joints, mm | aligned, mm | stature, mm | rest pose, mm |"
         )?;
-        writeln!(f, "|---|---|---|---|---|---|---|---|")?;
+        writeln!(f, "|---|---|---|---|---|---|---|---|---|")?;
         for l in &self.synth {
             let e = l.errors;
+            let rest = e.rest.map_or("-".into(), |r| r.map(mm).join(" / "));
             writeln!(
                 f,
-                "| {} | {} | {} | {} | {:.0} % | {} | {} | {} |",
+                "| {} | {} | {} | {} | {:.0} % | {} | {} | {} | {rest} |",
                 l.views,
                 yes(l.hierarchy),
                 yes(l.masks),
@@ -105,6 +109,24 @@ impl Display for Tables {
                 yes(l.masks),
                 yes(l.paths)
             )?;
+        }
+        writeln!(
+            f,
+            "\nVertices of their posed meshes by part of the body, {AS_MEASURED}, smooth, mm:\n"
+        )?;
+        writeln!(
+            f,
+            "| masks | {} |\n|---{}|",
+            PARTS.join(" | "),
+            "|---".repeat(PARTS.len())
+        )?;
+        let smooth = self
+            .model
+            .iter()
+            .filter(|l| l.what == AS_MEASURED && l.paths);
+        for l in smooth {
+            let parts = l.errors.parts.map_or("-".into(), |p| p.map(mm).join(" | "));
+            writeln!(f, "| {} | {parts} |", yes(l.masks))?;
         }
         writeln!(
             f,

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use rustix::time::{ClockId, clock_gettime};
 
 use super::own::{own, steady};
+use super::report::AS_MEASURED;
 use super::{Errors, Line, Tables, Times, Trial, studio};
 use crate::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
 use crate::multiview::{Mask, Masks, MultiviewOptions, Step, windows};
@@ -88,7 +89,7 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
             way,
             &|seed| own(seed, THREE, frames, steady(seed)),
         ));
-        model.push(mean("errors as measured".into(), THREE, way, &|seed| {
+        model.push(mean(AS_MEASURED.into(), THREE, way, &|seed| {
             own(seed, THREE, frames, Flaws::MEASURED)
         }));
     }
@@ -139,7 +140,19 @@ fn average(all: &[Errors]) -> Errors {
             .all(|e| e.shape.is_some())
             .then(|| mean(&|e| e.shape.unwrap_or(0.0))),
         stature: mean(&|e| e.stature),
+        rest: each(&met, |e| e.rest),
+        parts: each(&met, |e| e.parts),
     }
+}
+
+/// Mean of every figure, where all have them.
+fn each<const N: usize>(
+    all: &[&Errors],
+    of: impl Fn(&Errors) -> Option<[f64; N]>,
+) -> Option<[f64; N]> {
+    let known: Vec<[f64; N]> = all.iter().map(|e| of(e)).collect::<Option<_>>()?;
+    let sum = |k: usize| known.iter().map(|figures| figures[k]).sum::<f64>();
+    (!known.is_empty()).then(|| std::array::from_fn(|k| sum(k) / known.len() as f64))
 }
 
 /// Time on one core, of the processor and not of the clock, so that other programs do not count.

@@ -3,7 +3,9 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::Bare;
 use super::own::Walker;
+use super::parts::{self, PARTS};
 use crate::body::mesh::{MeshBody, Skin};
 use crate::camera::View;
 use crate::fit::{FitConfig, Fitter};
@@ -57,6 +59,10 @@ pub struct Errors {
     pub shape: Option<f64>,
     /// Difference of statures, without sign.
     pub stature: f64,
+    /// Of people of `synth`: mean distance of the rest mesh's vertices from the person without clothes, and back.
+    pub rest: Option<[f64; 2]>,
+    /// Of bodies of the fitted model: mean distance of posed meshes' vertices in the world, by [`PARTS`].
+    pub parts: Option<[f64; PARTS.len()]>,
 }
 
 impl Trial {
@@ -120,12 +126,21 @@ impl Trial {
             aligned += mean_distance(&align_similarity(&own, &truth), &truth);
         }
         let frames = person.frames.len() as f64;
+        let (rest, parts) = match &self.cast {
+            Cast::Studio(studio) => {
+                let bare = Bare::new(&studio.clip.scene.people[0]);
+                (Some(bare.apart(&person.betas)), None)
+            }
+            Cast::Walker(walker) => (None, Some(parts::apart(&person.frames, walker))),
+        };
         Errors {
             found: frames / self.joints.len() as f64,
             joints: joints / frames,
             aligned: aligned / frames,
             shape: self.betas.as_ref().map(|b| at_rest(&person.betas, b)),
             stature: (stature(body, &person.betas) - self.stature).abs(),
+            rest,
+            parts,
         }
     }
 }
