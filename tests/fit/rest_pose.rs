@@ -56,8 +56,8 @@ fn what_is_larger_stays_as_far_away_as_it_is_larger() {
 
 /// What no fit can do better than: the shape that lies nearest to the very skin; and what none does.
 #[test]
-#[ignore = "long: minutes"]
-fn long_best_shape_in_rest_pose() {
+#[ignore = "prints a table; minutes"]
+fn best_shape_in_rest_pose() {
     let people: Vec<Bare> = (1..=5)
         .map(|seed| Studio::new(seed, (64, 48), 2, 1, 2, 30.0))
         .map(|studio| Bare::new(&studio.clip.scene.people[0]))

@@ -37,8 +37,18 @@ fn noticed(seed: u64, views: usize, degrees: f64) -> [f64; 4] {
 }
 
 #[test]
-#[ignore = "long: minutes; prints what docs/multiview.md says of turned views"]
-fn long_a_turned_view_is_noticed() {
+fn a_view_that_was_turned_by_three_degrees_counts_less() {
+    for seed in [1, 2] {
+        assert_eq!(noticed(seed, 4, 0.0)[0], 1.0, "seed {seed}, not turned");
+        let [weight, own, others, _] = noticed(seed, 4, 3.0);
+        assert!(weight < 0.5, "seed {seed}: weight {weight}");
+        assert!(own > 3.0 * others, "seed {seed}: {own} and {others} %");
+    }
+}
+
+#[test]
+#[ignore = "prints a table; minutes"]
+fn turned_views() {
     for views in [3, 4] {
         for degrees in [0.0, 1.0, 2.0, 3.0, 5.0] {
             let seeds = 1..=5_u64;
