@@ -11,7 +11,6 @@ use super::stage_one::between;
 use super::stage_two::{Refit, median_shape};
 use crate::body::mesh::MeshBody;
 use crate::camera::View;
-use crate::joints::EVIDENCE_JOINTS;
 
 /// A pause in which nobody saw a person, seconds, that is filled in; a longer one parts their paths.
 const BRIDGED: f64 = 0.35;
@@ -106,7 +105,7 @@ pub fn fit_tracks(
     };
     let fitted = tracks.into_iter().filter_map(|t| over_frames.fit(t));
     let mut people: Vec<PersonFit> = fitted.collect();
-    weights = weigh(views, &weights, &people);
+    weights = weigh(body, views, &weights, &people);
     let bridged = (BRIDGED * options.rate).round() as usize;
     for person in &mut people {
         let bodies: Vec<&Fitted> = person.frames.iter().map(|f| &f.body).collect();
@@ -194,21 +193,23 @@ fn pieces(
     pieces
 }
 
-/// Views that lie much further from the bodies than the others count less.
-fn weigh(views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
+/// Views that lie much further from the bodies than the others count less. From the bodies, not from where rays meet:
+/// a wrong view draws that to itself.
+fn weigh(body: &MeshBody, views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
+    let joints: Vec<_> = people
+        .iter()
+        .flat_map(|p| &p.frames)
+        .map(|f| (&f.moment, points::evidence(body, &f.body.posed)))
+        .collect();
     let median = |v: usize| -> Option<f64> {
-        let mut each: Vec<f64> = people
+        let mut each: Vec<f64> = joints
             .iter()
-            .flat_map(|p| &p.frames)
-            .flat_map(|f| {
-                let rays = f.moment.sights[v].as_ref().map(|s| s.rays);
-                let known = f.moment.joints;
-                (0..EVIDENCE_JOINTS).filter_map(move |j| {
-                    Some(distance(
-                        views[v].position,
-                        rays.as_ref()?[j]?.direction,
-                        known[j]?,
-                    ))
+            .filter_map(|(moment, joints)| Some((moment.sights[v].as_ref()?, joints)))
+            .flat_map(|(sight, joints)| {
+                let each = sight.rays.iter().zip(joints);
+                each.filter_map(|(ray, joint)| {
+                    let direction = ray.as_ref()?.direction;
+                    Some(distance(views[v].position, direction, *joint))
                 })
             })
             .collect();
