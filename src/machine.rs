@@ -16,7 +16,7 @@ pub struct Machine {
     pub governor: Option<String>,
     /// Instruction set in use.
     pub isa: &'static str,
-    /// Algorithms in use where `EDGECAP_ALGORITHM` names some that there are.
+    /// Algorithms in use, unless `EDGECAP_ALGORITHM` names some that there are not.
     pub algorithms: &'static str,
     /// Instruction sets this CPU has kernels for, slowest first.
     pub available: Vec<&'static str>,
@@ -38,7 +38,9 @@ impl Machine {
             governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
                 .map(|s| s.trim().to_owned()),
             isa: isa.name(),
-            algorithms: Algorithms::detect().unwrap_or_default().name(),
+            algorithms: Algorithms::detect(isa)
+                .unwrap_or_else(|_| Algorithms::fastest(isa))
+                .name(),
             available: Isa::available().map(Isa::name).collect(),
             load: read("/proc/loadavg").and_then(|s| s.split(' ').next()?.parse().ok()),
         }

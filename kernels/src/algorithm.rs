@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::ConvShape;
+use crate::{ConvShape, Isa};
 
 /// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
 pub const ALGORITHM_VARIABLE: &str = "EDGECAP_ALGORITHM";
@@ -29,8 +29,7 @@ impl Algorithm {
         }
     }
 
-    /// The algorithm to use where nothing was measured. It depends on the shape alone, so that results do not depend on
-    /// the machine.
+    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
         let depth = shape.group_in();
         if depth >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
@@ -47,9 +46,7 @@ pub enum Algorithms {
     /// [`Algorithm::preferred`]: what is fastest on most CPUs.
     #[default]
     Portable,
-    /// [`Algorithm::Direct`] for every layer: the definition, and faster on CPUs with tiles ([`Isa::Amx`]).
-    ///
-    /// [`Isa::Amx`]: crate::Isa::Amx
+    /// [`Algorithm::Direct`] for every layer: the definition, and what is fastest on CPUs with tiles ([`Isa::Amx`]).
     Direct,
 }
 
@@ -73,14 +70,22 @@ impl Algorithms {
         }
     }
 
-    /// What `EDGECAP_ALGORITHM` says, else the portable ones.
+    /// The choice that is fastest with kernels of `isa`.
+    pub fn fastest(isa: Isa) -> Self {
+        match isa {
+            Isa::Amx => Self::Direct,
+            _ => Self::Portable,
+        }
+    }
+
+    /// What `EDGECAP_ALGORITHM` says, else the choice that is fastest with kernels of `isa`.
     ///
     /// # Errors
     /// When the variable names no choice.
-    pub fn detect() -> Result<Self, AlgorithmsError> {
+    pub fn detect(isa: Isa) -> Result<Self, AlgorithmsError> {
         match std::env::var(ALGORITHM_VARIABLE) {
             Ok(name) if !name.is_empty() => Self::named(&name),
-            _ => Ok(Self::default()),
+            _ => Ok(Self::fastest(isa)),
         }
     }
 
@@ -115,6 +120,14 @@ impl std::error::Error for AlgorithmsError {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tiles_take_the_definition() {
+        for isa in Isa::ALL {
+            let direct = Algorithms::fastest(isa) == Algorithms::Direct;
+            assert_eq!(direct, isa == Isa::Amx, "{}", isa.name());
+        }
+    }
 
     #[test]
     fn choices_are_found_by_name() {

@@ -47,13 +47,21 @@ def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
             framed.main([people, str(held / name), *how])
 
 
+def without(options: list[str], name: str) -> list[str]:
+    """`options` without the one of this name and its value: sets of one size cannot have it."""
+    if name not in options:
+        return options
+    k = options.index(name)
+    return options[:k] + options[k + 2 :]
+
+
 def sets(held: pathlib.Path, data: pathlib.Path, work: pathlib.Path) -> Iterator[Pictures]:
     demo = REPOSITORY / "models/demo"
     yield Pictures(DEMO, demo / "demo.avi", ["--truth", demo / "truth.json"])
     yield Pictures("stills", held / "stills", ["--truth", held / "stills/truth.json"])
     labels = sorted((data / "photos").glob("*/annotations.json"))
     photos = folder_of(work, "photos", [p for s in labels for p in s.parent.glob("*.jpg")])
-    yield Pictures("photos", photos, ["--truth", *labels])  # 512×320, turned for upright ones
+    yield Pictures("photos", photos, ["--truth", *labels])
     for size in ("448x288", "384x240"):
         yield Pictures(f"photos at {size}", photos, ["--truth", *labels], ("--size", size))
     test = ["--split", "test"]
@@ -107,7 +115,8 @@ def main(argv: list[str]) -> None:
             if not s.name.startswith(tuple(a.only)):
                 continue
             lines = work / "people.jsonl"
-            program("infer", "--input", s.pictures, "--threads", a.threads, "--jsonl", lines, *s.options, *options)
+            chosen = options if not s.options else without(options, "--quality")
+            program("infer", "--input", s.pictures, "--threads", a.threads, "--jsonl", lines, *s.options, *chosen)
             everything[s.name] = json.loads(program("eval", "--predictions", lines, *s.truth, "--json", "-"))
             print(row(s.name, everything[s.name]), flush=True)
             if s.name == DEMO:

@@ -1,8 +1,9 @@
 """How likely reports are right: python confidence.py PEOPLE.jsonl LABELS.jsonl.gz [PEOPLE LABELS ...] --toml models/association.toml [--check].
 
-`PEOPLE` is what `edgecap infer --jsonl` wrote of photos, `LABELS` what `everyday.py` reads. Fits `[confidence]` of the TOML file on the photos of split
-`train`; with `--check` nothing is fitted, and the photos of split `test` are looked at. What the program said is turned back into what it measured by the
-`[confidence]` that the file holds: it has to be the one that the program was built with. Prints the expected calibration errors, and a line a bin.
+`PEOPLE` is what `edgecap infer --quality balanced --jsonl` wrote of photos (of any quality with `--check`), `LABELS` what `everyday.py` reads. Fits
+`[confidence]` of the TOML file on the photos of split `train`; with `--check` nothing is fitted, and the photos of split `test` are looked at. What the
+program said is turned back into what it measured by the `[confidence]` that the file holds: it has to be the one that the program was built with. Prints the
+expected calibration errors, and a line a bin.
 
 A joint is right if it is within 0.2 of the torso of the label's: middle of the shoulders to middle of the hips, at least 0.15 of the box's height. Labels
 whose two teachers agree (OKS 0.7) count, with their joints of confidence 0.3 and spread 0.05. A person is right at OKS 0.5 with a label of their own; reports
@@ -24,7 +25,7 @@ from person_score import written
 OURS = [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]  # limb joints of the evidence joints
 COCO = [6, 8, 10, 5, 7, 9, 12, 14, 16, 11, 13, 15]  # the same joints among COCO's 17
 SIGMA = np.array([0.079, 0.072, 0.062, 0.079, 0.072, 0.062, 0.107, 0.087, 0.089, 0.107, 0.087, 0.089])
-INPUT, UPRIGHT = (512, 320), (256, 384)  # of photos without --size
+INPUT, UPRIGHT = (512, 320), (256, 409.6)  # what a photo fits into with --quality balanced
 LEAST, SIZE, SMALLEST = 0.01, 200.0, 20.0  # as src/detect/confidence.rs has them
 KEYS = ("joint_bias", "joint_slope", "joint_size", "person_bias", "person_slope")
 BINS = 10

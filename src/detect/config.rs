@@ -33,6 +33,8 @@ pub struct AssociationConfig {
     pub min_joints: usize,
     /// Least expected similarity, by `score`, with somebody who is there.
     pub min_score: f32,
+    /// Least probability that somebody is there whom one of two looks at a picture reports, and the other does not.
+    pub lone_score: f32,
     /// Most people returned, best first.
     #[serde(default = "most_people")]
     pub max_people: usize,

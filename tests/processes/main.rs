@@ -23,6 +23,7 @@ mod metrics;
 mod outcome;
 mod pace;
 mod privacy;
+mod quality;
 mod record;
 mod replay;
 mod show_picture;

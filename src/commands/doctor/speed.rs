@@ -25,10 +25,13 @@ pub const SPEED: &str = "speed";
 /// What it is, and which kernels it has.
 pub fn processor() -> Finding {
     let broken = |e: String| Finding::new(PROCESSOR, State::Broken(exit::USAGE), e);
-    match (Isa::detect(), Algorithms::detect()) {
-        (Ok(isa), Ok(algorithms)) => processor_with(isa, algorithms),
-        (Err(e), _) => broken(e.to_string()),
-        (_, Err(e)) => broken(e.to_string()),
+    let isa = match Isa::detect() {
+        Ok(isa) => isa,
+        Err(e) => return broken(e.to_string()),
+    };
+    match Algorithms::detect(isa) {
+        Ok(algorithms) => processor_with(isa, algorithms),
+        Err(e) => broken(e.to_string()),
     }
 }
 
@@ -53,8 +56,10 @@ fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
             text += "; no AVX2, which the network is made for: expected a CPU of 2015 or later";
             state = State::Warning;
         }
-        Isa::Amx if algorithms == Algorithms::Portable => {
-            text += "; EDGECAP_ALGORITHM=direct is faster here, with slightly other numbers than on other CPUs";
+        _ if algorithms != Algorithms::fastest(isa) => {
+            let (set, fastest) = (algorithms.name(), Algorithms::fastest(isa).name());
+            text += &format!("; EDGECAP_ALGORITHM is '{set}', '{fastest}' is faster here");
+            state = State::Note;
         }
         _ => {}
     }
@@ -119,7 +124,7 @@ fn judged(seconds: f64, people: f64, threads: usize) -> Finding {
         _ => State::Warning,
     };
     if state != State::Fine {
-        text += "; --size 384x240 takes less, for people who stand near";
+        text += "; --quality fast takes less, for people who stand near";
     }
     Finding::new(SPEED, state, text)
 }
@@ -130,19 +135,26 @@ mod tests {
 
     #[test]
     fn a_processor_without_fast_kernels_is_told_loudly() {
-        let scalar = processor_with(Isa::Scalar, Algorithms::Portable);
+        let with = |isa| processor_with(isa, Algorithms::fastest(isa));
+        let scalar = with(Isa::Scalar);
         assert!(scalar.text.contains("only scalar kernels are left"));
         assert!(scalar.to_string().starts_with("WARNING processor"));
-        assert_eq!(
-            processor_with(Isa::Sse41, Algorithms::Portable).state,
-            State::Warning
-        );
+        assert_eq!(with(Isa::Sse41).state, State::Warning);
         for isa in Isa::available().filter(|isa| *isa > Isa::Sse41) {
-            assert_ne!(
-                processor_with(isa, Algorithms::Portable).state,
-                State::Warning
-            );
+            assert_ne!(with(isa).state, State::Warning);
         }
+    }
+
+    #[test]
+    fn slower_algorithms_are_told() {
+        let told = |isa, algorithms| {
+            let text = processor_with(isa, algorithms).text;
+            text.contains("is faster here")
+        };
+        assert!(told(Isa::Amx, Algorithms::Portable));
+        assert!(told(Isa::Avx2, Algorithms::Direct));
+        assert!(!told(Isa::Amx, Algorithms::Direct));
+        assert!(!told(Isa::Avx2, Algorithms::Portable));
     }
 
     #[test]

@@ -6,7 +6,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::zoom::INPUTS;
+use super::inputs::{Inputs, Quality};
+use crate::commands::exit::Failure;
 use crate::commands::pipeline::{Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
@@ -19,11 +20,15 @@ pub struct EngineArgs {
     /// Weights of Stage II (safetensors) in place of the model's own
     #[arg(long, value_name = "FILE")]
     pub stage2: Option<PathBuf>,
-    /// Network input, multiples of 16, or 'auto': 512x320 or as much smaller as suits those in view, which sees people
-    /// close to the camera better in less time, turned for upright pictures [default: auto for films and cameras; for
-    /// photos 512x320, for upright ones 256x384]
+    /// Network input, multiples of 16, or 'auto', for films and cameras: 512x320 or as much smaller as suits those in
+    /// view, which sees people close to the camera better in less time, turned for upright pictures [default: as
+    /// --quality says]
     #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,
+    /// How much time a picture may take: 'fast' and 'balanced' look once, 'best' twice, at 384x240 and at 768x480, and
+    /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
+    #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
+    pub quality: Option<Quality>,
     /// Threads for the network [default: all cores; for films and cameras fewer where that is measured to be faster]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
@@ -31,9 +36,6 @@ pub struct EngineArgs {
     #[arg(long)]
     pub flip_test: bool,
 }
-
-/// Upright photos show people who fill them, and these are seen better by less than 320x512 (docs/accuracy.md).
-const UPRIGHT_PHOTO: (usize, usize) = (256, 384);
 
 /// The network's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,20 +102,22 @@ pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl EngineArgs {
-    /// Whether every picture gets the same input.
-    pub fn is_fixed(&self) -> bool {
-        matches!(self.size, Some(InputSize::Fixed(..)))
-    }
-
-    /// The inputs for pictures of this orientation: several, from the largest on, where it `follows` the people in
-    /// view.
-    pub fn sizes(&self, upright: bool, follows: bool) -> Vec<(usize, usize)> {
-        match self.size {
-            Some(InputSize::Fixed(w, h)) => vec![(w, h)],
-            Some(InputSize::Auto) | None if follows => INPUTS.map(|s| turned(s, upright)).to_vec(),
-            Some(InputSize::Auto) | None if upright => vec![UPRIGHT_PHOTO],
-            Some(InputSize::Auto) | None => vec![INPUTS[0]],
+    /// The inputs of the pictures of a `film` (or camera), or of photos.
+    ///
+    /// # Errors
+    /// When they are asked for in two ways, or in one that photos cannot take.
+    pub fn inputs(&self, film: bool) -> Result<Inputs, Failure> {
+        if self.size.is_some() && self.quality.is_some() {
+            return Err(Failure::usage(
+                "--quality chooses the network's input: expected it or --size, found both: leave one out",
+            ));
         }
+        if self.size == Some(InputSize::Auto) && !film {
+            return Err(Failure::usage(
+                "--size auto follows people from picture to picture: expected a film, a camera or a folder of its frames with --fps, found photos: give --size WxH",
+            ));
+        }
+        Ok(Inputs::new(self.size, self.quality, film))
     }
 
     /// Threads that there are for a picture.
@@ -138,37 +142,5 @@ impl EngineArgs {
             threads,
             flip_test: self.flip_test,
         })
-    }
-}
-
-/// A size for landscape pictures, turned for portrait ones if `upright`.
-pub fn turned((w, h): (usize, usize), upright: bool) -> (usize, usize) {
-    if upright { (h, w) } else { (w, h) }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::Parser;
-
-    use super::*;
-
-    #[derive(Parser)]
-    struct Line {
-        #[command(flatten)]
-        engine: EngineArgs,
-    }
-
-    #[test]
-    fn photos_have_one_input_and_films_several() {
-        let of = |args: &[&str], upright, follows| {
-            let line = [&["infer"], args].concat();
-            Line::parse_from(line).engine.sizes(upright, follows)
-        };
-        assert_eq!(of(&[], false, false), [(512, 320)]);
-        assert_eq!(of(&[], true, false), [(256, 384)]);
-        assert_eq!(of(&[], true, true), [(320, 512), (240, 384), (160, 256)]);
-        for (upright, follows) in [(false, false), (true, false)] {
-            assert_eq!(of(&["--size", "320x512"], upright, follows), [(320, 512)]);
-        }
     }
 }

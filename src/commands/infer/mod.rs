@@ -4,6 +4,8 @@ mod change;
 mod crew;
 mod engine_args;
 mod feed;
+mod inputs;
+mod looks;
 mod observer;
 mod pace;
 mod pace_args;

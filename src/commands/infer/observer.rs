@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use edgecap_client::message::{FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame};
 
-use super::engine_args::{EngineArgs, InputSize};
+use super::engine_args::EngineArgs;
 use super::feed::{Delivery, Feed, Order, Picture};
 use super::pace::{Limits, Pace, Plan};
 use super::pipelines::Pipelines;
@@ -21,12 +21,12 @@ const SMOOTH: f32 = 0.2;
 const LEAST_RATE: f32 = 15.0;
 
 /// A source, its lens and the stages.
-pub struct Observer<'a> {
+pub struct Observer {
     feed: Feed,
     is_live: bool,
     mounting: Mounting,
     camera: CameraFile,
-    pipelines: Pipelines<'a>,
+    pipelines: Pipelines,
     pace: Pace,
     /// What the next order gives along: the picture that others are compared with, and a buffer.
     reference: Option<Brightness>,
@@ -57,24 +57,18 @@ pub enum Step {
     Ended,
 }
 
-impl<'a> Observer<'a> {
+impl Observer {
     /// Builds the stages.
     ///
     /// # Errors
-    /// As [`Pipelines::new`]; a size that follows people needs pictures that follow each other.
+    /// As [`Pipelines::new`].
     pub fn new(
         source: Box<dyn Source>,
         camera: CameraFile,
-        engine: &'a EngineArgs,
+        engine: &EngineArgs,
         limits: Limits,
         mounting: Mounting,
     ) -> anyhow::Result<Self> {
-        if engine.size == Some(InputSize::Auto) && source.is_stills() {
-            return Err(Failure::usage(
-                "--size auto follows people from picture to picture: expected a film, a camera or a folder of its frames with --fps, found photos: give --size WxH",
-            )
-            .into());
-        }
         let mut pace = Pace::new(limits);
         let target = LEAST_RATE.recip().max(limits.interval_ns as f32 / 1e9);
         let target = source.is_live().then_some(target);

@@ -5,59 +5,75 @@ use std::time::Instant;
 use edgecap_client::message::{Intrinsics, Observation};
 
 use super::crew::Crew;
-use super::engine_args::{EngineArgs, turned};
+use super::engine_args::EngineArgs;
+use super::inputs::{Inputs, turned};
+use super::looks::Looks;
 use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::pipeline::{FrameObservations, Pipeline};
 
-/// The stages for every input that pictures may ask for, made before the first of them: people in an upright picture
-/// would be small in a network input that lies. All share one set of packed weights and one team of threads.
-pub struct Pipelines<'a> {
-    engine: &'a EngineArgs,
-    /// By orientation (upright second; alone where the size is fixed) and, where the input follows the people in view,
-    /// its size.
-    built: Vec<Vec<Pipeline>>,
-    following: Option<Following>,
+/// The stages for every input that pictures may ask for. All share one set of packed weights and one team of threads.
+pub struct Pipelines {
+    stages: Stages,
     speed: Speed,
     crew: Crew,
 }
 
+enum Stages {
+    Fixed(Box<Pipeline>),
+    Looks(Box<Looks>, [&'static [f32]; 2]),
+    Following(Box<Following>),
+}
+
 /// The input that follows the people in view.
-#[derive(Default)]
 struct Following {
+    /// By orientation (upright second: people in an upright picture would be small in an input that lies), of each of
+    /// [`INPUTS`].
+    built: [Vec<Pipeline>; 2],
+    /// The largest of [`INPUTS`] that is wanted.
+    largest: usize,
     zoom: Zoom,
     /// How tall people are by the present input and by another, pixels of the largest one.
     here: Vec<f32>,
     elsewhere: Vec<f32>,
 }
 
-impl<'a> Pipelines<'a> {
-    /// Builds them all. The input of a `film` follows the people in view unless it is fixed; where pictures may take
-    /// only `target` seconds each, no input is larger than the machine has time for.
+impl Following {
+    fn new(engine: &EngineArgs, largest: usize) -> anyhow::Result<Self> {
+        let first = engine.build(INPUTS[0])?;
+        let rest = INPUTS[1..].iter().map(|&(w, h)| first.resized(w, h));
+        let rest: Vec<_> = rest.collect::<Result<_, _>>()?;
+        let upright = INPUTS.iter().map(|&(w, h)| first.resized(h, w));
+        let upright = upright.collect::<Result<_, _>>()?;
+        let landscape = std::iter::once(first).chain(rest).collect();
+        Ok(Self {
+            built: [landscape, upright],
+            largest,
+            zoom: Zoom::default(),
+            here: Vec::new(),
+            elsewhere: Vec::new(),
+        })
+    }
+}
+
+impl Pipelines {
+    /// Builds them. The input of a `film` follows the people in view unless something else is asked for; where pictures
+    /// may take only `target` seconds each, no such input is larger than the machine has time for.
     ///
     /// # Errors
-    /// As [`Pipeline::new`].
-    pub fn new(engine: &'a EngineArgs, film: bool, target: Option<f32>) -> anyhow::Result<Self> {
-        let follows = film && !engine.is_fixed();
-        let orientations = if engine.is_fixed() { 1 } else { 2 };
-        let mut built: Vec<Vec<Pipeline>> = Vec::new();
-        for upright in [false, true].into_iter().take(orientations) {
-            let mut sizes = Vec::new();
-            for size in engine.sizes(upright, follows) {
-                let first = built.first().and_then(|sizes| sizes.first());
-                sizes.push(match first.or(sizes.first()) {
-                    Some(first) => first.resized(size.0, size.1)?,
-                    None => engine.build(size)?,
-                });
+    /// As [`Pipeline::new`] and [`EngineArgs::inputs`].
+    pub fn new(engine: &EngineArgs, film: bool, target: Option<f32>) -> anyhow::Result<Self> {
+        let stages = match engine.inputs(film)? {
+            Inputs::Fixed(size) => Stages::Fixed(Box::new(engine.build(size)?)),
+            Inputs::Following(largest) => {
+                Stages::Following(Box::new(Following::new(engine, largest)?))
             }
-            built.push(sizes);
-        }
+            Inputs::Looks(shares) => Stages::Looks(Box::new(Looks::new(engine)?), shares),
+        };
         Ok(Self {
-            engine,
-            built,
-            following: follows.then(Following::default),
+            stages,
             speed: Speed::new(target),
             crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
         })
@@ -72,42 +88,60 @@ impl<'a> Pipelines<'a> {
         frame: &Frame,
         intrinsics: &Intrinsics,
     ) -> anyhow::Result<FrameObservations<'_>> {
-        let upright = frame.height > frame.width && !self.engine.is_fixed();
-        let built = &mut self.built[usize::from(upright)];
-        built[0].use_threads(self.crew.threads());
-        let Some(Following {
+        let Self {
+            stages,
+            speed,
+            crew,
+        } = self;
+        let threads = crew.threads();
+        let took = |crew: &mut Crew, now, level, us| {
+            if let Some(change) = crew.took(now, level, seconds(us)) {
+                tracing::info!("{}", change.line());
+            }
+        };
+        let following = match stages {
+            Stages::Fixed(one) => {
+                one.use_threads(threads);
+                let seen = one.process(frame, intrinsics)?;
+                took(crew, monotonic_ns(), 0, seen.times.stage1_us);
+                return Ok(seen);
+            }
+            Stages::Looks(looks, shares) => {
+                looks.use_threads(threads);
+                let shares = shares[usize::from(frame.height > frame.width)];
+                let seen = looks.process(frame, intrinsics, shares)?;
+                took(crew, monotonic_ns(), 0, seen.times.stage1_us);
+                return Ok(seen);
+            }
+            Stages::Following(following) => following,
+        };
+        let Following {
+            built,
+            largest,
             zoom,
             here,
             elsewhere,
-        }) = &mut self.following
-        else {
-            let seen = built[0].process(frame, intrinsics)?;
-            let seconds = seconds(seen.times.stage1_us);
-            if let Some(change) = self.crew.took(monotonic_ns(), 0, seconds) {
-                tracing::info!("{}", change.line());
-            }
-            return Ok(seen);
-        };
+        } = &mut **following;
+        let upright = frame.height > frame.width;
+        let built = &mut built[usize::from(upright)];
+        built[0].use_threads(threads);
         let heights = heights_in(frame, upright);
         let other = zoom.look_elsewhere(frame.time_ns);
         if let Some(level) = other {
             heights(built[level].process(frame, intrinsics)?.people, elsewhere);
         }
-        zoom.limit(self.speed.limit());
+        zoom.limit(speed.limit().max(*largest));
         let level = zoom.level();
         let start = Instant::now();
         let seen = built[level].process(frame, intrinsics)?;
         let now = monotonic_ns();
-        if !self.crew.is_trying() {
+        if !crew.is_trying() {
             let whole = start.elapsed().as_secs_f32();
-            if let Some(slower) = self.speed.took(now, level, whole) {
+            if let Some(slower) = speed.took(now, level, whole) {
                 tracing::warn!("{}", slower.line());
             }
         }
-        let network = seconds(seen.times.stage1_us);
-        if let Some(change) = self.crew.took(now, level, network) {
-            tracing::info!("{}", change.line());
-        }
+        took(crew, now, level, seen.times.stage1_us);
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
@@ -127,20 +161,31 @@ impl<'a> Pipelines<'a> {
         intrinsics: &Intrinsics,
         large: bool,
     ) -> anyhow::Result<FrameObservations<'_>> {
-        let upright = frame.height > frame.width && !self.engine.is_fixed();
-        let built = &mut self.built[usize::from(upright)];
+        let upright = frame.height > frame.width;
+        let following = match &mut self.stages {
+            Stages::Fixed(one) => return one.process(frame, intrinsics),
+            Stages::Looks(looks, shares) => {
+                let shares = shares[usize::from(upright)];
+                let shares = if large { shares } else { &shares[..1] };
+                return looks.process(frame, intrinsics, shares);
+            }
+            Stages::Following(following) => following,
+        };
+        let Following {
+            built,
+            largest,
+            zoom,
+            elsewhere,
+            ..
+        } = &mut **following;
+        let built = &mut built[usize::from(upright)];
         let smallest = built.len() - 1;
         let people = built[smallest].process(frame, intrinsics)?.people;
-        if people.is_empty() && large && smallest > 0 {
-            return built[0].process(frame, intrinsics);
+        if people.is_empty() && large && *largest < smallest {
+            return built[*largest].process(frame, intrinsics);
         }
-        if let Some(Following {
-            zoom, elsewhere, ..
-        }) = &mut self.following
-        {
-            heights_in(frame, upright)(people, elsewhere);
-            zoom.seen(frame.time_ns, &[], Some(elsewhere));
-        }
+        heights_in(frame, upright)(people, elsewhere);
+        zoom.seen(frame.time_ns, &[], Some(elsewhere));
         Ok(built[smallest].seen())
     }
 }

@@ -142,7 +142,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
 
 /// Sees every picture until the input ends, the user stops it, or nobody wants more.
 fn see(
-    observer: &mut Observer<'_>,
+    observer: &mut Observer,
     send: &SyncSender<Observed>,
     wants_pictures: bool,
     stop: &Stop,

@@ -37,7 +37,7 @@ pub struct EngineOptions {
     pub threads: usize,
     /// Instruction set; `None` takes the fastest, or what `EDGECAP_ISA` says.
     pub isa: Option<Isa>,
-    /// Algorithms of int8 layers; `None` takes the portable ones, or what `EDGECAP_ALGORITHM` says.
+    /// Algorithms of int8 layers; `None` takes those that are fastest with `isa`, or what `EDGECAP_ALGORITHM` says.
     pub algorithms: Option<Algorithms>,
     /// Arithmetic.
     pub precision: Precision,
@@ -120,7 +120,7 @@ impl Engine {
         };
         let algorithms = match options.algorithms {
             Some(algorithms) => algorithms,
-            None => Algorithms::detect()?,
+            None => Algorithms::detect(isa)?,
         };
         let source = match options.precision {
             Precision::Int8 => Source::int8(model.weights())?,
