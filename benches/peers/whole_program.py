@@ -18,16 +18,16 @@ from whole import labels, measure, reports, score, systems, tfjs
 MADE = Path(__file__).resolve().parent / ".cache"
 # Photos of each shape (wide, upright, square) in the short run.
 OF_SHAPE = 2
-# Inputs of ours unless --sizes names others.
-SIZES = {
-    "photos": ["default", "default/direct", "512x320/direct", "384x240/direct", "256x160/direct"],
-    "film": ["default", "default/direct", "512x320", "512x320/direct"],
+# Ours unless --ours names others.
+OURS = {
+    "photos": ["best", "balanced", "fast", "256x160"],
+    "film": ["default", "default/portable", "fast", "best"],
 }
 
 
 def main() -> None:
     args = arguments()
-    entries = measure.able(systems.ours(args.sizes or SIZES[args.what]) + systems.PEERS, args.models)
+    entries = measure.able(systems.ours(args.ours or OURS[args.what]) + systems.PEERS, args.models)
     MADE.mkdir(exist_ok=True)
     if any(e.program == "movenet" for e in entries):
         tfjs.convert(args.models / "movenet-multipose.json", MADE / "movenet-multipose.pb")
@@ -46,7 +46,7 @@ def arguments() -> argparse.Namespace:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--models", type=Path, default=MADE / "whole", help="the peers' files: README.md")
     common.add_argument("--rounds", type=int, default=3)
-    common.add_argument("--sizes", nargs="+", help="inputs of ours, default or WxH; WxH/direct: without Winograd")
+    common.add_argument("--ours", nargs="+", help="rows of ours: default, a quality or WxH; with /portable or /direct those algorithms")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     kinds = parser.add_subparsers(dest="what", required=True)
     of_photos = kinds.add_parser("photos", parents=[common])

@@ -124,9 +124,9 @@ pub fn is_film(path: &Path) -> bool {
     ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
 }
 
-/// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its pictures
-/// one by one. `fov` is the lens's horizontal field of view, degrees, where one is known; a whole calibration would
-/// refuse pictures of another shape before the caller can say what is wrong with them.
+/// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its
+/// pictures one by one. `fov` is the lens's horizontal field of view, degrees, where one is known; a whole calibration
+/// would refuse pictures of another shape before the caller can say what is wrong with them.
 ///
 /// # Errors
 /// When it fails; it has said why.

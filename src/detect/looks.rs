@@ -40,8 +40,16 @@ pub fn joined(looks: [&[Observation]; 2], lone_score: f32, out: &mut Vec<Observa
     let known_to_b = |i: usize| alike[i].iter().any(|&s| s >= SAME);
     let known_to_a = |j: usize| alike.iter().any(|row| row[j] >= SAME);
     let alone = |p: &Observation, known: bool| !known && p.score >= lone_score;
-    out.extend((0..a.len()).filter(|&i| alone(&a[i], known_to_b(i))).map(|i| a[i]));
-    out.extend((0..b.len()).filter(|&j| alone(&b[j], known_to_a(j))).map(|j| b[j]));
+    out.extend(
+        (0..a.len())
+            .filter(|&i| alone(&a[i], known_to_b(i)))
+            .map(|i| a[i]),
+    );
+    out.extend(
+        (0..b.len())
+            .filter(|&j| alone(&b[j], known_to_a(j)))
+            .map(|j| b[j]),
+    );
     out.sort_by(|p, q| q.score.total_cmp(&p.score));
     out.truncate(MAX_PEOPLE);
 }
@@ -79,7 +87,9 @@ fn size(p: &Observation) -> f32 {
         low = [low[0].min(*u), low[1].min(*v)];
         high = [high[0].max(*u), high[1].max(*v)];
     }
-    (high[0] - low[0]).max(0.0).hypot((high[1] - low[1]).max(0.0))
+    (high[0] - low[0])
+        .max(0.0)
+        .hypot((high[1] - low[1]).max(0.0))
 }
 
 #[cfg(test)]

@@ -9,7 +9,15 @@ fn people(input: &Path, options: &[&str]) -> Vec<Vec<Value>> {
     let result = tempfile::tempdir().unwrap();
     let file = result.path().join("people.jsonl");
     let (input, jsonl) = (input.to_str().unwrap(), file.to_str().unwrap());
-    let fixed = ["infer", "--threads", "1", "--input", input, "--jsonl", jsonl];
+    let fixed = [
+        "infer",
+        "--threads",
+        "1",
+        "--input",
+        input,
+        "--jsonl",
+        jsonl,
+    ];
     let out = crate::program::output(&[&fixed[..], options].concat());
     assert!(out.status.success(), "{}", crate::program::stderr(&out));
     let text = std::fs::read_to_string(file).unwrap();

@@ -26,11 +26,11 @@ class Run:
 
 @dataclass(frozen=True)
 class System:
-    """One row of the table; `size` and `environment` are ours, `program` is what `program.py` calls a peer."""
+    """One row of the table; `options` and `environment` are ours, `program` is what `program.py` calls a peer."""
 
     name: str
     licence: str
-    size: str = ""
+    options: tuple[str, ...] = ()
     environment: tuple[tuple[str, str], ...] = ()
     program: str = ""
     files: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class System:
             command = [python, HERE / "program.py", self.program, models, source, out]
         else:
             command = [OURS, "infer", "--input", source, "--jsonl", out, "--threads", "1"]
-            command += ["--size", self.size] if self.size else []
+            command += self.options
         environment = {**os.environ, **ONE_THREAD, **dict(self.environment)}
         process = subprocess.Popen(
             list(map(str, command)),
@@ -82,7 +82,7 @@ def _our_version() -> str:
 MOVENET = ("movenet-multipose.json", "movenet-multipose.bin")
 CHAIN = ("yolox_nano.onnx", "tinypose_256x192.onnx")
 OUR_LICENCE = "MIT or Apache-2.0; weights academic"
-DIRECT = (("EDGECAP_ALGORITHM", "direct"),)
+QUALITIES = ("fast", "balanced", "best")
 PEERS = [
     System("MoveNet MultiPose Lightning, 256, up to 6", APACHE, program="movenet", files=MOVENET),
     System("YOLOX-nano 416 + PP-TinyPose", APACHE, program="yolox-416", files=CHAIN),
@@ -92,12 +92,13 @@ PEERS = [
 ]
 
 
-def ours(sizes: list[str]) -> list[System]:
-    """Rows of ours: 'default', 'auto', or `WxH` (then for upright photos, too); '/direct' runs that algorithm."""
+def ours(inputs: list[str]) -> list[System]:
+    """Rows of ours: 'default', a quality, or `WxH` (then for upright photos, too); '/direct' or '/portable' after it names the algorithms."""
     rows = []
-    for size in sizes:
-        shape, _, algorithm = size.partition("/")
-        name = f"edgecap {shape.replace('x', '×')}{', direct' if algorithm else ''}"
-        size = "" if shape == "default" else shape
-        rows.append(System(name, OUR_LICENCE, size=size, environment=DIRECT if algorithm else ()))
+    for text in inputs:
+        kind, _, algorithms = text.partition("/")
+        name = f"edgecap {kind.replace('x', '×')}{f', {algorithms}' if algorithms else ''}"
+        options = ("--quality", kind) if kind in QUALITIES else () if kind == "default" else ("--size", kind)
+        environment = (("EDGECAP_ALGORITHM", algorithms),) if algorithms else ()
+        rows.append(System(name, OUR_LICENCE, options=options, environment=environment))
     return rows
