@@ -48,8 +48,8 @@ impl Confidence {
     }
 }
 
-/// Diagonal of the box around the seen joints.
-fn size(joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> f32 {
+/// Diagonal of the box around the seen joints, in their unit.
+pub(super) fn size(joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> f32 {
     let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for [u, v, height] in joints {
         if *height > 0.0 {

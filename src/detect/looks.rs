@@ -3,6 +3,8 @@
 
 use edgecap_client::message::{MAX_PEOPLE, Observation};
 
+use super::confidence::size;
+
 /// Two reports whose joints are this similar, 0–1, are one person.
 const SAME: f32 = 0.4;
 /// Distance of two joints, over the person's size, at which they count as similar by `exp(-1/2)`.
@@ -61,7 +63,7 @@ fn sureness(p: &Observation) -> f32 {
 
 /// How alike two reports are, 0–1: mean over the joints that both have.
 fn similarity(p: &Observation, q: &Observation) -> f32 {
-    let size = size(p).max(size(q));
+    let size = size(&p.joints2d).max(size(&q.joints2d));
     if size <= 0.0 {
         return 0.0;
     }
@@ -77,19 +79,6 @@ fn similarity(p: &Observation, q: &Observation) -> f32 {
         return 0.0;
     }
     near.iter().sum::<f32>() / near.len() as f32
-}
-
-/// Diagonal of the box around the joints that were seen, pixels.
-fn size(p: &Observation) -> f32 {
-    let seen = p.joints2d.iter().filter(|j| j[2] > 0.0);
-    let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    for [u, v, _] in seen {
-        low = [low[0].min(*u), low[1].min(*v)];
-        high = [high[0].max(*u), high[1].max(*v)];
-    }
-    (high[0] - low[0])
-        .max(0.0)
-        .hypot((high[1] - low[1]).max(0.0))
 }
 
 #[cfg(test)]

@@ -62,13 +62,13 @@ fn f32_is_what_a_naive_reference_computes() {
     }
 }
 
-/// The same layers on every tier: which algorithm is the fastest depends on the tier.
-fn portable(model: &Model, threads: usize, isa: Isa) -> Engine {
+/// By these algorithms on every tier: which ones are the fastest depends on the tier.
+fn by(algorithms: Algorithms, model: &Model, threads: usize, isa: Isa) -> Engine {
     let options = EngineOptions {
         width: SIZE.0,
         height: SIZE.1,
         threads,
-        algorithms: Some(Algorithms::Portable),
+        algorithms: Some(algorithms),
         isa: Some(isa),
         ..EngineOptions::default()
     };
@@ -83,12 +83,13 @@ fn int8_is_near_f32_and_the_same_on_every_tier() {
     let float = engine(&model, Precision::F32, 1, None)
         .run(&picture)
         .clone();
-    let scalar = portable(&quantised, 1, Isa::Scalar).run(&picture).clone();
+    let portable = |threads, isa| by(Algorithms::Portable, &quantised, threads, isa);
+    let scalar = portable(1, Isa::Scalar).run(&picture).clone();
     let e = error(&float, &scalar);
     assert!(e < 0.05, "{e}");
     for isa in Isa::available() {
         for threads in [1, 2, 5] {
-            let mut engine = portable(&quantised, threads, isa);
+            let mut engine = portable(threads, isa);
             assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
         }
     }
@@ -100,18 +101,8 @@ fn direct_algorithms_are_near_f32_and_the_same_on_every_tier() {
     let quantised = quantised(&model);
     let picture = picture(SIZE, 2);
     let run = |threads, algorithms, isa| {
-        let options = EngineOptions {
-            width: SIZE.0,
-            height: SIZE.1,
-            threads,
-            algorithms: Some(algorithms),
-            isa: Some(isa),
-            ..EngineOptions::default()
-        };
-        Engine::new(&quantised, options)
-            .unwrap()
-            .run(&picture)
-            .clone()
+        let mut engine = by(algorithms, &quantised, threads, isa);
+        engine.run(&picture).clone()
     };
     let scalar = run(1, Algorithms::Direct, Isa::Scalar);
     let float = engine(&model, Precision::F32, 1, None)

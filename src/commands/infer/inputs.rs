@@ -28,7 +28,7 @@ pub enum Inputs {
     Looks([&'static [f32]; 2]),
 }
 
-/// Near and far. On photos of everyday life no other pair of sizes found more for its time (docs/accuracy.md).
+/// Near and far: what other pairs found is in models/train/RUNS.md.
 const TWO_LOOKS: &[f32] = &[0.75, 1.5];
 /// Upright photos show people who fill them, and these are seen better by a smaller input.
 const ONE_LOOK: [&[f32]; 2] = [&[1.0], &[0.8]];
