@@ -15,6 +15,21 @@ pub(crate) use aarch64::TIERS;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86_64::TIERS;
 
+/// Asks for the cache line of `at`, wherever that points: a hint, which reads nothing.
+#[inline(always)]
+pub(crate) fn prefetch(at: *const u8) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: every x86-64 CPU has `prefetcht1`, and it never faults.
+    unsafe {
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(at.cast());
+    }
+    #[cfg(target_arch = "aarch64")]
+    // SAFETY: `prfm` is a hint, and never faults.
+    unsafe {
+        std::arch::asm!("prfm pldl2keep, [{at}]", at = in(reg) at, options(nostack, readonly, preserves_flags));
+    }
+}
+
 /// A thin function: `fn name(arguments) = body` with these features.
 macro_rules! leaf {
     ([$($feature:tt),*], fn $name:ident($($arg:ident: $type:ty),*) $(-> $ret:ty)? = $body:expr) => {

@@ -1,14 +1,16 @@
 //! Direct convolution: no im2row, the halo stands in for the borders.
 //!
 //! A tile is MR consecutive output pixels of a row × NV vectors of output channels, all in registers. Per 32-bit group
-//! of input channels it loads NV weight vectors and one broadcast group per pixel. Panels are the outer loop: a panel
-//! stays in the first two cache levels while the rows stream past it.
+//! of input channels it loads NV weight vectors and one broadcast group per pixel. Within a band of rows panels are the
+//! outer loop: a panel stays in the first cache levels while the rows stream past it, the band in the second.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod tiles;
 
 use std::marker::PhantomData;
+use std::ops::Range;
 
+use crate::arch::prefetch;
 use crate::packed::{Blocking, MAX_TAPS, Packed, Panels};
 use crate::phase::Phase;
 #[cfg(target_arch = "x86_64")]
@@ -17,6 +19,9 @@ use crate::segments::SegmentedPacked;
 use crate::simd::SegmentedDot;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
+
+/// Bytes of a cache line.
+pub(crate) const LINE: usize = 64;
 
 /// A direct convolution over concrete tensors.
 pub(crate) struct Job<'a, P> {
@@ -65,6 +70,23 @@ impl<'a, P: Panels> Job<'a, P> {
             out_layout,
             part,
         }
+    }
+
+    /// The part's groups, each in bands of rows that touch about `bytes` of its input and output: all panels go through
+    /// a band before the next comes, and find it in a cache. At least one row of every phase.
+    fn bands(&self, bytes: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let packed = self.panels.packed();
+        let steps = packed.phases().first();
+        let (in_step, out_step) = steps.map_or((1, 1), |phase| (phase.in_step, phase.out_step));
+        let channels = packed.depth() * 4 * in_step * in_step + packed.outs() * out_step * out_step;
+        let columns = self.out_layout.width().div_ceil(out_step);
+        let band = (bytes / columns.saturating_mul(channels)).max(1) * out_step;
+        let rows = self.part.rows.clone();
+        self.part.groups.clone().flat_map(move |group| {
+            let end = rows.end;
+            let bands = rows.clone().step_by(band);
+            bands.map(move |first| (group, first..end.min(first + band)))
+        })
     }
 }
 
@@ -140,8 +162,24 @@ unsafe impl<D: Dot> Chain for Plain<D> {
 
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
+        acc: [[D::Acc; NV]; MR],
+        tile: &Tile,
+    ) -> [[D::Acc; NV]; MR] {
+        // SAFETY: the caller's contract.
+        unsafe { Self::products::<MR, NV, false>(acc, tile, 0) }
+    }
+}
+
+impl<D: Dot> Plain<D> {
+    /// [`Chain::sum`]. With `AHEAD`, weights `ahead` bytes behind those that are read are called into the caches.
+    ///
+    /// # Safety
+    /// As [`Chain`].
+    #[inline(always)]
+    pub unsafe fn products<const MR: usize, const NV: usize, const AHEAD: bool>(
         mut acc: [[D::Acc; NV]; MR],
         tile: &Tile,
+        ahead: usize,
     ) -> [[D::Acc; NV]; MR] {
         let vector = 4 * D::S::LANES;
         let mut w = tile.weights;
@@ -154,6 +192,11 @@ unsafe impl<D: Dot> Chain for Plain<D> {
                     let mut weights = [D::weights(w); NV];
                     for n in 1..NV {
                         weights[n] = D::weights(w.add(n * vector));
+                    }
+                    if AHEAD {
+                        for n in 0..(NV * vector).div_ceil(LINE) {
+                            prefetch(w.wrapping_add(ahead + n * LINE));
+                        }
                     }
                     for m in 0..MR {
                         let value = D::splat(x.add(m * tile.x_step));
@@ -242,6 +285,8 @@ struct Strip<'a, 'b, C: Chain, W> {
     job: &'b Job<'a, C::Panels>,
     writer: &'b W,
     phase: &'b Phase,
+    /// Output rows.
+    rows: Range<usize>,
     tile: Tile<'b>,
     /// Accumulators' initial values of the block.
     bias: *const u8,
@@ -253,6 +298,10 @@ struct Strip<'a, 'b, C: Chain, W> {
     outs: usize,
     chain: PhantomData<C>,
 }
+
+/// Bytes of a band ([`Job::bands`]): half of the smallest second-level cache of CPUs with AVX2. Without bands 64 → 256
+/// channels at 128 × 80 with a residual take 1.5 times as long with `avx512vnni`, 1.6 times with `avx2`.
+const BAND_BYTES: usize = 128 << 10;
 
 /// Runs a job.
 ///
@@ -268,7 +317,7 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
     );
     let lanes = Vectors::<C>::LANES;
     let mut taps = [0isize; MAX_TAPS];
-    for group in job.part.groups.clone() {
+    for (group, rows) in job.bands(BAND_BYTES) {
         for (b, block) in packed.blocks().iter().enumerate() {
             for (p, phase) in packed.phases().iter().enumerate() {
                 for (offset, tap) in taps.iter_mut().zip(&phase.taps) {
@@ -285,6 +334,7 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
                         job,
                         writer,
                         phase,
+                        rows: rows.clone(),
                         tile: Tile {
                             x: job.input.add(group * packed.depth() * 4),
                             x_step: phase.in_step * job.pixel_bytes as usize,
@@ -312,7 +362,7 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
 }
 
 impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
-    /// All rows of the job's part.
+    /// All rows of the strip.
     ///
     /// # Safety
     /// As [`run`], which the strip was cut from: the tier's features are on, and the part's rows lie in the output.
@@ -321,7 +371,7 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
         let phase = self.phase;
         let columns = (self.job.out_layout.width() + phase.out_step - 1 - phase.first_column)
             / phase.out_step;
-        for oy in self.job.part.rows.clone() {
+        for oy in self.rows.clone() {
             if oy % phase.out_step != phase.first_row {
                 continue;
             }

@@ -59,11 +59,7 @@ pub(crate) unsafe fn run<W: Write<Avx512, __m512i>>(job: &Job<Packed>, writer: &
     let mut offsets = [0isize; MAX_STEPS];
     // SAFETY: tiles are granted (caller); nothing below uses them by another way.
     let mut tiles = unsafe { Tiles::new(ROWS, chunks.size) };
-    let (rows, band) = (&job.part.rows, band(job, packed));
-    let bands = rows.clone().step_by(band);
-    let bands = bands.map(|first| first..rows.end.min(first + band));
-    let groups = job.part.groups.clone();
-    for (group, rows) in groups.flat_map(|group| bands.clone().map(move |rows| (group, rows))) {
+    for (group, rows) in job.bands(BAND_BYTES) {
         for (b, block) in packed.blocks().iter().enumerate() {
             for (p, phase) in packed.phases().iter().enumerate() {
                 let strip = Strip::new(job, phase, &rows);
@@ -107,18 +103,9 @@ pub(crate) unsafe fn run<W: Write<Avx512, __m512i>>(job: &Job<Packed>, writer: &
     }
 }
 
-/// Most bytes of input and output that all panels go through before the next rows come: a quarter of the second-level
-/// cache of CPUs that have tiles. Without it 192 → 128 channels at 128 × 80 take 1.6 times as long.
+/// Bytes of a band ([`Job::bands`]): a quarter of the second-level cache of CPUs that have tiles. Without bands 192 → 128
+/// channels at 128 × 80 take 1.6 times as long.
 const BAND_BYTES: usize = 512 << 10;
-
-/// Output rows that touch about [`BAND_BYTES`] of a group's channels; at least one of every phase.
-fn band(job: &Job<Packed>, packed: &Packed) -> usize {
-    let steps = packed.phases().first();
-    let (in_step, out_step) = steps.map_or((1, 1), |phase| (phase.in_step, phase.out_step));
-    let channels = packed.depth() * 4 * in_step * in_step + packed.outs() * out_step * out_step;
-    let columns = job.out_layout.width().div_ceil(out_step);
-    (BAND_BYTES / columns.saturating_mul(channels)).max(1) * out_step
-}
 
 /// The tiles of a phase's output pixels in some rows, one row after the other.
 #[derive(Clone, Copy)]

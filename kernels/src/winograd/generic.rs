@@ -5,7 +5,7 @@
 //! core as the direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
 
 use super::{BIAS_POINT, IN, OUT, POINTS};
-use crate::direct::{Chain, Place, Plain, Tile, Write};
+use crate::direct::{LINE, Place, Plain, Tile, Write};
 use crate::packed::Packed;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
@@ -44,11 +44,8 @@ pub(crate) struct Plan {
     products: usize,
 }
 
-/// Bytes of a cache line. One is left free behind every point, or all points of a tile would fall into a few sets of
-/// the cache.
-const LINE: usize = 64;
-
-/// i32 from a point's products of MR tiles and `nv` vectors to the next point's.
+/// i32 from a point's products of MR tiles and `nv` vectors to the next point's. A line is left free behind every point,
+/// or all points of a tile would fall into a few sets of the cache.
 #[inline(always)]
 const fn products_point<D: Dot>(nv: usize) -> usize {
     D::MAX_MR * nv * D::S::LANES + LINE / 4
@@ -335,17 +332,20 @@ impl<W> Chunk<'_, '_, W> {
                             }
                         }
                     }
-                    let acc = Plain::<D>::sum(
-                        acc,
-                        &Tile {
-                            x: job.v(point, first).cast(),
-                            x_step: job.plan.row * 2,
-                            taps: &[0],
-                            depth: packed.depth(),
-                            weights: weights.as_ptr(),
-                            segments: &[],
-                        },
-                    );
+                    let tile = Tile {
+                        x: job.v(point, first).cast(),
+                        x_step: job.plan.row * 2,
+                        taps: &[0],
+                        depth: packed.depth(),
+                        weights: weights.as_ptr(),
+                        segments: &[],
+                    };
+                    // The next point's weights, or the next block's, come from memory while these are multiplied.
+                    let acc = if first == 0 {
+                        Plain::<D>::products::<MR, NV, true>(acc, &tile, point_bytes)
+                    } else {
+                        Plain::<D>::products::<MR, NV, false>(acc, &tile, 0)
+                    };
                     let to = job
                         .scratch
                         .cast::<i32>()

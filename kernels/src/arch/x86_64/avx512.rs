@@ -67,8 +67,14 @@ unsafe impl Simd for Avx512 {
             _mm_storeu_si128(at.add(2 * step).cast(), _mm512_extracti32x4_epi32::<2>(bytes));
             _mm_storeu_si128(at.add(3 * step).cast(), _mm512_extracti32x4_epi32::<3>(bytes));
         };
-        fn load_u8_part(at: *const u8, n: usize) -> __m512 =
-            _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_maskz_loadu_epi8(mask16(n), at.cast())));
+        fn load_u8_part(at: *const u8, n: usize) -> __m512 = {
+            let bytes = if n == 16 {
+                _mm_loadu_si128(at.cast())
+            } else {
+                _mm_maskz_loadu_epi8(mask16(n), at.cast())
+            };
+            _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))
+        };
         fn load_i(at: *const i32) -> __m512i = _mm512_loadu_si512(at.cast());
         fn store_i(value: __m512i, at: *mut i32) = _mm512_storeu_si512(at.cast(), value);
         fn add_i(a: __m512i, b: __m512i) -> __m512i = _mm512_add_epi32(a, b);
