@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{ConvShape, Isa};
+use crate::{ConvShape, Isa, winograd};
 
 /// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
 pub const ALGORITHM_VARIABLE: &str = "EDGECAP_ALGORITHM";
@@ -31,6 +31,20 @@ impl Algorithm {
             &[Algorithm::Direct, Algorithm::Winograd]
         } else {
             &[Algorithm::Direct]
+        }
+    }
+
+    /// What it multiplies for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count twice, as
+    /// half as many fit a vector.
+    pub fn work(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
+        match self {
+            Algorithm::Direct => shape.macs(height, width),
+            Algorithm::Winograd => {
+                let rows = shape.output_len(height).div_ceil(winograd::OUT);
+                let columns = shape.output_len(width).div_ceil(winograd::OUT);
+                let per_tile = 2 * winograd::POINTS * shape.group_in() * shape.out_channels();
+                (per_tile as u64).saturating_mul((rows * columns) as u64)
+            }
         }
     }
 
@@ -133,6 +147,23 @@ mod tests {
             let direct = Algorithms::fastest(isa) == Algorithms::Direct;
             assert_eq!(direct, isa == Isa::Amx, "{}", isa.name());
         }
+    }
+
+    #[test]
+    fn winograd_multiplies_half_of_what_the_definition_does() {
+        let shape = ConvShape::new(crate::ConvDims {
+            in_channels: 64,
+            out_channels: 32,
+            kernel: 3,
+            padding: 1,
+            ..crate::ConvDims::default()
+        })
+        .unwrap();
+        let work = |algorithm: Algorithm, side| algorithm.work(&shape, side, side);
+        assert_eq!(work(Algorithm::Direct, 8), 64 * 9 * 64 * 32);
+        assert_eq!(2 * work(Algorithm::Winograd, 8), work(Algorithm::Direct, 8));
+        // A tile that hangs over the edge is computed whole.
+        assert_eq!(work(Algorithm::Winograd, 5), work(Algorithm::Winograd, 8));
     }
 
     #[test]

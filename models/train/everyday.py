@@ -33,7 +33,7 @@ GAP_AGREED, GAP_DOUBTED = 0.25, 0.10
 AGREED, DOUBTED = 0.7, 0.5
 UNSEEN = 0.08  # a confidence this low says that the joint is not in the picture
 LEAST = 4  # labelled joints; with fewer nobody knows enough about the person
-SHARE = dict(stanford40=1.0, human_dataset_v2=0.8, free_exercise=0.8, animals_with_people=0.8, animals_no_people=0.5, vikram=1.0, coco128=1.0)
+SHARE = dict(stanford40=1.0, human_dataset_v2=0.8, free_exercise=0.8, animals_with_people=0.8, animals_no_people=0.5, vikram=1.0, coco128=1.0)  # 1 for others
 BY_HAND = 1.5  # photos labelled by hand, against 1 for those of teachers
 STRETCHED = {"human_dataset_v2"}  # squeezed into squares
 ASPECT = (0.6, 1.7)  # of what was squeezed
@@ -125,7 +125,7 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
                 box.append(np.array([p["box"] for p in row["people"]], np.float32).reshape(-1, 4) * [w, h, w, h])
                 start.append(start[-1] + len(j))
                 by_hand = any("true" in p for p in row["people"])
-                weight.append(SHARE[name] * (BY_HAND if by_hand else 1) * (0.5 + 0.5 * float(sure.mean()) if len(s) else 1))
+                weight.append(SHARE.get(name, 1.0) * (BY_HAND if by_hand else 1) * (0.5 + 0.5 * float(sure.mean()) if len(s) else 1))
                 stretched.append(name in STRETCHED)
                 origin.append(at)
                 names.append((name, row))

@@ -23,6 +23,7 @@ fn arguments(out: &Path) -> SynthArgs {
         height: 120,
         fps: 5,
         stills: false,
+        overhead: 0.0,
         views: Some(3),
         masks: false,
         observed: false,

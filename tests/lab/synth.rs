@@ -10,12 +10,22 @@ use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PARENTS, PELVIS};
 use edgecap::lab::synth::raster::{NOBODY, TRIANGLE_BITS};
 use edgecap::lab::synth::render::SUPERSAMPLE;
 use edgecap::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
+use edgecap::lab::synth::stills::Stills;
 use edgecap::lab::synth::truth::{
     ABSENT, OCCLUDED, SELF_OCCLUDED, Truth, TruthError, TruthPerson, VISIBLE,
 };
 use edgecap::message::Intrinsics;
 
 const SIZE: (u32, u32) = (256, 160);
+
+fn stills(seed: u64) -> Stills {
+    Stills {
+        seed,
+        size: SIZE,
+        people: 5,
+        overhead: 0.0,
+    }
+}
 
 fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
@@ -169,7 +179,7 @@ fn stills_truth_is_consistent_and_varied() {
     let (mut counts, mut on_own, mut statures) = ([0; 4], 0, BTreeSet::new());
     let mut cameras = BTreeSet::new();
     for k in 0..8 {
-        let shot = shoot_still(21, k, SIZE, 5);
+        let shot = shoot_still(&stills(21), k);
         projected(&shot);
         visibilities(&shot, &mut counts, &mut on_own);
         cameras.insert(shot.truth.camera.fx.to_bits());
@@ -193,7 +203,7 @@ fn stills_truth_is_consistent_and_varied() {
 fn truth_without_pictures_says_where_the_same_people_are() {
     let mut compared = 0;
     for k in 0..6 {
-        let (shot, known) = (shoot_still(21, k, SIZE, 5), outline_still(21, k, SIZE, 5));
+        let (shot, known) = (shoot_still(&stills(21), k), outline_still(&stills(21), k));
         assert_eq!(shot.truth.camera, known.camera);
         for p in &known.people {
             // Who reaches into the picture with a joint does so with a box.
@@ -213,7 +223,7 @@ fn truth_without_pictures_says_where_the_same_people_are() {
 fn every_still_can_be_placed() {
     // Some places are so full that the first person finds no room.
     let people: usize = (0..20_000)
-        .map(|k| outline_still(31, k, SIZE, 5).people.len())
+        .map(|k| outline_still(&stills(31), k).people.len())
         .sum();
     assert!(people > 40_000, "{people} people in 20,000 stills");
 }
@@ -222,7 +232,7 @@ fn every_still_can_be_placed() {
 fn some_people_lie_on_the_floor_and_nobody_in_it() {
     let (mut all, mut low, mut lying) = (0, 0, 0);
     for k in 0..2_000 {
-        let truth = outline_still(3, k, SIZE, 5);
+        let truth = outline_still(&stills(3), k);
         let floor = truth.camera.floor;
         let height = |p: [f32; 3]| (0..3).map(|i| floor[i] * p[i]).sum::<f32>() + floor[3];
         for p in &truth.people {
@@ -242,6 +252,44 @@ fn some_people_lie_on_the_floor_and_nobody_in_it() {
     );
 }
 
+#[test]
+fn cameras_under_the_ceiling_look_down_at_people() {
+    let steepness = |truth: &edgecap::lab::synth::TruthFrame| {
+        // The floor's normal leans towards the viewer by as much as the camera looks down.
+        let [_, y, z, high] = truth.camera.floor;
+        ((-z).atan2(-y).to_degrees(), high)
+    };
+    let mut inside = 0;
+    let mut steep = Vec::new();
+    for k in 0..200 {
+        let all = Stills {
+            overhead: 1.0,
+            ..stills(3)
+        };
+        let truth = outline_still(&all, k);
+        let (angle, high) = steepness(&truth);
+        assert!((2.3..=4.2).contains(&high), "{high} m up");
+        steep.push(angle);
+        inside += usize::from(truth.people.iter().any(|p| {
+            p.visibility[..EVIDENCE_JOINTS]
+                .iter()
+                .filter(|&&v| v == VISIBLE)
+                .count()
+                >= 10
+        }));
+    }
+    steep.sort_by(f32::total_cmp);
+    assert!(
+        steep[100] > 28.0,
+        "half look down by {} degrees at most",
+        steep[100]
+    );
+    assert!(
+        inside > 130,
+        "somebody is in the picture in {inside} of 200"
+    );
+}
+
 fn arguments(out: &std::path::Path) -> SynthArgs {
     SynthArgs {
         out: Some(out.to_path_buf()),
@@ -253,6 +301,7 @@ fn arguments(out: &std::path::Path) -> SynthArgs {
         height: 64,
         fps: 10,
         stills: true,
+        overhead: 0.0,
         views: None,
         masks: false,
         observed: false,

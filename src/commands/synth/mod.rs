@@ -15,6 +15,7 @@ use super::exit::Failure;
 use super::progress;
 use crate::capture::{AviWriter, Frame};
 use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
+use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
 use crate::lab::synth::{Truth, TruthFrame};
 use crate::output::{AtomicFile, AtomicFolder, parent};
@@ -61,6 +62,9 @@ pub struct SynthArgs {
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
+    /// With --stills: share of scenes that are seen from high up near by, as by a camera under a ceiling.
+    #[arg(long, value_name = "0..1", default_value_t = 0.0, value_parser = share, requires = "stills")]
+    pub overhead: f32,
     /// So many calibrated cameras round one scene see the same people: in --out a film and its truth by camera,
     /// Calib.toml for 'multiview', and world.json with everybody's joints in its axes.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), conflicts_with_all = ["stills", "clip", "format"])]
@@ -107,12 +111,13 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
         return outlines(&args, args.out.as_deref().unwrap_or(Path::new(".")));
     }
     let bar = progress::bar(args.frames, "frames");
+    let stills = stills(&args);
     let reel =
         (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
     let shot = |k: u64| {
         let shot = match &reel {
             Some(reel) => reel.shot(k),
-            None => shoot_still(args.seed, k, size, people),
+            None => shoot_still(&stills, k),
         };
         bar.inc(1);
         shot
@@ -123,6 +128,27 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     Ok(())
+}
+
+/// A share of a whole, from the command line.
+fn share(text: &str) -> Result<f32, String> {
+    let share: f32 = text
+        .parse()
+        .map_err(|_| format!("expected a number, found {text:?}"))?;
+    if (0.0..=1.0).contains(&share) {
+        return Ok(share);
+    }
+    Err(format!("expected a share from 0 to 1, found {text}"))
+}
+
+/// The stills that were asked for.
+fn stills(args: &SynthArgs) -> Stills {
+    Stills {
+        seed: args.seed,
+        size: (args.width, args.height),
+        people: args.people as usize,
+        overhead: args.overhead,
+    }
 }
 
 fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
@@ -183,10 +209,10 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
 /// Writes the truth about stills that nobody renders.
 fn outlines(args: &SynthArgs, out: &Path) -> anyhow::Result<()> {
     let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
-    let size = (args.width, args.height);
+    let stills = stills(args);
     let frames = (0..args.frames)
         .into_par_iter()
-        .map(|k| outline_still(args.seed, k, size, args.people as usize))
+        .map(|k| outline_still(&stills, k))
         .collect();
     known(args, album, out, frames)
 }

@@ -205,12 +205,17 @@ fn step(
     let busy = |p: &Part| !p.rows.is_empty() && !p.groups.is_empty();
     let parts = (0..count).map(part).filter(busy).collect();
     let (h, w) = plan.sizes[node.inputs[0]];
+    let algorithm = match kernel {
+        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.algorithm(),
+        Kernel::Float(_) | Kernel::Pool(_) => Algorithm::Direct,
+    };
     Ok(Step {
         input,
         residual,
         target,
         parts,
         macs: node.conv().map_or(0, |s| s.macs(h, w)),
+        work: node.conv().map_or(0, |s| algorithm.work(s, h, w)),
     })
 }
 

@@ -69,8 +69,10 @@ pub struct LayerProfile {
     pub shape: Option<ConvShape>,
     /// Output (height, width).
     pub output: (usize, usize),
-    /// Multiply-accumulates.
+    /// Multiply-accumulates of the definition.
     pub macs: u64,
+    /// Those that the kernel executes ([`edgecap_kernels::Algorithm::work`]).
+    pub work: u64,
     /// Nanoseconds.
     pub ns: u64,
 }
@@ -262,6 +264,7 @@ impl Engine {
                     shape: node.conv().copied(),
                     output: (out.height(), out.width()),
                     macs: step.macs,
+                    work: step.work,
                     ns: self.track.nanoseconds(i),
                 }
             })
@@ -294,9 +297,14 @@ impl Engine {
         &self.options
     }
 
-    /// Multiply-accumulates of one run.
+    /// Multiply-accumulates of one run by the definition.
     pub fn macs(&self) -> u64 {
         self.track.work.steps.iter().map(|s| s.macs).sum()
+    }
+
+    /// Those that the kernels execute ([`edgecap_kernels::Algorithm::work`]).
+    pub fn executed_macs(&self) -> u64 {
+        self.track.work.steps.iter().map(|s| s.work).sum()
     }
 
     /// Bytes of activations, all buffers together.

@@ -74,7 +74,10 @@ pub(super) struct Step {
     pub target: Target,
     /// Shares of the work that may run at the same time.
     pub parts: Vec<Part>,
+    /// Multiply-accumulates of the definition.
     pub macs: u64,
+    /// Those that the kernel executes ([`Algorithm::work`]).
+    pub work: u64,
 }
 
 /// A frame of one input size: every step with its kernel, and their memory.

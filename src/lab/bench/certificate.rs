@@ -66,9 +66,11 @@ pub struct NetworkSpeed {
     pub gmac: f64,
     /// Giga-MAC per second at the median.
     pub gmacs: f64,
-    /// Share of the measured peak of the same precision and number of threads; above 1 where an algorithm saves
-    /// multiplications.
-    pub share_of_peak: Option<f64>,
+    /// Which share of them algorithms save.
+    pub saved: f64,
+    /// What is executed per second as a share of the measured peak of the same precision and number of threads, at
+    /// most 1.
+    pub utilisation: Option<f64>,
     /// Mean processor time of one picture, all threads together, milliseconds; other programs disturb it less than the
     /// median.
     pub processor_ms: f64,
@@ -97,10 +99,12 @@ pub struct LayerTime {
     pub output: (usize, usize),
     /// Median time, milliseconds.
     pub ms: f64,
-    /// Giga-MAC per second.
+    /// Giga-MAC per second, as a direct convolution counts them.
     pub gmacs: f64,
-    /// Share of the peak.
-    pub share_of_peak: Option<f64>,
+    /// Which share of them the algorithm saves.
+    pub saved: f64,
+    /// What is executed per second as a share of the peak, at most 1.
+    pub utilisation: Option<f64>,
 }
 
 /// How much longer the baseline takes than SelecSLS.

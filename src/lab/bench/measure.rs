@@ -179,7 +179,8 @@ fn entry(
         fps: 0.0,
         gmac: engine.macs() as f64 / 1e9,
         gmacs: 0.0,
-        share_of_peak: None,
+        saved: saved(engine.macs(), engine.executed_macs()),
+        utilisation: None,
         processor_ms: 0.0,
         busy: 0.0,
         memory_mb,
@@ -211,7 +212,8 @@ fn layers(engine: &mut Engine, picture: &[u8]) -> Vec<LayerTime> {
             output: l.output,
             ms,
             gmacs: l.macs as f64 / 1e6 / ms.max(1e-9),
-            share_of_peak: None,
+            saved: saved(l.macs, l.work),
+            utilisation: None,
         }
     };
     runs[0].iter().enumerate().map(layer).collect()
@@ -237,13 +239,19 @@ fn shape(s: &ConvShape) -> String {
     text
 }
 
+/// The share of `macs` that is not executed.
+fn saved(macs: u64, executed: u64) -> f64 {
+    1.0 - executed as f64 / macs.max(1) as f64
+}
+
 fn set_shares(c: &mut Certificate) {
     let mut networks = std::mem::take(&mut c.networks);
     for n in &mut networks {
         let peak = c.peak(n.precision, n.threads);
-        n.share_of_peak = peak.map(|p| n.gmacs / p);
+        let share = |gmacs: f64, saved: f64| peak.map(|p| (gmacs * (1.0 - saved) / p).min(1.0));
+        n.utilisation = share(n.gmacs, n.saved);
         for l in n.layers.iter_mut().filter(|l| l.gmacs > 0.0) {
-            l.share_of_peak = peak.map(|p| l.gmacs / p);
+            l.utilisation = share(l.gmacs, l.saved);
         }
     }
     c.networks = networks;

@@ -47,7 +47,7 @@ impl fmt::Display for Certificate {
         }
         writeln!(
             f,
-            "\n{:<10} {:<5} {:>7} {:>10} {:>8} {:>6} {:>7} {:>7} {:>6} {:>8} {:>8} {:>6}",
+            "\n{:<10} {:<5} {:>7} {:>10} {:>8} {:>6} {:>7} {:>7} {:>6} {:>5} {:>8} {:>8} {:>6}",
             "network",
             "",
             "threads",
@@ -56,7 +56,8 @@ impl fmt::Display for Certificate {
             "fps",
             "GMAC",
             "GMAC/s",
-            "peak",
+            "saved",
+            "used",
             "memory",
             "cpu ms",
             "busy"
@@ -64,7 +65,7 @@ impl fmt::Display for Certificate {
         for n in &self.networks {
             writeln!(
                 f,
-                "{:<10} {:<5} {:>7} {:>10.2} {:>8.2} {:>6.1} {:>7.2} {:>7.1} {:>6} {:>8} {:>8.2} {:>5.0}%",
+                "{:<10} {:<5} {:>7} {:>10.2} {:>8.2} {:>6.1} {:>7.2} {:>7.1} {:>6} {:>5} {:>8} {:>8.2} {:>5.0}%",
                 n.network,
                 n.precision,
                 n.threads,
@@ -73,13 +74,19 @@ impl fmt::Display for Certificate {
                 n.fps,
                 n.gmac,
                 n.gmacs,
-                percent(n.share_of_peak),
+                percent(Some(n.saved)),
+                percent(n.utilisation),
                 n.memory_mb
                     .map_or(String::new(), |mb| format!("{mb:.0} MB")),
                 n.processor_ms,
                 100.0 * n.busy
             )?;
         }
+        writeln!(
+            f,
+            "\nGMAC are the definition's. saved: what algorithms need not execute; used: what is executed per second, \
+             of the peak"
+        )?;
         if !self.ratios.is_empty() {
             writeln!(f, "\nResNet-50 takes longer than SelecSLS by")?;
         }
@@ -125,19 +132,20 @@ fn layers(n: &NetworkSpeed, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     writeln!(f, "\n{} {}, {} threads", n.network, n.precision, n.threads)?;
     writeln!(
         f,
-        "  {:<22} {:<26} {:>9} {:>8} {:>8} {:>6}  kernel",
-        "layer", "shape", "output", "ms", "GMAC/s", "peak"
+        "  {:<22} {:<26} {:>9} {:>8} {:>8} {:>6} {:>5}  kernel",
+        "layer", "shape", "output", "ms", "GMAC/s", "saved", "used"
     )?;
     for l in &n.layers {
         writeln!(
             f,
-            "  {:<22} {:<26} {:>9} {:>8.3} {:>8.1} {:>6}  {}",
+            "  {:<22} {:<26} {:>9} {:>8.3} {:>8.1} {:>6} {:>5}  {}",
             l.name,
             l.shape,
             format!("{}x{}", l.output.1, l.output.0),
             l.ms,
             l.gmacs,
-            percent(l.share_of_peak),
+            percent(l.utilisation.map(|_| l.saved)),
+            percent(l.utilisation),
             l.kernel
         )?;
     }

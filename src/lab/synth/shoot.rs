@@ -8,7 +8,7 @@ use super::noise::Dice;
 use super::render::{Backdrop, Picture, render};
 use super::scene::{Scene, Stance};
 use super::sensor::{develop, mean_level};
-use super::stills::still;
+use super::stills::{Stills, still};
 use super::survey::{Survey, survey};
 use super::truth::TruthFrame;
 use crate::capture::Frame;
@@ -55,15 +55,15 @@ fn shoot(
     }
 }
 
-/// Picture number `index` of a set of stills with at most `people` people.
-pub fn shoot_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> Shot {
-    let (scene, stances) = still(seed, index, size, people);
+/// Picture number `index` of a set of stills.
+pub fn shoot_still(set: &Stills, index: u64) -> Shot {
+    let (scene, stances) = still(set, index);
     shoot(&scene, &Backdrop::new(&scene), &stances, None, index, 0)
 }
 
 /// What is known about picture number `index` of a set of stills without rendering it.
-pub fn outline_still(seed: u64, index: u64, size: (u32, u32), people: usize) -> TruthFrame {
-    let (scene, stances) = still(seed, index, size, people);
+pub fn outline_still(set: &Stills, index: u64) -> TruthFrame {
+    let (scene, stances) = still(set, index);
     outline(&scene, &scene.camera, &stances, index, 0)
 }
 

@@ -11,8 +11,24 @@ use super::scene::{Light, Person, Scene, Sensor, Stance};
 /// Share of people who lie or sit on the floor.
 const ON_THE_FLOOR: f32 = 0.08;
 
-/// Scene number `index` of a seed. `people`: at most this many (some scenes have nobody).
-pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, Vec<Stance>) {
+/// A set of independent scenes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stills {
+    /// Equal seeds give equal scenes.
+    pub seed: u64,
+    /// Pixels across and down.
+    pub size: (u32, u32),
+    /// Most people in a scene; some have nobody.
+    pub people: usize,
+    /// Share of scenes that are seen from high up near by, as by a camera under a ceiling, 0..=1.
+    pub overhead: f32,
+}
+
+/// Scene number `index` of a set.
+pub fn still(set: &Stills, index: u64) -> (Scene, Vec<Stance>) {
+    let Stills {
+        seed, size, people, ..
+    } = *set;
     let mut dice = Dice::new(seed, 1 + index);
     let dice = &mut dice;
     // Dice of their own, so that everybody else is who and where they would be without anybody on the floor.
@@ -31,14 +47,21 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
     let tall =
         (size.1 as f32 * 0.19).ln() + 0.5 * (dice.unit() + dice.unit()) * (1.15f32 / 0.19).ln();
     let tall = tall.exp(); // stature of the first person in pixels
-    let high = if dice.chance(0.75) {
+    let mut high = if dice.chance(0.75) {
         dice.range(0.9, 2.2)
     } else {
         dice.range(0.4, 3.2)
     };
-    let eye = Vec3::new(0.0, high, 0.0);
     let focal = 0.5 * size.0 as f32 / (0.5 * fov.to_radians()).tan();
-    let near = (focal * 1.7 / tall).clamp(1.5, 30.0);
+    let mut near = (focal * 1.7 / tall).clamp(1.5, 30.0);
+    // Dice of their own, for the same reason.
+    let mount = &mut Dice::new(seed, u64::MAX / 2 - index);
+    let overhead = mount.chance(set.overhead);
+    if overhead {
+        (high, near) = (mount.range(2.3, 4.2), mount.range(1.0, 4.0));
+    }
+    let (steepest, closest) = if overhead { (75.0, 0.7) } else { (50.0, 1.35) };
+    let eye = Vec3::new(0.0, high, 0.0);
     let row = dice.range(-0.14, 0.14) * size.1 as f32;
     let pitch =
         ((high - 0.9).atan2(near) - (row / focal).atan()).to_degrees() + 2.0 * dice.normal();
@@ -46,7 +69,7 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
         size,
         fov,
         eye,
-        pitch.clamp(-25.0, 50.0),
+        pitch.clamp(-25.0, steepest),
         0.0,
         2.5 * dice.normal(),
     );
@@ -87,7 +110,7 @@ pub fn still(seed: u64, index: u64, size: (u32, u32), people: usize) -> (Scene, 
                 spot.z = spot.z.max(room.back + 0.4);
             }
             let apart = spots.iter().all(|s| s.distance(spot) > 0.42);
-            if spot.z < -1.35 && apart && clear(&scene.place, spot) {
+            if spot.z < -closest && apart && clear(&scene.place, spot) {
                 found = Some(spot);
                 break;
             }
