@@ -2,7 +2,8 @@
 
 PHOTOS holds a folder of JPEG files a source, LABELS a `SOURCE.jsonl.gz` each and `sources.json`. FOLDER gets `pictures.bin`
 (the files as they are, mapped by training) and `people.npz`. Only photos whose `split` is train are taken; with `--open` only those whose
-terms allow commercial use, with joints by rules that no academic labels made, and `attribution.txt` names every photo.
+terms allow commercial use, with joints by rules that no academic labels made, and `attribution.txt` names every photo, and who is to be
+named for it where its row has a `credit`.
 """
 
 from __future__ import annotations
@@ -91,6 +92,11 @@ def attribution(source: str, row: dict) -> str:
     return f"openimages {found[0]}"
 
 
+def named(path: pathlib.Path) -> frozenset[str]:
+    """Photos of a file like attribution.txt, without their credits, or ids, one a line."""
+    return frozenset(line.partition("\t")[0] for line in path.read_text(encoding="utf-8").splitlines())
+
+
 def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_open: bool, without: frozenset[str] = frozenset()) -> None:
     """`without`: lines of attribution.txt, or their Open Images ids, of photos to leave out."""
     sources = json.loads((labels.parent / "sources.json").read_text())
@@ -150,7 +156,8 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
         used = sorted({name for name, _ in names})
         stated = {n: OPEN_IMAGES if sources[n]["open"] == "origin openimages" else sources[n]["terms"] for n in used}
         terms.mark(out, {f"photos of {n}, {sources[n]['repo']}": stated[n] for n in used} | TEACHERS)
-        (out / "attribution.txt").write_text("".join(f"{attribution(*n)}\n" for n in names))
+        lines = ("\t".join([attribution(name, row), *filter(None, [row.get("credit")])]) for name, row in names)
+        (out / "attribution.txt").write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     else:
         terms.unmark(out)
     sure = (np.concatenate(state) == LABELLED).any(1)
@@ -312,10 +319,9 @@ def main(argv: list[str]) -> None:
     ap.add_argument("labels", type=pathlib.Path)
     ap.add_argument("folder", type=pathlib.Path)
     ap.add_argument("--open", action="store_true", help="only photos whose terms allow commercial use")
-    ap.add_argument("--without", type=pathlib.Path, help="file of photos to leave out, by their Open Images ids (attribution.py), one a line")
+    ap.add_argument("--without", type=pathlib.Path, help="file of photos to leave out, one a line: lines of attribution.txt, or Open Images ids (attribution.py)")
     a = ap.parse_args(argv)
-    without = frozenset(a.without.read_text().splitlines()) if a.without else frozenset()
-    pack(a.photos, a.labels, a.folder, a.open, without)
+    pack(a.photos, a.labels, a.folder, a.open, named(a.without) if a.without else frozenset())
 
 
 if __name__ == "__main__":

@@ -2,8 +2,18 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
 
-/// Set by SIGINT or SIGTERM; a second SIGINT ends the process at once.
+use signal_hook::consts::{SIGCHLD, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+
+/// Who asks again within this time means the same: `timeout` asks a program and then its group, systemd a supervisor
+/// and its children, a terminal all of them.
+const AT_ONCE: Duration = Duration::from_millis(500);
+
+/// Set by SIGINT or SIGTERM; another that comes half a second later or more ends the process at once.
 #[derive(Debug, Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -11,13 +21,25 @@ impl Stop {
     /// Takes over the two signals.
     ///
     /// # Errors
-    /// If the operating system refuses the handlers.
+    /// If the operating system refuses the handlers or a thread.
     pub fn on_signals() -> anyhow::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))?;
+        for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&flag))?;
         }
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || {
+                let mut first = None;
+                for signal in signals.forever() {
+                    let waited = first.get_or_insert_with(Instant::now).elapsed();
+                    if waited >= AT_ONCE {
+                        // Fails for signals alone that have no default.
+                        let _ = emulate_default_handler(signal);
+                    }
+                }
+            })?;
         Ok(Self(flag))
     }
 
@@ -27,7 +49,7 @@ impl Stop {
     /// If the operating system refuses the handler.
     pub fn wake_when_children_end() -> anyhow::Result<()> {
         // Nobody reads the flag: that a handler runs ends the wait.
-        signal_hook::flag::register(signal_hook::consts::SIGCHLD, Arc::default())?;
+        signal_hook::flag::register(SIGCHLD, Arc::default())?;
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use crate::program::{Running, assert_fails, edgecap, signal, stderr, stream};
+use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
 use edgecap::capture::{AviReader, AviWriter, Frame, Source, demo};
 
 const SMALL: [&str; 4] = ["--size", "256x160", "--threads", "1"];
@@ -278,6 +278,50 @@ fn a_silent_pipe_can_be_left() {
         let out = run.wait(Duration::from_secs(10));
         assert!(asked.elapsed() < Duration::from_secs(8), "{verb}");
         assert_eq!(out.status.code(), Some(0), "{verb}: {}", stderr(&out));
+        drop(pipe);
+    }
+}
+
+/// `timeout`, and systemd together with a supervisor, ask twice within a moment.
+#[test]
+fn to_be_asked_twice_at_once_is_to_be_asked_once() {
+    let folder = tempfile::tempdir().unwrap();
+    for (turn, name) in ["TERM", "INT", "TERM", "INT"].into_iter().enumerate() {
+        let seen = folder.path().join(format!("{turn}.jsonl"));
+        let mut child = edgecap()
+            .args(["infer", "--input", "-", "--name", &stream("twice")])
+            .args(SMALL)
+            .arg("--jsonl")
+            .arg(&seen)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut pipe = child.stdin.take().unwrap();
+        pipe.write_all(b"YUV4MPEG2 W64 H64 F30:1 C420\n").unwrap();
+        for _ in 0..3 {
+            pipe.write_all(b"FRAME\n").unwrap();
+            pipe.write_all(&[128; 64 * 64 * 3 / 2]).unwrap();
+        }
+        let pid = child.id().to_string();
+        let run = Running(child);
+        // It has begun to look: the file that will be the record is there under another name.
+        eventually("the record", || {
+            std::fs::read_dir(folder.path())
+                .unwrap()
+                .nth(turn)
+                .map(drop)
+        });
+        std::thread::sleep(Duration::from_millis(300));
+        let kill = std::process::Command::new("kill")
+            .args([&format!("-{name}"), &pid, &pid])
+            .status()
+            .unwrap();
+        assert!(kill.success());
+        let out = run.wait(Duration::from_secs(10));
+        assert_eq!(out.status.code(), Some(0), "{name}: {}", stderr(&out));
+        assert!(seen.exists(), "{name}: what was seen is lost");
         drop(pipe);
     }
 }

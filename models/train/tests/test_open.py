@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import io
 import json
 import math
@@ -122,6 +123,24 @@ class Marks(unittest.TestCase):
             everyday_folder(where)
             everyday.pack(where, where / "labels", where / "fewer", True, frozenset(["exercises/1/0.jpg"]))
             self.assertEqual(len((where / "fewer/attribution.txt").read_text().splitlines()), 2)
+
+    def test_who_is_to_be_named_stands_behind_the_photo(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            where = pathlib.Path(d)
+            everyday_folder(where)
+            path = where / "labels" / "free_exercise.jsonl.gz"
+            with gzip.open(path, "rt") as f:
+                rows = [json.loads(line) for line in f]
+            rows[1]["credit"] = "“At noon” by Ann, CC BY 2.0"
+            with gzip.open(path, "wt") as f:
+                f.writelines(json.dumps(r) + "\n" for r in rows)
+            everyday.pack(where, where / "labels", where / "out", True)
+            lines = (where / "out/attribution.txt").read_text(encoding="utf-8").splitlines()
+            self.assertEqual(lines[1], "free_exercise exercises/1/0.jpg\t“At noon” by Ann, CC BY 2.0")
+            # A line of it is enough to leave the photo out.
+            (where / "these.txt").write_text(lines[1] + "\n", encoding="utf-8")
+            everyday.pack(where, where / "labels", where / "out", True, everyday.named(where / "these.txt"))
+            self.assertEqual((where / "out/attribution.txt").read_text(encoding="utf-8").splitlines(), [lines[0], lines[2]])
 
     def test_only_weights_that_say_so_are_open(self) -> None:
         with tempfile.TemporaryDirectory() as d:
