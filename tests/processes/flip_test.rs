@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use edgecap::joints::MIRROR;
-use serde_json::Value;
+
+use crate::program::looking;
 
 /// (u, v, confidence) of the joints of everybody in a picture, best first.
 type People = Vec<Vec<[f64; 3]>>;
@@ -12,25 +13,10 @@ const WIDTH: u32 = 256;
 
 /// What `infer` with these options reports about the pictures of a folder.
 fn people(pictures: &Path, options: &[&str]) -> Vec<People> {
-    let result = tempfile::tempdir().unwrap();
-    let file = result.path().join("people.jsonl");
-    let (input, file) = (pictures.to_str().unwrap(), file.to_str().unwrap());
-    let fixed = ["infer", "--input", input, "--jsonl", file];
-    let size = ["--size", "256x160", "--threads", "1"];
-    let out = crate::program::output(&[&fixed[..], &size, options].concat());
-    assert!(out.status.success(), "{}", crate::program::stderr(&out));
-    let text = std::fs::read_to_string(file).unwrap();
-    let joints = |person: &Value| serde_json::from_value(person["joints2d"].clone()).unwrap();
-    text.lines()
-        .map(|line| serde_json::from_str::<Value>(line).unwrap())
-        .map(|frame| {
-            frame["people"]
-                .as_array()
-                .unwrap()
-                .iter()
-                .map(joints)
-                .collect()
-        })
+    let size = ["--size", "256x160"];
+    let all = looking::people(pictures, &[&size[..], options].concat());
+    all.iter()
+        .map(|of| of.iter().map(looking::joints).collect())
         .collect()
 }
 
@@ -65,15 +51,12 @@ fn a_picture_and_its_mirror_image_show_the_same_people() {
         folder.path().join("rendered"),
         folder.path().join("pictures"),
     );
-    let out = rendered.to_str().unwrap();
     let scene = ["--frames", "2", "--people", "3", "--seed", "4"];
     let size = ["--width", "256", "--height", "160"];
-    let made =
-        crate::program::output(&[&["synth", "--stills", "--out", out][..], &scene, &size].concat());
-    assert!(made.status.success(), "{}", crate::program::stderr(&made));
+    let (files, _) = looking::rendered(&rendered, &[&scene[..], &size].concat());
     std::fs::create_dir(&pictures).unwrap();
-    for k in 0..2 {
-        let picture = image::open(rendered.join(format!("00000{k}.jpg"))).unwrap();
+    for (k, file) in files.iter().enumerate() {
+        let picture = image::open(file).unwrap();
         picture.save(pictures.join(format!("{k}.png"))).unwrap();
         picture
             .fliph()

@@ -2,53 +2,21 @@
 
 use std::path::Path;
 
-use image::imageops::FilterType;
 use serde_json::Value;
 
-/// People per picture, as `infer` writes them.
-fn people(input: &Path, options: &[&str]) -> Vec<Vec<Value>> {
-    let result = tempfile::tempdir().unwrap();
-    let file = result.path().join("people.jsonl");
-    let (input, jsonl) = (input.to_str().unwrap(), file.to_str().unwrap());
-    let fixed = [
-        "infer",
-        "--threads",
-        "1",
-        "--input",
-        input,
-        "--jsonl",
-        jsonl,
-    ];
-    let out = crate::program::output(&[&fixed[..], options].concat());
-    assert!(out.status.success(), "{}", crate::program::stderr(&out));
-    let text = std::fs::read_to_string(file).unwrap();
-    let frames = text
-        .lines()
-        .map(|l| serde_json::from_str::<Value>(l).unwrap());
-    frames
-        .map(|f| f["people"].as_array().unwrap().clone())
-        .collect()
-}
+use crate::program::looking::{close_up, people, rendered};
 
 /// Pictures of 512×320: three with five people each, and everybody's head and chest, three times as large.
 fn pictures(folder: &Path) -> std::path::PathBuf {
-    let (all, stills) = (folder.join("rendered"), folder.join("stills"));
-    let scene = ["synth", "--stills", "--frames", "3", "--people", "5"];
-    let out = ["--seed", "8", "--out", all.to_str().unwrap()];
-    let made = crate::program::output(&[&scene[..], &out].concat());
-    assert!(made.status.success(), "{}", crate::program::stderr(&made));
-    let truth = std::fs::read_to_string(all.join("truth.json")).unwrap();
-    let truth: Value = serde_json::from_str(&truth).unwrap();
+    let stills = folder.join("stills");
+    let scene = ["--frames", "3", "--people", "5", "--seed", "8"];
+    let (files, truth) = rendered(&folder.join("rendered"), &scene);
     std::fs::create_dir(&stills).unwrap();
-    for (k, frame) in truth["frames"].as_array().unwrap().iter().enumerate() {
-        let far = image::open(all.join(format!("{k:06}.jpg"))).unwrap();
+    for (k, (file, frame)) in files.iter().zip(&truth).enumerate() {
+        let far = image::open(file).unwrap();
         far.save(stills.join(format!("{k}-far.png"))).unwrap();
         for (n, person) in frame["people"].as_array().unwrap().iter().enumerate() {
-            let at: Vec<[f64; 2]> = serde_json::from_value(person["joints2d"].clone()).unwrap();
-            let left = (at[1][0] as u32).saturating_sub(85).min(512 - 170);
-            let upper = (at[0][1] as u32).saturating_sub(10).min(320 - 106);
-            let near = far.crop_imm(left, upper, 170, 106);
-            let near = near.resize_exact(512, 320, FilterType::CatmullRom);
+            let near = close_up(&far, person);
             near.save(stills.join(format!("{k}-near-{n}.png"))).unwrap();
         }
     }

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "every test file uses its own part")]
 
 pub mod browser;
+pub mod looking;
 pub mod place;
 pub mod stand_in;
 pub mod tools;
