@@ -1,9 +1,10 @@
 //! Cameras that nobody measured: lenses and what every view saw of people who walk about go in, the cameras' places and
 //! directions come out, in metres, on the floor.
 //!
-//! `relative` tells two views' places from points that both saw, `resect` adds a view to points in known places,
-//! `bundle` moves all together, `world` finds size and floor by the people themselves. Sides that a detector exchanged
-//! are healed by [`track`] in between.
+//! `relative` tells two views' places from points that both saw, or with `turn` from people whom both lifted; `resect`
+//! adds a view to points in known places, `bundle` moves all together, `world` finds size and floor by the people
+//! themselves. Sides that a detector exchanged are healed by [`track`] in between. Of the answers to which several pairs
+//! of views lead the one is taken in which most rays meet in bodies whose bones keep their lengths.
 
 pub mod boards;
 mod bundle;
@@ -11,7 +12,10 @@ mod pose;
 mod relative;
 mod resect;
 mod rig;
+mod turn;
 mod world;
+
+use glam::DMat3;
 
 use crate::camera::View;
 use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS};
@@ -119,7 +123,10 @@ pub fn calibrate(
             rescale(&mut cameras, 1.0 / size);
         }
         let tracks = people(lenses, &cameras, frames, rate)?;
-        let worth = agreement(&placed(lenses, &cameras), &tracks);
+        let joints = tracks.iter().flat_map(|t| joints(lenses, &cameras, t));
+        let solid = world::solidity(&joints.collect::<Vec<_>>());
+        let views = placed(lenses, &cameras);
+        let worth = agreement(&views, &tracks) * solid * alike(&views, &tracks);
         Ok((worth, cameras, tracks))
     };
     let mut failure = None;
@@ -295,6 +302,25 @@ fn agreement(views: &[View], tracks: &[Track]) -> f64 {
         }
     }
     sum
+}
+
+/// How well poses that two views lifted go together when they are turned into the world, from 0 to 1; 1 where nobody was
+/// lifted. It tells a room from its mirror image.
+fn alike(views: &[View], tracks: &[Track]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (_, moment) in tracks.iter().flat_map(|t| &t.moments) {
+        let lifted = views.iter().zip(&moment.sights);
+        let lifted: Vec<(DMat3, turn::Lifted)> = lifted
+            .filter_map(|(view, sight)| Some((view.rotation, sight.as_ref()?.lifted?)))
+            .collect();
+        for (k, (b, q)) in lifted.iter().enumerate() {
+            for (a, p) in &lifted[..k] {
+                sum += turn::agreement(&(*b * a.transpose()), &(*p, *q));
+                count += 1.0;
+            }
+        }
+    }
+    if count > 0.0 { sum / count } else { 1.0 }
 }
 
 fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {

@@ -2,7 +2,7 @@
 //! first come out, up to scale. Eight-point algorithm (Hartley 1997) on random samples, outliers among them or not.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen};
+use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 use rand::Rng;
 use rand::rngs::SmallRng;
 
@@ -84,16 +84,57 @@ pub fn relative(groups: &[Vec<Pair>], sigma: f64, random: &mut SmallRng) -> Vec<
     kept
 }
 
+/// The second camera where it is known how it is turned; `None` where points do not tell its place.
+pub fn turned(groups: &[Vec<Pair>], rotation: DMat3, sigma: f64) -> Option<Relative> {
+    let pairs: Vec<Pair> = groups.iter().flatten().copied().collect();
+    let pose = |across: DVec3| Pose {
+        rotation,
+        position: -(rotation.transpose() * across),
+    };
+    let mut weights = vec![1.0; pairs.len()];
+    let mut across = DVec3::ZERO;
+    for _ in 0..REFINEMENTS {
+        // Both rays and the way between the cameras lie in one plane.
+        let mut normal = Matrix3::zeros();
+        for ((a, b), w) in pairs.iter().zip(&weights) {
+            let n = (rotation * a.extend(1.0).normalize()).cross(b.extend(1.0).normalize());
+            let n = Vector3::new(n.x, n.y, n.z);
+            normal.ger(*w, &n, &n, 1.0);
+        }
+        let eigen = SymmetricEigen::try_new(normal, 1e-14, 200)?;
+        let least = eigen
+            .eigenvectors
+            .column(eigen.eigenvalues.imin())
+            .into_owned();
+        across = DVec3::new(least[0], least[1], least[2]);
+        let e = essential(&pose(across));
+        for (pair, w) in pairs.iter().zip(&mut weights) {
+            *w = (1.0 + sampson(&e, pair) / (sigma * sigma)).powi(-2);
+        }
+    }
+    of_readings(
+        &[pose(across), pose(-across)],
+        &essential(&pose(across)),
+        &pairs,
+        sigma,
+    )
+}
+
 /// What an essential matrix says, where most points lie in front of both cameras.
 fn told(e: &DMat3, pairs: &[Pair], sigma: f64) -> Option<Relative> {
+    of_readings(&readings(e), e, pairs, sigma)
+}
+
+/// The reading that has most points in front of both cameras, if most are.
+fn of_readings(readings: &[Pose], e: &DMat3, pairs: &[Pair], sigma: f64) -> Option<Relative> {
     let agreeing: Vec<Pair> = pairs
         .iter()
         .copied()
         .filter(|p| sampson(e, p) < 4.0 * sigma * sigma)
         .collect();
-    let (pose, in_front) = readings(e)
-        .into_iter()
-        .map(|pose| (pose, in_front(&pose, &agreeing)))
+    let (pose, in_front) = readings
+        .iter()
+        .map(|pose| (*pose, in_front(pose, &agreeing)))
         .max_by_key(|(_, n)| *n)?;
     if (in_front as f64) < IN_FRONT * agreeing.len() as f64 {
         return None;
@@ -110,11 +151,15 @@ fn told(e: &DMat3, pairs: &[Pair], sigma: f64) -> Option<Relative> {
     })
 }
 
+/// The angle by which two rotations differ, radians.
+pub(super) fn angle(a: &DMat3, b: &DMat3) -> f64 {
+    let turn = DQuat::from_mat3(&(*a * b.transpose()));
+    2.0 * turn.w.abs().min(1.0).acos()
+}
+
 /// Angle between two cameras' directions, or between their places seen from the first, whichever is more; radians.
 fn apart(a: &Pose, b: &Pose) -> f64 {
-    let turn = DQuat::from_mat3(&(a.rotation * b.rotation.transpose()));
-    let turn = 2.0 * turn.w.abs().min(1.0).acos();
-    turn.max(a.position.angle_between(b.position))
+    angle(&a.rotation, &b.rotation).max(a.position.angle_between(b.position))
 }
 
 /// Points of few groups: who is who is right or wrong for a whole group.
@@ -129,13 +174,18 @@ pub(super) fn sample<T: Copy, const N: usize>(groups: &[Vec<T>], random: &mut Sm
 
 /// How far a pair is from the epipolar geometry of a pose, on the plane z = 1.
 pub fn off(pose: &Pose, pair: &Pair) -> f64 {
+    sampson(&essential(pose), pair).sqrt()
+}
+
+/// The essential matrix of a second camera.
+fn essential(pose: &Pose) -> DMat3 {
     let t = -(pose.rotation * pose.position);
     let cross = DMat3::from_cols(
         DVec3::new(0.0, t.z, -t.y),
         DVec3::new(-t.z, 0.0, t.x),
         DVec3::new(t.y, -t.x, 0.0),
     );
-    sampson(&(cross * pose.rotation), pair).sqrt()
+    cross * pose.rotation
 }
 
 /// Squared distance of a pair from the epipolar geometry, to first order (Sampson).

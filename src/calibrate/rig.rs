@@ -5,8 +5,9 @@ use rand::SeedableRng;
 use rand::rngs::SmallRng;
 
 use super::pose::Pose;
-use super::relative::{Pair, Relative, off, relative};
+use super::relative::{Pair, Relative, off, relative, turned};
 use super::resect::{Seen, resect};
+use super::turn::{Lifted, turns};
 use super::{CalibrateError, LEAST_FRAMES, people, refine, rescale, size, world};
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
@@ -170,7 +171,21 @@ fn pairs(
                 .iter()
                 .map(|f| f.iter().map(|(_, pair)| *pair).collect())
                 .collect();
-            all.extend(relative(&groups, sigma, random).into_iter().map(|found| {
+            let lifted: Vec<(Lifted, Lifted)> = frames
+                .iter()
+                .flat_map(|f| {
+                    let each = f[a].iter().filter_map(|p| p.lifted);
+                    each.flat_map(|p| f[b].iter().filter_map(move |q| Some((p, q.lifted?))))
+                })
+                .collect();
+            let every = lifted.len().div_ceil(MOST_GROUPS).max(1);
+            let lifted: Vec<_> = lifted.into_iter().step_by(every).collect();
+            let by_turn = turns(&lifted, random);
+            let by_turn = by_turn
+                .into_iter()
+                .filter_map(|turn| turned(&groups, turn, sigma));
+            let found = relative(&groups, sigma, random).into_iter().chain(by_turn);
+            all.extend(found.map(|found| {
                 let figures = figures.clone();
                 TwoViews {
                     a,

@@ -43,11 +43,16 @@ fn room() -> Vec<View> {
 
 /// Somebody of `stature` who walks an eight over the floor z = 0, arms and legs swinging.
 fn walker(t: f64, stature: f64) -> world::Joints {
-    let rest = world::rest_joints(Skeleton::builtin()).map(Option::unwrap);
-    let floor = (rest[10].y + rest[13].y) / 2.0 - 0.08;
     let phase = TAU * t / 8.0;
     let place = DVec3::new(1.1 * phase.sin(), 1.0 * (2.0 * phase).sin(), 0.0);
     let heading = (2.0 * (2.0 * phase).cos()).atan2(1.1 * phase.cos());
+    strider(t, stature, place, heading)
+}
+
+/// Somebody at `place` who looks along `heading`, arms and legs swinging.
+fn strider(t: f64, stature: f64, place: DVec3, heading: f64) -> world::Joints {
+    let rest = world::rest_joints(Skeleton::builtin()).map(Option::unwrap);
+    let floor = (rest[10].y + rest[13].y) / 2.0 - 0.08;
     let swing = (TAU * t / 1.1).sin();
     std::array::from_fn(|j| {
         let mut p = rest[j];
@@ -73,6 +78,8 @@ struct Noise {
     jitter: f64,
     /// Share of frames of one view in which arms and legs change sides.
     exchanged: f64,
+    /// How far joints are off where a view lifts people, metres; none where it does not.
+    lifted: Option<f64>,
 }
 
 fn seen(
@@ -101,6 +108,14 @@ fn seen(
                 let p = pixel + off;
                 if p.x > 0.0 && p.y > 0.0 && p.x < 1280.0 && p.y < 720.0 {
                     *out = [p.x as f32, p.y as f32, 0.9];
+                }
+            }
+            if let Some(off) = noise.lifted {
+                let pelvis = (joints[8].unwrap() + joints[11].unwrap()) / 2.0;
+                for (out, joint) in seen.joints3d.iter_mut().zip(joints) {
+                    let noise = DVec3::from_array(std::array::from_fn(|_| off * gauss(random)));
+                    let at = view.rotation * (joint.unwrap() - pelvis) + noise;
+                    *out = at.as_vec3().to_array();
                 }
             }
             if v == 1 && random.random_bool(noise.exchanged) {
@@ -168,6 +183,7 @@ fn exact_sights_give_the_room() {
     let exact = Noise {
         jitter: 0.0,
         exchanged: 0.0,
+        lifted: None,
     };
     let frames = film(&views, &[1.8], &exact);
     let room = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.8)).unwrap();
@@ -196,6 +212,7 @@ fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
     let noise = Noise {
         jitter: 5.0,
         exchanged: 0.4,
+        lifted: None,
     };
     for statures in [&[1.7][..], &[1.75, 1.6]] {
         let frames = film(&views, statures, &noise);
@@ -210,11 +227,53 @@ fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
 }
 
 #[test]
+fn nobody_has_to_walk_about_where_views_lift_people() {
+    let views = &room()[..3];
+    let noise = Noise {
+        jitter: 8.0,
+        exchanged: 0.2,
+        lifted: Some(0.08),
+    };
+    let mut random = SmallRng::seed_from_u64(7);
+    let frames: Vec<_> = (0..80)
+        .map(|k| {
+            let t = f64::from(k) / 10.0;
+            let at = |x, y| DVec3::new(x, y, 0.0);
+            let people = [
+                strider(t, 1.7, at(0.3, 0.2), 0.4),
+                strider(t + 0.4, 1.6, at(-0.8, -0.5), 2.0),
+            ];
+            seen(views, &people, &noise, &mut random)
+        })
+        .collect();
+    let room = calibrate(&lenses(views), &frames, 10.0, Scale::Stature(1.7)).unwrap();
+    let (degrees, metres) = errors(&room.views, views);
+    assert!(degrees < 3.0 && metres < 0.2, "{degrees}° {metres} m");
+}
+
+#[test]
+fn bodies_that_stretch_are_not_solid() {
+    let rest = |stretch: f64| -> world::Joints {
+        let mut joints = world::rest_joints(Skeleton::builtin());
+        joints[3] = joints[2].map(|p| p + DVec3::X * 0.3 * stretch);
+        joints
+    };
+    let same: Vec<_> = (0..20)
+        .map(|_| world::rest_joints(Skeleton::builtin()))
+        .collect();
+    assert!(world::solidity(&same) > 0.99, "{}", world::solidity(&same));
+    let stretched: Vec<_> = (0..20).map(|k| rest(1.0 + 0.1 * f64::from(k))).collect();
+    assert!(world::solidity(&stretched) < 0.9);
+    assert_eq!(world::solidity(&[]), 0.0);
+}
+
+#[test]
 fn too_little_is_said() {
     let views = room();
     let exact = Noise {
         jitter: 0.0,
         exchanged: 0.0,
+        lifted: None,
     };
     let frames = film(&views, &[1.7], &exact);
     let few = calibrate(&lenses(&views), &frames[..9], 10.0, Scale::Stature(1.7));

@@ -45,6 +45,41 @@ pub fn size(people: &[Joints]) -> Option<f64> {
     Some(seen / canonical)
 }
 
+/// Bones by the ends of the right one and of the left one, evidence joints.
+const BONES: [[[usize; 2]; 2]; 6] = [
+    [[1, 2], [1, 5]],
+    [[2, 3], [5, 6]],
+    [[3, 4], [6, 7]],
+    [[1, 8], [1, 11]],
+    [[8, 9], [11, 12]],
+    [[9, 10], [12, 13]],
+];
+/// How much a bone may seem longer or shorter than it is, as a logarithm.
+const RIGID: f64 = 0.15;
+
+/// Which share of all bones is about as long as in the other frames and on the other side: bodies that are seen from wrong
+/// places stretch and bend. 0 where no bone is known.
+pub fn solidity(people: &[Joints]) -> f64 {
+    let (mut alike, mut all) = (0, 0);
+    for sides in BONES {
+        let between = |joints: &Joints, [a, b]: [usize; 2]| Some(joints[a]?.distance(joints[b]?));
+        let mut lengths: Vec<f64> = people
+            .iter()
+            .flat_map(|joints| sides.map(|ends| between(joints, ends)))
+            .flatten()
+            .collect();
+        let Some(usual) = median(&mut lengths) else {
+            continue;
+        };
+        all += lengths.len();
+        alike += lengths
+            .iter()
+            .filter(|l| (*l / usual).ln().abs() < RIGID)
+            .count();
+    }
+    f64::from(alike as u32) / f64::from(all.max(1) as u32)
+}
+
 /// The canonical person at rest.
 pub(super) fn rest_joints(skeleton: &Skeleton) -> Joints {
     let at = |mut j: usize| {

@@ -1,6 +1,6 @@
 //! What one view saw of one person, as rays in the world.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::View;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
@@ -31,6 +31,9 @@ pub struct Ray {
 pub struct Sight {
     /// The evidence joints; none where they were not seen.
     pub rays: [Option<Ray>; EVIDENCE_JOINTS],
+    /// Where the view alone has the joints, relative to the pelvis in camera axes, metres, as large as somebody of
+    /// canonical stature; none where nobody has lifted them. Not exchanged with the sides of joints.
+    pub lifted: Option<[DVec3; EVIDENCE_JOINTS]>,
     /// Which pairs of joints have other sides than the detector said, a bit a pair.
     pub(super) swapped: u8,
 }
@@ -58,7 +61,11 @@ impl Sight {
                 }
             })
         });
+        let lifted = std::array::from_fn(|j| Vec3::from_array(seen.joints3d[j]).as_dvec3());
+        let known =
+            lifted.iter().all(|p| p.is_finite()) && lifted.iter().any(|p| *p != DVec3::ZERO);
         Self {
+            lifted: known.then_some(lifted),
             rays: rays.map(|r| r.filter(|r| r.plane.is_finite() && r.direction.is_finite())),
             swapped: 0,
         }
