@@ -57,8 +57,8 @@ const BONES: [[[usize; 2]; 2]; 6] = [
 /// How much a bone may seem longer or shorter than it is, as a logarithm.
 const RIGID: f64 = 0.15;
 
-/// Which share of all bones is about as long as in the other frames and on the other side: bodies that are seen from wrong
-/// places stretch and bend. 0 where no bone is known.
+/// Which share of all bones is about as long as in the other frames and on the other side: bodies that are seen from
+/// wrong places stretch and bend. 0 where no bone is known.
 pub fn solidity(people: &[Joints]) -> f64 {
     let (mut alike, mut all) = (0, 0);
     for sides in BONES {

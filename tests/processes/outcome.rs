@@ -70,6 +70,7 @@ fn a_film_in_gives_a_film_with_skeletons_of_the_same_length_and_rate() {
     writer.finish().unwrap();
     for verb in ["run", "infer"] {
         let out = edgecap()
+            .current_dir(folder.path())
             .args([verb, "--name", &stream("film")])
             .args(SMALL)
             .arg("--input")
@@ -258,9 +259,11 @@ fn an_endless_line_is_refused_before_it_fills_the_memory() {
 
 #[test]
 fn a_silent_pipe_can_be_left() {
+    let folder = tempfile::tempdir().unwrap();
     for verb in ["infer", "run"] {
         let name = stream("silent");
         let mut child = edgecap()
+            .current_dir(folder.path())
             .args([verb, "--input", "-", "--name", &name])
             .args(SMALL)
             .stdin(Stdio::piped())
