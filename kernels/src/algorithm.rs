@@ -34,8 +34,8 @@ impl Algorithm {
         }
     }
 
-    /// What it multiplies for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count twice, as
-    /// half as many fit a vector.
+    /// What it multiplies for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count twice,
+    /// as half as many fit a vector.
     pub fn work(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
         match self {
             Algorithm::Direct => shape.macs(height, width),

@@ -3,8 +3,8 @@
 //!
 //! `relative` tells two views' places from points that both saw, or with `turn` from people whom both lifted; `resect`
 //! adds a view to points in known places, `bundle` moves all together, `world` finds size and floor by the people
-//! themselves. Sides that a detector exchanged are healed by [`track`] in between. Of the answers to which several pairs
-//! of views lead the one is taken in which most rays meet in bodies whose bones keep their lengths.
+//! themselves. Sides that a detector exchanged are healed by [`track`] in between. Of the answers to which several
+//! pairs of views lead the one is taken in which most rays meet in bodies whose bones keep their lengths.
 
 pub mod boards;
 mod bundle;
@@ -304,8 +304,8 @@ fn agreement(views: &[View], tracks: &[Track]) -> f64 {
     sum
 }
 
-/// How well poses that two views lifted go together when they are turned into the world, from 0 to 1; 1 where nobody was
-/// lifted. It tells a room from its mirror image.
+/// How well poses that two views lifted go together when they are turned into the world, from 0 to 1; 1 where nobody
+/// was lifted. It tells a room from its mirror image.
 fn alike(views: &[View], tracks: &[Track]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (_, moment) in tracks.iter().flat_map(|t| &t.moments) {

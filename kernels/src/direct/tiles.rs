@@ -103,8 +103,8 @@ pub(crate) unsafe fn run<W: Write<Avx512, __m512i>>(job: &Job<Packed>, writer: &
     }
 }
 
-/// Bytes of a band ([`Job::bands`]): a quarter of the second-level cache of CPUs that have tiles. Without bands 192 → 128
-/// channels at 128 × 80 take 1.6 times as long.
+/// Bytes of a band ([`Job::bands`]): a quarter of the second-level cache of CPUs that have tiles. Without bands
+/// 192 → 128 channels at 128 × 80 take 1.6 times as long.
 const BAND_BYTES: usize = 512 << 10;
 
 /// The tiles of a phase's output pixels in some rows, one row after the other.

@@ -44,8 +44,8 @@ pub(crate) struct Plan {
     products: usize,
 }
 
-/// i32 from a point's products of MR tiles and `nv` vectors to the next point's. A line is left free behind every point,
-/// or all points of a tile would fall into a few sets of the cache.
+/// i32 from a point's products of MR tiles and `nv` vectors to the next point's. A line is left free behind every
+/// point, or all points of a tile would fall into a few sets of the cache.
 #[inline(always)]
 const fn products_point<D: Dot>(nv: usize) -> usize {
     D::MAX_MR * nv * D::S::LANES + LINE / 4
