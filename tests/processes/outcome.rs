@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{ChildStdin, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
@@ -257,27 +257,33 @@ fn an_endless_line_is_refused_before_it_fills_the_memory() {
     assert!(!out.exists());
 }
 
+/// The program in `folder`, reading what is written into the pipe.
+fn fed(folder: &Path, args: &[&str]) -> (Running, ChildStdin) {
+    let mut child = edgecap()
+        .current_dir(folder)
+        .args(args)
+        .args(["--input", "-"])
+        .args(SMALL)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let pipe = child.stdin.take().unwrap();
+    (Running(child), pipe)
+}
+
 #[test]
 fn a_silent_pipe_can_be_left() {
     let folder = tempfile::tempdir().unwrap();
     for verb in ["infer", "run"] {
         let name = stream("silent");
-        let mut child = edgecap()
-            .current_dir(folder.path())
-            .args([verb, "--input", "-", "--name", &name])
-            .args(SMALL)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut pipe = child.stdin.take().unwrap();
+        let (run, mut pipe) = fed(folder.path(), &[verb, "--name", &name]);
         pipe.write_all(b"YUV4MPEG2 W640 H480 F30:1\nFRAME\n")
             .unwrap();
         std::thread::sleep(Duration::from_millis(700));
         let asked = Instant::now();
-        signal(child.id(), "TERM");
-        let run = Running(child);
+        signal(run.pid(), "TERM");
         let out = run.wait(Duration::from_secs(10));
         assert!(asked.elapsed() < Duration::from_secs(8), "{verb}");
         assert_eq!(out.status.code(), Some(0), "{verb}: {}", stderr(&out));
@@ -289,26 +295,17 @@ fn a_silent_pipe_can_be_left() {
 #[test]
 fn to_be_asked_twice_at_once_is_to_be_asked_once() {
     let folder = tempfile::tempdir().unwrap();
-    for (turn, name) in ["TERM", "INT", "TERM", "INT"].into_iter().enumerate() {
+    for (turn, asked) in ["TERM", "INT", "TERM", "INT"].into_iter().enumerate() {
         let seen = folder.path().join(format!("{turn}.jsonl"));
-        let mut child = edgecap()
-            .args(["infer", "--input", "-", "--name", &stream("twice")])
-            .args(SMALL)
-            .arg("--jsonl")
-            .arg(&seen)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut pipe = child.stdin.take().unwrap();
+        let name = stream("twice");
+        let jsonl = seen.to_str().unwrap();
+        let (run, mut pipe) = fed(folder.path(), &["infer", "--name", &name, "--jsonl", jsonl]);
         pipe.write_all(b"YUV4MPEG2 W64 H64 F30:1 C420\n").unwrap();
         for _ in 0..3 {
             pipe.write_all(b"FRAME\n").unwrap();
             pipe.write_all(&[128; 64 * 64 * 3 / 2]).unwrap();
         }
-        let pid = child.id().to_string();
-        let run = Running(child);
+        let pid = run.pid().to_string();
         // It has begun to look: the file that will be the record is there under another name.
         eventually("the record", || {
             std::fs::read_dir(folder.path())
@@ -318,13 +315,13 @@ fn to_be_asked_twice_at_once_is_to_be_asked_once() {
         });
         std::thread::sleep(Duration::from_millis(300));
         let kill = std::process::Command::new("kill")
-            .args([&format!("-{name}"), &pid, &pid])
+            .args([&format!("-{asked}"), &pid, &pid])
             .status()
             .unwrap();
         assert!(kill.success());
         let out = run.wait(Duration::from_secs(10));
-        assert_eq!(out.status.code(), Some(0), "{name}: {}", stderr(&out));
-        assert!(seen.exists(), "{name}: what was seen is lost");
+        assert_eq!(out.status.code(), Some(0), "{asked}: {}", stderr(&out));
+        assert!(seen.exists(), "{asked}: what was seen is lost");
         drop(pipe);
     }
 }

@@ -239,9 +239,9 @@ fn shape(s: &ConvShape) -> String {
     text
 }
 
-/// The share of `macs` that is not executed.
+/// The share of `macs` that is not executed, below 0 where more is; of none (pooling) nothing is saved.
 fn saved(macs: u64, executed: u64) -> f64 {
-    1.0 - executed as f64 / macs.max(1) as f64
+    (macs as f64 - executed as f64) / macs.max(1) as f64
 }
 
 fn set_shares(c: &mut Certificate) {
@@ -270,4 +270,16 @@ fn ratios(networks: &[NetworkSpeed]) -> Vec<Ratio> {
         })
     };
     of("selecsls").filter_map(pair).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::saved;
+
+    #[test]
+    fn pooling_saves_nothing_and_tiles_beyond_the_edge_cost() {
+        assert_eq!(saved(0, 0), 0.0);
+        assert_eq!(saved(200, 100), 0.5);
+        assert_eq!(saved(100, 150), -0.5);
+    }
 }
