@@ -11,21 +11,14 @@ from __future__ import annotations
 import argparse
 import gzip
 import json
-import math
 import pathlib
 import re
 import sys
-from dataclasses import dataclass
 
 import numpy as np
-import torch
-import torch.nn.functional as F
-from torch import Tensor
 
 import terms
 from coco17 import ABSENT, LABELLED, LSP, OPEN, UNKNOWN, to14
-from real import decode
-from skeleton import FLIP14, NJ
 
 # What a joint needs to be believed: TinyPose's confidence, how far its four looks lie apart (of the box's longer side), and how far MoveNet's is
 # (of the root of the box's area), by how well the two agree about the person (OKS of the limbs).
@@ -37,9 +30,6 @@ LEAST = 4  # labelled joints; with fewer nobody knows enough about the person
 SHARE = dict(stanford40=1.0, human_dataset_v2=0.8, free_exercise=0.8, animals_with_people=0.8, animals_no_people=0.5, vikram=1.0, coco128=1.0)  # 1 for others
 BY_HAND = 1.5  # photos labelled by hand, against 1 for those of teachers
 STRETCHED = {"human_dataset_v2"}  # squeezed into squares
-ASPECT = (0.6, 1.7)  # of what was squeezed
-FRAME = (512, 320)  # pixels of the whole frame, longer side along the picture's
-GREYS = (0.0, 114 / 255, 128 / 255, 0.5)  # of what lies beyond the picture
 # Where COCO's joints of somebody upright lie in the box, shares of it: a guess at people without joints.
 STANDING = np.array(
     [[0.5, 0.1], [0.54, 0.08], [0.46, 0.08], [0.58, 0.09], [0.42, 0.09], [0.7, 0.21], [0.3, 0.21], [0.78, 0.36], [0.22, 0.36]]
@@ -51,8 +41,6 @@ TEACHERS = {
     "boxes of human_dataset_v2": "CC BY 4.0 as their uploader states",
     "neck and head top by coco17.OPEN": "this project's, of the CC0 body",
 }
-FILLED = 0.85  # of a tile's length, by a photo that is shrunk for small people: beyond it there is nothing to learn from
-SMALLEST = 32  # px of stature: smaller people are neither demanded nor forbidden
 
 
 def states(person: dict, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
@@ -162,155 +150,6 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
         terms.unmark(out)
     sure = (np.concatenate(state) == LABELLED).any(1)
     print(f"{len(size)} photos, {sure.sum()} people labelled, {(~sure).sum()} neither demanded nor forbidden")
-
-
-def stature(joints: Tensor, labelled: Tensor, box: Tensor) -> Tensor:
-    """Pixels [n] of people with joints [n, 14, 2] and boxes of longer side `box` [n]: the largest that any part in sight asks for, since none
-    looks longer than it is."""
-
-    def part(a: list[int], b: list[int], times: float) -> Tensor:
-        known = labelled[:, a].all(1) & labelled[:, b].all(1)
-        return (joints[:, a].mean(1) - joints[:, b].mean(1)).norm(dim=-1) * times * known
-
-    parts = [part([1], [8, 11], 2.9), part([2], [5], 3.8), part([0], [1], 5.0), *(part([a], [b], 3.9) for a, b in ((8, 9), (9, 10), (11, 12), (12, 13)))]
-    best = torch.stack(parts).amax(0)
-    return torch.where(best > 0, best, box)
-
-
-@dataclass
-class Batch:
-    image: Tensor  # float 0..1 [B, 3, H, W]
-    joints2d: Tensor  # [B, P, 14, 2]
-    labelled: Tensor  # bool [B, P, 14]
-    unknown: Tensor  # bool [B, P, 14]: neither demanded nor forbidden inside the person's box
-    size_px: Tensor  # [B, P], 0 = nobody
-    box: Tensor  # bool [B, P, h, w] at stride 8
-    hazy: Tensor  # bool [B, h, w]: somebody of whom nothing is sure
-
-
-class Everyday:
-    """Draws tiles and whole frames of the photos that `pack` packed."""
-
-    def __init__(self, folder: pathlib.Path, seed: int, away: float = 0.0):
-        """`away`: share of tiles that look past everybody, where a photo has such a place."""
-        self.away = away
-        z = np.load(folder / "people.npz")
-        self.offset, self.size, self.start, self.stretched = z["offset"], z["size"], z["start"], z["stretched"]
-        self.joints, self.state, self.box = (torch.from_numpy(z[k]) for k in ("joints", "state", "box"))
-        self.weight = torch.from_numpy(z["weight"])
-        self.pictures = np.memmap(folder / "pictures.bin", np.uint8, "r")
-        self.g = torch.Generator().manual_seed(seed)
-
-    def _uniform(self, low: float, high: float) -> float:
-        return low + (high - low) * float(torch.rand((), generator=self.g))
-
-    def _log_uniform(self, low: float, high: float) -> float:
-        return math.exp(self._uniform(math.log(low), math.log(high)))
-
-    def picture(self, i: int) -> Tensor:
-        """uint8 [3, h, w]"""
-        return torch.from_numpy(decode(self.pictures[self.offset[i] : self.offset[i + 1]].tobytes())).permute(2, 0, 1)
-
-    @torch.no_grad()
-    def batch(
-        self,
-        n: int,
-        H: int,
-        W: int,
-        zoom: tuple[float, float],
-        tall: tuple[float, float] | None = None,
-        close: bool = False,
-    ) -> Batch:
-        """`zoom`: of the photo as the network's frame shows it; `tall`: somebody has a stature of so many pixels instead, as far as the
-        photo's sharpness allows; `close`: and is placed by head and neck three times of four."""
-        ids = torch.multinomial(self.weight, n, True, generator=self.g).tolist()
-        tiles = [self._tile(i, H, W, zoom, tall, close) for i in ids]
-        room = max(1, *(len(t[1]) for t in tiles))
-
-        def padded(k: int) -> Tensor:
-            return torch.stack([torch.cat([t[k], t[k].new_zeros(room - len(t[k]), *t[k].shape[1:])]) for t in tiles])
-
-        return Batch(torch.stack([t[0] for t in tiles]), *(padded(k) for k in range(1, 6)), torch.stack([t[6] for t in tiles]))
-
-    def _nobody(self, box: Tensor, extent: Tensor, window: Tensor) -> Tensor:
-        """The middle of a window [2] of a photo of `extent` [2] with the least of anybody's `box` [P, 4] in it, of some drawn at random."""
-        reach = (extent - window).clamp_min(0)
-        low = (extent - 1 - reach) / 2 + torch.rand(8, 2, generator=self.g) * reach - window / 2
-        both = torch.minimum(low[:, None] + window, box[None, :, 2:]) - torch.maximum(low[:, None], box[None, :, :2])
-        hidden = both.clamp_min(0).prod(2).sum(1)
-        return low[int(hidden.argmin())] + window / 2
-
-    def _tile(
-        self, i: int, H: int, W: int, zoom: tuple[float, float], tall: tuple[float, float] | None, close: bool
-    ) -> tuple[Tensor, ...]:
-        image = self.picture(i)[None].float() / 255
-        h, w = image.shape[2:]
-        own = slice(self.start[i], self.start[i + 1])
-        joints, state, box = self.joints[own].clone(), self.state[own], self.box[own]
-        aspect = self._log_uniform(*ASPECT) if self.stretched[i] else self._log_uniform(0.93, 1.07)
-        ax, ay = aspect**0.5, aspect**-0.5
-        frame = FRAME if w * ax >= h * ay else FRAME[::-1]
-        scale = min(frame[0] / (w * ax), frame[1] / (h * ay))
-        z = scale * self._log_uniform(*zoom)
-        sure = (state == LABELLED).any(1)
-        half = torch.tensor([(W - 1) / 2, (H - 1) / 2])
-        middle = torch.tensor([(w - 1) / 2, (h - 1) / 2])
-        stretch = torch.tensor([ax, ay])
-        centre = middle
-        if sure.any():
-            who = int(torch.multinomial(sure.float(), 1, generator=self.g))
-            b = box[who] * torch.tensor([ax, ay, ax, ay])
-            if tall is not None:
-                long = (b[2:] - b[:2]).max()
-                px = stature(joints[who : who + 1] * stretch, state[who : who + 1] == LABELLED, long[None])[0]
-                least = 0.4 * scale if close else FILLED * min(W / (w * ax), H / (h * ay))
-                z = min(max(self._log_uniform(*tall) / float(px.clamp_min(1)), least), 2.5 * scale)
-            centre = (box[who, :2] + box[who, 2:]) / 2
-            if close and (state[who, :2] == LABELLED).all() and self._uniform(0, 1) < 0.75:
-                centre = joints[who, :2].mean(0)
-            centre = centre + (torch.rand(2, generator=self.g) - 0.5) * torch.tensor([W, H]) * 0.7 / (z * stretch)
-        if len(state) == 0 or (self.away and self._uniform(0, 1) < self.away):
-            centre = self._nobody(box, torch.tensor([w, h]), torch.tensor([W, H]) / (z * stretch))
-        # no more beyond the picture than the tile cannot help to show
-        reach = (torch.tensor([w, h]) - torch.tensor([W, H]) / (z * stretch)).clamp_min(0) / 2
-        centre = torch.minimum(torch.maximum(centre, middle - reach), middle + reach)
-        turn = max(-0.4, min(0.4, 0.12 * float(torch.randn((), generator=self.g))))
-        mirrored = self._uniform(0, 1) < 0.5
-        co, si = math.cos(turn), math.sin(turn)
-        A = torch.tensor([[co, -si], [si, co]]) @ torch.diag(z * stretch * torch.tensor([-1.0 if mirrored else 1.0, 1.0]))
-        back = torch.linalg.inv(A)
-
-        def source(step: int, first: float) -> Tensor:
-            """Places in the photo of the tile's pixels, every `step`-th from `first` on: [h, w, 2]."""
-            xs, ys = torch.arange(first, W, step), torch.arange(first, H, step)
-            p = torch.stack(torch.meshgrid(xs, ys, indexing="xy"), -1) - half
-            return p @ back.T + centre
-
-        q = source(1, 0.0)
-        extent = torch.tensor([w, h])
-        grid = (q * 2 + 1) / extent - 1
-        shrunk, left = image, z * min(ax, ay)
-        while left < 0.55:
-            shrunk, left = F.avg_pool2d(shrunk, 2, ceil_mode=True, count_include_pad=False), 2 * left
-        tile = F.grid_sample(shrunk, grid[None], align_corners=False, padding_mode="border")[0]
-        inside = ((q > -0.5) & (q < extent - 0.5)).all(-1)
-        grey = GREYS[int(torch.randint(len(GREYS), (), generator=self.g))]
-        tile = torch.where(inside, tile, torch.tensor(grey))
-
-        placed = (joints - centre) @ A.T + half
-        if mirrored:
-            placed, state = placed[:, FLIP14], state[:, FLIP14]
-        labelled = state == LABELLED
-        length = ((box[:, 2:] - box[:, :2]) * stretch).amax(1) * z
-        size = stature(placed, labelled, length)
-        cells = source(8, 3.5)
-        margin = 0.06 * (box[:, 2:] - box[:, :2]).amax(1, keepdim=True) + 4 / z
-        low, high = box[:, :2] - margin, box[:, 2:] + margin
-        covered = ((cells > low[:, None, None]) & (cells < high[:, None, None])).all(-1)
-        seen = sure & (size >= SMALLEST)
-        hazy = covered[~seen].any(0)
-        keep = seen & covered.flatten(1).any(1)
-        return tile, placed[keep], labelled[keep], (state == UNKNOWN)[keep], size[keep], covered[keep], hazy
 
 
 def main(argv: list[str]) -> None:

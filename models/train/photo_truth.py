@@ -15,7 +15,8 @@ import numpy as np
 
 from coco17 import ABSENT, LABELLED
 from composites import HIDDEN, OUTSIDE, VISIBLE, person
-from everyday import LEAST, Everyday
+from everyday import LEAST
+from everyday_tiles import Everyday
 
 
 def codes(state: np.ndarray) -> np.ndarray:

@@ -15,10 +15,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from augment import lying
+from constants import constant
 from scenes import Generator, Scenes
 from skeleton import FLIP14, FLIP21, ROOT
 
 WIDTH = 512  # of a frame as the network takes it, pixels; scenes may be larger
+CPU = torch.device("cpu")
 FIELDS = [f.name for f in fields(Scenes) if f.name != "mask"]
 
 
@@ -73,29 +75,29 @@ class Pool:
             z = (tall / size[torch.arange(B, device=d), pick].clamp_min(1)).clamp(zoom[0] * shrink, zoom[1])
             mid = torch.where(rand(B, 1) < 0.75, picked[:, :2].mean(1), mid)
         lim = torch.stack([(W - w / z).clamp_min(0) / 2, (H - h / z).clamp_min(0) / 2], 1)
-        full = torch.tensor([(W - 1) / 2, (H - 1) / 2], device=d)
-        c = mid + (rand(B, 2) - 0.5) * torch.tensor([w, h], device=d) * 0.7 / z[:, None]
+        full = constant([(W - 1) / 2, (H - 1) / 2], d)
+        c = mid + (rand(B, 2) - 0.5) * constant([w, h], d) * 0.7 / z[:, None]
         c = torch.minimum(torch.maximum(c, full - lim), full + lim)
         s = torch.where(fl, -1.0, 1.0)
         co, si = z * a.cos(), z * a.sin()
         A = torch.stack([co * s, -si, si * s, co], -1).view(B, 2, 2)  # scene -> tile, about c
-        half = torch.tensor([(w - 1) / 2, (h - 1) / 2], device=d)
+        half = constant([(w - 1) / 2, (h - 1) / 2], d)
         Ai = torch.linalg.inv_ex(A)[0]  # inv would wait for the device
         px = torch.stack(
             torch.meshgrid(torch.arange(w, device=d, dtype=torch.float32), torch.arange(h, device=d, dtype=torch.float32), indexing="xy"),
             -1,
         )
         src = (px - half) @ Ai[:, None].transpose(-1, -2) + c[:, None, None]
-        grid = (src * 2 + 1) / torch.tensor([W, H], device=d) - 1
+        grid = (src * 2 + 1) / constant([W, H], d) - 1
         img = F.grid_sample(D["image"].float(), grid, align_corners=False, padding_mode="reflection") / 255
         J = (D["joints2d"] - c[:, None, None]) @ A[:, None].transpose(-1, -2) + half
-        f14, f21 = torch.tensor(FLIP14, device=d), torch.tensor(FLIP21, device=d)
+        f14, f21 = constant(FLIP14, d), constant(FLIP21, d)
         J = torch.where(fl[:, None, None, None], J[:, :, f14], J)
         vis = torch.where(fl[:, None, None], D["visible"][:, :, f14], D["visible"])
         outside = (J[..., 0] < -0.5) | (J[..., 1] < -0.5) | (J[..., 0] > w - 0.5) | (J[..., 1] > h - 0.5)
         vis = torch.where(outside, torch.zeros_like(vis), vis)
         rel = D["rel3d"]
-        rel = torch.where(fl[:, None, None, None], rel[:, :, f21] * torch.tensor([-1.0, 1.0, 1.0], device=d), rel)
+        rel = torch.where(fl[:, None, None, None], rel[:, :, f21] * constant([-1.0, 1.0, 1.0], d), rel)
         ca, sa = a.cos()[:, None, None], a.sin()[:, None, None]
         rel = torch.stack([rel[..., 0] * ca - rel[..., 1] * sa, rel[..., 0] * sa + rel[..., 1] * ca, rel[..., 2]], -1)
         present = vis.gt(0).any(-1)
@@ -130,9 +132,10 @@ class Stored(Pool):
     The folder may still be filling up: `refresh` looks how far the writer has come.
     """
 
-    def __init__(self, folder: pathlib.Path, seed: int):
+    def __init__(self, folder: pathlib.Path, seed: int, device: torch.device = CPU):
+        """On another device than the CPU the scenes that are there are copied to it."""
         self.folder = folder
-        data = {k: torch.from_numpy(np.load(folder / f"{k}.npy", mmap_mode="c")) for k in FIELDS}
+        data = {k: torch.from_numpy(np.load(folder / f"{k}.npy", mmap_mode="c")).to(device) for k in FIELDS}
         super().__init__(data, int((folder / "filled").read_text()), seed)
 
     def refresh(self, n: int) -> None:

@@ -30,9 +30,10 @@ import quant
 import renorm
 import targets
 import terms
+from ahead import Ahead
 from augment import photometric
 from distil import Teachers
-from everyday import Everyday
+from everyday_tiles import Everyday
 from model import SelecSLSNet
 from muon import Muon
 from pool import Pool, Rendered, Stored
@@ -161,6 +162,34 @@ CPU_OPEN_PHASES = [
         ],
     ),
 ]
+# The same on a GPU, in batches that keep it busy: about a hundred tiles of 256 px at once.
+GPU_OPEN_PHASES = [
+    Phase(
+        0.30,
+        [
+            Mix(192, 192, 0, 48, (60, 200), NOBODY, (0.5, 1.1), everyday=112, sized=True),
+            Mix(192, 192, 0, 48, (80, 260), NOBODY, (0.6, 1.3), everyday=112, sized=True),
+        ],
+    ),
+    Phase(
+        0.70,
+        [
+            Mix(192, 192, 0, 48, (80, 260), NOBODY, (0.6, 1.3), everyday=112, sized=True),
+            Mix(256, 256, 0, 32, (100, 340), NOBODY, (0.7, 1.4), everyday=64, view=(0.6, 1.2)),
+            Mix(256, 256, 0, 32, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=64),
+        ],
+    ),
+    Phase(
+        1.1,
+        [
+            Mix(320, 512, 0, 12, (65, 370), NOBODY, (0.95, 1.4), everyday=32, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 32, (120, 340), NOBODY, (0.8, 1.5), everyday=64, view=(0.6, 1.2)),
+            Mix(512, 320, 0, 12, (65, 400), NOBODY, (0.95, 1.4), everyday=32, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 32, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=64),
+            Mix(400, 400, 0, 12, (65, 450), NOBODY, (0.95, 1.5), everyday=32, view=(1.0, 1.45)),
+        ],
+    ),
+]
 AWAY = 0.12  # share of open photos' tiles without people, which only they can show
 EMA_EVERY = 4  # steps between two updates of the averaged weights
 TINY_PHASES = [
@@ -169,7 +198,6 @@ TINY_PHASES = [
 ]
 TINY_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=2) for m in q.mixes]) for q in TINY_PHASES]
 TINY_OPEN_PHASES = [Phase(q.until, [replace(m, real=0, people=NOBODY, everyday=2, sized=True) for m in q.mixes]) for q in TINY_PHASES]
-GPU_OPEN_PHASES = [Phase(q.until, [replace(m, real=0, people=NOBODY, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
 GPU_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
 PHASES = {
     "gpu": GPU_PHASES,
@@ -314,9 +342,12 @@ class Trainer:
             self.people = People(a.pack, self.dev, photos, seed + 1, limit=150 if a.tiny else 0, cache=a.cache)
             if a.cache and self.group.first:
                 self.group.wait()
-        self.everyday = Everyday(a.everyday, seed + 3, AWAY if a.open else 0.0) if a.everyday else None
+        self.everyday: Everyday | Ahead | None = None
+        if a.everyday:
+            away = AWAY if a.open else 0.0
+            self.everyday = Ahead(a.everyday, seed + 3, away, self.dev) if self.cuda else Everyday(a.everyday, seed + 3, away)
         t1 = time.time()
-        self.pools: list[Pool] = [Stored(p, seed + 2 + i) for i, p in enumerate(a.scenes)]
+        self.pools: list[Pool] = [Stored(p, seed + 2 + i, self.dev) for i, p in enumerate(a.scenes)]
         if not self.pools:
             assert photos is not None
             gen = Generator(a.pack, self.dev, photos, seed, supersample=1 if a.tiny else 2, chunk=4 if self.small else 64)
@@ -338,8 +369,8 @@ class Trainer:
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom, close=ph.size if ph.close else None)
         if self.everyday is not None:
             e = self.everyday.batch(ph.everyday, ph.H, ph.W, ph.view, ph.size if ph.close or ph.sized else None, ph.close)
-            images.append(e.image.to(self.dev))
-            real.append(targets.everyday(*(v.to(self.dev) for v in (e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy))))
+            images.append(e.image)
+            real.append(targets.everyday(e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy))
         tr = real[0] if len(real) == 1 else targets.together(*real)
         x = photometric(torch.cat([*images, s.image]), pool.g) - 0.5
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
@@ -393,7 +424,8 @@ class Trainer:
         synth = self.a.synth
         of_labels = 1 - self.a.distil_weight if taught else 1.0
         share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm]
-        loss = (L * torch.tensor([of_labels * w for w in share] + [self.a.distil_weight], device=self.dev)).sum()
+        loss = sum(w * part for w, part in zip([of_labels * w for w in share] + [self.a.distil_weight], L.unbind()) if w)
+        assert isinstance(loss, Tensor)
         loss.backward()
         if self.a.sync == 1:
             self.group.average_grads(self.net)
@@ -528,6 +560,8 @@ class Trainer:
         names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "taught", "grad"]
         row = dict(p=round(p, 4), t=round(time.time()), step=self.meta["step"], images=self.meta["images"], ips=round(ips, 1))
         row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr, self.a.fall, self.meta["step"])) | {k: round(x, 6) for k, x in zip(names, v)}
+        if isinstance(self.everyday, Ahead):
+            row["waited"] = round(self.everyday.waited, 1)  # in all: nearly all of the time means that the GPU waits for tiles
         if self.cuda:
             row["gib"] = round(torch.cuda.max_memory_allocated() / 2**30, 1)
         log.write(json.dumps(row) + "\n")

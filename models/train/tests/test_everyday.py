@@ -18,7 +18,8 @@ sys.path.insert(0, str(KIT))
 
 import targets
 from coco17 import ABSENT, HEAD_TOP, LABELLED, LIMB_JOINTS, NECK, UNKNOWN, to14
-from everyday import Everyday, pack, states, stature, wanted
+from everyday import pack, states, wanted
+from everyday_tiles import Everyday, stature
 from skeleton import FLIP14, LIMBS, NJ, NL
 
 FLIP17 = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]

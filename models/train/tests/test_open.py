@@ -29,7 +29,7 @@ import test_everyday as labelled
 import train
 import weights
 from coco17 import HEAD_TOP, LABELLED, LSP, NECK, OPEN, to14
-from everyday import Everyday
+from everyday_tiles import Everyday
 from model import SelecSLSNet
 from pool import FIELDS
 from skeleton import NB, NJ
