@@ -41,9 +41,11 @@ def _square(x: Tensor) -> Tensor:
 
 
 def _wide(x: Tensor) -> Tensor:
-    """The same steps on x xᵀ alone; what they multiply x by is applied once."""
+    """The same steps on x xᵀ alone; what they multiply x by is applied once. In f32: rounded to bf16 the product has negative eigenvalues,
+    which the steps raise without bound."""
     a, b, c = QUINTIC
-    s = (x @ x.mT).float()
+    f = x.float()
+    s = f @ f.mT
     total: Tensor | None = None
     for _ in range(STEPS):
         factor = torch.baddbmm(s, s, s, beta=b, alpha=c)
@@ -51,7 +53,7 @@ def _wide(x: Tensor) -> Tensor:
         total = factor if total is None else factor @ total
         s = factor @ s @ factor
     assert total is not None
-    return total.to(x.dtype) @ x
+    return (total @ f).to(x.dtype)
 
 
 class Muon(torch.optim.Optimizer):

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import tomllib
 import unittest
+from unittest import mock
 
 import numpy as np
 import torch
@@ -22,6 +23,7 @@ sys.path.insert(0, str(KIT))
 import card
 import checkpoint
 import export
+import muon
 import person_score
 import photos
 import quant
@@ -717,6 +719,17 @@ class Optimiser(unittest.TestCase):
             kept = inside.diagonal(dim1=1, dim2=2)
             self.assertTrue(bool(((kept > 0.6) & (kept < 1.3)).all()), kept)
             self.assertLess(float((inside - torch.diag_embed(kept)).abs().max()), 0.05)
+
+    def test_updates_stay_small_where_most_directions_are_weak(self) -> None:
+        torch.manual_seed(5)
+        for shape in ((2, 64, 288), (4, 24, 288), (1, 24, 30)):
+            for weakest in (1e-2, 1e-4, 1e-6, 0.0):
+                u, strengths, vt = torch.linalg.svd(torch.randn(shape), full_matrices=False)
+                strengths = torch.logspace(0, -6, shape[1]).clamp_min(weakest) * (torch.arange(shape[1]) < (3 if weakest == 0 else shape[1]))
+                for fast in (True, False):
+                    with mock.patch.object(muon, "bf16_pays", lambda _, fast=fast: fast):
+                        o = orthogonal(u * strengths @ vt).float()
+                    self.assertLess(float(torch.linalg.svdvals(o).max()), 1.3, (shape, weakest, fast))
 
     def _two_layers(self) -> tuple[torch.nn.Sequential, Muon]:
         torch.manual_seed(4)
