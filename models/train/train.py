@@ -162,31 +162,31 @@ CPU_OPEN_PHASES = [
         ],
     ),
 ]
-# The same on a GPU, in batches that keep it busy: about a hundred tiles of 256 px at once.
+# The same on a GPU, which spends a tenth of a second a step on launches whatever the batch holds.
 GPU_OPEN_PHASES = [
     Phase(
         0.30,
         [
-            Mix(192, 192, 0, 48, (60, 200), NOBODY, (0.5, 1.1), everyday=112, sized=True),
-            Mix(192, 192, 0, 48, (80, 260), NOBODY, (0.6, 1.3), everyday=112, sized=True),
+            Mix(192, 192, 0, 192, (60, 200), NOBODY, (0.5, 1.1), everyday=448, sized=True),
+            Mix(192, 192, 0, 192, (80, 260), NOBODY, (0.6, 1.3), everyday=448, sized=True),
         ],
     ),
     Phase(
         0.70,
         [
-            Mix(192, 192, 0, 48, (80, 260), NOBODY, (0.6, 1.3), everyday=112, sized=True),
-            Mix(256, 256, 0, 32, (100, 340), NOBODY, (0.7, 1.4), everyday=64, view=(0.6, 1.2)),
-            Mix(256, 256, 0, 32, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=64),
+            Mix(192, 192, 0, 192, (80, 260), NOBODY, (0.6, 1.3), everyday=448, sized=True),
+            Mix(256, 256, 0, 128, (100, 340), NOBODY, (0.7, 1.4), everyday=256, view=(0.6, 1.2)),
+            Mix(256, 256, 0, 128, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=256),
         ],
     ),
     Phase(
         1.1,
         [
-            Mix(320, 512, 0, 12, (65, 370), NOBODY, (0.95, 1.4), everyday=32, view=(0.85, 1.15)),
-            Mix(256, 256, 0, 32, (120, 340), NOBODY, (0.8, 1.5), everyday=64, view=(0.6, 1.2)),
-            Mix(512, 320, 0, 12, (65, 400), NOBODY, (0.95, 1.4), everyday=32, view=(0.85, 1.15)),
-            Mix(256, 256, 0, 32, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=64),
-            Mix(400, 400, 0, 12, (65, 450), NOBODY, (0.95, 1.5), everyday=32, view=(1.0, 1.45)),
+            Mix(320, 512, 0, 48, (65, 370), NOBODY, (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 128, (120, 340), NOBODY, (0.8, 1.5), everyday=256, view=(0.6, 1.2)),
+            Mix(512, 320, 0, 48, (65, 400), NOBODY, (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(256, 256, 0, 128, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=256),
+            Mix(400, 400, 0, 48, (65, 450), NOBODY, (0.95, 1.5), everyday=128, view=(1.0, 1.45)),
         ],
     ),
 ]
