@@ -26,11 +26,13 @@ pub enum Isa {
     Neon,
     /// NEON with dotprod (`sdot`).
     NeonDot,
+    /// NEON with i8mm (`usmmla`).
+    NeonI8mm,
 }
 
 impl Isa {
     /// Every tier, slowest first.
-    pub const ALL: [Isa; 9] = [
+    pub const ALL: [Isa; 10] = [
         Isa::Scalar,
         Isa::Sse41,
         Isa::Avx2,
@@ -40,6 +42,7 @@ impl Isa {
         Isa::Amx,
         Isa::Neon,
         Isa::NeonDot,
+        Isa::NeonI8mm,
     ];
 
     /// The name used in `EDGECAP_ISA`, logs and benches.
@@ -54,6 +57,7 @@ impl Isa {
             Isa::Amx => "amx",
             Isa::Neon => "neon",
             Isa::NeonDot => "neondot",
+            Isa::NeonI8mm => "neoni8mm",
         }
     }
 

@@ -11,7 +11,7 @@ use crate::packed::{Blocking, Packed};
 use crate::segments::SegmentedPacked;
 use crate::winograd::generic as winograd;
 use crate::writers::{Float, ToF32, ToU8};
-use crate::{Isa, arch, pool};
+use crate::{ConvShape, Isa, arch, pool};
 
 /// Something static that runs only where the CPU has some features.
 pub(crate) trait Kernel: 'static {
@@ -134,10 +134,10 @@ pub(crate) enum DotProduct {
         kernel: &'static Direct<Packed>,
         input_max: u8,
     },
-    /// By tiles where they pay ([`direct::tiles::pay`](crate::direct)), `otherwise` by vectors; exact for every input,
+    /// `kernel` for shapes that it `takes`, which are those it can run and is faster for; exact for every input,
     /// whatever the weights.
-    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-    Tiled {
+    Choice {
+        takes: fn(&ConvShape) -> bool,
         kernel: &'static Direct<Packed>,
         otherwise: &'static Direct<Packed>,
     },
@@ -170,7 +170,7 @@ impl Tier {
     /// Whether this CPU can run all kernels of the tier.
     pub fn is_available(&self) -> bool {
         let dot: &dyn Kernel = match &self.dot {
-            DotProduct::Plain { kernel, .. } | DotProduct::Tiled { kernel, .. } => *kernel,
+            DotProduct::Plain { kernel, .. } | DotProduct::Choice { kernel, .. } => *kernel,
             DotProduct::Segmented(kernel) => *kernel,
         };
         let others: [&dyn Kernel; 6] = [

@@ -1,8 +1,10 @@
 //! Weights in the order the kernels read them.
 //!
 //! Output channels of a group are cut into vectors of LANES, vectors into blocks of at most MAX_NV, and every (group,
-//! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Lanes beyond
-//! the last output channel hold zeros, and so do depth groups that a chunk shares with the one before it.
+//! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Where a kernel
+//! takes several depth groups together, those of a lane are side by side; where it takes numbers apart, a vector is
+//! `[PACK][lane]`. Lanes beyond the last output channel hold zeros, and so do depth groups that a chunk shares with the
+//! one before it.
 
 use crate::ConvShape;
 use crate::phase::{Phase, Tap};
@@ -21,6 +23,7 @@ pub(crate) struct Packed {
     groups: usize,
     outs: usize,
     depth: usize,
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     chunks: Chunks,
     blocking: Blocking,
     blocks: Vec<Block>,
@@ -66,6 +69,10 @@ pub(crate) struct Blocking {
     pub max_nv: usize,
     /// Numbers in a 32-bit group of input channels.
     pub pack: usize,
+    /// 32-bit groups of a lane that lie side by side.
+    pub together: usize,
+    /// Whether a vector holds every lane's first number, then every lane's second, and so on.
+    pub apart: bool,
     /// Most 32-bit groups of a tap that the kernel takes at once; [`usize::MAX`] where it takes any number.
     pub chunk: usize,
 }
@@ -107,14 +114,46 @@ impl Blocking {
             lanes: D::S::LANES,
             max_nv: D::MAX_NV,
             pack: D::PACK,
+            together: D::TOGETHER,
+            apart: D::APART,
             chunk: usize::MAX,
         }
     }
 }
 
+/// What a number in a vector of weights is for.
+struct Number {
+    /// Output channel, counted from the vector's first.
+    lane: usize,
+    /// 32-bit group of those taken together.
+    group: usize,
+    /// Number of that group.
+    of_group: usize,
+}
+
+impl Blocking {
+    /// The numbers of a vector, for all groups that are taken together, in the order in which they lie.
+    fn numbers(self) -> Vec<Number> {
+        let mut numbers: Vec<Number> = (0..self.lanes)
+            .flat_map(|lane| (0..self.together).map(move |group| (lane, group)))
+            .flat_map(|(lane, group)| {
+                (0..self.pack).map(move |of_group| Number {
+                    lane,
+                    group,
+                    of_group,
+                })
+            })
+            .collect();
+        if self.apart {
+            numbers.sort_by_key(|number| number.of_group);
+        }
+        numbers
+    }
+}
+
 impl Packed {
     /// Packs a convolution, or `None` where the direct kernels cannot run it: input channels of a group that do not
-    /// fill 32-bit groups, or too many taps.
+    /// fill 32-bit groups, as many as the kernel takes together, or too many taps.
     ///
     /// `weight(oc, ic, tap)` gives a number's little-endian bytes, 4 / PACK of them; `ic` counts within the group.
     pub fn new<const BYTES: usize>(
@@ -125,7 +164,7 @@ impl Packed {
         assert_eq!(BYTES * blocking.pack, 4, "a group is 32 bits");
         let channels = shape.group_in();
         let phases = Phase::of(shape);
-        if !channels.is_multiple_of(blocking.pack)
+        if !channels.is_multiple_of(blocking.pack * blocking.together)
             || phases.iter().any(|phase| phase.taps.len() > MAX_TAPS)
         {
             return None;
@@ -133,6 +172,10 @@ impl Packed {
         let outs = shape.group_out();
         let depth = channels / blocking.pack;
         let chunks = Chunks::of(depth, blocking.chunk);
+        assert!(
+            chunks.size.is_multiple_of(blocking.together),
+            "chunks of whole steps"
+        );
         // (Group of input channels, whether an earlier chunk has it.)
         let order: Vec<(usize, bool)> = (0..chunks.count)
             .flat_map(|c| {
@@ -147,6 +190,7 @@ impl Packed {
         let mut data =
             Scratch::new(shape.groups() * vectors * taps * order.len() * blocking.lanes * 4);
         let bytes = data.as_mut_bytes();
+        let numbers = blocking.numbers();
         let mut panels = Vec::new();
         let mut at = 0;
         for group in 0..shape.groups() {
@@ -154,12 +198,13 @@ impl Packed {
                 for phase in &phases {
                     panels.push(at);
                     for tap in &phase.taps {
-                        for &(group_of_ic, seen) in &order {
-                            for lane in 0..block.count * blocking.lanes {
-                                let out = block.first * blocking.lanes + lane;
-                                for i in 0..blocking.pack {
+                        for step in order.chunks(blocking.together) {
+                            for vector in block.first..block.first + block.count {
+                                for number in &numbers {
+                                    let out = vector * blocking.lanes + number.lane;
+                                    let (of_step, seen) = step[number.group];
                                     if out < outs && !seen {
-                                        let ic = group_of_ic * blocking.pack + i;
+                                        let ic = of_step * blocking.pack + number.of_group;
                                         bytes[at..at + BYTES].copy_from_slice(&weight(
                                             group * outs + out,
                                             ic,
@@ -208,6 +253,7 @@ impl Packed {
     }
 
     /// How the 32-bit groups of a tap are cut.
+    #[cfg(target_arch = "x86_64")]
     pub fn chunks(&self) -> Chunks {
         self.chunks
     }
@@ -288,6 +334,8 @@ mod tests {
             lanes: 4,
             max_nv: 3,
             pack: 4,
+            together: 1,
+            apart: false,
             chunk: usize::MAX,
         };
         let packed = Packed::new(&shape, blocking, |oc, ic, _| [(oc * 4 + ic) as u8]).unwrap();
@@ -299,6 +347,66 @@ mod tests {
             packed.per_channel(&(0..10).collect::<Vec<i32>>()),
             [0, 1, 2, 3, 4, 0, 0, 0, 5, 6, 7, 8, 9, 0, 0, 0]
         );
+    }
+
+    #[test]
+    fn groups_that_a_kernel_takes_together_lie_side_by_side_in_a_lane() {
+        let dims = |in_channels| ConvDims {
+            in_channels,
+            out_channels: 3,
+            ..ConvDims::default()
+        };
+        let blocking = Blocking {
+            lanes: 2,
+            max_nv: 2,
+            pack: 4,
+            together: 2,
+            apart: false,
+            chunk: usize::MAX,
+        };
+        let pack = |channels: usize| {
+            let shape = ConvShape::new(dims(channels)).unwrap();
+            Packed::new(&shape, blocking, |oc, ic, _| [(oc * channels + ic) as u8])
+        };
+        let packed = pack(16).unwrap();
+        let eight = |from: u8| from..from + 8;
+        let expected: Vec<u8> = [0, 16, 32]
+            .into_iter()
+            .flat_map(eight)
+            .chain([0; 8])
+            .chain([8, 24, 40].into_iter().flat_map(eight))
+            .chain([0; 8])
+            .collect();
+        assert_eq!(packed.weights(0), expected);
+        assert!(pack(12).is_none(), "three groups are no pairs");
+    }
+
+    #[test]
+    fn numbers_of_a_lane_lie_apart_where_a_kernel_wants_them_so() {
+        let shape = ConvShape::new(ConvDims {
+            in_channels: 2,
+            out_channels: 4,
+            ..ConvDims::default()
+        })
+        .unwrap();
+        let blocking = Blocking {
+            lanes: 2,
+            max_nv: 1,
+            pack: 2,
+            together: 1,
+            apart: true,
+            chunk: usize::MAX,
+        };
+        let packed = Packed::new(&shape, blocking, |oc, ic, _| {
+            (10 * oc as u16 + ic as u16).to_le_bytes()
+        });
+        let packed = packed.unwrap();
+        let numbers = |panel| {
+            let pairs = packed.weights(panel)[..8].chunks(2); // the buffer ends with whole lines
+            pairs.map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
+        };
+        let all: [Vec<u16>; 2] = [0, 1].map(numbers);
+        assert_eq!(all, [[0, 10, 1, 11], [20, 30, 21, 31]]);
     }
 
     #[test]
@@ -323,6 +431,8 @@ mod tests {
             lanes: 1,
             max_nv: 1,
             pack: 4,
+            together: 1,
+            apart: false,
             chunk: 16,
         };
         let weight = |_, ic: usize, _: &Tap| [ic as u8 + 1];

@@ -13,7 +13,7 @@ use crate::{Isa, KernelError};
 /// Multiply-accumulates per second of one thread, in units of 10⁹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// u8 · i8: `tdpbusd` with AMX, `vpdpbusd` with VNNI, `vpmaddubsw` + `vpaddw` without (the shortest exact chain).
+    /// u8 · i8: `tdpbusd` with AMX, `vpdpbusd` with VNNI, `usmmla` with i8mm, `vpmaddubsw` + `vpaddw` without (the shortest exact chain).
     pub int8: f64,
     /// f32 fused multiply-add.
     pub f32: f64,
@@ -129,7 +129,7 @@ pub(crate) unsafe fn dots<D: Dot>(steps: u64) -> u64 {
         }
         std::hint::black_box(acc);
     }
-    steps * (CHAINS * D::S::LANES * D::PACK) as u64
+    steps * (CHAINS * D::S::LANES * D::PACK * D::TOGETHER) as u64
 }
 
 /// Chains of a sum in i16: each has weights of its own, or the compiler would share the product.

@@ -401,25 +401,47 @@ proptest! {
     }
 }
 
+/// The kernel that a layer of ours runs on.
+fn kernel_of(isa: Isa, shape: ConvShape) -> &'static str {
+    let params = QConvParams {
+        shape,
+        weights: &vec![1; shape.weight_len()],
+        bias: &vec![0; shape.out_channels()],
+        input_max: 127,
+        epilogue: Epilogue::F32 {
+            scale: vec![1.0; shape.out_channels()],
+        },
+        algorithm: Algorithm::Direct,
+    };
+    QConv::new(isa, &params).unwrap().name()
+}
+
+#[test]
+fn matrix_products_run_where_channels_come_in_eights() {
+    if !Isa::NeonI8mm.is_available() {
+        println!("skipped: this CPU has no i8mm");
+        return;
+    }
+    for (channels, kernel) in [
+        (64, "qs8_direct_8x12c8__neoni8mm"),
+        (72, "qs8_direct_8x12c8__neoni8mm"),
+        (4, "qs8_direct_8x12c4__neoni8mm"),
+        (36, "qs8_direct_8x12c4__neoni8mm"),
+    ] {
+        assert_eq!(
+            kernel_of(Isa::NeonI8mm, conv(channels, 16, 1, 3, 1)),
+            kernel
+        );
+    }
+}
+
 #[test]
 fn tiles_run_where_they_pay() {
     if !Isa::Amx.is_available() {
         println!("skipped: this CPU, or this system, has no tiles");
         return;
     }
-    let name = |shape: ConvShape| {
-        let params = QConvParams {
-            shape,
-            weights: &vec![1; shape.weight_len()],
-            bias: &vec![0; shape.out_channels()],
-            input_max: 127,
-            epilogue: Epilogue::F32 {
-                scale: vec![1.0; shape.out_channels()],
-            },
-            algorithm: Algorithm::Direct,
-        };
-        QConv::new(Isa::Amx, &params).unwrap().name()
-    };
+    let name = |shape: ConvShape| kernel_of(Isa::Amx, shape);
     for tiled in [
         conv(64, 64, 1, 1, 1),
         conv(64, 8, 4, 3, 2),

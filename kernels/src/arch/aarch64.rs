@@ -1,6 +1,7 @@
 //! aarch64: the tiers, and every kernel of theirs. Names say type, family, tile (pixels × outputs), channels in a
 //! 32-bit group, set.
 
+mod i8mm;
 mod neon;
 
 use super::{chain, direct_f32, direct_int8, max_pool, winograd_int8};
@@ -11,8 +12,8 @@ use crate::packed::Packed;
 use crate::peak::dots;
 use std::arch::is_aarch64_feature_detected as has;
 
-/// Every tier, slowest first. Products are signed: exact for inputs of 7 bits.
-pub(crate) static TIERS: [Tier; 2] = [
+/// Every tier, slowest first. Without i8mm products are signed: exact for inputs of 7 bits.
+pub(crate) static TIERS: [Tier; 3] = [
     Tier {
         isa: Isa::Neon,
         dot: DotProduct::Plain {
@@ -39,10 +40,24 @@ pub(crate) static TIERS: [Tier; 2] = [
         peak_int8: &SDOT,
         peak_f32: &FMA,
     },
+    Tier {
+        isa: Isa::NeonI8mm,
+        dot: DotProduct::Choice {
+            takes: i8mm::fits,
+            kernel: &DIRECT_NEONI8MM,
+            otherwise: &DOT_NEONI8MM,
+        },
+        widening: &WIDE_NEON,
+        winograd: &WINOGRAD_NEON,
+        float: &F32_NEON,
+        pool: &POOL_NEON,
+        peak_int8: &USMMLA,
+        peak_f32: &FMA,
+    },
 ];
 
-direct_int8!(DIRECT_NEON: Packed = "qs8_direct_8x8c4__neon", ["neon"], Plain<neon::U7>);
-direct_int8!(WIDE_NEON: Packed = "qs8_wide_8x4c4__neon", ["neon"], Plain<neon::U8Wide>);
+direct_int8!(DIRECT_NEON: Packed = "qs8_direct_4x8c4__neon", ["neon"], neon::Pairs);
+direct_int8!(WIDE_NEON: Packed = "qs8_wide_4x4c4__neon", ["neon"], Plain<neon::U8Wide>);
 winograd_int8!(
     WINOGRAD_NEON = "qs8_winograd4_8x8c2__neon",
     ["neon"],
@@ -59,3 +74,7 @@ chain!(FMA = "fmla", ["neon"], dots::<neon::F32>);
 
 direct_int8!(DIRECT_NEONDOT: Packed = "qs8_direct_8x12c4__neondot", ["neon", "dotprod"], Plain<neon::U7Dot>);
 chain!(SDOT = "sdot", ["neon", "dotprod"], dots::<neon::U7Dot>);
+
+direct_int8!(DIRECT_NEONI8MM: Packed = "qs8_direct_8x12c8__neoni8mm", ["neon", "i8mm"], i8mm::Squares);
+direct_int8!(DOT_NEONI8MM: Packed = "qs8_direct_8x12c4__neoni8mm", ["neon", "i8mm"], Plain<i8mm::U8Dot>);
+chain!(USMMLA = "usmmla", ["neon", "i8mm"], dots::<i8mm::U8Square>);

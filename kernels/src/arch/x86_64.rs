@@ -75,7 +75,8 @@ pub(crate) static TIERS: [Tier; 6] = [
     },
     Tier {
         isa: Isa::Amx,
-        dot: DotProduct::Tiled {
+        dot: DotProduct::Choice {
+            takes: crate::direct::tiles::pay,
             kernel: &DIRECT_AMX,
             otherwise: &DIRECT_AVX512VNNI,
         },

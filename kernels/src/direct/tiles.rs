@@ -21,6 +21,8 @@ pub(crate) const BLOCKING: Blocking = Blocking {
     lanes: LANES,
     max_nv: 2,
     pack: 4,
+    together: 1,
+    apart: false,
     chunk: ROWS,
 };
 

@@ -67,14 +67,18 @@ impl Vector {
                 Some(Method::Plain(kernel, pack(kernel.blocking)?))
             }
             DotProduct::Plain { .. } => None,
-            #[cfg(target_arch = "x86_64")]
-            DotProduct::Tiled { kernel, otherwise } => {
-                let tiled = crate::direct::tiles::pay(&params.shape);
-                let kernel = Ready::new(if tiled { kernel } else { otherwise })?;
+            DotProduct::Choice {
+                takes,
+                kernel,
+                otherwise,
+            } => {
+                let kernel = Ready::new(if takes(&params.shape) {
+                    kernel
+                } else {
+                    otherwise
+                })?;
                 Some(Method::Plain(kernel, pack(kernel.blocking)?))
             }
-            #[cfg(not(target_arch = "x86_64"))]
-            DotProduct::Tiled { .. } => None,
             DotProduct::Segmented(kernel) => {
                 let kernel = Ready::new(kernel)?;
                 SegmentedPacked::new(pack(kernel.blocking)?, params.input_max)

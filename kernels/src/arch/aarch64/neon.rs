@@ -4,6 +4,8 @@
 use std::arch::aarch64::*;
 use std::arch::asm;
 
+use crate::direct::{Chain, Tile};
+use crate::packed::Packed;
 use crate::simd::{Dot, Simd, ops};
 
 /// 128-bit vectors.
@@ -167,7 +169,7 @@ unsafe impl Dot for U7 {
     type Acc = int32x4_t;
     type V = int8x16_t;
     const MAX_NV: usize = 2;
-    const MAX_MR: usize = 8;
+    const MAX_MR: usize = 4;
     const PACK: usize = 4;
 
     ops! {
@@ -182,6 +184,87 @@ unsafe impl Dot for U7 {
     }
 }
 
+/// The products of the high halves, of the first of two groups and added for the second. From intrinsics the compiler
+/// makes products of low halves, as `x` is the same in both, and keeps the weights' high halves in registers that it
+/// has not: sums went through the stack.
+#[inline]
+#[target_feature(enable = "neon")]
+fn high_products(xa: int8x16_t, wa: int8x16_t, xb: int8x16_t, wb: int8x16_t) -> int16x8_t {
+    let sum: int16x8_t;
+    // SAFETY: registers only; every aarch64 CPU has NEON.
+    unsafe {
+        asm!(
+            "smull2 {0:v}.8h, {1:v}.16b, {2:v}.16b",
+            "smlal2 {0:v}.8h, {3:v}.16b, {4:v}.16b",
+            out(vreg) sum, in(vreg) xa, in(vreg) wa, in(vreg) xb, in(vreg) wb,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    sum
+}
+
+/// Sums the products of [`U7`] two groups at a time: two of them fit i16, as 2 · 127² < 2¹⁵, and are added to sums of
+/// pairs, which become one number an output at the end. Three instructions for what takes [`U7::dot`] six.
+pub(crate) struct Pairs;
+
+// SAFETY: reads weights front to back, 16 · NV bytes per group, and 4 bytes per pixel and group.
+unsafe impl Chain for Pairs {
+    type D = U7;
+    type Panels = Packed;
+
+    #[inline(always)]
+    unsafe fn sum<const MR: usize, const NV: usize>(
+        mut acc: [[int32x4_t; NV]; MR],
+        tile: &Tile,
+    ) -> [[int32x4_t; NV]; MR] {
+        let mut w = tile.weights;
+        // SAFETY: the features are on. The tile's pixels at this tap have 4 · depth readable bytes each (caller); the
+        // panel holds taps · depth · NV vectors (`Packed`), of which every group reads the next NV.
+        unsafe {
+            // Of outputs 0 and 1, and of 2 and 3.
+            let mut low = [[vdupq_n_s32(0); NV]; MR];
+            let mut high = low;
+            for &tap in tile.taps {
+                let mut x = tile.x.offset(tap);
+                for _ in 0..tile.depth / 2 {
+                    let mut weights = [[U7::weights(w); 2]; NV];
+                    for (n, weights) in weights.iter_mut().enumerate() {
+                        *weights = [n, NV + n].map(|v| U7::weights(w.add(v * 16)));
+                    }
+                    for m in 0..MR {
+                        let pixel = x.add(m * tile.x_step);
+                        let (a, b) = (U7::splat(pixel), U7::splat(pixel.add(4)));
+                        for (n, &[wa, wb]) in weights.iter().enumerate() {
+                            let sum = vmull_s8(vget_low_s8(a), vget_low_s8(wa));
+                            let sum = vmlal_s8(sum, vget_low_s8(b), vget_low_s8(wb));
+                            low[m][n] = vpadalq_s16(low[m][n], sum);
+                            high[m][n] = vpadalq_s16(high[m][n], high_products(a, wa, b, wb));
+                        }
+                    }
+                    x = x.add(8);
+                    w = w.add(2 * NV * 16);
+                }
+                if !tile.depth.is_multiple_of(2) {
+                    for m in 0..MR {
+                        let a = U7::splat(x.add(m * tile.x_step));
+                        for n in 0..NV {
+                            let weights = U7::weights(w.add(n * 16));
+                            acc[m][n] = U7::dot(acc[m][n], a, weights);
+                        }
+                    }
+                    w = w.add(NV * 16);
+                }
+            }
+            for m in 0..MR {
+                for n in 0..NV {
+                    acc[m][n] = vaddq_s32(acc[m][n], vpaddq_s32(low[m][n], high[m][n]));
+                }
+            }
+        }
+        acc
+    }
+}
+
 /// Four u8 · i8 products by way of i16: exact for every input.
 #[derive(Clone, Copy)]
 pub(crate) struct U8Wide;
@@ -192,7 +275,7 @@ unsafe impl Dot for U8Wide {
     type Acc = int32x4_t;
     type V = int8x16_t;
     const MAX_NV: usize = 1;
-    const MAX_MR: usize = 8;
+    const MAX_MR: usize = 4;
     const PACK: usize = 4;
 
     ops! {
@@ -209,7 +292,25 @@ unsafe impl Dot for U8Wide {
     }
 }
 
-/// Two i16 · i16 products, widened.
+/// `acc` + the products of the low half of `w` with the first number of `x` + those of the high half with the second.
+/// From intrinsics the compiler makes vectors of the first number, four instructions each.
+#[inline]
+#[target_feature(enable = "neon")]
+fn two_products(acc: int32x4_t, x: int16x8_t, w: int16x8_t) -> int32x4_t {
+    let mut acc = acc;
+    // SAFETY: registers only; every aarch64 CPU has NEON.
+    unsafe {
+        asm!(
+            "smlal {0:v}.4s, {1:v}.4h, {2:v}.h[0]",
+            "smlal2 {0:v}.4s, {1:v}.8h, {2:v}.h[1]",
+            inout(vreg) acc, in(vreg) w, in(vreg_low16) x,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    acc
+}
+
+/// Two i16 · i16 products, widened: those of all lanes' first numbers, then those of their second ones.
 #[derive(Clone, Copy)]
 pub(crate) struct I16;
 
@@ -221,14 +322,12 @@ unsafe impl Dot for I16 {
     const MAX_NV: usize = 2;
     const MAX_MR: usize = 8;
     const PACK: usize = 2;
+    const APART: bool = true;
 
     ops! {
         fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
         fn weights(at: *const u8) -> int16x8_t = vld1q_s16(at.cast());
         fn splat(at: *const u8) -> int16x8_t = vreinterpretq_s16_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int16x8_t, w: int16x8_t) -> int32x4_t = {
-            let low = vmull_s16(vget_low_s16(x), vget_low_s16(w));
-            vaddq_s32(acc, vpaddq_s32(low, vmull_high_s16(x, w)))
-        };
+        fn dot(acc: int32x4_t, x: int16x8_t, w: int16x8_t) -> int32x4_t = two_products(acc, x, w);
     }
 }
