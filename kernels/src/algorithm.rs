@@ -94,8 +94,8 @@ impl Algorithms {
     /// The choice that is fastest with kernels of `isa`.
     pub fn fastest(isa: Isa) -> Self {
         match isa {
-            // Of i8mm no such CPU was at hand: Neoverse N2 takes two `usmmla` of 32 products a cycle and one `smlal` of 4
-            // (Arm's guide), so that the definition takes half of the cycles that Winograd's products do.
+            // No CPU with i8mm was at hand. By Arm's guide Neoverse N2 begins two `usmmla` of 32 products a cycle and
+            // one `smlal` of 4, so that the definition takes half of the cycles that Winograd's products do.
             Isa::Amx | Isa::NeonI8mm => Self::Direct,
             _ => Self::Portable,
         }

@@ -1,10 +1,10 @@
 //! Weights in the order the kernels read them.
 //!
 //! Output channels of a group are cut into vectors of LANES, vectors into blocks of at most MAX_NV, and every (group,
-//! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Where a kernel
-//! takes several depth groups together, those of a lane are side by side; where it takes numbers apart, a vector is
-//! `[PACK][lane]`. Lanes beyond the last output channel hold zeros, and so do depth groups that a chunk shares with the
-//! one before it.
+//! block, phase) is one panel: `[tap][depth group][vector][lane][PACK]`, read front to back by every tile. Where a
+//! kernel takes several depth groups together, those of a lane are side by side; where it takes numbers apart, a vector
+//! is `[PACK][lane]`. Lanes beyond the last output channel hold zeros, and so do depth groups that a chunk shares with
+//! the one before it.
 
 use crate::ConvShape;
 use crate::phase::{Phase, Tap};

@@ -13,7 +13,8 @@ use crate::{Isa, KernelError};
 /// Multiply-accumulates per second of one thread, in units of 10⁹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// u8 · i8: `tdpbusd` with AMX, `vpdpbusd` with VNNI, `usmmla` with i8mm, `vpmaddubsw` + `vpaddw` without (the shortest exact chain).
+    /// u8 · i8: `tdpbusd` with AMX, `vpdpbusd` with VNNI, `usmmla` with i8mm, `sdot` with dotprod; on other x86 CPUs
+    /// `vpmaddubsw` + `vpaddw` (the shortest exact chain).
     pub int8: f64,
     /// f32 fused multiply-add.
     pub f32: f64,

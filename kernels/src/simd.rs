@@ -69,8 +69,8 @@ pub(crate) unsafe trait Dot: Copy + 'static {
     const PACK: usize;
     /// 32-bit groups of a lane that lie side by side in a panel.
     const TOGETHER: usize = 1;
-    /// Whether a vector of weights holds every lane's first number, then every lane's second, and so on, instead of lane
-    /// after lane.
+    /// Whether a vector of weights holds every lane's first number, then every lane's second, and so on, instead of
+    /// lane after lane.
     const APART: bool = false;
 
     /// Loads LANES accumulators.

@@ -114,7 +114,8 @@ unsafe impl Chain for Squares {
         // A pixel alone is summed twice.
         let second = |pair: usize| (2 * pair + 1).min(MR - 1);
         // SAFETY: the features are on. The tile's pixels at this tap have 4 · depth readable bytes each (caller), and
-        // depth is even; the panel holds taps · depth · NV vectors (`Packed`), of which every step reads the next 2 · NV.
+        // depth is even; the panel holds taps · depth · NV vectors (`Packed`), of which every step reads the next
+        // 2 · NV.
         unsafe {
             // Outside a vector is one pixel's four outputs; here it is two pixels' two: the first two, and the others.
             let mut sums = [[halves(acc[0][0], acc[0][0]); NV]; PAIRS];
