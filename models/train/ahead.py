@@ -45,8 +45,6 @@ def _make(slot: int, seed: int, n: int, H: int, W: int, *rest: object) -> list[n
 
 def _joined(parts: list[np.ndarray]) -> Tensor:
     """Labels of tiles with room for different numbers of people, of as many as any."""
-    if parts[0].ndim == 3 and parts[0].dtype == bool and len({p.shape[1] for p in parts}) == 1:
-        return torch.from_numpy(np.concatenate(parts))
     room = max(p.shape[1] for p in parts)
     out = np.zeros((sum(map(len, parts)), room, *parts[0].shape[2:]), parts[0].dtype)
     at = 0

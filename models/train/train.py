@@ -550,6 +550,8 @@ class Trainer:
                 self.save(t0, off)
                 saved = time.time()
         self.save(t0, off)
+        if isinstance(self.everyday, Ahead):
+            self.everyday.close()
         if log is not None:
             log.close()
         if self.group.first:
