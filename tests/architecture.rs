@@ -68,12 +68,22 @@ fn src() -> PathBuf {
 
 /// The Rust files of a file or folder.
 fn files(path: &Path) -> Vec<PathBuf> {
+    files_of(path, "rs")
+}
+
+/// Files under a path that end in `.extension`; what a tool made for itself is none of them.
+fn files_of(path: &Path, extension: &str) -> Vec<PathBuf> {
     if path.is_file() {
         return vec![path.into()];
     }
     let entries = fs::read_dir(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut found: Vec<PathBuf> = entries.flat_map(|e| files(&e.unwrap().path())).collect();
-    found.retain(|f| f.extension().is_some_and(|e| e == "rs"));
+    let entries = entries.map(|e| e.unwrap().path());
+    let is_own = |path: &PathBuf| !path.file_name().unwrap().to_str().unwrap().starts_with('.');
+    let mut found: Vec<PathBuf> = entries
+        .filter(is_own)
+        .flat_map(|path| files_of(&path, extension))
+        .collect();
+    found.retain(|f| f.extension().is_some_and(|e| e == extension));
     found
 }
 
@@ -257,4 +267,34 @@ fn comments_fit_the_page() {
         }
     }
     assert!(comments > 1000, "{comments} comments were found");
+}
+
+/// So are tables and commands of documents; the log of training runs is written for a table's reader.
+#[test]
+fn documents_fit_the_page() {
+    const WIDTH: usize = 120;
+    let root = src().with_file_name("");
+    let rooms = ["clients", "deploy", "docs", "kernels", "models", "benches"];
+    let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"]
+        .map(|name| root.join(name))
+        .into();
+    documents.extend(
+        rooms
+            .iter()
+            .flat_map(|room| files_of(&root.join(room), "md")),
+    );
+    documents.retain(|document| !document.ends_with("RUNS.md"));
+    assert!(documents.len() > 15, "{documents:?}");
+    for document in documents {
+        let mut is_command = false;
+        for line in fs::read_to_string(&document).unwrap().lines() {
+            let is_fence = line.trim_start().starts_with("```");
+            is_command ^= is_fence;
+            assert!(
+                is_command || line.starts_with('|') || line.chars().count() <= WIDTH,
+                "{}: a line of more than {WIDTH} characters: {line}",
+                document.display()
+            );
+        }
+    }
 }
