@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import pathlib
 import time
-from collections import defaultdict, deque
+from collections import deque
 from concurrent.futures import Future, ProcessPoolExecutor
 
 import numpy as np
@@ -66,17 +66,30 @@ class Ahead:
         _memory = mmap.mmap(-1, SLOTS * CHUNK * MOST)
         self.memory = _memory
         self.free = deque(range(SLOTS))
-        self.asked: dict[tuple[object, ...], deque[list[tuple[int, int, Future[list[np.ndarray]]]]]] = defaultdict(deque)
+        # by kind, the one that was wanted last at the end
+        self.asked: dict[tuple[object, ...], deque[list[tuple[int, int, Future[list[np.ndarray]]]]]] = {}
         workers = workers or max(1, len(os.sched_getaffinity(0)) - 1)
         self.waited = 0.0  # seconds, for tiles that were not ready
         self.workers = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _alone)
+
+    def _slot(self, wanted: tuple[object, ...]) -> int:
+        """A free slot; where there is none, those of the kind that was not wanted for longest: a phase before this one's."""
+        while not self.free:
+            kind = next((k for k, queue in self.asked.items() if queue and k != wanted), None)
+            if kind is None:
+                raise SystemExit(f"expected batches of {SLOTS * CHUNK} tiles together, found {DEPTH + 1} that hold more: raise ahead.SLOTS")
+            for slot, _, future in self.asked[kind].popleft():
+                if not future.cancel():
+                    future.result()
+                self.free.append(slot)
+        return self.free.popleft()
 
     def _ask(self, n: int, H: int, W: int, *rest: object) -> list[tuple[int, int, Future[list[np.ndarray]]]]:
         if 3 * H * W > MOST:
             raise SystemExit(f"expected tiles of at most {MOST} bytes, found {H} x {W}: raise ahead.MOST")
         out = []
         for at in range(0, n, CHUNK):
-            slot, count = self.free.popleft(), min(CHUNK, n - at)
+            slot, count = self._slot((n, H, W, *rest)), min(CHUNK, n - at)
             self.seed += 1
             out.append((slot, count, self.workers.submit(_make, slot, self.seed, count, H, W, *rest)))
         return out
@@ -92,7 +105,8 @@ class Ahead:
     ) -> Batch:
         """As `Everyday.batch`; kinds that were asked for before are ready or under way."""
         kind = (n, H, W, zoom, tall, close)
-        queue = self.asked[kind]
+        queue = self.asked.pop(kind, deque())
+        self.asked[kind] = queue  # now the last of all
         while len(queue) <= DEPTH:
             queue.append(self._ask(*kind))
         cuda = self.device.type == "cuda"

@@ -77,7 +77,7 @@ class Everyday:
         self.kept: list[list[Tensor]] = []
 
     def keep_decoded(self) -> None:
-        """Keep every photo in memory, whole and shrunk (a gigabyte for 1,500): processes forked afterwards share them."""
+        """Keep every photo in memory, whole and shrunk (a gigabyte for 1,200): processes forked afterwards share them."""
         with ThreadPoolExecutor(16) as threads:
             self.kept = list(threads.map(lambda i: self._shrunk(i, HALVINGS), range(len(self.size))))
 

@@ -6,14 +6,14 @@ set -eu
 call=$1 part=$2 run=$3 back=$4 minutes=$5
 here=$(cd "$(dirname "$0")" && pwd)
 mkdir -p "$run/parts" "$back"
-cp -r "$part" "$run/parts/"
-data=$run/data$call
-python3 "$here/carry.py" unpack "$run/parts" "$data"
 case $call in
 1) length=(--total 10) ;;
 2) length=(--resume --finish) ;;
 *) echo "expected 1 or 2, found $call" >&2 && exit 2 ;;
 esac
+cp -r "$part" "$run/parts/"
+data=$run/data$call
+python3 "$here/carry.py" unpack "$run/parts" "$data"
 # what is there comes back, also where the call is cut off
 (while sleep 30; do cp "$run"/ckpt/*.pt "$run/log.jsonl" "$back" 2>/dev/null || true; done) &
 trap "kill $!" EXIT

@@ -56,6 +56,19 @@ class Ahead(Folder):
         for k in ahead.LABELS:
             np.testing.assert_array_equal(getattr(found, k)[:16], getattr(expected, k), k)
 
+    def test_what_is_no_longer_wanted_makes_room(self) -> None:
+        self.made.free = type(self.made.free)(range(2 * (ahead.DEPTH + 1)))
+        for kind in ((32, 64, 64, (0.7, 1.2)), (30, 64, 96, (0.7, 1.2)), (32, 64, 64, (0.7, 1.2))):
+            for _ in range(3):
+                b = self.made.batch(*kind)
+                self.assertEqual(b.image.shape, (kind[0], 3, *kind[1:3]))
+                self.assertGreater(float(b.image.std()), 0.01)
+
+    def test_more_than_fits_is_refused(self) -> None:
+        self.made.free = type(self.made.free)(range(3))
+        with self.assertRaisesRegex(SystemExit, "SLOTS"):
+            self.made.batch(32, 64, 64, (0.7, 1.2), None, False)
+
     def test_tiles_too_large_are_refused(self) -> None:
         with self.assertRaisesRegex(SystemExit, "MOST"):
             self.made.batch(1, 1024, 1024, (0.7, 1.2))
