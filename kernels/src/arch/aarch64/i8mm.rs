@@ -4,7 +4,7 @@
 use std::arch::aarch64::*;
 use std::arch::asm;
 
-use super::neon::Neon;
+use super::neon::{Neon, byte_dot};
 use crate::ConvShape;
 use crate::direct::{Chain, Tile};
 use crate::packed::Packed;
@@ -32,47 +32,16 @@ macro_rules! instruction {
 instruction!(usdot = "usdot");
 instruction!(usmmla = "usmmla");
 
-/// Four u8 · i8 products.
-#[derive(Clone, Copy)]
-pub(crate) struct U8Dot;
-
-// SAFETY: loads 16 bytes of weights and 4 of input.
-unsafe impl Dot for U8Dot {
-    type S = Neon;
-    type Acc = int32x4_t;
-    type V = int8x16_t;
-    const MAX_NV: usize = 3;
-    const MAX_MR: usize = 8;
-    const PACK: usize = 4;
-
-    ops! {
-        fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
-        fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
-        fn splat(at: *const u8) -> int8x16_t = vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t = usdot(acc, vreinterpretq_u8_s8(x), w);
-    }
+byte_dot! {
+    /// Four u8 · i8 products.
+    U8Dot: 8 pixels, 3 vectors, 1 together;
+    |acc, x, w| usdot(acc, vreinterpretq_u8_s8(x), w)
 }
 
-/// Two pixels × two outputs, eight u8 · i8 products each.
-#[derive(Clone, Copy)]
-pub(crate) struct U8Square;
-
-// SAFETY: loads 16 bytes of weights and 4 of input.
-unsafe impl Dot for U8Square {
-    type S = Neon;
-    type Acc = int32x4_t;
-    type V = int8x16_t;
-    const MAX_NV: usize = 3;
-    const MAX_MR: usize = 8;
-    const PACK: usize = 4;
-    const TOGETHER: usize = 2;
-
-    ops! {
-        fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
-        fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
-        fn splat(at: *const u8) -> int8x16_t = vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t = usmmla(acc, vreinterpretq_u8_s8(x), w);
-    }
+byte_dot! {
+    /// Two pixels × two outputs, eight u8 · i8 products each.
+    U8Square: 8 pixels, 3 vectors, 2 together;
+    |acc, x, w| usmmla(acc, vreinterpretq_u8_s8(x), w)
 }
 
 /// Whether [`Squares`] can sum `shape`: channels of a group come in eights.

@@ -122,6 +122,39 @@ unsafe impl Dot for F32 {
     }
 }
 
+/// Products of bytes, four to a 32-bit group, with the expression for `acc + x · w`.
+macro_rules! byte_dot {
+    (
+        $(#[$doc:meta])*
+        $name:ident: $mr:literal pixels, $nv:literal vectors, $together:literal together;
+        |$acc:ident, $x:ident, $w:ident| $dot:expr
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(crate) struct $name;
+
+        // SAFETY: loads 16 bytes of weights and 4 of input.
+        unsafe impl Dot for $name {
+            type S = Neon;
+            type Acc = int32x4_t;
+            type V = int8x16_t;
+            const MAX_NV: usize = $nv;
+            const MAX_MR: usize = $mr;
+            const PACK: usize = 4;
+            const TOGETHER: usize = $together;
+
+            ops! {
+                fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
+                fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
+                fn splat(at: *const u8) -> int8x16_t =
+                    vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
+                fn dot($acc: int32x4_t, $x: int8x16_t, $w: int8x16_t) -> int32x4_t = $dot;
+            }
+        }
+    };
+}
+pub(super) use byte_dot;
+
 /// `sdot`, whose intrinsic is not stable.
 #[inline]
 #[target_feature(enable = "neon,dotprod")]
@@ -138,49 +171,19 @@ fn sdot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t {
     acc
 }
 
-/// Four i8 · i8 products with `sdot`; inputs of 7 bits.
-#[derive(Clone, Copy)]
-pub(crate) struct U7Dot;
-
-// SAFETY: loads 16 bytes of weights and 4 of input.
-unsafe impl Dot for U7Dot {
-    type S = Neon;
-    type Acc = int32x4_t;
-    type V = int8x16_t;
-    const MAX_NV: usize = 3;
-    const MAX_MR: usize = 8;
-    const PACK: usize = 4;
-
-    ops! {
-        fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
-        fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
-        fn splat(at: *const u8) -> int8x16_t = vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t = sdot(acc, x, w);
-    }
+byte_dot! {
+    /// Four i8 · i8 products with `sdot`; inputs of 7 bits.
+    U7Dot: 8 pixels, 3 vectors, 1 together;
+    |acc, x, w| sdot(acc, x, w)
 }
 
-/// Four i8 · i8 products widened to i16 and added in pairs; inputs of 7 bits.
-#[derive(Clone, Copy)]
-pub(crate) struct U7;
-
-// SAFETY: loads 16 bytes of weights and 4 of input.
-unsafe impl Dot for U7 {
-    type S = Neon;
-    type Acc = int32x4_t;
-    type V = int8x16_t;
-    const MAX_NV: usize = 2;
-    const MAX_MR: usize = 4;
-    const PACK: usize = 4;
-
-    ops! {
-        fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
-        fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
-        fn splat(at: *const u8) -> int8x16_t = vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t = {
-            let low = vpaddlq_s16(vmull_s8(vget_low_s8(x), vget_low_s8(w)));
-            let high = vpaddlq_s16(vmull_high_s8(x, w));
-            vaddq_s32(acc, vpaddq_s32(low, high))
-        };
+byte_dot! {
+    /// Four i8 · i8 products widened to i16 and added in pairs; inputs of 7 bits.
+    U7: 4 pixels, 2 vectors, 1 together;
+    |acc, x, w| {
+        let low = vpaddlq_s16(vmull_s8(vget_low_s8(x), vget_low_s8(w)));
+        let high = vpaddlq_s16(vmull_high_s8(x, w));
+        vaddq_s32(acc, vpaddq_s32(low, high))
     }
 }
 
@@ -265,30 +268,15 @@ unsafe impl Chain for Pairs {
     }
 }
 
-/// Four u8 · i8 products by way of i16: exact for every input.
-#[derive(Clone, Copy)]
-pub(crate) struct U8Wide;
-
-// SAFETY: loads 16 bytes of weights and 4 of input.
-unsafe impl Dot for U8Wide {
-    type S = Neon;
-    type Acc = int32x4_t;
-    type V = int8x16_t;
-    const MAX_NV: usize = 1;
-    const MAX_MR: usize = 4;
-    const PACK: usize = 4;
-
-    ops! {
-        fn load_acc(at: *const u8) -> int32x4_t = vld1q_s32(at.cast());
-        fn weights(at: *const u8) -> int8x16_t = vld1q_s8(at.cast());
-        fn splat(at: *const u8) -> int8x16_t = vreinterpretq_s8_s32(vdupq_n_s32(at.cast::<i32>().read_unaligned()));
-        fn dot(acc: int32x4_t, x: int8x16_t, w: int8x16_t) -> int32x4_t = {
-            // Every group of x is the same: its low half serves both halves of w.
-            let x = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(vreinterpretq_u8_s8(x))));
-            let (low, high) = (vmovl_s8(vget_low_s8(w)), vmovl_high_s8(w));
-            let groups = |w| vpaddq_s32(vmull_s16(vget_low_s16(x), vget_low_s16(w)), vmull_high_s16(x, w));
-            vaddq_s32(acc, vpaddq_s32(groups(low), groups(high)))
-        };
+byte_dot! {
+    /// Four u8 · i8 products by way of i16: exact for every input.
+    U8Wide: 4 pixels, 1 vectors, 1 together;
+    |acc, x, w| {
+        // Every group of x is the same: its low half serves both halves of w.
+        let x = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(vreinterpretq_u8_s8(x))));
+        let (low, high) = (vmovl_s8(vget_low_s8(w)), vmovl_high_s8(w));
+        let groups = |w| vpaddq_s32(vmull_s16(vget_low_s16(x), vget_low_s16(w)), vmull_high_s16(x, w));
+        vaddq_s32(acc, vpaddq_s32(groups(low), groups(high)))
     }
 }
 
