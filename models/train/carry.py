@@ -1,10 +1,10 @@
 """Training data in parts small enough to be carried to another machine, and back together there.
 
-    python carry.py pack PARTS --everyday FOLDER --scenes FOLDER ... [--parts 2] [--side 576] [--quality 60]
+    python carry.py pack PARTS --everyday FOLDER --scenes FOLDER ... [--pack PACK] [--parts 2] [--side 576] [--quality 60]
     python carry.py unpack PARTS OUT      # as many of the parts as are there
 
 Photos are shrunk to `--side` and compressed once more, scenes compressed for the first time: a third of the bytes. Every part holds its share of
-the photos and of every folder of scenes, so that training can begin on the first one.
+the photos, of every folder of scenes and of a pack's pictures to train on, so that training can begin on the first one.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from pool import FIELDS
 
 PER_PHOTO = ("size", "weight", "stretched", "source")
 PER_PERSON = ("joints", "state", "box")
+PER_IMAGE = ("size", "set", "joints", "names")  # of a pack
 
 
 def compressed(image: np.ndarray, quality: int) -> bytes:
@@ -76,6 +77,28 @@ def scenes(folder: pathlib.Path, out: pathlib.Path, part: int, parts: int, quali
     said(folder, out)
 
 
+def images(pack: pathlib.Path, out: pathlib.Path, part: int, parts: int, quality: int) -> None:
+    """Pictures of pack.py to train on."""
+    if (pack / "teacher.npz").exists():
+        raise SystemExit(f"expected a pack without teacher.npz, whose rows go by a whole pack's pictures, found one in {pack}: move it away")
+    z = np.load(pack / "images.npz")
+    raw, names = np.memmap(pack / "images.bin", np.uint8, "r"), z["set_names"]
+    which = np.concatenate([np.nonzero(z["set"] == k)[0][part::parts] for k, name in enumerate(names) if not name.endswith("test")])
+    files = [compressed(cv2.imdecode(raw[z["offset"][i] : z["offset"][i + 1]], cv2.IMREAD_COLOR), quality) for i in which]
+    out.mkdir(parents=True)
+    (out / "images.bin").write_bytes(b"".join(files))
+    rest = {k: z[k][which] for k in PER_IMAGE}
+    np.savez_compressed(out / "images.npz", offset=np.cumsum([0, *map(len, files)]), set_names=names, **rest)
+
+
+def unpack_images(parts: list[pathlib.Path], out: pathlib.Path) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    z = [np.load(p / "images.npz") for p in parts]
+    (out / "images.bin").write_bytes(b"".join((p / "images.bin").read_bytes() for p in parts))
+    offset = np.cumsum([0, *np.concatenate([np.diff(p["offset"]) for p in z])]).astype(np.int64)
+    np.savez(out / "images.npz", offset=offset, set_names=z[0]["set_names"], **{k: np.concatenate([p[k] for p in z]) for k in PER_IMAGE})
+
+
 def pictures(folder: pathlib.Path, offset: np.ndarray) -> list[np.ndarray]:
     """uint8 [3, h, w] RGB of each."""
     raw = np.memmap(folder / "pictures.bin", np.uint8, "r")
@@ -115,6 +138,7 @@ def main(argv: list[str]) -> None:
     p.add_argument("parts_folder", type=pathlib.Path)
     p.add_argument("--everyday", type=pathlib.Path, required=True)
     p.add_argument("--scenes", type=pathlib.Path, nargs="+", required=True)
+    p.add_argument("--pack", type=pathlib.Path, help="folder of pack.py")
     p.add_argument("--parts", type=int, default=2)
     p.add_argument("--side", type=int, default=576)
     p.add_argument("--quality", type=int, default=60)
@@ -127,6 +151,8 @@ def main(argv: list[str]) -> None:
         if not parts:
             raise SystemExit(f"expected folders part0, part1, ... in {a.parts_folder}, found none: run carry.py pack")
         unpack_photos([p / "everyday" for p in parts], a.out / "everyday")
+        if (parts[0] / "pack").exists():
+            unpack_images([p / "pack" for p in parts], a.out / "pack")
         for name in sorted(d.name for d in (parts[0] / "scenes").iterdir()):
             unpack_scenes([p / "scenes" / name for p in parts], a.out / "scenes" / name)
         return
@@ -135,6 +161,8 @@ def main(argv: list[str]) -> None:
         out = a.parts_folder / f"part{part}"
         shutil.rmtree(out, ignore_errors=True)
         photos(a.everyday, out / "everyday", np.arange(part, n, a.parts), a.side, a.quality)
+        if a.pack:
+            images(a.pack, out / "pack", part, a.parts, a.quality)
         for folder in a.scenes:
             scenes(folder, out / "scenes" / folder.name, part, a.parts, a.quality)
         print(f"{out}: {sum(f.stat().st_size for f in out.rglob('*') if f.is_file()) / 2**20:.1f} MiB")

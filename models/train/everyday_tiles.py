@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pathlib
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from coco17 import LABELLED, UNKNOWN
-from real import decode
+from real import decode, each
 from skeleton import FLIP14, NJ
 
 ASPECT = (0.6, 1.7)  # of what was squeezed
@@ -78,8 +77,7 @@ class Everyday:
 
     def keep_decoded(self) -> None:
         """Keep every photo in memory, whole and shrunk (a gigabyte for 1,200): processes forked afterwards share them."""
-        with ThreadPoolExecutor(16) as threads:
-            self.kept = list(threads.map(lambda i: self._shrunk(i, HALVINGS), range(len(self.size))))
+        self.kept = each(lambda i: self._shrunk(i, HALVINGS), len(self.size))
 
     def _shrunk(self, i: int, halvings: int) -> list[Tensor]:
         out = [torch.from_numpy(decode(self.pictures[self.offset[i] : self.offset[i + 1]].tobytes())).permute(2, 0, 1)]

@@ -1,34 +1,73 @@
 #!/bin/bash
-# One call of a short GPU lease (ten minutes at most): gpu.sh 1|2|3 PACK RUN BACK
-#   PACK  what pack.py made (50 MiB)     RUN  a folder that outlives the call     BACK  the folder that is fetched after it
-# Calls 1 and 2 train, call 3 anneals, trains Stage II on true outputs, measures and exports.  Twenty-five minutes from random weights.
+# Training on a GPU that is lent for minutes, by calls that carry little: a process of its own goes on between the calls.
+#   gpu.sh take RUN PART                 a part of carry.py into RUN/parts; RUN is a folder that outlives the call
+#   gpu.sh train RUN PARTS OPTION...     in the background, on two parts first, on all PARTS once they are there, until the time in
+#                                        RUN/end (seconds since 1970, read at both starts); OPTIONs are train.py's
+#   gpu.sh watch RUN BACK                checkpoints to BACK, which is fetched after the call, until training has ended
 set -eu
-call=$1 pack=$2 run=$3 back=$4
+what=$1 run=$2
 here=$(cd "$(dirname "$0")" && pwd)
-mkdir -p "$run" "$back"
-keep() { cp "$run/ckpt/ema.pt" "$run/log.jsonl" "$back"; }
-case $call in
-1)
-    python3 "$here/scenes.py" "$pack" "$back/sheet.jpg" --n 12 --bench 256
-    python3 "$here/train.py" "$pack" "$run" --total 24 --minutes 8.3
-    keep
+mkdir -p "$run/parts"
+
+arrived() { find "$run/parts" -maxdepth 1 -name 'part*' | wc -l; }
+
+unpack() { # to a folder in RUN
+    python3 "$here/carry.py" unpack "$run/parts" "$run/$1"
+}
+
+go() { # on a folder in RUN
+    local data=$run/$1 minutes
+    shift
+    minutes=$(awk -v end="$(cat "$run/end")" -v now="$(date +%s)" 'BEGIN { print (end - now) / 60 }')
+    exec python3 "$here/train.py" "$data/pack" "$run" --everyday "$data/everyday" --scenes "$data"/scenes/* \
+        --total "$minutes" --minutes "$minutes" --save-every 45 "$@"
+}
+
+train() {
+    local parts=$1 first=
+    shift
+    while [ "$(arrived)" -lt $((parts < 2 ? parts : 2)) ]; do sleep 1; done
+    if [ "$parts" -gt 2 ]; then
+        unpack some
+        (go some "$@") &
+        first=$!
+        while [ "$(arrived)" -lt "$parts" ]; do sleep 1; done
+    fi
+    unpack all
+    if [ "$first" ]; then
+        kill -TERM "$first"
+        wait "$first"
+        set -- "$@" --resume
+    fi
+    (go all --finish "$@")
+}
+
+case $what in
+take)
+    name=$(basename "$3")
+    cp -r "$3" "$run/parts/.$name"
+    mv "$run/parts/.$name" "$run/parts/$name"
     ;;
-2)
-    [ -e "$run/ckpt" ] || { mkdir -p "$run/ckpt" && cp "$back/ema.pt" "$run/ckpt/"; } # the machine was lost: go on from the averages
-    python3 "$here/train.py" "$pack" "$run" --total 24 --minutes 9.3 --resume
-    keep
+train)
+    shift 2
+    rm -f "$run/ended"
+    export -f arrived unpack go train
+    export run here
+    setsid nohup bash -c 'set -eu; trap "echo \$? >\"\$run/ended\"" EXIT; train "$@"' train "$@" >>"$run/train.log" 2>&1 </dev/null &
     ;;
-3)
-    python3 "$here/train.py" "$pack" "$run" --minutes 4.5 --resume --finish
-    python3 "$here/stage2.py" "$pack" "$run" --minutes 2.5 --batch 4096 --lr 4e-3 --stage1 "$run/ckpt"
-    python3 "$here/export.py" "$run"
-    cp "$run"/*.safetensors "$run/stage2.pt" "$run/log.jsonl" "$back"
-    python3 "$here/prerender.py" "$pack" "$run/held" --n 256 --held --seed 99991 --threads 16
-    python3 "$here/evaluate.py" "$pack" "$run" --scenes "$run/held"
-    cp "$run/eval.json" "$back"
+watch)
+    back=$3
+    mkdir -p "$back"
+    until [ -e "$run/ended" ]; do
+        for _ in 1 2 3 4 5 6; do [ -e "$run/ended" ] || sleep 5; done
+        cp "$run"/ckpt/*.pt "$run/log.jsonl" "$run/train.log" "$back" 2>/dev/null || true
+    done
+    cp "$run"/ckpt/*.pt "$run/log.jsonl" "$run/train.log" "$back"
+    tail -n 20 "$run/train.log"
+    exit "$(cat "$run/ended")"
     ;;
 *)
-    echo "expected 1, 2 or 3, found $call" >&2
+    echo "expected take, train or watch, found $what" >&2
     exit 2
     ;;
 esac

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 import pathlib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -15,6 +17,9 @@ from torch import Tensor
 
 from augment import lying
 from skeleton import FLIP14, FLIP21, NB, NJ, limb_chain
+
+
+T = TypeVar("T")
 
 
 def decode(buf: bytes) -> np.ndarray:
@@ -49,9 +54,19 @@ def load_set(pack: pathlib.Path, name: str, limit: int = 0) -> Archive:
     return Archive([blob[off[i] : off[i + 1]] for i in ids], z["size"][ids].astype(np.int64), z["joints"][ids])
 
 
+def each(work: Callable[[int], T], n: int) -> list[T]:
+    """`work` of 0 to n-1 by threads, each of which runs PyTorch's operations alone: threads of threads are slower."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with ThreadPoolExecutor(16) as threads:
+            return list(threads.map(work, range(n)))
+    finally:
+        torch.set_num_threads(before)
+
+
 def decode_all(files: list[bytes]) -> list[np.ndarray]:
-    with ThreadPoolExecutor(16) as ex:
-        return list(ex.map(decode, files))
+    return each(lambda i: decode(files[i]), len(files))
 
 
 HELD_EVERY = 7  # every seventh photo without people is kept out of training, to count false people on
@@ -211,7 +226,7 @@ class People:
         n = len(joints)
         if limit or not path.exists():
             self.bones, self.lift = torch.zeros(n, NB, 3, device=self.device), torch.zeros(n, dtype=torch.bool, device=self.device)
-            self.mask, self.cut = torch.zeros(n, 1, 1, dtype=torch.uint8), self.lift
+            self.mask, self.cut = torch.zeros(n, 1, 1, dtype=torch.uint8, device=self.device), self.lift
             return joints, np.zeros(n, bool)
         z = np.load(path)
         if len(z["ok"]) != n:
@@ -231,11 +246,14 @@ class People:
         """uint8 [2n, 3, S, S]: every picture in the top left corner, then antialiased copies of half the size for people drawn small."""
         n = len(files)
         out = torch.zeros(2 * n, 3, S, S, dtype=torch.uint8)
-        for i, im in enumerate(decode_all(files)):
-            t = torch.from_numpy(im).permute(2, 0, 1)
+
+        def place(i: int) -> None:
+            t = torch.from_numpy(decode(files[i])).permute(2, 0, 1)
             h, w = t.shape[1:]
             out[i] = F.pad(t[None].float(), (0, S - w, 0, S - h), mode="replicate")[0].to(torch.uint8)
             out[n + i, :, : (S + 1) // 2, : (S + 1) // 2] = F.avg_pool2d(out[i : i + 1].float(), 2, ceil_mode=True)[0].round().to(torch.uint8)
+
+        each(place, n)
         return out
 
     def fired(self, photo: Tensor, answer: Tensor) -> None:

@@ -132,6 +132,27 @@ CPU_EVERYDAY_PHASES = [
         ],
     ),
 ]
+# The same on a GPU, which spends a tenth of a second a step on launches whatever the batch holds.
+GPU_EVERYDAY_PHASES = [
+    Phase(
+        0.35,
+        [
+            Mix(192, 192, 112, 80, (85, 240), [0.08, 0.54, 0.26, 0.12], (0.7, 1.3), everyday=448),
+            Mix(256, 256, 64, 48, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=256, view=(0.6, 1.2)),
+            Mix(256, 256, 64, 48, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=256),
+        ],
+    ),
+    Phase(
+        1.1,
+        [
+            Mix(320, 512, 32, 24, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(256, 256, 64, 48, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=256, view=(0.6, 1.2)),
+            Mix(512, 320, 32, 24, (65, 400), [0.10, 0.30, 0.30, 0.30], (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(256, 256, 64, 48, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=256),
+            Mix(400, 400, 32, 24, (65, 450), [0.10, 0.30, 0.30, 0.30], (0.95, 1.5), everyday=128, view=(1.0, 1.45)),
+        ],
+    ),
+]
 # From random weights and open data alone: small tiles first, since a picture costs by its size, then what people before a screen look like.
 NOBODY: list[float] = []
 CPU_OPEN_PHASES = [
@@ -162,7 +183,6 @@ CPU_OPEN_PHASES = [
         ],
     ),
 ]
-# The same on a GPU, which spends a tenth of a second a step on launches whatever the batch holds.
 GPU_OPEN_PHASES = [
     Phase(
         0.30,
@@ -198,7 +218,6 @@ TINY_PHASES = [
 ]
 TINY_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=2) for m in q.mixes]) for q in TINY_PHASES]
 TINY_OPEN_PHASES = [Phase(q.until, [replace(m, real=0, people=NOBODY, everyday=2, sized=True) for m in q.mixes]) for q in TINY_PHASES]
-GPU_EVERYDAY_PHASES = [Phase(q.until, [replace(m, everyday=m.real) for m in q.mixes]) for q in GPU_PHASES]
 PHASES = {
     "gpu": GPU_PHASES,
     "cpu": CPU_PHASES,
