@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import clips
 import framed
 from choices import Program, folder_of
-from real import HELD_EVERY
+from real import PEOPLED, held_out
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 TALL = (150, 200, 270)
@@ -72,7 +72,7 @@ def sets(held: pathlib.Path, data: pathlib.Path, work: pathlib.Path) -> Iterator
     lsp = folder_of(work, "lsp", [data / "people2d" / r["file"] for r in rows])
     yield Pictures("LSP-test, 256x256", lsp, ["--truth", people, *test], ("--size", "256x256"))
     yield Pictures("four photos", data / "real3d", ["--truth", data / "real3d/annotations.json"])
-    nobody = folder_of(work, "nobody", sorted((data / "no_people").glob("*.jpg"))[HELD_EVERY - 1 :: HELD_EVERY])
+    nobody = folder_of(work, "nobody", [p for p in sorted((data / "no_people").glob("*.jpg")) if held_out(p.name) and p.name not in PEOPLED])
     yield Pictures("without people", nobody, ["--no-people"])
 
 

@@ -19,6 +19,7 @@ import carry
 import terms
 from everyday_tiles import Batch, Everyday
 from pool import FIELDS
+from real import PEOPLED, decode, held_out, load_photos, load_set
 from test_open import everyday_folder, scenes_folder
 
 CPU = torch.device("cpu")
@@ -96,6 +97,54 @@ class Carried(Folder):
         (self.at / "parts/part0").rename(one / "part0")
         carry.main(["unpack", str(one), str(self.at / "first")])
         self.assertEqual(len(Everyday(self.at / "first/everyday", 3).size), 2)
+
+    def test_pictures_of_a_pack_are_carried_with_what_is_known_of_them(self) -> None:
+        pack = pack_of(self.at / "pack", {"lsp_train": 3, "lsp_test": 2, "background": 21})
+        parts = ["--everyday", self.everyday, "--scenes", scenes_folder(self.at / "still"), "--pack", pack, "--quality", 95]
+        carry.main([*map(str, ["pack", self.at / "parts", *parts])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        carried = self.at / "both/pack"
+        self.assertEqual(load_set(carried, "lsp_test").names, [], "pictures to test on went along")
+        for name in ("lsp_train", "background"):
+            whole, found = load_set(pack, name), load_set(carried, name)
+            self.assertEqual(sorted(found.names), whole.names)
+            for like, picture, joints in zip(found.names, found.files, found.joints):
+                i = whole.names.index(like)
+                np.testing.assert_array_equal(joints, whole.joints[i])
+                a, b = decode(picture).astype(float), decode(whole.files[i]).astype(float)
+                self.assertLess(np.abs(a - b).mean(), 4)
+
+    def test_photos_kept_out_of_training_are_the_same_in_a_carried_pack(self) -> None:
+        pack = pack_of(self.at / "pack", {"background": 21})
+        parts = ["--everyday", self.everyday, "--scenes", scenes_folder(self.at / "still"), "--pack", pack, "--quality", 95]
+        carry.main([*map(str, ["pack", self.at / "parts", *parts])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        for held in (False, True):
+            a, b = (load_photos(p, CPU, held=held).flatten(1).float().mean(1) for p in (pack, self.at / "both/pack"))
+            self.assertEqual(len(a), len(b))
+            self.assertLess(float((a.sort()[0] - b.sort()[0]).abs().max()), 3)
+        kept = [n for n in load_set(pack, "background").names if not held_out(n) and n not in PEOPLED]
+        self.assertEqual(len(load_photos(pack, CPU)), len(kept))
+        self.assertLess(len(kept), 18, "INRIA's photos with people are trained on as backgrounds")
+
+
+def pack_of(folder: pathlib.Path, sets: dict[str, int]) -> pathlib.Path:
+    """A pack of pictures that are of one grey each, numbered from 0 in every set."""
+    names = [f"{i:04}.jpg" for n in sets.values() for i in range(n)]
+    greys = np.linspace(20, 235, len(names)).round().astype(np.uint8)
+    files = [carry.compressed(np.full((40, 50, 3), g), 95) for g in greys]
+    folder.mkdir(exist_ok=True)
+    (folder / "images.bin").write_bytes(b"".join(files))
+    np.savez(
+        folder / "images.npz",
+        offset=np.cumsum([0, *map(len, files)]),
+        size=np.full((len(names), 2), (40, 50), np.int16),
+        set=np.repeat(np.arange(len(sets)), list(sets.values())).astype(np.uint8),
+        joints=np.random.default_rng(1).random((len(names), 14, 3)).astype(np.float32),
+        names=np.array(names),
+        set_names=np.array(list(sets)),
+    )
+    return folder
 
 
 if __name__ == "__main__":
