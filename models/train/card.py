@@ -89,7 +89,7 @@ def row(name: str, report: dict) -> str:
     coco = report.get("coco")
     oks = f"{percent(coco['ap'])} / {percent(coco['ar'])}, {finding[1]['mean_oks']:.2f}" if coco else "–"
     pose = report.get("pose3d")
-    depth = f"{pose['mpjpe_mm']:.1f} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
+    depth = f"{pose['mpjpe_mm']:.1f} / {pose['canonical_mpjpe_mm']:.1f} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
     identity = report.get("identity")
     who = f"IDF1 {percent(identity['idf1'])} %, {identity['switches']} switches" if identity else ""
     return f"| {name} | {found} | {oks} | {percent(report.get('pck'))} % | {depth} | {who} |"
@@ -108,7 +108,7 @@ def main(argv: list[str]) -> None:
     program = Program(a.edgecap, a.threads)
     prepare(program, a.held, a.data)
     everything: dict[str, dict] = {}
-    print("| pictures | found at OKS ≥ 0.5 (≥ 0.3) | AP / AR, mean OKS | PCK@0.2 | MPJPE / N-MPJPE / PA-MPJPE | who |\n|---|---|---|---|---|---|")
+    print("| pictures | found at OKS ≥ 0.5 (≥ 0.3) | AP / AR, mean OKS | PCK@0.2 | MPJPE / at 1.70 m / N-MPJPE / PA-MPJPE | who |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as d:
         work = pathlib.Path(d)
         for s in sets(a.held, a.data, work):

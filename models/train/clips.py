@@ -33,12 +33,13 @@ def render(program: Program, folder: pathlib.Path, seed: int, fps: int) -> tuple
 
 def row(report: dict) -> dict:
     found = report["finding"][1]
-    pose = report.get("pose3d") or dict(truth=report["coco"]["people"], people=0, mpjpe_mm=0.0, n_mpjpe_mm=0.0, pa_mpjpe_mm=0.0, pck150=0.0)
+    pose = report.get("pose3d") or dict(truth=report["coco"]["people"], people=0, mpjpe_mm=0.0, canonical_mpjpe_mm=0.0, n_mpjpe_mm=0.0, pa_mpjpe_mm=0.0, pck150=0.0)
     who = report.get("identity") or dict(idf1=0.0, truth=0, predicted=0, switches=0)
     return dict(
         truth=pose["truth"],
         matched=pose["people"],
         mpjpe=pose["mpjpe_mm"],
+        same_size=pose["canonical_mpjpe_mm"],
         scaled=pose["n_mpjpe_mm"],
         pa=pose["pa_mpjpe_mm"],
         pck=pose["pck150"],
@@ -58,14 +59,14 @@ def total(rows: list[dict]) -> dict:
     def mean(key: str, over: str) -> float:
         return sum(r[over] * r[key] for r in rows) / max(counts[over], 1)
 
-    return counts | {k: mean(k, "matched") for k in ("mpjpe", "scaled", "pa", "pck")} | dict(idf1=mean("idf1", "appearances"))
+    return counts | {k: mean(k, "matched") for k in ("mpjpe", "same_size", "scaled", "pa", "pck")} | dict(idf1=mean("idf1", "appearances"))
 
 
 def line(name: str, r: dict) -> str:
     share = f"{r['matched']} of {r['truth']} ({100 * r['matched'] / max(r['truth'], 1):.1f} %)"
     found = f"{100 * r['found'] / max(r['asked'], 1):.1f} %, {100 * r['found'] / max(r['reports'], 1):.1f} % right"
     who = f"{100 * r['idf1']:.1f} %, {r['switches']}" if r["appearances"] else "–"
-    return f"| {name} | {share} | {found} | {r['mpjpe']:.1f} / {r['scaled']:.1f} / {r['pa']:.1f} mm | {100 * r['pck']:.1f} % | {who} |"
+    return f"| {name} | {share} | {found} | {r['mpjpe']:.1f} / {r['same_size']:.1f} / {r['scaled']:.1f} / {r['pa']:.1f} mm | {100 * r['pck']:.1f} % | {who} |"
 
 
 def main(argv: list[str]) -> None:
@@ -77,7 +78,7 @@ def main(argv: list[str]) -> None:
     a, options = ap.parse_known_args(argv)
     program = Program(a.edgecap, a.threads)
     sums: dict[str, list[dict]] = {"before the fit": [], "after the fit": []}
-    print("| clip | people with 3D | found at OKS ≥ 0.5 | MPJPE / N-MPJPE / PA-MPJPE | 3DPCK@150 | IDF1, switches |\n|---|---|---|---|---|---|")
+    print("| clip | people with 3D | found at OKS ≥ 0.5 | MPJPE / at 1.70 m / N-MPJPE / PA-MPJPE | 3DPCK@150 | IDF1, switches |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as d:
         work = pathlib.Path(d)
         clips = a.keep or work

@@ -232,6 +232,11 @@ PHASES = {
 WARM_UP = 300  # steps of a rate that is held
 
 
+def finite(net: torch.nn.Module) -> bool:
+    """Whether every weight and statistic is a number."""
+    return all(bool(torch.isfinite(v).all()) for v in net.state_dict().values() if v.is_floating_point())
+
+
 def lr_at(p: float, top: float, fall: float = 1.0, step: int = 0) -> float:
     """One cycle: 3 % warm-up, cosine to 0.2 %. With `fall` below 1 the rate is held after some steps of warm-up and falls in the last
     `fall` of the schedule alone, in a straight line to 0.2 %, so that the end can be set later."""
@@ -507,17 +512,19 @@ class Trainer:
         self.group.average_statistics(self.net)
         self.group.average_statistics(self.ema)
         self.meta["elapsed"] = off + time.time() - t0
-        if self.group.first:
+        # the loss is looked at every so many steps: what went wrong since must not take the last good weights' place
+        if self.group.first and all(map(finite, (self.net, self.ema))):
             checkpoint.save(self.out / "ckpt", self.net, self.ema, self.opt, self.meta)
 
     def recover(self) -> None:
         """A non-finite loss: go back to the last checkpoint and go on more slowly."""
+        if not (self.out / "ckpt").exists():
+            raise SystemExit(f"expected finite losses, found others before there was a checkpoint in {self.out}: begin with a lower --lr")
         print("non-finite loss: back to the last checkpoint at half the rate", flush=True)
-        if (self.out / "ckpt").exists():
-            keep = dict(self.meta)
-            self.opt = self._optimizer()
-            checkpoint.load(self.out / "ckpt", self.net, self.ema, self.opt, self.dev)
-            self.meta = keep
+        keep = dict(self.meta)
+        self.opt = self._optimizer()
+        checkpoint.load(self.out / "ckpt", self.net, self.ema, self.opt, self.dev)
+        self.meta = keep
         self.meta["lr_scale"] *= 0.5
 
     def run(self, began: float) -> None:

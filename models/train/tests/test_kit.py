@@ -125,7 +125,7 @@ class Distillation(unittest.TestCase):
 
 class Clips(unittest.TestCase):
     def report(self, matched: int, mpjpe: float, found: int, identity: dict | None = None) -> dict:
-        pose = dict(truth=10, people=matched, mpjpe_mm=mpjpe, n_mpjpe_mm=mpjpe / 3, pa_mpjpe_mm=mpjpe / 2, pck150=0.5)
+        pose = dict(truth=10, people=matched, mpjpe_mm=mpjpe, canonical_mpjpe_mm=mpjpe / 4, n_mpjpe_mm=mpjpe / 3, pa_mpjpe_mm=mpjpe / 2, pck150=0.5)
         return dict(pose3d=pose, finding=[{}, dict(people=8, found=found, predictions=9)], identity=identity)
 
     def test_everybody_counts_alike_whatever_clip_they_are_in(self) -> None:
@@ -133,6 +133,7 @@ class Clips(unittest.TestCase):
         self.assertEqual((t["truth"], t["matched"], t["asked"], t["found"], t["reports"]), (20, 12, 16, 12, 18))
         self.assertAlmostEqual(t["mpjpe"], 60)
         self.assertAlmostEqual(t["pa"], 30)
+        self.assertAlmostEqual(t["same_size"], 15)
         self.assertAlmostEqual(t["scaled"], 20)
 
     def test_identities_count_by_appearances(self) -> None:
@@ -880,11 +881,11 @@ class FakeQuantisation(unittest.TestCase):
 class Card(unittest.TestCase):
     def test_a_row_says_what_was_measured_and_no_more(self) -> None:
         finding = [dict(recall=0.9, people=20, precision=0.8, mean_oks=0.7), dict(recall=0.855, people=20, precision=0.8, mean_oks=0.75)]
-        pose = dict(mpjpe_mm=157.24, n_mpjpe_mm=140.0, pa_mpjpe_mm=119.0, people=17)
+        pose = dict(mpjpe_mm=157.24, canonical_mpjpe_mm=150.0, n_mpjpe_mm=140.0, pa_mpjpe_mm=119.0, people=17)
         full = card.row("stills", dict(finding=finding, coco=dict(ap=0.485, ar=0.52), pck=0.762, pose3d=pose, identity=dict(idf1=0.93, switches=2)))
         self.assertEqual(
             full,
-            "| stills | 85.5 (90.0) % of 20, 80.0 % right | 48.5 / 52.0, 0.75 | 76.2 % | 157.2 / 140.0 / 119.0 mm of 17 | IDF1 93.0 %, 2 switches |",
+            "| stills | 85.5 (90.0) % of 20, 80.0 % right | 48.5 / 52.0, 0.75 | 76.2 % | 157.2 / 150.0 / 140.0 / 119.0 mm of 17 | IDF1 93.0 %, 2 switches |",
         )
         self.assertEqual(card.row("LSP-test", dict(finding=[], pck=0.824)), "| LSP-test | – | – | 82.4 % | – |  |")
         self.assertEqual(card.row("nobody", dict(finding=[], quiet=dict(quiet=98, pictures=100))), "| nobody | quiet 98 of 100 | | | | |")

@@ -11,7 +11,9 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
+import unittest.mock
 
 import numpy as np
 import torch
@@ -216,6 +218,20 @@ class Run(unittest.TestCase):
     def arguments(self, *more: object, steps: int = 5) -> list[str]:
         fixed = (self.at / "nothing", self.at / "run", "--cpu", "--tiny", "--no-bf16", "--minutes", 60, "--fall", 0.2, "--steps", steps)
         return [str(x) for x in (*fixed, "--everyday", self.everyday, *more)]
+
+    def test_weights_that_are_no_numbers_never_take_the_last_good_ones_place(self) -> None:
+        bad, good = SelecSLSNet(), SelecSLSNet()
+        with torch.no_grad():
+            bad.head2d.out.bias[3] = math.nan
+        trainer = train.Trainer.__new__(train.Trainer)
+        trainer.group, trainer.out, trainer.meta, trainer.opt = types.SimpleNamespace(first=True, average_statistics=lambda net: None), self.at, {}, None
+        trainer._meet = lambda: None
+        for trainer.net, trainer.ema, saves in ((bad, good, 0), (good, bad, 0), (good, good, 1)):
+            with unittest.mock.patch("checkpoint.save") as save:
+                trainer.save(0.0, 0.0)
+            self.assertEqual(save.call_count, saves)
+        with self.assertRaisesRegex(SystemExit, "lower --lr"):
+            trainer.recover()
 
     def test_it_learns_from_random_weights_and_goes_on(self) -> None:
         options = ("--open", "--scenes", self.scenes)

@@ -23,17 +23,14 @@ pub struct SwapMemory {
 }
 
 impl SwapMemory {
-    /// Undoes exchanges in `evidence`, `dt` seconds after the last call. Returns how many of the four groups were put
-    /// right.
-    pub fn undo(&mut self, evidence: &mut Evidence, predicted: &Posed, dt: f64) -> u32 {
-        let mut undone = 0;
+    /// Undoes exchanges in `evidence`, `dt` seconds after the last call.
+    pub fn undo(&mut self, evidence: &mut Evidence, predicted: &Posed, dt: f64) {
         for (g, pairs) in [ARMS, LEGS].iter().enumerate() {
             if self.decide(g, exchange_gain_2d(evidence, predicted, pairs), dt) {
                 for &(r, l) in pairs {
                     evidence.plane.swap(r, l);
                     evidence.confidence.swap(r, l);
                 }
-                undone += 1;
             }
             if evidence.known3d
                 && self.decide(2 + g, exchange_gain_3d(evidence, predicted, pairs), dt)
@@ -41,10 +38,8 @@ impl SwapMemory {
                 for &(r, l) in pairs.iter().chain([[HANDS], [FEET]][g].iter()) {
                     evidence.points3d.swap(r, l);
                 }
-                undone += 1;
             }
         }
-        undone
     }
 
     fn decide(

@@ -2,6 +2,7 @@
 
 mod bones;
 mod first_pose;
+mod gate;
 mod known;
 
 use glam::{DVec2, DVec3};
@@ -25,6 +26,7 @@ use crate::message::JointState;
 use crate::solve::Effort;
 use bones::Bones;
 pub use first_pose::{best_branch, first_pose};
+use gate::{Gate, Verdict};
 pub use known::KnownJoint;
 
 /// E3D weight of each joint: trunk and head are seen, ends of limbs are guessed. Falls with the error that Stage II has
@@ -41,11 +43,8 @@ pub const SEEN_THROUGH: [usize; BODY_JOINTS] = [
 ];
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
 const REST_SIGMA: f64 = 1.5;
-/// A joint farther than this (metres) from its prediction is an outlier …
+/// A joint farther than this (metres) from its prediction is an outlier.
 const OUTLIER: f64 = 0.35;
-/// … unless it stays there for as long as this, seconds: three frames at 30 a second, none at 6, where the prediction
-/// reaches less far than people move.
-const OUTLIER_TIME: f64 = 0.12;
 /// Energy of a limb (two joints) above which another pose for it is tried.
 const LIMB_STUCK: f64 = 14.0;
 /// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed
@@ -103,12 +102,10 @@ pub struct Track {
     pub deviations: [f64; BODY_JOINTS],
     /// How likely each evidence joint's last observation was right, 0–1; 0: not seen.
     pub seen_right: [f64; EVIDENCE_JOINTS],
-    /// Seconds since each joint was seen.
-    pub joint_unseen: [f64; BODY_JOINTS],
     filters2d: [OneEuro<2>; EVIDENCE_JOINTS],
     filters3d: [OneEuro<3>; BODY_JOINTS],
-    outliers2d: [f64; EVIDENCE_JOINTS],
-    outliers3d: [f64; BODY_JOINTS],
+    gates2d: [Gate; EVIDENCE_JOINTS],
+    gates3d: [Gate; BODY_JOINTS],
     swaps: SwapMemory,
     trust: Trust,
 }
@@ -136,11 +133,10 @@ impl Track {
             states: [JointState::PREDICTED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             seen_right: evidence.confidence,
-            joint_unseen: [0.0; BODY_JOINTS],
             filters2d: [OneEuro::default(); EVIDENCE_JOINTS],
             filters3d: [OneEuro::default(); BODY_JOINTS],
-            outliers2d: [0.0; EVIDENCE_JOINTS],
-            outliers3d: [0.0; BODY_JOINTS],
+            gates2d: [Gate::default(); EVIDENCE_JOINTS],
+            gates3d: [Gate::default(); BODY_JOINTS],
             swaps: SwapMemory::default(),
             trust,
         };
@@ -216,9 +212,6 @@ impl Track {
         self.unseen += dt;
         self.appearance_age += dt;
         self.states = [JointState::PREDICTED; BODY_JOINTS];
-        for t in &mut self.joint_unseen {
-            *t += dt;
-        }
         for f in &mut self.filters2d {
             f.skip(dt);
         }
@@ -322,16 +315,15 @@ impl Track {
             }
             let p = expected.joints[j];
             let far = p.z > 0.2 && ((p.truncate() / p.z - e.plane[j]) * depth).length() > OUTLIER;
-            if far && self.outliers2d[j] + dt < OUTLIER_TIME {
-                self.outliers2d[j] += dt;
-                e.confidence[j] = 0.0;
-                filter.skip(dt);
-                continue;
+            match self.gates2d[j].look(far, dt) {
+                Verdict::HeldBack => {
+                    e.confidence[j] = 0.0;
+                    filter.skip(dt);
+                    continue;
+                }
+                Verdict::Anew => filter.reset(),
+                Verdict::Counts => {}
             }
-            if far {
-                filter.reset();
-            }
-            self.outliers2d[j] = 0.0;
             let smooth = filter.update(e.plane[j].to_array(), dt, depth, &cx.config.filter2d);
             e.plane[j] = DVec2::from_array(smooth);
         }
@@ -342,15 +334,14 @@ impl Track {
                 continue;
             }
             let far = (expected.joints[j] - root - e.points3d[j]).length() > OUTLIER;
-            if far && self.outliers3d[j] + dt < OUTLIER_TIME {
-                self.outliers3d[j] += dt;
-                filter.skip(dt);
-                continue;
+            match self.gates3d[j].look(far, dt) {
+                Verdict::HeldBack => {
+                    filter.skip(dt);
+                    continue;
+                }
+                Verdict::Anew => filter.reset(),
+                Verdict::Counts => {}
             }
-            if far {
-                filter.reset();
-            }
-            self.outliers3d[j] = 0.0;
             let smooth = filter.update(e.points3d[j].to_array(), dt, 1.0, &cx.config.filter3d);
             e.points3d[j] = DVec3::from_array(smooth);
         }
@@ -368,7 +359,7 @@ impl Track {
         if e.known3d {
             for j in 0..BODY_JOINTS {
                 let seen = e.confidence[SEEN_THROUGH[j]] > 0.0;
-                let held_back = self.outliers3d[j] > 0.0;
+                let held_back = self.gates3d[j].holds();
                 let share = if held_back {
                     0.0
                 } else if seen {
@@ -451,9 +442,6 @@ impl Track {
                 self.deviations[j] += share * (d - self.deviations[j]);
             }
         }
-        for t in &mut self.joint_unseen {
-            *t += dt;
-        }
         self.seen_right = e.confidence;
         self.settle(e, targets);
         let torso = [1, 2, 5, 8, 11].iter().all(|&j| e.confidence[j] > 0.0);
@@ -480,7 +468,6 @@ impl Track {
             let seen =
                 e.confidence[through] > 0.0 && targets.deviation2d(&self.posed, through) < 9.0;
             self.states[j] = if seen {
-                self.joint_unseen[j] = 0.0;
                 JointState::OBSERVED
             } else {
                 JointState::OCCLUDED
