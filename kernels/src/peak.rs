@@ -133,6 +133,35 @@ pub(crate) unsafe fn dots<D: Dot>(steps: u64) -> u64 {
     steps * (CHAINS * D::S::LANES * D::PACK * D::TOGETHER) as u64
 }
 
+/// Chains where a product and its sum are two instructions. Each reads weights of its own, and both are read anew in
+/// every step, or the compiler would compute the product once for all.
+///
+/// # Safety
+/// The features of `D` are on.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+#[inline(always)]
+pub(crate) unsafe fn products<D: Dot>(steps: u64) -> u64 {
+    let mut numbers = std::hint::black_box([1u8; 64 * CHAINS]);
+    let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
+    // SAFETY: CHAINS times 64 bytes, each at least one vector; the features are on.
+    unsafe {
+        let mut acc = [D::load_acc(at); CHAINS];
+        for (i, chain) in acc.iter_mut().enumerate() {
+            *chain = D::load_acc(at.add(i * 64));
+        }
+        for _ in 0..steps {
+            // The numbers may have changed as far as the compiler knows.
+            std::arch::asm!("", options(nostack, preserves_flags));
+            let x = D::splat(at);
+            for (i, chain) in acc.iter_mut().enumerate() {
+                *chain = D::dot(*chain, x, D::weights(at.add(i * 64)));
+            }
+        }
+        std::hint::black_box(acc);
+    }
+    steps * (CHAINS * D::S::LANES * D::PACK * D::TOGETHER) as u64
+}
+
 /// Chains of a sum in i16: each has weights of its own, or the compiler would share the product.
 #[cfg(target_arch = "x86_64")]
 const SUMS: usize = 6;

@@ -51,7 +51,7 @@ impl Calibration {
     /// out: following them would cost all others their resolution.
     ///
     /// # Errors
-    /// When the network cannot run at this size.
+    /// When the network cannot run at this size, or a value overflows.
     ///
     /// # Panics
     /// When a picture is not of `options.size`.
@@ -83,6 +83,11 @@ impl Calibration {
         let mut observed: Vec<Observed> = nothing();
         for (picture, _) in pictures.iter().zip(&wild).filter(|(_, wild)| !**wild) {
             engine.observe(picture, &mut observed);
+        }
+        for node in &model.network().graph().nodes {
+            if observed[node.output].max().is_infinite() {
+                return Err(EngineError::Overflow(node.name.clone()));
+            }
         }
         Ok(Self {
             observed,
@@ -183,6 +188,39 @@ fn relative_error(expected: &[f32], found: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::Network;
+    use crate::engine::model::Weights;
+
+    #[test]
+    fn a_layer_that_overflows_is_named() {
+        let text = r#"
+            name = "tiny"
+            about = "an overflow in its third layer"
+            input = { channels = 3, multiple = 16 }
+            output = { head2d = "head2d.out", head3d = "head3d.out" }
+            layers = [
+              { kind = "conv", name = "a", out = 8, kernel = 3, stride = 2 },
+              { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
+              { kind = "conv", name = "c", out = 8, kernel = 3, stride = 2 },
+              { kind = "conv", name = "head2d.out", out = 40, kernel = 1, norm = false, relu = false },
+              { kind = "conv", name = "head3d.out", from = ["c"], out = 63, kernel = 1, norm = false, relu = false },
+            ]
+        "#;
+        let mut model = Model::random(Network::parse(text).unwrap(), 3);
+        let Weights::Float(convs) = &mut model.weights else {
+            panic!("random weights are floats");
+        };
+        for conv in convs.iter_mut().flatten().take(3) {
+            conv.weight.fill(1e19);
+        }
+        let options = CalibrationOptions {
+            size: (32, 16),
+            ..CalibrationOptions::default()
+        };
+        let found = Calibration::observe(&model, [vec![200; 32 * 16 * 3]], options);
+        let said = found.expect_err("it overflows").to_string();
+        assert!(said.contains("`b`") || said.contains("`c`"), "{said}");
+    }
 
     #[test]
     fn one_wild_picture_is_seen() {

@@ -9,7 +9,7 @@ use crate::Isa;
 use crate::direct::Plain;
 use crate::kernel::{Direct, DotProduct, FloatDirect, PeakChain, Pool, Tier, Winograd};
 use crate::packed::Packed;
-use crate::peak::dots;
+use crate::peak::{dots, products};
 use std::arch::is_aarch64_feature_detected as has;
 
 /// Every tier, slowest first. Without i8mm products are signed: exact for inputs of 7 bits.
@@ -69,7 +69,7 @@ direct_f32!(
     Plain<neon::F32>
 );
 max_pool!(POOL_NEON = "maxpool__neon", ["neon"]);
-chain!(WIDEN = "smull + saddlp", ["neon"], dots::<neon::U7>);
+chain!(WIDEN = "smull + saddlp", ["neon"], products::<neon::U7>);
 chain!(FMA = "fmla", ["neon"], dots::<neon::F32>);
 
 direct_int8!(DIRECT_NEONDOT: Packed = "qs8_direct_8x12c4__neondot", ["neon", "dotprod"], Plain<neon::U7Dot>);

@@ -11,7 +11,7 @@ use crate::Isa;
 use crate::direct::{Plain, Segmented};
 use crate::kernel::{Direct, DotProduct, FloatDirect, Kernel, PeakChain, Pool, Tier, Winograd};
 use crate::packed::Packed;
-use crate::peak::{dots, sums};
+use crate::peak::{dots, products, sums};
 use crate::segments::SegmentedPacked;
 use std::arch::is_x86_feature_detected as has;
 
@@ -111,7 +111,7 @@ chain!(
 chain!(
     MULTIPLY_ADD_128 = "mulps + addps",
     ["sse4.1", "ssse3"],
-    dots::<sse41::F32>
+    products::<sse41::F32>
 );
 
 // AVX2 and FMA.

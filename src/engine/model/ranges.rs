@@ -79,7 +79,7 @@ impl Observed {
         self.pixels += 1;
     }
 
-    /// The greatest magnitude seen.
+    /// The greatest magnitude seen; infinite when something was no number.
     pub fn max(&self) -> f32 {
         self.all.max
     }
@@ -133,6 +133,10 @@ impl Histogram {
     fn add(&mut self, x: f32) {
         if x == 0.0 {
             self.zeros += 1;
+            return;
+        }
+        if !x.is_finite() {
+            self.max = f32::INFINITY;
             return;
         }
         while x >= self.top {

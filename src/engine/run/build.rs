@@ -109,7 +109,9 @@ fn kernel(
     index: usize,
 ) -> Result<Kernel, EngineError> {
     let node = &graph.nodes[index];
+    let is_map = graph.outputs.iter().any(|(_, v)| *v == node.output);
     Ok(match (&node.op, source) {
+        (Op::MaxPool { .. }, Source::Int8(..)) if is_map => return Err(missing(node)),
         (Op::MaxPool { shape }, _) => {
             Kernel::Pool(MaxPool::new(how.isa, *shape).map_err(refused(node))?)
         }
@@ -126,7 +128,6 @@ fn kernel(
         }
         (Op::Conv { relu, .. }, Source::Int8(convs, scales)) => {
             let conv = convs[index].as_ref().ok_or_else(|| missing(node))?;
-            let is_map = graph.outputs.iter().any(|(_, v)| *v == node.output);
             if is_map && (*relu || node.residual.is_some()) {
                 return Err(missing(node));
             }

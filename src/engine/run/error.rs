@@ -36,9 +36,14 @@ pub enum EngineError {
     Outputs(String),
     /// A layer does what int8 kernels do not.
     #[error(
-        "layer `{0}` is an output with ReLU or residual sum, which has no int8 kernel; run it in f32"
+        "layer `{0}` is an output with ReLU, residual sum or pooling, which has no int8 kernel; run it in f32"
     )]
     Layer(String),
+    /// A layer's values overflow.
+    #[error(
+        "expected finite values on the calibration pictures, found others in layer `{0}`: its weights, or those before it, are too large"
+    )]
+    Overflow(String),
     /// Threads cannot be had.
     #[error("cannot start {0} threads: {1}; ask for fewer")]
     Threads(usize, std::io::Error),

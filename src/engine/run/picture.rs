@@ -32,7 +32,7 @@ pub(super) unsafe fn store(rgb: &[u8], to: &Tensor, memory: &Memory) {
                 let to = unsafe { std::slice::from_raw_parts_mut(arena.as_ptr().add(first), len) };
                 if l.pixel_stride() == 3 {
                     to.copy_from_slice(row);
-                } else if l.pixel_stride() == 4 {
+                } else if l.pixel_stride() == 4 && l.channels() == 4 {
                     store_fours(row, to);
                 } else {
                     for (to, from) in to.chunks_mut(l.pixel_stride()).zip(row.as_chunks::<3>().0) {
