@@ -47,7 +47,7 @@ from posed import Posed
 from real import TRUST, arrange, mend
 from renorm import LIMITS, BatchRenorm2d
 from mistakes import Mistakes, Seen, encodings, match, record
-from stage2 import agreed, imitate, mirror, mirror3d, mirrored
+from stage2 import agreed, as_of_real_people, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
 from windows import most_seen, seen_through, window
 
@@ -284,6 +284,19 @@ class Reports(unittest.TestCase):
                 answer = net(stage2_input(*seen, channel_mask())).detach()
                 by_hand += (mirror3d(answer) if turn else answer) / 8
         torch.testing.assert_close(told, by_hand, rtol=1e-4, atol=1e-5)
+
+    def test_encodings_become_as_shallow_as_asked_and_missing_ones_stay_missing(self) -> None:
+        g = torch.Generator().manual_seed(4)
+        n = 4000
+        enc = (0.3 * torch.ones(n, NJ, 63)) * channel_mask()
+        enc[:, 5] = 0
+        torch.testing.assert_close(as_of_real_people(enc, 0.0, g), enc)
+        real = as_of_real_people(enc, 1.0, g)
+        self.assertEqual(float(real[:, 5].abs().max()), 0)
+        self.assertEqual(float((real * (channel_mask() == 0)).abs().max()), 0)
+        across, down, depth = (float(real[..., k::3][enc[..., k::3] > 0].mean()) / 0.3 for k in range(3))
+        self.assertTrue(0.9 < across < 0.97 and 0.9 < down < 0.97 and 0.75 < depth < 0.85, (across, down, depth))
+        self.assertLess(float(real[0, 2, 9:12].sub(real[0, 3, 9:12]).abs().max()), 1e-6)  # one bone, read at both of its ends
 
     def test_a_mirrored_person_is_still_a_person(self) -> None:
         n = 64
