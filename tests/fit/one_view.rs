@@ -100,3 +100,12 @@ fn several_views_want_a_calibration_and_one_is_not_held_out() {
         &["a.jsonl"],
     );
 }
+    let many: Vec<String> = (0..33).map(|k| format!("--view=c{k}={first}")).collect();
+    let many = many.iter().map(String::as_str);
+    for verb in ["multiview", "calibrate"] {
+        let args: Vec<&str> = [verb, "--out", &run]
+            .into_iter()
+            .chain(many.clone())
+            .collect();
+        assert_fails(&args, 64, &["at most 32 --view, found 33"]);
+    }
