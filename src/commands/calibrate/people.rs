@@ -49,7 +49,7 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         views.push(lenses.of(name, read.size).map_err(Failure::data)?);
         seen.push(read);
     }
-    let (rate, count) = together(args.fps, &seen, &mut notes)?;
+    let (rate, count) = together(args.fps, &mut seen, &mut notes)?;
     let scale = scale(args, &views, &mut notes)?;
     let one = |k: usize, (view, file): (&View, &ViewFile)| -> Detections {
         file.frames[k].iter().map(|o| Sight::new(view, o)).collect()
