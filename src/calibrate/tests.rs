@@ -7,7 +7,7 @@ use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
 use super::*;
-use crate::body::skeleton::Skeleton;
+use crate::body::skeleton::{ANKLE_HEIGHT, Skeleton};
 use crate::camera::Brown;
 use crate::message::Observation;
 
@@ -52,7 +52,7 @@ fn walker(t: f64, stature: f64) -> world::Joints {
 /// Somebody at `place` who looks along `heading`, arms and legs swinging.
 fn strider(t: f64, stature: f64, place: DVec3, heading: f64) -> world::Joints {
     let rest = world::rest_joints(Skeleton::builtin()).map(Option::unwrap);
-    let floor = (rest[10].y + rest[13].y) / 2.0 - 0.08;
+    let floor = (rest[10].y + rest[13].y) / 2.0 - ANKLE_HEIGHT;
     let swing = (TAU * t / 1.1).sin();
     std::array::from_fn(|j| {
         let mut p = rest[j];
@@ -71,6 +71,15 @@ fn strider(t: f64, stature: f64, place: DVec3, heading: f64) -> world::Joints {
         let p = DVec3::new(p.x, -p.z, p.y - floor) * stature / 1.7;
         Some(DMat3::from_rotation_z(heading) * p + place)
     })
+}
+
+#[test]
+fn who_stands_still_stands_on_the_floor() {
+    let places = (0..9).map(|k| DVec3::new(f64::from(k % 3) - 1.0, f64::from(k / 3) - 1.0, 0.0));
+    let people = places.map(|place| strider(0.0, 1.8, place, 0.0));
+    let floor = world::floor(&people.collect::<Vec<_>>(), 1.8).unwrap();
+    assert!(floor.by_feet);
+    assert!(floor.origin.z.abs() < 1e-3, "{}", floor.origin);
 }
 
 struct Noise {

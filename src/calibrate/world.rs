@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use super::pose::Pose;
-use crate::body::skeleton::Skeleton;
+use crate::body::skeleton::{ANKLE_HEIGHT, Skeleton};
 use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS, PARENTS, PELVIS};
 
 /// Somebody's joints in one frame.
@@ -93,9 +93,6 @@ pub(super) fn rest_joints(skeleton: &Skeleton) -> Joints {
     std::array::from_fn(|j| Some(at(j)))
 }
 
-/// Height of a standing ankle above the floor at canonical stature, metres.
-const ANKLE: f64 = 0.08;
-
 fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
@@ -160,7 +157,8 @@ pub fn floor(people: &[Joints], stature: f64) -> Option<Floor> {
     let mut heights: Vec<f64> = low.iter().map(|p| p.dot(up)).collect();
     heights.sort_by(f64::total_cmp);
     // A step lifts even the lower ankle for a while.
-    let level = heights.get(heights.len() / 4)? - ANKLE * stature / f64::from(CANONICAL_STATURE);
+    let level =
+        heights.get(heights.len() / 4)? - ANKLE_HEIGHT * stature / f64::from(CANONICAL_STATURE);
     let mean = low.iter().sum::<DVec3>() / low.len() as f64;
     Some(Floor {
         up,

@@ -100,12 +100,20 @@ impl View {
         (p.z > 0.05).then(|| self.distortion.distort(p.truncate() / p.z) * self.focal + self.centre)
     }
 
+    /// A pixel of the distorted picture on the plane z = 1 in camera axes, the lens undone.
+    pub fn plane(&self, pixel: DVec2) -> DVec2 {
+        self.distortion
+            .undistort((pixel - self.centre) / self.focal)
+    }
+
+    /// Where a pinhole would show what the picture shows at a pixel.
+    pub fn by_pinhole(&self, pixel: DVec2) -> DVec2 {
+        self.plane(pixel) * self.focal + self.centre
+    }
+
     /// Direction in the world through a pixel of the distorted picture, a unit vector.
     pub fn ray(&self, pixel: DVec2) -> DVec3 {
-        let p = self
-            .distortion
-            .undistort((pixel - self.centre) / self.focal);
-        (self.rotation.transpose() * p.extend(1.0)).normalize()
+        (self.rotation.transpose() * self.plane(pixel).extend(1.0)).normalize()
     }
 }
 

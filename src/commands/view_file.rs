@@ -111,6 +111,17 @@ impl ViewFile {
         Ok(seen)
     }
 
+    /// Whether every frame was taken after the one before.
+    pub fn is_in_order(&self) -> bool {
+        self.times.windows(2).all(|w| w[0] < w[1])
+    }
+
+    /// Takes its frames to be so many a second, whatever its times say.
+    pub fn at_rate(&mut self, rate: f64) {
+        let number = |k: usize| (1e9 * k as f64 / rate).round() as u64;
+        self.times = (0..self.times.len()).map(number).collect();
+    }
+
     /// Frames a second.
     pub fn rate(&self) -> Option<f64> {
         let span = self.times.last()?.checked_sub(*self.times.first()?)? as f64 * 1e-9;
@@ -171,16 +182,16 @@ fn lens_file(degrees: f64, record: &Path) -> anyhow::Result<NamedTempFile> {
     Ok(file)
 }
 
-/// Rate and number of frames that all views have; `given` is the user's word for the rate.
+/// Rate and number of frames that all views have; `given` is the user's word for the rate. Views whose times are in no
+/// order get those of the rate.
 ///
 /// # Errors
 /// When views differ in rate or length.
 pub fn together(
     given: Option<f64>,
-    seen: &[ViewFile],
+    seen: &mut [ViewFile],
     notes: &mut Vec<String>,
 ) -> anyhow::Result<(f64, usize)> {
-    let name = |k: usize| &seen[k].name;
     let rates: Vec<Option<f64>> = seen.iter().map(ViewFile::rate).collect();
     let rate = given.or(rates[0]).unwrap_or(USUAL_RATE);
     if given.is_none()
@@ -191,12 +202,16 @@ pub fn together(
         return Err(Failure::data(format!(
             "expected views of one rate, found {:.2} frames a second of camera {} and {:.2} of {}; bring them to one rate, or give --fps if they are",
             rate,
-            name(0),
+            seen[0].name,
             rates[k].unwrap_or(rate),
-            name(k)
+            seen[k].name
         ))
         .into());
     }
+    for view in seen.iter_mut().filter(|view| !view.is_in_order()) {
+        view.at_rate(rate);
+    }
+    let name = |k: usize| &seen[k].name;
     let lengths: Vec<usize> = seen.iter().map(|s| s.frames.len()).collect();
     let least = (0..lengths.len()).min_by_key(|k| lengths[*k]).unwrap_or(0);
     let most = (0..lengths.len()).max_by_key(|k| lengths[*k]).unwrap_or(0);

@@ -12,6 +12,8 @@ use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, Hand as Side,
 const FORGET: f64 = 3600.0;
 /// A frame that is older than the last by less was overtaken by one that was extrapolated, seconds.
 const RESTART: f64 = 1.0;
+/// Of what is seen after a camera has been silent for longer, what began before tells nothing, seconds.
+const SILENCE: f64 = 3.0;
 
 #[derive(Debug, Clone)]
 struct Person {
@@ -75,6 +77,7 @@ impl Detector {
             person.seen = time;
         }
         for (&id, person) in &mut self.people {
+            person.lapse(time);
             let body = frame.bodies().iter().find(|b| b.id == id);
             let what = person.look(body, frame, time, &self.config);
             happened.extend(what.into_iter().map(|event| Event {
@@ -84,6 +87,9 @@ impl Detector {
         }
         self.people.retain(|_, p| time - p.seen < FORGET);
         let nearest = self.nearest(frame);
+        if nearest.is_some() {
+            self.main.lapse(time, SILENCE);
+        }
         if let Some(main) = self.main.look(nearest, time, self.config.confirm) {
             happened.push(Event {
                 person: main.unwrap_or(0),
@@ -126,6 +132,15 @@ impl Detector {
 }
 
 impl Person {
+    /// Forgets what began before a camera fell silent. Not that somebody is away: who has gone meanwhile leaves.
+    fn lapse(&mut self, time: f64) {
+        if !self.there.get() {
+            self.there.lapse(time, SILENCE);
+        }
+        self.zones.iter_mut().for_each(|z| z.lapse(time, SILENCE));
+        self.hands.iter_mut().for_each(|h| h.lapse(time, SILENCE));
+    }
+
     fn look(
         &mut self,
         body: Option<&Body>,
@@ -148,23 +163,29 @@ impl Person {
             }
             Some(false) => {
                 self.leave_zones(time, config, &mut happened);
+                // Of the time in which the camera was away nobody knows.
                 happened.push(Event {
-                    seconds: (self.there.since() - before) as f32,
+                    seconds: (self.seen - before) as f32,
                     ..event(EventKind::LEFT)
                 });
+                self.there = Steady::new(false, self.seen);
                 self.hands = [Hand::new(time), Hand::new(time)];
             }
             None => {}
         }
-        let Some(body) = body.filter(|_| is_seen && self.there.get()) else {
-            return happened;
-        };
-        if frame.world.is_known() {
-            let [x, _, z] = frame.world.point(body.joints3d[PELVIS]).map(f64::from);
-            self.look_at_zones([x, z], time, config, &mut happened);
+        let body = body.filter(|_| is_seen && self.there.get());
+        match body.filter(|_| frame.world.is_known()) {
+            Some(body) => {
+                let [x, _, z] = frame.world.point(body.joints3d[PELVIS]).map(f64::from);
+                self.look_at_zones([x, z], time, config, &mut happened);
+            }
+            None => {
+                let zones = self.zones.iter_mut();
+                zones.for_each(|zone| zone.lapse(time, config.confirm));
+            }
         }
         for (n, hand) in [Side::RIGHT, Side::LEFT].into_iter().enumerate() {
-            let seen = seen_hand(body, frame, hand, config.confidence);
+            let seen = body.and_then(|body| seen_hand(body, frame, hand, config.confidence));
             for gesture in self.hands[n].look(seen, time, config) {
                 let kind = match gesture {
                     Gesture::Raised => EventKind::HAND_RAISED,

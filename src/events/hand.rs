@@ -51,9 +51,15 @@ impl Hand {
         }
     }
 
+    /// Forgets that it may be up or down where it was not seen so for longer than `gap` seconds.
+    pub fn lapse(&mut self, time: f64, gap: f64) {
+        self.up.lapse(time, gap);
+    }
+
     /// Takes in a moment; `None` where the hand is not seen.
     pub fn look(&mut self, seen: Option<Seen>, time: f64, config: &EventConfig) -> Vec<Gesture> {
         let Some(seen) = seen else {
+            self.lapse(time, config.hand);
             return Vec::new();
         };
         // Between head and shoulder it stays what it was.

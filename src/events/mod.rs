@@ -12,3 +12,6 @@ mod steady;
 pub use config::{EventConfig, Zone};
 pub use detector::Detector;
 pub use line::Line;
+
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,19 @@
 //! A state that changes only when it has been another one for a while.
 
-/// A state and what it may become.
+/// A state and what it may become. All times in seconds.
 #[derive(Debug, Clone, Copy)]
 pub struct Steady<T> {
     now: T,
     since: f64,
-    next: Option<(T, f64)>,
+    next: Option<Next<T>>,
+}
+
+/// What a state may become.
+#[derive(Debug, Clone, Copy)]
+struct Next<T> {
+    state: T,
+    began: f64,
+    seen: f64,
 }
 
 impl<T: Copy + PartialEq> Steady<T> {
@@ -28,6 +36,12 @@ impl<T: Copy + PartialEq> Steady<T> {
         self.since
     }
 
+    /// Forgets what it may become where that has not been seen for longer than `gap`: what lies between was not looked
+    /// at, and tells nothing.
+    pub fn lapse(&mut self, time: f64, gap: f64) {
+        self.next = self.next.filter(|next| time - next.seen <= gap);
+    }
+
     /// Looks at it at a time; the new state where it has changed now, having been `seen` for `hold` seconds.
     pub fn look(&mut self, seen: T, time: f64, hold: f64) -> Option<T> {
         if seen == self.now {
@@ -35,10 +49,14 @@ impl<T: Copy + PartialEq> Steady<T> {
             return None;
         }
         let began = match self.next {
-            Some((next, began)) if next == seen => began,
+            Some(next) if next.state == seen => next.began,
             _ => time,
         };
-        self.next = Some((seen, began));
+        self.next = Some(Next {
+            state: seen,
+            began,
+            seen: time,
+        });
         if time - began < hold {
             return None;
         }
@@ -64,5 +82,17 @@ mod tests {
         assert_eq!(state.look(true, 2.6, 0.3), None);
         assert!(state.get());
         assert_eq!(state.since(), 2.1);
+    }
+
+    #[test]
+    fn what_was_not_seen_for_a_while_begins_anew() {
+        let mut state = Steady::new(false, 0.0);
+        assert_eq!(state.look(true, 1.0, 0.3), None);
+        state.lapse(1.2, 0.3);
+        assert_eq!(state.look(true, 1.2, 0.3), None, "seen just now");
+        state.lapse(9.0, 0.3);
+        assert_eq!(state.look(true, 9.0, 0.3), None, "seen long ago");
+        assert_eq!(state.look(true, 9.4, 0.3), Some(true));
+        assert_eq!(state.since(), 9.0);
     }
 }

@@ -12,7 +12,9 @@ mod mannequin;
 mod motion;
 mod npz;
 mod plot;
+mod size;
 mod take;
+mod times;
 mod trc;
 
 pub use error::ExportError;
@@ -73,22 +75,21 @@ pub fn encode(
     format: Format,
     to: &Path,
 ) -> Result<Vec<(PathBuf, Vec<u8>)>, ExportError> {
-    let ids = take.ids();
     if !format.is_of_one() {
         let bytes = match format {
             Format::Glb => gltf::encode(take)?,
             Format::Svg => plot::encode(take).into_bytes(),
-            Format::Npz => npz::encode(take).map_err(|e| ExportError::Format(e.to_string()))?,
+            Format::Npz => npz::encode(take)?,
             _ => csv::encode(take).into_bytes(),
         };
         return Ok(vec![(to.to_owned(), bytes)]);
     }
-    let files = ids.iter().map(|&id| {
-        let path = match ids[..] {
-            [_] => to.to_owned(),
-            _ => with_id(to, id),
+    let is_alone = take.people.len() == 1;
+    let files = Motion::all(take)?.map(|motion| {
+        let path = match is_alone {
+            true => to.to_owned(),
+            false => with_id(to, motion.id),
         };
-        let motion = Motion::of(take, id);
         let text = match format {
             Format::Bvh => bvh::encode(&motion),
             _ => trc::encode(&motion, &path),
@@ -107,3 +108,6 @@ fn with_id(path: &Path, id: u32) -> PathBuf {
     }
     path.with_file_name(name)
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,10 +2,16 @@
 
 use glam::{DQuat, DVec3};
 
+use super::error::ExportError;
+use super::size;
 use super::take::{Sample, Take};
 use crate::body::skeleton::{BoneLengths, Skeleton, TPose};
 use crate::joints::{BODY_JOINTS, PELVIS};
 use crate::message::{Body, HUMANOID_BONE_COUNT};
+
+/// Seconds for which whoever is in two frames that follow each other is taken to be there in between: bodies are held
+/// for as long while no picture comes.
+const HELD: f64 = 1.0;
 
 /// One moment of a [`Motion`].
 #[derive(Debug, Clone, Copy)]
@@ -16,7 +22,7 @@ pub struct Moment {
     pub rotations: [DQuat; HUMANOID_BONE_COUNT],
     /// Joints as they were published, metres.
     pub joints: [DVec3; BODY_JOINTS],
-    /// Whether there is a sample within a step and a half.
+    /// Whether there is a sample within a step and a half, or no frame between the samples before and after.
     pub is_there: bool,
 }
 
@@ -38,21 +44,27 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// That of one person of a record, in the axes of the export.
-    pub fn of(take: &Take, id: u32) -> Self {
-        let samples = take.people.get(&id).map_or(&[][..], Vec::as_slice);
+    /// Those of everybody in a record, by rising id, in the axes of the export.
+    ///
+    /// # Errors
+    /// [`ExportError::Format`] where steps are too many to be held.
+    pub fn all(take: &Take) -> Result<impl Iterator<Item = Self>, ExportError> {
+        let rate = take.rate();
+        let steps: f64 = take.people.values().map(|s| steps(take, s, rate)).sum();
+        let bytes = steps * size_of::<Moment>() as f64;
+        size::expect(bytes, || format!("{steps} steps of {:.6} s", 1.0 / rate))?;
+        Ok(take.people.keys().map(move |&id| Self::of(take, id, rate)))
+    }
+
+    fn of(take: &Take, id: u32, rate: f64) -> Self {
+        let samples = &take.people[&id];
         let axes = Axes::of(take);
         let time = |s: &Sample| take.frames[s.frame].time;
         let lengths = std::array::from_fn(|j| {
             median(samples.iter().map(|s| f64::from(s.body.bone_lengths[j])))
         });
-        let rate = take.rate();
-        let (start, end) = match samples {
-            [first, .., last] => (time(first), time(last)),
-            [only] => (time(only), time(only)),
-            [] => (0.0, -1.0),
-        };
-        let steps = ((end - start) * rate + 1.0).round().max(0.0) as usize;
+        let start = samples.first().map_or(0.0, time);
+        let steps = steps(take, samples, rate) as usize;
         let mut next = 0;
         let moments = (0..steps).map(|step| {
             let now = start + step as f64 / rate;
@@ -66,7 +78,8 @@ impl Motion {
             };
             let gap = time(after) - time(before);
             let share = ((now - time(before)) / gap).clamp(0.0, 1.0);
-            let is_there = gap * share.min(1.0 - share) * rate <= 1.5;
+            let is_near = gap * share.min(1.0 - share) * rate <= 1.5;
+            let is_there = is_near || after.frame == before.frame + 1 && gap <= HELD;
             Moment {
                 is_there,
                 ..from.towards(&axes.moment(&after.body), share)
@@ -81,6 +94,15 @@ impl Motion {
             rest: TPose::new(Skeleton::builtin(), &lengths),
         }
     }
+}
+
+/// Steps from somebody's first frame to the last.
+fn steps(take: &Take, samples: &[Sample], rate: f64) -> f64 {
+    let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
+        return 0.0;
+    };
+    let seconds = take.frames[last.frame].time - take.frames[first.frame].time;
+    (seconds * rate + 1.0).round()
 }
 
 impl Moment {

@@ -1,8 +1,8 @@
 //! NumPy arrays over T frames and P people at the frames' own times; NaN where somebody is not in a frame. Metres and
 //! radians in camera axes, pixels, quaternions xyzw.
 
-use std::io;
-
+use super::error::ExportError;
+use super::size;
 use super::take::Take;
 use crate::joints::{BODY_JOINTS, DOF};
 use crate::message::{Body, HUMANOID_BONE_COUNT};
@@ -33,8 +33,17 @@ const FIELDS: [Field; 13] = [
 
 /// The archive's bytes: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and `world_translation` (T × 3),
 /// NaN while no floor was known, and T × P × … of every field.
-pub fn encode(take: &Take) -> io::Result<Vec<u8>> {
+///
+/// # Errors
+/// [`ExportError::Format`] where these are too many numbers to be held.
+pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
     let (frames, people) = (take.frames.len(), take.people.len());
+    let of_one: usize = FIELDS
+        .iter()
+        .map(|(_, shape, _)| shape.iter().product::<usize>())
+        .sum();
+    let bytes = frames as f64 * people as f64 * (of_one * size_of::<f32>()) as f64;
+    size::expect(bytes, || format!("{frames} frames × {people} people"))?;
     let numbers: Vec<i64> = take.frames.iter().map(|f| f.sequence as i64).collect();
     let times: Vec<f64> = take.frames.iter().map(|f| f.time).collect();
     let ids: Vec<i64> = take.people.keys().map(|&id| i64::from(id)).collect();
@@ -83,7 +92,7 @@ pub fn encode(take: &Take) -> io::Result<Vec<u8>> {
             .iter()
             .map(|(name, shape, data)| array(name, shape, Values::F32(data))),
     );
-    write(&arrays)
+    write(&arrays).map_err(|e| ExportError::Format(e.to_string()))
 }
 
 fn array<'a>(name: &'a str, shape: &'a [usize], data: Values<'a>) -> Array<'a> {

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::io::BufRead;
 
 use super::error::ExportError;
+use super::times::{self, RATE};
 use crate::message::{Body, World};
 use crate::record::{BodiesRow, RowReader};
 
-/// Frames a second of a record whose times say nothing, such as one of photos.
-const RATE: f64 = 30.0;
+/// No camera is faster: shorter steps are a record's mistake, and would make endless files.
+const SHORTEST_STEP: f64 = 1e-3;
 /// People listed in an error.
 const MOST_LISTED: usize = 20;
 
@@ -37,7 +38,8 @@ pub struct Sample {
 pub struct Take {
     /// By rising time.
     pub frames: Vec<Frame>,
-    /// Everybody's samples by id, by rising time.
+    /// Everybody's samples by id, by rising time. Ids of bodies whose publisher was started again meanwhile, and which
+    /// begin at 1 again with it, go on after the highest before.
     pub people: BTreeMap<u32, Vec<Sample>>,
     /// Whether the file ended inside a frame, which was left out.
     pub was_cut: bool,
@@ -51,43 +53,69 @@ impl Take {
     pub fn read(input: impl BufRead, name: &str) -> Result<Self, ExportError> {
         let mut rows = RowReader::<_, BodiesRow>::new(input, name);
         let mut take = Self::default();
-        let mut times = Vec::new();
+        let mut stamps: Vec<times::Stamp> = Vec::new();
+        // What ids of this life of the publisher are counted from, and the highest of all.
+        let (mut from, mut highest) = (0, 0);
         while let Some(row) = rows.read()? {
             let message = row.message();
             let index = take.frames.len();
-            times.push(message.pose_ns);
+            if stamps.last().is_some_and(|last| message.sequence < last.0) {
+                from = highest;
+            }
+            stamps.push((message.sequence, message.pose_ns));
             take.frames.push(Frame {
                 sequence: message.sequence,
                 time: 0.0,
                 world: message.world,
             });
             for body in message.bodies() {
-                let samples = take.people.entry(body.id).or_default();
+                let id = body.id.saturating_add(from);
+                highest = highest.max(id);
+                let samples = take.people.entry(id).or_default();
                 // Twice in one frame: the first stays.
                 if samples.last().is_none_or(|s| s.frame != index) {
                     samples.push(Sample {
                         frame: index,
-                        body: *body,
+                        body: Body { id, ..*body },
                     });
                 }
             }
         }
         take.was_cut = rows.was_cut();
+        take.keep(&times::seconds(&stamps));
         if take.people.is_empty() {
             return Err(ExportError::Empty {
                 name: name.to_owned(),
-                frames: take.frames.len() as u64,
+                frames: stamps.len() as u64,
             });
         }
-        let rises = times.windows(2).all(|w| w[0] < w[1]);
-        for (index, frame) in take.frames.iter_mut().enumerate() {
-            frame.time = if rises {
-                (times[index] - times[0]) as f64 * 1e-9
-            } else {
-                index as f64 / RATE
-            };
-        }
         Ok(take)
+    }
+
+    /// Gives the frames their times, and leaves those out that have none.
+    fn keep(&mut self, times: &[Option<f64>]) {
+        let mut kept = 0..;
+        let places: Vec<Option<usize>> = times
+            .iter()
+            .map(|time| time.and_then(|_| kept.next()))
+            .collect();
+        let timed = self.frames.iter().zip(times);
+        self.frames = timed
+            .filter_map(|(frame, time)| {
+                Some(Frame {
+                    time: (*time)?,
+                    ..*frame
+                })
+            })
+            .collect();
+        for samples in self.people.values_mut() {
+            samples.retain_mut(|sample| {
+                let place = places[sample.frame];
+                sample.frame = place.unwrap_or_default();
+                place.is_some()
+            });
+        }
+        self.people.retain(|_, samples| !samples.is_empty());
     }
 
     /// Leaves everybody out but one.
@@ -111,17 +139,13 @@ impl Take {
         Ok(())
     }
 
-    /// Everybody, by rising id.
-    pub fn ids(&self) -> Vec<u32> {
-        self.people.keys().copied().collect()
-    }
-
     /// Frames a second: of the median step.
     pub fn rate(&self) -> f64 {
         let steps = self.frames.windows(2).map(|w| w[1].time - w[0].time);
         let mut steps: Vec<f64> = steps.collect();
         steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).map_or(RATE, |step| 1.0 / step)
+        let median = steps.get(steps.len() / 2);
+        median.map_or(RATE, |step| 1.0 / step.max(SHORTEST_STEP))
     }
 
     /// The floor of the last frame that knows one.

@@ -35,7 +35,7 @@ pub struct FitConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroundConfig {
-    /// Direction away from the floor, roughly (0, −1, 0); need not be a unit vector.
+    /// Direction away from the floor, roughly (0, −1, 0), never downwards; need not be a unit vector.
     pub normal: [f64; 3],
     /// Height of the camera above the floor, metres.
     pub offset: f64,
@@ -260,6 +260,14 @@ impl FitConfig {
                 1e6,
                 "of a direction's length",
             )?;
+            // A camera that looks straight down has 0.
+            within(
+                "ground.normal",
+                ground.normal[1],
+                -1e6,
+                0.0,
+                "whose second number is at most 0: camera y points down, this away from the floor, as 0, -1, 0",
+            )?;
             within(
                 "ground.offset",
                 ground.offset,
@@ -389,6 +397,10 @@ mod tests {
             ("height = nan", "height"),
             ("[filter2d]\nmin_cutoff = 0", "min_cutoff"),
             ("[ground]\nnormal = [0, 0, 0]\noffset = 1", "ground.normal"),
+            (
+                "[ground]\nnormal = [0, 1, 0]\noffset = 1",
+                "expected ground.normal whose second number is at most 0: camera y points down",
+            ),
             ("[identity]\nconfirm_hits = 0", "confirm_hits"),
         ] {
             let error = FitConfig::parse(text).unwrap_err().to_string();

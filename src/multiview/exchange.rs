@@ -20,6 +20,9 @@ const MOST_COMBINED: usize = 6;
 /// By what factor the exchanged reading must fit a body better.
 const MARGIN: f64 = 0.6;
 
+/// Most views of one person: [`States`] have a bit for each.
+pub const MOST_VIEWS: usize = u32::BITS as usize;
+
 /// Which views' arms, and which views' legs, are exchanged: a bit a view.
 pub type States = [u32; BEFORE];
 
@@ -27,11 +30,11 @@ pub type States = [u32; BEFORE];
 /// none, the one with fewer exchanges is taken, for [`settle`] to think over. Returns what was exchanged.
 ///
 /// # Panics
-/// With more than 32 views.
+/// With more than [`MOST_VIEWS`].
 pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
     assert!(
-        views.len() <= 32,
-        "expected at most 32 views, found {}",
+        views.len() <= MOST_VIEWS,
+        "expected at most {MOST_VIEWS} views, found {}",
         views.len()
     );
     let seen: Vec<usize> = (0..sights.len()).filter(|&v| sights[v].is_some()).collect();

@@ -35,6 +35,7 @@ mod world;
 pub use agreement::agreement;
 pub use between::between;
 pub use dct::windows;
+pub use exchange::MOST_VIEWS;
 pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_tracks};
 pub use fitted::Fitted;
 pub use kept::{Kept, Nothing};

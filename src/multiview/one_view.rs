@@ -1,7 +1,7 @@
 //! One view alone: the bodies of Stage III say who is who and where joints are in space; the mesh body is fitted to
 //! these and to what the view saw.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::moment::Moment;
 use super::people::{Detections, Track, nearest_sight};
@@ -29,11 +29,23 @@ pub fn stage_three<'a>(
         // Times in a file may be missing or out of order.
         frame.capture_ns = (1e9 * k as f64 / rate).round() as u64;
         frame.count = people.len().min(MAX_PEOPLE) as u32;
-        frame.people[..frame.count as usize].copy_from_slice(&people[..frame.count as usize]);
+        for (own, seen) in frame.people.iter_mut().zip(people) {
+            *own = by_pinhole(view, seen);
+        }
         fitter.update(&frame, &mut out);
         out.bodies().to_vec()
     });
     each.collect()
+}
+
+/// What a pinhole would have seen in a view's place: Stage III knows no other lens.
+fn by_pinhole(view: &View, seen: &Observation) -> Observation {
+    let joints2d = seen.joints2d.map(|[u, v, confidence]| {
+        let pixel = view.by_pinhole(DVec2::new(u.into(), v.into()));
+        let [u, v] = pixel.as_vec2().to_array();
+        [u, v, confidence]
+    });
+    Observation { joints2d, ..*seen }
 }
 
 /// People of Stage III over time, as the fit wants them. `bodies` and `seen` are by frame; bodies in camera axes,

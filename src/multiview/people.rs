@@ -195,11 +195,11 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
         .enumerate()
         .map(|(v, d)| Some(frame[v][(*d)?].clone()))
         .collect();
-    let count = sights.iter().flatten().count();
+    let mut count = sights.iter().flatten().count();
     if count == 0 {
         return;
     }
-    let states = exchange::agree(views, &mut sights);
+    let mut states = exchange::agree(views, &mut sights);
     let mut joints = solve(views, &sights);
     if count > 2 {
         let off = |v: usize| {
@@ -212,6 +212,8 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
             .max_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((v, _)) = worst.filter(|(_, off)| *off > REACH) {
             sights[v] = None;
+            count -= 1;
+            states.iter_mut().for_each(|state| *state &= !(1 << v));
             joints = solve(views, &sights);
         }
     }

@@ -9,7 +9,8 @@ use super::points;
 use crate::body::BodyModel;
 use crate::body::mesh::MeshBody;
 use crate::body::skeleton::{BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector};
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PARENTS, PELVIS};
+use crate::fit::SEEN_THROUGH;
+use crate::joints::{BODY_JOINTS, PARENTS, PELVIS};
 use crate::message::{Body, BodyState, JointState};
 use crate::solve::{Effort, LeastSquares, NormalEquations, Solver};
 
@@ -101,17 +102,10 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
             &mut state,
             &mut spare,
         );
-        let seen: Vec<usize> = (0..BODY_JOINTS)
-            .map(|j| {
-                let j = j.min(EVIDENCE_JOINTS - 1);
-                f.moment
-                    .sights
-                    .iter()
-                    .flatten()
-                    .filter(|s| s.rays[j].is_some())
-                    .count()
-            })
-            .collect();
+        let seen = SEEN_THROUGH.map(|j| {
+            let sights = f.moment.sights.iter().flatten();
+            sights.filter(|s| s.rays[j].is_some()).count()
+        });
         let confidence = std::array::from_fn(|j| SURE[2 - seen[j].min(2)]);
         let turn = rotation_vector(state.0.rotation);
         let near = [k.saturating_sub(1), (k + 1).min(joints.len() - 1)];

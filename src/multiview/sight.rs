@@ -50,9 +50,7 @@ impl Sight {
         let rays = seen.joints2d.map(|[u, v, confidence]| {
             (confidence >= LEAST_CONFIDENCE).then(|| {
                 let pixel = DVec2::new(u.into(), v.into());
-                let plane = view
-                    .distortion
-                    .undistort((pixel - view.centre) / view.focal);
+                let plane = view.plane(pixel);
                 Ray {
                     pixel,
                     plane,

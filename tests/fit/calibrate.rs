@@ -1,5 +1,6 @@
 //! `edgecap calibrate` from files to a file: places found by people, and what it says when it cannot.
 
+use edgecap::body::skeleton::ANKLE_HEIGHT;
 use edgecap::camera::View;
 use edgecap::camera::calibration;
 use edgecap::lab::multiview::own::own;
@@ -49,10 +50,10 @@ fn a_walk_gives_the_calibration_that_multiview_reads() {
     for (found, truth) in distances(&found).iter().zip(distances(&truth)) {
         assert!((found - truth).abs() < 0.15, "{found} for {truth}");
     }
-    // Who walks there stands where their legs end, which is not at the world's 0; ankles are 8 cm above it.
+    // Who walks there stands where their legs end, which is not at the world's 0; their ankles are above it.
     let ankles = own(5, 3, FRAMES, Flaws::NONE).joints;
     let low = ankles.iter().flat_map(|j| [j[10].y, j[13].y]);
-    let truth = 1.6 - (low.fold(f64::INFINITY, f64::min) - 0.08);
+    let truth = 1.6 - (low.fold(f64::INFINITY, f64::min) - ANKLE_HEIGHT);
     for view in &found {
         let height = view.position.z;
         assert!(

@@ -6,7 +6,7 @@ use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::camera::View;
 use edgecap::fit::FitConfig;
 use edgecap::message::{BodyFrame, BodyState, JointState};
-use edgecap::multiview::live::{LiveFit, Synchroniser};
+use edgecap::multiview::live::{FrameSet, LiveFit, Synchroniser};
 use glam::{DQuat, DVec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
@@ -321,6 +321,41 @@ fn whoever_leaves_and_returns_is_recognised_by_looks() {
     assert_eq!(ids[150].len(), 1, "one is away");
     assert_eq!(ids[299], ids[50], "and is known when back");
     assert!(fit.remembered() <= 3);
+}
+
+#[test]
+fn after_a_pause_whoever_stands_there_is_known_by_looks() {
+    let there = walk(0.0, 1.0, &[(0.0, 4.2), (0.0, 4.2)]);
+    let views = views(3);
+    let ids = |after: u64| -> Vec<u32> {
+        let mut rng = SmallRng::seed_from_u64(3);
+        let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let seconds = [(21, 0.0), (after, 20.0)];
+        let last = seconds.map(|(seed, from)| {
+            let person = Person::new(seed, there.clone(), Activity::Stand);
+            for k in 0..30 {
+                let t = from + f64::from(k) / 30.0;
+                let frames = views.iter().map(|view| {
+                    let people = std::slice::from_ref(&person);
+                    observe(view, people, t, Spoil::default(), &mut rng)
+                });
+                let frames: Vec<_> = frames.collect();
+                let set = FrameSet {
+                    capture_ns: frames[0].capture_ns,
+                    file_time: false,
+                    stage_times: frames[0].stage_times,
+                    views: frames.iter().map(|f| Some(f.people().to_vec())).collect(),
+                };
+                fit.update(&set, &mut out);
+            }
+            assert_eq!(out.count, 1, "{seed}");
+            out.bodies[0].id
+        });
+        last.to_vec()
+    };
+    assert_eq!(ids(21), [1, 1], "the same person");
+    assert_eq!(ids(22), [1, 2], "somebody else");
 }
 
 #[test]

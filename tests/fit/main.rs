@@ -25,3 +25,4 @@ mod silhouettes;
 mod six_people;
 mod time_offsets;
 mod turned_views;
+mod who_is_who;

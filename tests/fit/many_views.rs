@@ -3,18 +3,23 @@
 
 use std::path::Path;
 
+use edgecap::body::mesh::MeshBody;
 use edgecap::camera::View;
 use edgecap::camera::calibration::write_pose2sim;
+use edgecap::joints::{BODY_JOINTS, PELVIS};
 use edgecap::lab::multiview::own::{RATE, Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
 use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use edgecap::message::{Observation, ObservationFrame};
-use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, matched, track};
+use edgecap::message::{JointState, Observation, ObservationFrame};
+use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, bodies, matched, track};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::{DMat3, DVec3};
 
 use crate::program::{assert_fails, output, stderr};
+
+const L_ANKLE: usize = 13;
+const L_FOOT_TIP: usize = 20;
 
 fn fitted(trial: &Trial, paths: bool) -> MultiviewFit {
     let options = MultiviewOptions {
@@ -42,6 +47,25 @@ fn what_is_seen_exactly_is_found() {
         joints < 8.0 && shape < 12.0,
         "{joints:.1} mm, shape {shape:.1} mm"
     );
+}
+
+#[test]
+fn joints_that_no_view_tells_are_seen_where_the_joint_before_them_is() {
+    let trial = own(1, 3, 3, Flaws::NONE);
+    let mut found = fitted(&trial, false);
+    let person = &mut found.people[0];
+    let moments = person.frames.iter_mut().map(|f| &mut f.moment);
+    for sight in moments.flat_map(|m| m.sights.iter_mut().flatten()) {
+        sight.rays[L_ANKLE] = None;
+    }
+    let bodies = bodies(MeshBody::shipped(), person, 1.7, trial.rate);
+    assert_eq!(bodies.len(), 3);
+    for (frame, body) in bodies {
+        let unseen = |j: &usize| body.joint_states[*j] != JointState::OBSERVED;
+        let unseen: Vec<usize> = (0..BODY_JOINTS).filter(unseen).collect();
+        assert_eq!(unseen, [L_ANKLE, L_FOOT_TIP], "frame {frame}");
+        assert!(body.confidence[L_FOOT_TIP] < body.confidence[PELVIS]);
+    }
 }
 
 #[test]

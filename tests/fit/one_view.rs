@@ -1,13 +1,18 @@
 //! One view alone: `edgecap multiview` with one `--view`, against Stage III on the same observations.
 
+use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
-use edgecap::message::BodyFrame;
+use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap::multiview::stage_three;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::Vec3;
+use rand::SeedableRng;
+use rand::rngs::SmallRng;
 
 use crate::program::{assert_fails, output, stderr};
-use crate::scene::people;
+use crate::scene::people::{self, Activity, Person};
+use crate::scene::ring::{Spoil, observe, views};
 use crate::scene::{Noise, Scene};
 
 const FRAMES: usize = 90;
@@ -65,6 +70,85 @@ fn a_body_is_as_right_as_stage_three() {
     );
 }
 
+/// When bodies are of somebody who was seen at these times, nanoseconds.
+fn times_of_bodies(times: &[u64], more: &[&str]) -> Vec<u64> {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (view, run) = (at("cam.jsonl"), at("run"));
+    let walker = people::everyday().swap_remove(0);
+    let mut scene = Scene::new(vec![walker], Noise::NONE, 30.0, 4);
+    let mut file = RecordWriter::<ObservationsRow>::create(view.as_ref(), Format::Jsonl).unwrap();
+    for &capture_ns in times {
+        let (message, _) = scene.next();
+        let message = ObservationFrame {
+            capture_ns,
+            ..message
+        };
+        file.write(&message, "").unwrap();
+    }
+    file.finish().unwrap();
+    let args = ["multiview", "--no-dct", "--view", &view, "--out", &run];
+    let done = output(&[&args, more].concat());
+    assert!(done.status.success(), "{}", stderr(&done));
+    let lines = std::fs::File::open(at("run/bodies.jsonl")).unwrap();
+    let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+    std::iter::from_fn(|| Some(rows.read().unwrap()?.time_ns)).collect()
+}
+
+#[test]
+fn the_rate_that_is_given_makes_the_times() {
+    let told: Vec<u64> = (0..8).map(|k| 1_000_000_000 + k * 40_000_000).collect();
+    assert_eq!(times_of_bodies(&told, &[]), told);
+    let wanted: Vec<u64> = (0..8).map(|k| k * 100_000_000).collect();
+    assert_eq!(times_of_bodies(&told, &["--fps", "10"]), wanted);
+}
+
+#[test]
+fn times_in_no_order_are_those_of_the_rate() {
+    let ms = [0, 40, 80, 80, 160, 150, 240, 280];
+    let times = times_of_bodies(&ms.map(|ms| 1_000_000 * ms), &[]);
+    let wanted: Vec<u64> = (0..8).map(|k| k * 40_000_000).collect();
+    assert_eq!(times, wanted);
+}
+
+#[test]
+fn a_lens_that_distorts_is_undone_for_stage_three() {
+    let lens = View {
+        distortion: Brown {
+            radial: [-0.25, 0.05, 0.0],
+            tangential: [0.0; 2],
+        },
+        ..views(2).swap_remove(0)
+    };
+    let pinhole = View {
+        distortion: Brown::default(),
+        ..lens.clone()
+    };
+    let aside = people::walk(0.0, 1.0, &[(-1.6, 4.2), (-1.6, 4.2)]);
+    let person = Person::new(5, aside, Activity::Wave);
+    let bodies = |view: &View| {
+        let mut rng = SmallRng::seed_from_u64(1);
+        let frames = (0..20).map(|k| {
+            let people = std::slice::from_ref(&person);
+            let t = f64::from(k) / 30.0;
+            observe(view, people, t, Spoil::default(), &mut rng)
+        });
+        let frames: Vec<ObservationFrame> = frames.collect();
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        stage_three(&mut fitter, view, frames.iter().map(|f| f.people()), 30.0)
+    };
+    let [found, wanted] = [&lens, &pinhole].map(bodies);
+    let pairs = found.iter().flatten().zip(wanted.iter().flatten());
+    let off = pairs.flat_map(|(a, b)| {
+        let joints = a.joints3d.iter().zip(&b.joints3d);
+        joints.map(|(p, q)| Vec3::from(*p).distance(Vec3::from(*q)))
+    });
+    let off: Vec<f32> = off.collect();
+    assert!(off.len() >= 15 * BODY_JOINTS, "{}", off.len());
+    let most = off.into_iter().fold(0.0, f32::max);
+    assert!(most < 0.005, "{most} m");
+}
+
 #[test]
 fn several_views_want_a_calibration_and_one_is_not_held_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -94,6 +178,15 @@ fn several_views_want_a_calibration_and_one_is_not_held_out() {
         64,
         &["--calibration for several views", "'calibrate' makes one"],
     );
+    let many: Vec<String> = (0..33).map(|k| format!("--view=c{k}={first}")).collect();
+    let many = many.iter().map(String::as_str);
+    for verb in ["multiview", "calibrate"] {
+        let args: Vec<&str> = [verb, "--out", &run]
+            .into_iter()
+            .chain(many.clone())
+            .collect();
+        assert_fails(&args, 64, &["at most 32 --view, found 33"]);
+    }
     assert_fails(
         &["multiview", "--view", &first, "--out", &run],
         66,

@@ -22,6 +22,8 @@ pub const ANGLES: usize = DOF - 6;
 /// Length in metres of the bone that ends in each joint, of a person of canonical stature; 0 for the pelvis.
 pub type BoneLengths = [f64; BODY_JOINTS];
 
+/// Height of a standing ankle above the floor at canonical stature, metres.
+pub const ANKLE_HEIGHT: f64 = 0.085;
 /// What the joints leave out of the stature: under the toe joints and above the head joint, metres.
 const SOLE_AND_SCALP: f64 = 0.012;
 

@@ -9,6 +9,7 @@ use crate::calibrate::{CalibrateError, Room, Scale, ViewQuality, calibrate as fi
 use crate::camera::calibration::write_pose2sim;
 use crate::camera::{DEFAULT_FOV, View};
 use crate::commands::exit::Failure;
+use crate::commands::multiview::expect_few;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, together};
 use crate::multiview::{Detections, Sight};
@@ -31,6 +32,7 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         ))
         .into());
     }
+    expect_few(files.len())?;
     let lenses = Lenses::read(&args.lens, files)?;
     let mut notes = Vec::new();
     if lenses.guessed {
@@ -47,7 +49,7 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         views.push(lenses.of(name, read.size).map_err(Failure::data)?);
         seen.push(read);
     }
-    let (rate, count) = together(args.fps, &seen, &mut notes)?;
+    let (rate, count) = together(args.fps, &mut seen, &mut notes)?;
     let scale = scale(args, &views, &mut notes)?;
     let one = |k: usize, (view, file): (&View, &ViewFile)| -> Detections {
         file.frames[k].iter().map(|o| Sight::new(view, o)).collect()

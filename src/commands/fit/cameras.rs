@@ -17,12 +17,11 @@ use crate::commands::multiview::{names, pictured};
 use crate::commands::outputs::finish;
 use crate::commands::say;
 use crate::commands::stop::Stop;
+use crate::multiview::MOST_VIEWS;
 use crate::multiview::live::{LiveFit, Synchroniser};
 use crate::sink::{Packet, Sinks};
 use crate::supervise::{Beat, Heartbeat};
 
-/// Most cameras.
-const MOST: usize = 32;
 /// Observations that may wait while one instant is fitted.
 const WAITING: usize = 64;
 /// How soon it is looked again whether a camera that is waited for has dropped out.
@@ -59,9 +58,9 @@ pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
         ))
         .into());
     }
-    if !(2..=MOST).contains(&cameras.len()) {
+    if !(2..=MOST_VIEWS).contains(&cameras.len()) {
         return Err(Failure::usage(format!(
-            "--cameras: expected 2 to {MOST} names, such as --cameras {},{}, found {}",
+            "--cameras: expected 2 to {MOST_VIEWS} names, such as --cameras {},{}, found {}",
             all[0].name,
             all[1].name,
             cameras.len()

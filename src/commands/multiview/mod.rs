@@ -9,7 +9,7 @@ mod store;
 mod sync;
 mod write;
 
-pub(super) use read::{named, told};
+pub(super) use read::{expect_few, named, told};
 
 use std::path::PathBuf;
 
@@ -99,6 +99,7 @@ pub(super) fn rate(text: &str) -> Result<f64, String> {
 /// # Errors
 /// When calibration, views or body cannot be read or do not go together, or when the folder cannot be written.
 pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
+    expect_few(args.view.len())?;
     write::expect_empty(&args.out)?;
     let chosen = write::frames(args.obj.as_deref())?;
     let exports = Exports::new(&args.export)?;

@@ -40,13 +40,16 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         }
     };
     let known = calibrated.as_ref().map(|(view, _)| view);
-    let file = view_file(&name, known, &path, store, &mut 0)?;
+    let mut file = view_file(&name, known, &path, store, &mut 0)?;
+    if let Some(fps) = args.fps {
+        file.at_rate(fps);
+    }
     let view = match &calibrated {
         None => camera_axes(&file),
         Some((view, from)) => pictured(view, file.size, &from.display().to_string())?,
     };
     let mut notes = Vec::new();
-    let (rate, count) = together(args.fps, std::slice::from_ref(&file), &mut notes)?;
+    let (rate, count) = together(args.fps, std::slice::from_mut(&mut file), &mut notes)?;
     let frames: Vec<Detections> = file
         .frames
         .iter()

@@ -11,7 +11,7 @@ use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
 use crate::message::Observation;
-use crate::multiview::{Detections, Sight, agreement};
+use crate::multiview::{Detections, MOST_VIEWS, Sight, agreement};
 use crate::record::CameraSource;
 
 /// By how much one reading of the lenses must be better than the other to be told apart.
@@ -48,6 +48,20 @@ pub struct Scene {
     pub in_world: bool,
     /// What was recognised.
     pub notes: Vec<String>,
+}
+
+/// Refuses more views than are told apart.
+///
+/// # Errors
+/// Saying how many are too many.
+pub fn expect_few(views: usize) -> anyhow::Result<()> {
+    if views <= MOST_VIEWS {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "expected at most {MOST_VIEWS} --view, found {views}; leave out those that see the least"
+    ))
+    .into())
 }
 
 /// Reads all views.

@@ -56,13 +56,10 @@ pub fn bring_together(
 ) -> anyhow::Result<Together> {
     if let Some(fps) = fps {
         for s in &mut seen {
-            let number = |k: usize| (1e9 * k as f64 / fps).round() as u64;
-            s.times = (0..s.times.len()).map(number).collect();
+            s.at_rate(fps);
         }
     }
-    let timed = seen
-        .iter()
-        .all(|s| s.times.len() > 1 && s.times.windows(2).all(|w| w[0] < w[1]));
+    let timed = seen.iter().all(|s| s.times.len() > 1 && s.is_in_order());
     let one_clock = fps.is_none() && seen.iter().all(|s| s.of_machine);
     let name = |k: usize| views[k].name.as_str();
     let starts: Vec<u64> = seen
@@ -116,7 +113,7 @@ pub fn bring_together(
     // Where motion tells nothing of any view, frames stand for themselves as they come.
     let nothing = sync == Sync::Auto && !one_clock && offsets.iter().skip(1).all(Option::is_none);
     if in_step || nothing {
-        let (rate, count) = together(fps, &seen, notes)?;
+        let (rate, count) = together(fps, &mut seen, notes)?;
         let times = seen[0].times[..count].to_vec();
         let people = seen.into_iter().map(|s| s.frames).collect();
         return Ok(Together {

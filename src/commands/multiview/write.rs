@@ -110,7 +110,7 @@ pub fn run(
     for (path, bytes) in encode(&take, Format::Trc, Path::new("joints.trc"))? {
         put(&path.display().to_string(), &bytes)?;
     }
-    put("meshes.glb", &meshes(body, scene.rate, fit, &take)?)?;
+    put("meshes.glb", &meshes(body, scene, fit, &take)?)?;
     for person in &fit.people {
         for f in &person.frames {
             let wanted = match chosen {
@@ -217,8 +217,13 @@ fn lines(
 }
 
 /// Everybody's mesh on SMPL's tree, moving.
-fn meshes(body: &MeshBody, rate: f64, fit: &MultiviewFit, take: &Take) -> anyhow::Result<Vec<u8>> {
-    let time = |frame: usize| take.frames[frame].time;
+fn meshes(
+    body: &MeshBody,
+    scene: &Scene,
+    fit: &MultiviewFit,
+    take: &Take,
+) -> anyhow::Result<Vec<u8>> {
+    let time = |frame: usize| (scene.times[frame] - scene.times[0]) as f64 * 1e-9;
     let tracks: Vec<MeshTrack<'_>> = fit
         .people
         .iter()
@@ -232,7 +237,7 @@ fn meshes(body: &MeshBody, rate: f64, fit: &MultiviewFit, take: &Take) -> anyhow
         })
         .collect();
     let axes = Axes::of(take);
-    Ok(encode_meshes(body, &tracks, &axes, rate)?)
+    Ok(encode_meshes(body, &tracks, &axes, scene.rate)?)
 }
 
 fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {

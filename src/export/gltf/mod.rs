@@ -21,10 +21,11 @@ use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
 /// [`ExportError::Format`] beyond 4 GiB.
 pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
     let mut document = Document::default();
-    for id in take.ids() {
-        let heights = take.people[&id].iter().map(|s| f64::from(s.body.height));
+    for motion in Motion::all(take)? {
+        let samples = take.people[&motion.id].iter();
+        let heights = samples.map(|s| f64::from(s.body.height));
         let height = heights.fold(0.0, f64::max).clamp(0.5, 2.5);
-        document.figure(&mannequin(&Motion::of(take, id), height));
+        document.figure(&mannequin(&motion, height));
     }
     document.finish()
 }

@@ -11,8 +11,9 @@
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
 
-use super::floor_plane::{ANKLE, FloorPlane};
+use super::floor_plane::FloorPlane;
 use super::stature_prior::{ADULTS, common_level, expected};
+use crate::body::skeleton::ANKLE_HEIGHT;
 
 /// Error of a standing ankle, metres. More than the 0.12 it is off by: looks at the same foot do not differ by chance
 /// alone.
@@ -112,7 +113,7 @@ impl FloorEstimate {
 
     /// Takes in a standing ankle of person `id`: camera space at canonical stature, metres.
     pub fn add(&mut self, id: u32, ankle: DVec3) {
-        let foot = ankle + DVec3::new(0.0, ANKLE, 0.0);
+        let foot = ankle + DVec3::new(0.0, ANKLE_HEIGHT, 0.0);
         if !foot.is_finite() || foot.z < 0.3 {
             return;
         }
@@ -269,7 +270,7 @@ mod tests {
     fn ankle_on(floor: FloorPlane, share: f64, x: f64, z: f64, off: f64) -> DVec3 {
         let FloorPlane { normal: n, offset } = floor;
         let y = -(n.x * x + n.z * z + offset) / n.y;
-        DVec3::new(x, y + off, z) / share - DVec3::new(0.0, ANKLE, 0.0)
+        DVec3::new(x, y + off, z) / share - DVec3::new(0.0, ANKLE_HEIGHT, 0.0)
     }
 
     /// The floor after people, each by identity and share, walked about for `looks` looks.

@@ -4,8 +4,6 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::fit::config::GroundConfig;
 
-/// Height of a standing ankle above the floor at canonical stature, metres.
-pub const ANKLE: f64 = 0.085;
 /// The floor in camera axes: points p with normal · p + offset = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloorPlane {

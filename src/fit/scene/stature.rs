@@ -4,8 +4,8 @@
 //! A floor that the settings give tells everybody's stature. One that was found from people's feet tells how tall they
 //! are beside each other.
 
-use super::floor_plane::{ANKLE, FloorPlane};
-use crate::body::skeleton::Posed;
+use super::floor_plane::FloorPlane;
+use crate::body::skeleton::{ANKLE_HEIGHT, Posed};
 use crate::fit::config::FitConfig;
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
 use crate::message::JointState;
@@ -81,7 +81,7 @@ impl Stature {
             .into_iter()
             .filter(|&ankle| states[ankle] == JointState::OBSERVED)
             .map(|ankle| {
-                let below = ANKLE - ground.normal.dot(posed.joints[ankle]);
+                let below = ANKLE_HEIGHT - ground.normal.dot(posed.joints[ankle]);
                 CANONICAL_STATURE as f64 * ground.offset / below
             })
             .filter(|s| *s > 0.0)
@@ -127,7 +127,7 @@ mod tests {
             // Stand it on the floor in true metres, then look at it at canonical stature.
             let low = posed.joints[10].y;
             let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
-            pose.position.y += (camera_height - jump) / scale - ANKLE - low;
+            pose.position.y += (camera_height - jump) / scale - ANKLE_HEIGHT - low;
             s.pose(&pose, s.lengths(), &mut posed);
             stature.update(&config, &posed, &seen);
             // Feet that nobody sees say nothing, wherever they are.

@@ -17,6 +17,7 @@ use glam::{DVec3, Mat3};
 use super::bias::{BiasMeter, Shown, part};
 use super::geometry::{mean, minus, norm};
 use crate::assignment::Matcher;
+use crate::fit::SEEN_THROUGH;
 use crate::lab::synth::detector::axes;
 use crate::lab::synth::truth::{SELF_OCCLUDED, TruthFrame, TruthPerson, VISIBLE};
 
@@ -37,10 +38,6 @@ const BURST: [u64; 2] = [3, 8];
 const HIDDEN: f64 = 0.5;
 /// Longest lag of the autocovariance, seconds.
 const LAGS: f64 = 1.5;
-/// The evidence joint behind each body joint.
-const SEEN_THROUGH: [usize; BODY_JOINTS] = [
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 8, 1, 0, 4, 7, 10, 13,
-];
 
 /// An error in two parts, per axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -161,11 +161,7 @@ fn lift(lifter: &mut Lifter, view: &View, seen: &mut Observation) {
     let detection = Detection {
         joints: seen.joints2d.map(|[u, v, confidence]| {
             // Stage II's view is a pinhole.
-            let pixel = DVec2::new(u.into(), v.into());
-            let flat = view
-                .distortion
-                .undistort((pixel - view.centre) / view.focal);
-            let pixel = flat * view.focal + view.centre;
+            let pixel = view.by_pinhole(DVec2::new(u.into(), v.into()));
             let [u, v] = letterbox.to_input(pixel.x as f32, pixel.y as f32);
             if confidence > 0.0 {
                 [u, v, confidence]

@@ -103,6 +103,24 @@ impl Identities {
         remove_all(&mut self.gone, from_gone);
     }
 
+    /// Lets everybody go; whoever is seen next may be recognised.
+    pub fn leave_all(&mut self, present: &mut Vec<Person>, now_ns: u64) {
+        for person in present.drain(..) {
+            self.leave(person, now_ns);
+        }
+    }
+
+    fn leave(&mut self, person: Person, now_ns: u64) {
+        if person.id == 0 || !person.is_finite() {
+            return;
+        }
+        let unseen_ns = (person.unseen * 1e9) as u64;
+        self.gone.push(Gone {
+            person,
+            left_ns: now_ns.saturating_sub(unseen_ns),
+        });
+    }
+
     /// Lets go of those missed for too long, of whom there are two of, and of the memory of those who left long ago.
     pub fn forget(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
         let identity = &config.identity;
@@ -121,12 +139,8 @@ impl Identities {
                 continue;
             }
             let person = present.remove(k);
-            if person.id != 0 && lost && person.is_finite() {
-                let unseen_ns = (person.unseen * 1e9) as u64;
-                self.gone.push(Gone {
-                    person,
-                    left_ns: now_ns.saturating_sub(unseen_ns),
-                });
+            if lost {
+                self.leave(person, now_ns);
             }
         }
         let memory = (identity.memory * 1e9) as u64;

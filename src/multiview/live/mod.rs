@@ -155,6 +155,10 @@ impl LiveFit {
             self.identities.clear();
             return Some(STEP[0]);
         }
+        if dt > STEP[1] {
+            // Everybody is somewhere else now, but may be recognised.
+            self.identities.leave_all(&mut self.present, capture_ns);
+        }
         Some(dt.clamp(STEP[0], STEP[1]))
     }
 

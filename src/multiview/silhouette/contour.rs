@@ -89,13 +89,9 @@ impl Contour {
             return None;
         }
         let step = line.len().div_ceil(MOST);
-        let flat = |pixel: DVec2| {
-            let plane = (pixel - view.centre) / view.focal;
-            view.distortion.undistort(plane)
-        };
         let points = line.iter().step_by(step).filter_map(|(pixel, normal)| {
-            let plane = flat(*pixel);
-            let normal = (flat(*pixel + *normal) - plane).try_normalize()?;
+            let plane = view.plane(*pixel);
+            let normal = (view.plane(*pixel + *normal) - plane).try_normalize()?;
             Some(Point { plane, normal })
         });
         Some(Self {

@@ -1,0 +1,129 @@
+//! What is told of somebody who is not looked at all the time.
+
+use super::*;
+use crate::joints::{BODY_JOINTS, JOINT_NAMES};
+use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, JointState, World, WorldState};
+
+const FPS: f64 = 10.0;
+
+fn standing() -> Body {
+    Body {
+        id: 1,
+        state: BodyState::TRACKED,
+        confidence: [0.9; BODY_JOINTS],
+        joint_states: [JointState::OBSERVED; BODY_JOINTS],
+        ..Body::default()
+    }
+}
+
+/// The right wrist above the head; seen, or not.
+fn hand(is_seen: bool) -> Body {
+    let mut body = standing();
+    for (j, name) in JOINT_NAMES.iter().enumerate() {
+        if *name == "r_wrist" {
+            body.joints3d[j] = [0.0, -1.0, 0.0];
+        }
+        if name.ends_with("_wrist") && !(is_seen && name.starts_with('r')) {
+            body.joint_states[j] = JointState::OCCLUDED;
+        }
+    }
+    body
+}
+
+fn frame(time: f64, body: Option<Body>) -> BodyFrame {
+    let mut frame = BodyFrame {
+        pose_ns: (time * 1e9).round() as u64,
+        count: u32::from(body.is_some()),
+        ..BodyFrame::default()
+    };
+    frame.bodies[0] = body.unwrap_or_default();
+    frame
+}
+
+fn look(detector: &mut Detector, frames: impl IntoIterator<Item = BodyFrame>) -> Vec<Event> {
+    let frames = frames.into_iter();
+    frames.flat_map(|frame| detector.look(&frame)).collect()
+}
+
+fn kinds(events: &[Event]) -> Vec<EventKind> {
+    events.iter().map(|e| e.kind).collect()
+}
+
+/// Frames from one time to another, seconds.
+fn film(from: f64, to: f64, body: Option<Body>) -> impl Iterator<Item = BodyFrame> {
+    let numbers = (from * FPS).round() as u32..(to * FPS).round() as u32;
+    numbers.map(move |k| frame(f64::from(k) / FPS, body))
+}
+
+#[test]
+fn while_a_camera_was_away_nobody_was_there() {
+    let mut detector = Detector::new(EventConfig::default());
+    let there = Some(standing());
+    let before = film(0.0, 10.0, there).chain(film(610.0, 620.0, None));
+    let told = look(&mut detector, before.chain(film(620.0, 622.0, there)));
+    let seconds = |kind: EventKind| {
+        let event = told.iter().find(|e| e.kind == kind);
+        event.map(|e| e.seconds).unwrap()
+    };
+    assert!((seconds(EventKind::LEFT) - 9.9).abs() < 0.01, "{told:?}");
+    let away = seconds(EventKind::CAME_BACK);
+    assert!((away - 610.1).abs() < 0.01, "{told:?}");
+}
+
+#[test]
+fn two_frames_far_apart_raise_no_hand() {
+    for is_silent in [false, true] {
+        let mut detector = Detector::new(EventConfig::default());
+        look(&mut detector, film(0.0, 2.0, Some(hand(false))));
+        let mut told = look(&mut detector, [frame(2.0, Some(hand(true)))]);
+        if !is_silent {
+            told.extend(look(&mut detector, film(2.1, 32.0, Some(hand(false)))));
+        }
+        told.extend(look(&mut detector, [frame(32.0, Some(hand(true)))]));
+        assert_eq!(kinds(&told), [], "silent: {is_silent}");
+        // Of a hand that stays up it counts from when it was seen again.
+        let held = look(&mut detector, film(32.1, 33.0, Some(hand(true))));
+        assert_eq!(kinds(&held), [EventKind::HAND_RAISED]);
+    }
+}
+
+#[test]
+fn two_frames_far_apart_are_nobody_s_arrival() {
+    let mut detector = Detector::new(EventConfig::default());
+    let there = Some(standing());
+    let told = look(&mut detector, [frame(0.0, there), frame(30.0, there)]);
+    assert_eq!(kinds(&told), []);
+    let stays = look(&mut detector, film(30.1, 30.6, there));
+    assert!(kinds(&stays).contains(&EventKind::ENTERED), "{stays:?}");
+}
+
+#[test]
+fn two_frames_far_apart_that_know_a_floor_enter_no_zone() {
+    let zone = Zone {
+        name: "here".into(),
+        corners: vec![[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]],
+        dwell: None,
+    };
+    let mut detector = Detector::new(EventConfig {
+        zone: vec![zone],
+        ..EventConfig::default()
+    });
+    let on_floor = |time: f64| BodyFrame {
+        world: World {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0, 1.0, 0.0],
+            state: WorldState::GIVEN,
+        },
+        ..frame(time, Some(standing()))
+    };
+    look(&mut detector, film(0.0, 2.0, Some(standing())));
+    let mut told = look(&mut detector, [on_floor(2.0)]);
+    told.extend(look(&mut detector, film(2.1, 32.0, Some(standing()))));
+    told.extend(look(&mut detector, [on_floor(32.0)]));
+    assert_eq!(kinds(&told), []);
+    let stays = look(
+        &mut detector,
+        (1..6).map(|k| on_floor(32.0 + f64::from(k) / FPS)),
+    );
+    assert_eq!(kinds(&stays), [EventKind::ZONE_ENTERED]);
+}

@@ -1,0 +1,155 @@
+//! Records whose times and ids are as a publisher that waits, ends or is started again leaves them.
+
+use super::take::{Frame, Sample};
+use super::*;
+use crate::message::{Body, BodyFrame, World};
+use crate::record::{BodiesRow, Row};
+
+const SECOND: u64 = 1_000_000_000;
+
+/// A message: its number, its time in nanoseconds, who is in it.
+type Message<'a> = (u64, u64, &'a [u32]);
+
+fn take(messages: &[Message<'_>]) -> Take {
+    let mut lines = Vec::new();
+    for &(sequence, pose_ns, ids) in messages {
+        let mut message = BodyFrame {
+            sequence,
+            pose_ns,
+            count: ids.len() as u32,
+            ..BodyFrame::default()
+        };
+        for (body, &id) in message.bodies.iter_mut().zip(ids) {
+            body.id = id;
+        }
+        serde_json::to_writer(&mut lines, &BodiesRow::new(&message, "")).unwrap();
+        lines.push(b'\n');
+    }
+    Take::read(&lines[..], "record").unwrap()
+}
+
+fn times(take: &Take) -> Vec<f64> {
+    take.frames.iter().map(|f| f.time).collect()
+}
+
+/// `fit --rate 50` of a camera that shows five pictures a second: bodies go on for 0.1 s and are held for another 0.1.
+fn held() -> Vec<Message<'static>> {
+    let messages = 0..100;
+    let ahead = |k: u64| (k % 10).min(5) * SECOND / 50;
+    messages
+        .map(|k| (k / 10, k / 10 * SECOND / 5 + ahead(k), &[1][..]))
+        .collect()
+}
+
+#[test]
+fn bodies_that_are_held_are_one_frame_and_the_others_keep_their_times() {
+    let take = take(&held());
+    assert_eq!(take.frames.len(), 60);
+    assert_eq!(take.people[&1].len(), 60);
+    assert!((take.rate() - 50.0).abs() < 1e-6, "{}", take.rate());
+    let times = times(&take);
+    assert!((times[59] - 1.9).abs() < 1e-9, "{}", times[59]);
+    assert!(times.is_sorted_by(|a, b| a < b), "{times:?}");
+    let motion = Motion::all(&take).unwrap().next().unwrap();
+    assert_eq!(motion.moments.len(), 96);
+    assert!(
+        motion.moments.iter().all(|m| m.is_there),
+        "nobody is away while bodies are held"
+    );
+}
+
+#[test]
+fn a_frame_that_was_overtaken_is_left_out() {
+    let take = take(&[
+        (0, 0, &[1]),
+        (1, SECOND / 10, &[1]),
+        (2, SECOND / 11, &[2]),
+        (3, SECOND / 5, &[1]),
+    ]);
+    assert_eq!(times(&take), [0.0, 0.1, 0.2]);
+    let frames: Vec<usize> = take.people[&1].iter().map(|s| s.frame).collect();
+    assert_eq!(frames, [0, 1, 2]);
+    assert!(!take.people.contains_key(&2), "who is in no other frame");
+}
+
+#[test]
+fn times_that_mostly_stand_still_are_those_of_30_frames_a_second() {
+    let photos: Vec<Message<'_>> = (0..4).map(|k| (k, 7, &[1][..])).collect();
+    let take = take(&photos);
+    assert_eq!(times(&take), [0.0, 1.0 / 30.0, 2.0 / 30.0, 3.0 / 30.0]);
+}
+
+#[test]
+fn a_recording_that_begins_anew_follows_the_one_before() {
+    let film = (0..10).map(|k| k * SECOND / 10);
+    let twice = film.clone().chain(film).zip(0..);
+    let take = take(&twice.map(|(t, k)| (k, t, &[1][..])).collect::<Vec<_>>());
+    let wanted: Vec<f64> = (0..20).map(|k| f64::from(k) / 10.0).collect();
+    let times = times(&take);
+    assert_eq!(times.len(), wanted.len(), "none is left out: {times:?}");
+    for (time, wanted) in times.iter().zip(&wanted) {
+        assert!((time - wanted).abs() < 1e-9, "{times:?}");
+    }
+}
+
+#[test]
+fn who_has_an_id_of_before_the_publisher_s_restart_is_somebody_else() {
+    let take = take(&[
+        (70, 10 * SECOND, &[1, 3]),
+        (71, 11 * SECOND, &[3]),
+        (0, 20 * SECOND, &[1]),
+        (1, 21 * SECOND, &[1, 2]),
+        (0, 30 * SECOND, &[1]),
+    ]);
+    let frames = |id: u32| -> Vec<usize> { take.people[&id].iter().map(|s| s.frame).collect() };
+    let all: Vec<u32> = take.people.keys().copied().collect();
+    assert_eq!(all, [1, 3, 4, 5, 6]);
+    assert_eq!(
+        [frames(1), frames(4), frames(6)],
+        [vec![0], vec![2, 3], vec![4]]
+    );
+    let named = |(id, samples): (&u32, &Vec<Sample>)| samples.iter().all(|s| s.body.id == *id);
+    assert!(take.people.iter().all(named), "bodies are called alike");
+}
+
+/// One frame at each time, each with somebody of its own.
+fn crowd(times: impl Iterator<Item = f64>) -> Take {
+    let mut take = Take::default();
+    for (frame, time) in times.enumerate() {
+        take.frames.push(Frame {
+            sequence: frame as u64,
+            time,
+            world: World::default(),
+        });
+        let body = Body::default();
+        take.people
+            .insert(frame as u32, vec![Sample { frame, body }]);
+    }
+    take
+}
+
+#[test]
+fn steps_are_no_shorter_than_a_camera_s() {
+    let take = crowd([0.0, 1e-6, 2e-6, 3e-6].into_iter());
+    assert_eq!(take.rate(), 1000.0);
+}
+
+#[test]
+fn what_cannot_be_held_is_refused_before_it_is_made() {
+    let refused = |take: &Take, name: &str, words: [&str; 2]| {
+        let error = encode(take, Format::of(name.as_ref()).unwrap(), name.as_ref());
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("4 GiB of numbers at most"), "{error}");
+        for word in words {
+            assert!(error.contains(word), "{word}: {error}");
+        }
+    };
+    let crowd = crowd((0..3000).map(|k| f64::from(k) / 30.0));
+    refused(&crowd, "a.npz", ["3000 frames × 3000 people", "fewer"]);
+    // A clock that was set while somebody was in view.
+    let mut long = take(&held());
+    long.frames[59].time = 1e9;
+    for name in ["a.bvh", "a.trc", "a.glb"] {
+        refused(&long, name, ["steps of 0.020000 s", "fewer"]);
+    }
+}

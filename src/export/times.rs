@@ -1,0 +1,65 @@
+//! When a record's frames were, made of times that stand still, go back or say nothing.
+
+/// Frames a second of a record whose times say nothing, such as one of photos.
+pub const RATE: f64 = 30.0;
+/// Times that go back by more than this belong to another recording.
+const RESTART_NS: u64 = 500_000_000;
+
+/// A message's number and time, nanoseconds.
+pub type Stamp = (u64, u64);
+
+/// Seconds after the first frame, rising; `None` for a frame that is to be left out, as it is no later than the last.
+///
+/// Times that go back far belong to another recording, which goes on where the one before has ended. Where most frames
+/// are no later than the one before, numbers tell the times.
+pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
+    // Bodies that are held while no picture comes are the same message again: they say nothing of the times.
+    let steps = stamps.windows(2).filter(|pair| pair[0] != pair[1]);
+    let (mut all, mut rising) = (0, Vec::new());
+    for pair in steps {
+        all += 1;
+        rising.extend(pair[1].1.checked_sub(pair[0].1).filter(|step| *step > 0));
+    }
+    rising.sort_unstable();
+    let Some(&usual) = rising
+        .get(rising.len() / 2)
+        .filter(|_| 2 * rising.len() >= all)
+    else {
+        let numbers = 0..stamps.len();
+        return numbers.map(|k| Some(k as f64 / RATE)).collect();
+    };
+    let mut clock = Clock {
+        usual,
+        origin: stamps[0].1,
+        began: 0,
+        newest: None,
+    };
+    stamps.iter().map(|&(_, time)| clock.look(time)).collect()
+}
+
+/// One clock of several recordings. All in nanoseconds.
+struct Clock {
+    usual: u64,
+    /// The recording's first time on its own clock, and on this one.
+    origin: u64,
+    began: u64,
+    newest: Option<u64>,
+}
+
+impl Clock {
+    /// Seconds of a frame that is later than all before.
+    fn look(&mut self, time: u64) -> Option<f64> {
+        if let Some(newest) = self.newest {
+            let known = self.origin.saturating_add(newest - self.began);
+            if time.saturating_add(RESTART_NS) < known {
+                (self.origin, self.began) = (time, newest.saturating_add(self.usual));
+            }
+        }
+        let now = self.began.saturating_add(time.saturating_sub(self.origin));
+        if self.newest.is_some_and(|newest| now <= newest) {
+            return None;
+        }
+        self.newest = Some(now);
+        Some(now as f64 * 1e-9)
+    }
+}
