@@ -1,6 +1,8 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
 //! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
+mod stump;
+
 use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -45,7 +47,8 @@ enum Place {
 impl Write for Place {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         match self {
-            Self::Beside(file) => file.write(buf),
+            // Not through the temporary file, whose errors name it.
+            Self::Beside(file) => file.as_file_mut().write(buf),
             Self::Device(file) => file.write(buf),
         }
     }
@@ -79,6 +82,8 @@ pub struct AtomicFile {
     taken: u64,
     /// Where the newest records end that may not be on the disk yet.
     whole: VecDeque<u64>,
+    /// What was to follow never came.
+    is_broken: bool,
 }
 
 impl AtomicFile {
@@ -112,7 +117,8 @@ impl AtomicFile {
             .prefix(PREFIX)
             .suffix(SUFFIX)
             .permissions(fs::Permissions::from_mode(0o666))
-            .tempfile_in(folder)?;
+            .tempfile_in(folder)
+            .map_err(unnamed)?;
         Ok(Self::new(Place::Beside(file), path, made))
     }
 
@@ -123,7 +129,24 @@ impl AtomicFile {
             made,
             taken: 0,
             whole: VecDeque::new(),
+            is_broken: false,
         }
+    }
+
+    /// Says that what was to follow never came: a longer file of the same name then stays, and this one gets another
+    /// name beside it.
+    pub fn break_off(&mut self) {
+        self.is_broken = true;
+    }
+
+    /// Whether [`finish`](Self::finish) would leave anything where writing has failed.
+    pub fn keeps_anything(&self) -> bool {
+        let Some(writer) = &self.writer else {
+            return false;
+        };
+        let on_disk = self.taken - (writer.buffer().len() as u64).min(self.taken);
+        let is_whole = |end: &u64| (1..=on_disk).contains(end);
+        matches!(writer.get_ref(), Place::Device(_)) || self.whole.iter().any(is_whole)
     }
 
     /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe has them
@@ -176,7 +199,11 @@ impl AtomicFile {
             };
             file.as_file().set_len(*whole)?;
         }
-        file.persist(&self.path).map_err(|e| e.error)?;
+        let path = match flushed.is_err() || self.is_broken {
+            true => stump::place(&self.path, file.as_file().metadata()?.len()),
+            false => self.path.clone(),
+        };
+        file.persist(path).map_err(|e| e.error)?;
         self.made = None;
         flushed
     }
@@ -261,6 +288,15 @@ impl AtomicFolder {
     }
 }
 
+/// The system's own words, without the name of a temporary file, which says nothing to the user.
+fn unnamed(error: io::Error) -> io::Error {
+    let words = error.to_string();
+    match words.split_once(" at path ") {
+        Some((words, _)) => io::Error::new(error.kind(), words.to_owned()),
+        None => error,
+    }
+}
+
 /// Opens a device or pipe to write into. Opening a pipe that nobody reads would wait for ever, whatever signal comes.
 fn open_device(path: &Path) -> io::Result<File> {
     let began = Instant::now();
@@ -308,6 +344,23 @@ mod tests {
         file.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn errors_do_not_name_what_is_only_on_the_way() {
+        let e = AtomicFile::create(Path::new("/proc/nothing.jsonl")).unwrap_err();
+        assert!(!e.to_string().contains(SUFFIX), "{e}");
+    }
+
+    #[test]
+    fn a_full_disk_keeps_whole_records_or_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = AtomicFile::create(&folder.path().join("file")).unwrap();
+        file.write_all(b"a record").unwrap();
+        file.mark_whole();
+        assert!(!file.keeps_anything(), "it lies in memory");
+        file.flush().unwrap();
+        assert!(file.keeps_anything());
     }
 
     #[test]

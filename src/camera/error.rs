@@ -42,6 +42,7 @@ impl CameraError {
             Self::Read { source, .. } => match source.kind() {
                 io::ErrorKind::NotFound => 66,
                 io::ErrorKind::PermissionDenied => 77,
+                io::ErrorKind::InvalidData => 65,
                 _ => 74,
             },
             Self::Settings { .. } => 78,

@@ -49,6 +49,8 @@ struct Probe {
     times: Vec<u64>,
     /// Number of pictures according to the file's header.
     announced: Option<u64>,
+    /// Whether pixels are as wide as they are high.
+    is_square: bool,
 }
 
 /// Plays a film through ffmpeg.
@@ -86,6 +88,14 @@ impl FfmpegSource {
             ])
             .arg(&input)
             .args(["-map", "0:V:0"])
+            // A lens is one for both directions. No pixel is thrown away.
+            .args(match probe.is_square {
+                true => &[][..],
+                false => &[
+                    "-vf",
+                    "scale=w='max(iw,iw*sar)':h='max(ih,ih/sar)',setsar=1",
+                ],
+            })
             .args(rate_option)
             .args([
                 "-f",
@@ -276,7 +286,7 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
         ])
         .args([
             "-show_entries",
-            "stream=avg_frame_rate,nb_frames:packet=pts_time",
+            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time",
         ])
         .args(["-of", "csv"])
         .arg(input)
@@ -300,11 +310,13 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
     }
 }
 
-/// Lines `packet,TIME` and one `stream,RATE,COUNT`; `None` without a stream.
+/// Lines `packet,TIME` and one `stream,SHAPE,RATE,COUNT`, fields in any order and `N/A` where unknown; `None` without a
+/// stream.
 fn parse_probe(text: &str) -> Option<Probe> {
     let mut seconds = Vec::new();
     let mut untimed = false;
     let mut stream = None;
+    let mut is_square = true;
     for line in text.lines() {
         let mut fields = line.trim().split(',');
         match fields.next() {
@@ -313,8 +325,14 @@ fn parse_probe(text: &str) -> Option<Probe> {
                 _ => untimed = true,
             },
             Some("stream") => {
-                let fps = fields.next().and_then(parse_rate);
-                let announced = fields.next().and_then(|n| n.parse().ok());
+                let (mut fps, mut announced) = (None, None);
+                for field in fields {
+                    fps = fps.or_else(|| parse_rate(field));
+                    announced = announced.or_else(|| field.parse().ok());
+                    if let Some((across, down)) = field.split_once(':') {
+                        is_square = across == down || across == "0" || down == "0";
+                    }
+                }
                 stream = Some((fps.unwrap_or(DEFAULT_FPS), announced));
             }
             _ => {}
@@ -334,6 +352,7 @@ fn parse_probe(text: &str) -> Option<Probe> {
             .map(|t| ((t - start) * 1e9).round() as u64)
             .collect(),
         announced,
+        is_square,
     })
 }
 
@@ -422,6 +441,12 @@ mod tests {
         let probe = parse_probe("packet,N/A\npacket,1\nstream,0/0,N/A\n").unwrap();
         assert!(probe.times.is_empty());
         assert_eq!((probe.fps, probe.announced), (DEFAULT_FPS, None));
+        assert!(probe.is_square);
+        for (shape, square) in [("1:1", true), ("0:1", true), ("N/A", true), ("4:3", false)] {
+            let probe = parse_probe(&format!("stream,{shape},25/1,50\n")).unwrap();
+            assert_eq!((probe.fps, probe.announced), (25.0, Some(50)));
+            assert_eq!(probe.is_square, square, "{shape}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! [`open`] turns an [`InputSpec`] into a [`Source`]; [`Resizer`] turns its frames into the network's input.
 
+mod album;
 mod avi;
 mod awaited;
 mod brightness;
@@ -30,6 +31,7 @@ mod stored;
 mod y4m;
 mod yuv;
 
+pub use album::is_photo;
 pub use avi::{AviReader, AviWriter};
 pub use awaited::AwaitedSource;
 pub use brightness::Brightness;

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use image::codecs::png::PngDecoder;
 use image::{ColorType, ImageDecoder, Limits};
 
+use super::album::{Album, other_kind};
 use super::error::{CaptureError, name_of};
 use super::exif::Orientation;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;
 use super::limits::{MAX_SIDE, check_size};
-use super::natural::natural_order;
 use super::source::Source;
 
 /// Largest photo file that is read, bytes.
@@ -40,33 +40,29 @@ impl PhotoSource {
         Self::new(path, vec![path.to_owned()], fps)
     }
 
-    /// Every JPEG and PNG file of a folder, in order of their names, numbers in names by value (`2.jpg` before
-    /// `10.jpg`). Its first bytes make a file a photo; one that is named so and is none counts as a damaged photo.
-    /// Hidden files and folders inside are left out. `fps`: the rate at which the photos were taken, for time stamps;
+    /// Every JPEG and PNG file of a folder, as [`Album`] has them. Hidden files are left out; what else looks like a
+    /// photo is, too, with a warning. `fps`: the rate at which the photos were taken, for time stamps;
     /// 30 without.
     ///
     /// # Errors
     /// [`CaptureError::NoInput`] when the folder is missing or holds no photo; [`CaptureError::Permission`],
     /// [`CaptureError::Io`] when it cannot be read.
     pub fn folder(path: &Path, fps: Option<f64>) -> Result<Self, CaptureError> {
-        let io = |e| CaptureError::from_io(path, e);
-        let mut files = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(io)? {
-            let file = entry.map_err(io)?.path();
-            if is_photo(&file) {
-                files.push(file);
-            }
-        }
-        if files.is_empty() {
+        let album = Album::of(path).map_err(|e| CaptureError::from_io(path, e))?;
+        let left_out = album.left_out();
+        if album.photos.is_empty() {
+            let others = left_out.map_or(String::new(), |others| format!(" but {others}"));
             return Err(CaptureError::NoInput {
                 input: name_of(path),
-                reason: "expected photos (.jpg, .jpeg, .png) in this folder, found none".into(),
+                reason: format!(
+                    "expected photos (.jpg, .jpeg, .png) in this folder, found none{others}"
+                ),
             });
         }
-        files.sort_by(|a, b| {
-            natural_order(&a.to_string_lossy(), &b.to_string_lossy()).then_with(|| a.cmp(b))
-        });
-        Ok(Self::new(path, files, fps))
+        if let Some(others) = left_out {
+            tracing::warn!("{}: left out: {others}", name_of(path));
+        }
+        Ok(Self::new(path, album.photos, fps))
     }
 
     fn new(path: &Path, files: Vec<PathBuf>, fps: Option<f64>) -> Self {
@@ -128,27 +124,6 @@ impl Source for PhotoSource {
     }
 }
 
-/// Whether a file is a photo by its first bytes, or ought to be one by its name.
-fn is_photo(path: &Path) -> bool {
-    let hidden = path
-        .file_name()
-        .is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
-    if hidden || !path.is_file() {
-        return false;
-    }
-    let named = path.extension().is_some_and(|e| {
-        ["jpg", "jpeg", "png"]
-            .iter()
-            .any(|k| e.eq_ignore_ascii_case(k))
-    });
-    let begins = || {
-        let mut head = [0; 8];
-        let read = File::open(path).and_then(|mut f| f.read_exact(&mut head));
-        read.is_ok() && (is_jpeg(&head) || is_png(&head))
-    };
-    named || begins()
-}
-
 /// Reads a whole file of a sane size.
 fn read_file(path: &Path, bytes: &mut Vec<u8>) -> Result<(), CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
@@ -192,10 +167,11 @@ impl PhotoDecoder {
                 "expected a JPEG or PNG picture, found an empty file; copy it again".into(),
             );
         } else {
-            return Err(
-                "expected a JPEG or PNG picture, found other bytes; convert it to one of these"
-                    .into(),
-            );
+            let found =
+                other_kind(bytes).map_or("other bytes".into(), |kind| format!("{kind} picture"));
+            return Err(format!(
+                "expected a JPEG or PNG picture, found {found}; convert it to one of these"
+            ));
         };
         orientation.apply(frame);
         Ok(())

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::album::other_kind;
 use super::avi::{AviReader, is_avi};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
@@ -49,6 +50,12 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     }
     if is_jpeg(&head) || is_png(&head) {
         return Ok(Box::new(PhotoSource::file(path, fps)));
+    }
+    if let Some(kind) = other_kind(&head) {
+        return Err(CaptureError::data(
+            name_of(path),
+            format!("expected a JPEG or PNG photo, found {kind}; convert it to JPEG or PNG"),
+        ));
     }
     let reader = BufReader::with_capacity(BUFFER_BYTES, file);
     if head.starts_with(y4m::MAGIC) {

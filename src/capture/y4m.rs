@@ -17,6 +17,20 @@ const MAX_LINE: usize = 1024;
 /// Height from which untagged film is taken for BT.709, as players do.
 const HIGH_DEFINITION_LINES: u32 = 720;
 
+/// Says that pixels are not square where they are not: what is seen is then too wide or too narrow.
+fn warn_of_shape(name: &str, shape: &str) {
+    if let Some((across, down)) = shape.split_once(':')
+        && across != down
+        && across != "0"
+        && down != "0"
+    {
+        tracing::warn!(
+            "{name}: expected square pixels, found {}; people come out too wide or too narrow: scale the film before, with ffmpeg -vf \"scale=iw*sar:ih,setsar=1\"",
+            printable(shape)
+        );
+    }
+}
+
 /// Where a picture's colours lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Planes {
@@ -90,6 +104,7 @@ impl<R: Read> Y4mReader<R> {
                         rate = (n, d);
                     }
                 }
+                b'A' => warn_of_shape(&name, &text),
                 b'C' => {
                     planes = match &*text {
                         "mono" => Planes::Grey,

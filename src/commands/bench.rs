@@ -6,9 +6,12 @@ use std::time::Duration;
 
 use indicatif::ProgressBar;
 
+use super::apart::Apart;
 use super::exit::Failure;
+use super::model::file_digest;
+use super::say;
 use crate::engine::{Model, ModelError};
-use crate::lab::bench::{BenchOptions, Certificate, Subject, certify};
+use crate::lab::bench::{BenchOptions, Certificate, Subject, SubjectError, certify};
 use crate::output::AtomicFile;
 
 /// Options of `edgecap bench`.
@@ -57,6 +60,10 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// # Errors
 /// When a model cannot be read, a network is unknown, or nothing can be printed.
 pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
+    Apart::default()
+        .may_read("--model", args.model.as_deref())
+        .may_write("--save", args.save.as_deref())
+        .check()?;
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(500));
     spinner.set_message("weights");
@@ -71,7 +78,7 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
     for name in &names {
         subjects.push(match trained.as_ref().filter(|t| t.name() == name) {
             Some(trained) => trained.clone(),
-            None => Subject::random(name, args.size)?,
+            None => Subject::random(name, args.size).map_err(cause)?,
         });
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -97,14 +104,21 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.save {
         save(path, &certificate).map_err(|e| Failure::output(path, &e))?;
     }
-    let mut out = std::io::stdout().lock();
-    if args.json {
-        serde_json::to_writer_pretty(&mut out, &certificate)?;
-        writeln!(out)?;
-    } else {
-        write!(out, "{certificate}")?;
-    }
+    let text = match args.json {
+        true => serde_json::to_string_pretty(&certificate)?,
+        false => certificate.to_string(),
+    };
+    say::out(text.trim_end());
     Ok(())
+}
+
+/// What is wrong with a network, which has an exit code of its own.
+fn cause(error: SubjectError) -> anyhow::Error {
+    match error {
+        SubjectError::Network(e) => e.into(),
+        SubjectError::Model(e) => e.into(),
+        SubjectError::Engine(e) => e.into(),
+    }
 }
 
 fn save(path: &Path, certificate: &Certificate) -> std::io::Result<()> {
@@ -118,10 +132,19 @@ fn save(path: &Path, certificate: &Certificate) -> std::io::Result<()> {
 fn trained(path: Option<&Path>) -> anyhow::Result<Option<Subject>> {
     if let Some(path) = path {
         let origin = path.display().to_string();
-        return Ok(Some(Subject::trained(Model::open(path)?, &origin)));
+        let model = Model::open(path)?;
+        return Ok(Some(Subject::trained(
+            model,
+            &origin,
+            &file_digest(Some(path))?,
+        )));
     }
     match Model::shipped() {
-        Ok(model) => Ok(Some(Subject::trained(model, "shipped"))),
+        Ok(model) => Ok(Some(Subject::trained(
+            model,
+            "shipped",
+            &file_digest(None)?,
+        ))),
         Err(ModelError::NotShipped) => Ok(None),
         Err(e) => Err(e.into()),
     }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
-use super::serve::{PageArgs, PageServer, Past, parse_address, parse_token};
+use super::serve::{PageArgs, PageServer, Past, address, parse_address, parse_token};
 use crate::bridge::osc::{OscBridge, OscEvents};
 use crate::bridge::vmc::VmcBridge;
 use crate::bridge::websocket::Hub;
@@ -23,16 +23,19 @@ pub struct BridgeArgs {
     /// 127.0.0.1:9744]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1,
         default_missing_value = "127.0.0.1:9744", value_parser = parse_address)]
+    #[serde(deserialize_with = "address")]
     pub view: Option<SocketAddr>,
     /// What clients of the page have to know [default: none on this machine, else a random one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
     /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000
     #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
+    #[serde(deserialize_with = "address")]
     pub osc: Option<SocketAddr>,
     /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to
     /// the next port
     #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
+    #[serde(deserialize_with = "address")]
     pub vmc: Option<SocketAddr>,
     /// Keep the last minute of a camera's bodies, and write it to this folder on SIGUSR1, or when a process has crashed
     #[arg(long, value_name = "DIR")]

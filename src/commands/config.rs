@@ -40,7 +40,9 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
             let settings = Settings::load(&args)?;
             // Files that it names are part of it.
             let run = RunArgs::of_settings(args);
-            settings::effective(&run, &settings)?.check()?;
+            let effective = settings::effective(&run, &settings)?;
+            effective.check()?;
+            effective.expect_start()?;
             say::out(&match &settings.file {
                 Some(file) => format!("{}: right", file.display()),
                 None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),

@@ -1,13 +1,14 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
 use std::fmt::Display;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
+use super::say;
 use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
@@ -102,6 +103,14 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         let tables = told(|heard| humaneva::tables(&data, options, heard));
         return show(&tables.map_err(no_humaneva)?, args.json.as_deref());
     }
+    let reads = args.predictions.iter().map(|p| ("--predictions", p));
+    let reads = reads.chain(args.truth.iter().map(|p| ("--truth", p)));
+    reads
+        .fold(Apart::default(), |apart, (option, path)| {
+            apart.reads(option, path)
+        })
+        .may_write("--json", args.json.as_deref())
+        .check()?;
     let mut predictions = Predictions::default();
     for path in &args.predictions {
         predictions.append(Predictions::read(path).map_err(coded)?);
@@ -152,11 +161,12 @@ fn show(report: &(impl Serialize + Display), json: Option<&Path>) -> anyhow::Res
         let mut text = serde_json::to_string_pretty(report)?;
         text.push('\n');
         if path.as_os_str() == "-" {
-            return Ok(std::io::stdout().write_all(text.as_bytes())?);
+            say::out(text.trim_end());
+            return Ok(());
         }
         output::write(path, text.as_bytes()).map_err(|e| Failure::output(path, &e))?;
     }
-    write!(std::io::stdout(), "{report}")?;
+    say::out(report.to_string().trim_end());
     Ok(())
 }
 

@@ -168,6 +168,14 @@ pub fn told(error: &anyhow::Error) -> String {
     line
 }
 
+/// The same, also where the user was told by the process that failed.
+pub fn told_again(error: &anyhow::Error) -> String {
+    match is_silent(error) {
+        true => format!("its process has said why (exit code {})", code(error)),
+        false => told(error),
+    }
+}
+
 /// The exit code for an error: the first cause that knows one, else [`SOFTWARE`].
 pub fn code(error: &anyhow::Error) -> u8 {
     error
@@ -213,7 +221,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<SinkError>() {
                 return Some(match e {
                     SinkError::Create { .. } => CANNOT_CREATE,
-                    SinkError::Write { .. } => IO,
+                    SinkError::Write { .. } | SinkError::Lost { .. } => IO,
                     SinkError::Kind { .. } => USAGE,
                     SinkError::Picture(e) => e.exit_code(),
                     SinkError::Link(e) => link_code(e),
@@ -241,7 +249,7 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
 fn record_code(error: &RecordError) -> u8 {
     match error {
         RecordError::Io { .. } => IO,
-        RecordError::Line { .. } => DATA,
+        RecordError::Other { .. } | RecordError::Line { .. } => DATA,
     }
 }
 

@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
+use super::apart::Apart;
 use super::exit::Failure;
 use super::say;
 use crate::export::{ExportError, Format, Take, encode};
 use crate::message::BodyFrame;
-use crate::output;
+use crate::output::{self, AtomicFile};
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{RecordSink, Sinks};
 
@@ -67,6 +68,10 @@ pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
 /// cannot be opened, 73 where the file cannot be written.
 pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     let format = Format::of(&args.to)?;
+    Apart::default()
+        .reads("RECORD", &args.input)
+        .writes("--to", &args.to)
+        .check()?;
     let name = args.input.display().to_string();
     let input: Box<dyn BufRead> = match name.as_str() {
         "-" => Box::new(std::io::stdin().lock()),
@@ -116,10 +121,15 @@ impl Exports {
     /// Of the names that the user gave.
     ///
     /// # Errors
-    /// Exit code 64 for an unknown extension.
+    /// Exit code 64 for an unknown extension, 73 where nothing can be written.
     pub fn new(to: &[PathBuf]) -> anyhow::Result<Self> {
         let named = to.iter().map(|to| Ok((Format::of(to)?, to.clone())));
-        Ok(Self(named.collect::<Result<_, ExportError>>()?))
+        let named = named.collect::<Result<Vec<_>, ExportError>>()?;
+        for (_, path) in &named {
+            // Leaves nothing; what cannot be written should be known before hours of work.
+            AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
+        }
+        Ok(Self(named))
     }
 
     /// Writes all of them; what there is now, a line each.

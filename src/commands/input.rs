@@ -196,8 +196,14 @@ impl NamedInput {
 /// Decides which input the arguments mean.
 ///
 /// # Errors
-/// If a pipe is to be played like a camera: it has a pace of its own.
+/// If a pipe is to be played like a camera: it has a pace of its own. Network streams.
 pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
+    if let Some(url) = args.input.as_ref().filter(|text| text.contains("://")) {
+        return Err(Failure::usage(format!(
+            "{url}: expected a file or a camera, found a network stream, which is not read: hand it on by ffmpeg -i '{url}' -f yuv4mpegpipe -pix_fmt yuv420p - | edgecap --input -"
+        ))
+        .into());
+    }
     let spec = match &args.input {
         Some(text) => text
             .parse()
@@ -273,9 +279,31 @@ fn service_name(stem: &str) -> String {
         })
         .take(64)
         .collect();
-    if name.is_empty() {
-        DEFAULT_NAME.to_owned()
-    } else {
-        name
+    match name.is_empty() {
+        true => DEFAULT_NAME.to_owned(),
+        false if stem.is_ascii() => name,
+        // Names of other alphabets would be one and the same.
+        false => {
+            let digits = blake3::hash(stem.as_bytes()).to_hex();
+            format!("{}-{}", &name[..name.len().min(59)], &digits[..4])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_streams_are_plain_and_differ() {
+        assert_eq!(service_name("my film-2"), "my_film-2");
+        assert_eq!(service_name(""), DEFAULT_NAME);
+        let names = ["甲", "乙", "Zoë", "Zoé"].map(service_name);
+        for (k, name) in names.iter().enumerate() {
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            assert!(name.chars().all(plain), "{name}");
+            assert!(!names[..k].contains(name), "{name}");
+        }
+        assert_eq!(service_name(&"é".repeat(99)).len(), 64);
     }
 }

@@ -6,6 +6,7 @@
     reason = "these panic where nobody listens: say::out and say::err do not"
 )]
 
+mod apart;
 mod bench;
 mod bridge;
 mod bridges;
@@ -22,6 +23,7 @@ mod input;
 mod install;
 mod job;
 mod log;
+mod mistyped;
 mod model;
 mod multiview;
 mod outputs;
@@ -31,6 +33,7 @@ mod progress;
 mod record;
 mod relay;
 mod replay;
+mod result;
 mod run;
 mod say;
 mod serve;
@@ -170,8 +173,15 @@ fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let told = lines.take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"));
-    let told: Vec<&str> = told.collect();
-    let told = told.join("; ");
+    let told = told.fold(String::new(), |told, line| match told.ends_with(':') {
+        _ if told.is_empty() => line.to_owned(),
+        // What follows is the list of what was spoken of.
+        true => format!("{told} {line}"),
+        false => format!("{told}; {line}"),
+    });
     let told = told.strip_prefix("error: ").unwrap_or(&told);
-    format!("{told}; --help lists what there is")
+    match mistyped::advice(error) {
+        Some(advice) => format!("{told}; {advice}"),
+        None => format!("{told}; --help lists what there is"),
+    }
 }

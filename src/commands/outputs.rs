@@ -52,7 +52,7 @@ impl RecordArgs {
 /// # Errors
 /// That of `outcome`, else the first of a sink.
 pub fn finish<M>(
-    sinks: Sinks<M>,
+    mut sinks: Sinks<M>,
     frames: u64,
     outcome: anyhow::Result<()>,
 ) -> anyhow::Result<Vec<String>> {
@@ -61,6 +61,9 @@ pub fn finish<M>(
         let (words, finished) = sinks.finish();
         finished?;
         return Ok(words);
+    }
+    if outcome.is_err() {
+        sinks.break_off();
     }
     let (words, finished) = sinks.finish();
     outcome?;

@@ -5,7 +5,8 @@ use std::fs;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::exit::Failure;
 use crate::bridge::websocket::{Access, Hub};
@@ -41,6 +42,17 @@ pub struct PageArgs {
 pub fn parse_address(text: &str) -> Result<SocketAddr, String> {
     let expected = "expected an address in numbers and a port, such as 127.0.0.1:9000";
     text.parse().map_err(|_| expected.to_owned())
+}
+
+/// Reads an address of the settings, with the same words.
+///
+/// # Errors
+/// As [`parse_address`].
+pub fn address<'de, D: Deserializer<'de>>(from: D) -> Result<Option<SocketAddr>, D::Error> {
+    let text = Option::<String>::deserialize(from)?;
+    let read =
+        |text: String| parse_address(&text).map_err(|e| D::Error::custom(format!("'{text}': {e}")));
+    text.map(read).transpose()
 }
 
 /// Reads a token.

@@ -12,7 +12,8 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use edgecap_client::place;
+use edgecap_client::message::{BodyFrame, ObservationFrame};
+use edgecap_client::{Message, Subscriber, place};
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
@@ -108,16 +109,27 @@ impl Drop for StatusFile {
 /// Exit code 69 where nothing runs, 75 where something does and no bodies come.
 pub fn status(args: StatusArgs) -> anyhow::Result<()> {
     let all = running();
+    let others = others(&all);
     if args.json {
-        say::out(&serde_json::to_string_pretty(&all)?);
+        let mut told = serde_json::to_value(&all)?;
+        if let (Some(runs), false) = (told.as_array_mut(), others.is_empty()) {
+            runs.push(serde_json::json!({ "cameras": [], "streams": others }));
+        }
+        say::out(&serde_json::to_string_pretty(&told)?);
     } else {
+        for Stream { name, kind } in &others {
+            say::out(&format!(
+                "{:9} {name}: {kind} are published, not by 'run'",
+                "ok"
+            ));
+        }
         for status in &all {
             for camera in &status.cameras {
                 say::out(&line(status, camera));
             }
         }
     }
-    if all.is_empty() {
+    if all.is_empty() && others.is_empty() {
         let why = "no camera runs here that this user may see: 'edgecap' starts one, 'edgecap doctor' says what is missing";
         return Err(Failure::unavailable(why).into());
     }
@@ -125,6 +137,53 @@ pub fn status(args: StatusArgs) -> anyhow::Result<()> {
         return Err(Failure::silent(super::exit::TRY_LATER).into());
     }
     Ok(())
+}
+
+/// What another verb publishes: `infer`, `fit`, `replay`, or `run` of a file.
+#[derive(Debug, PartialEq, Eq, Serialize)]
+struct Stream {
+    name: String,
+    kind: &'static str,
+}
+
+/// Streams of which no run of cameras tells; observations only where nobody makes bodies of them.
+fn others(runs: &[Status]) -> Vec<Stream> {
+    let known: Vec<&str> = runs
+        .iter()
+        .flat_map(|run| &run.cameras)
+        .map(|camera| camera.name.as_str())
+        .collect();
+    // One of several cameras that see the same people has no bodies of its own.
+    let inputs: Vec<&str> = runs
+        .iter()
+        .flat_map(|run| &run.cameras)
+        .flat_map(|camera| camera.input.split(", "))
+        .collect();
+    let bodies: Vec<String> = published::<BodyFrame>();
+    let observations = published::<ObservationFrame>();
+    let observations = observations
+        .iter()
+        .filter(|n| !bodies.contains(n) && !inputs.contains(&n.as_str()));
+    let all = bodies.iter().map(|name| (name, "bodies"));
+    let all = all.chain(observations.map(|name| (name, "observations")));
+    all.filter(|(name, _)| !known.contains(&name.as_str()))
+        .map(|(name, kind)| Stream {
+            name: name.clone(),
+            kind,
+        })
+        .collect()
+}
+
+/// Names under which somebody alive publishes.
+fn published<M: Message>() -> Vec<String> {
+    let lives = |name: &String| {
+        let stream = Subscriber::<M>::open(name);
+        stream.is_ok_and(|s| s.publisher_count() > 0)
+    };
+    edgecap_client::cameras::<M>()
+        .into_iter()
+        .filter(lives)
+        .collect()
 }
 
 impl Status {

@@ -32,7 +32,7 @@ pub mod time;
 mod triangulate;
 mod world;
 
-pub use agreement::agreement;
+pub use agreement::{Agreement, agreement};
 pub use between::between;
 pub use dct::windows;
 pub use exchange::MOST_VIEWS;

@@ -15,6 +15,16 @@ pub enum RecordError {
         /// The cause.
         source: std::io::Error,
     },
+    /// The file is a record of something else, or none.
+    #[error("{name}: expected {expected}, found {found}")]
+    Other {
+        /// The file.
+        name: String,
+        /// What the record should hold.
+        expected: &'static str,
+        /// What it is, and what to do.
+        found: &'static str,
+    },
     /// A line is no frame as this program writes it.
     #[error(
         "{name}, line {line}: expected one frame as written by {by}, found: {found}; repair or remove the line"

@@ -14,6 +14,7 @@ mod camera;
 mod error;
 mod flight;
 mod kind;
+mod other;
 mod reader;
 pub mod rows;
 mod times;

@@ -6,6 +6,8 @@ use std::marker::PhantomData;
 use super::binary::{self, HEAD, MAGIC, Piece};
 use super::camera::CameraSource;
 use super::error::RecordError;
+use super::kind::Kind;
+use super::other;
 use super::rows::{BodiesRow, ObservationsRow, Row};
 use crate::message::ObservationFrame;
 
@@ -70,10 +72,13 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
 
     /// Whether the file is binary; its head is then read.
     fn read_head(&mut self) -> Result<bool, RecordError> {
-        let first = match self.input.fill_buf() {
-            Ok(bytes) => bytes.first().copied(),
+        let (first, film) = match self.input.fill_buf() {
+            Ok(bytes) => (bytes.first().copied(), other::is_film(bytes)),
             Err(e) => return Err(self.io(1, e)),
         };
+        if film {
+            return Err(self.other(other::film(T::KIND)));
+        }
         // No line of JSON begins so.
         if first != Some(MAGIC[0]) {
             return Ok(false);
@@ -84,12 +89,11 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
         }
         if !head.starts_with(MAGIC) || head[MAGIC.len()] != T::KIND {
             self.line = 1;
-            let found = match head {
-                [.., b'O'] if head.starts_with(MAGIC) => "a record of observations".to_owned(),
-                [.., b'B'] if head.starts_with(MAGIC) => "a record of bodies".to_owned(),
-                _ => "other bytes".to_owned(),
-            };
-            return Err(self.bad(found));
+            let kind = Kind::of(&mut &head[..]);
+            return Err(match kind.and_then(|kind| other::kind(T::KIND, kind)) {
+                Some(found) => self.other(found),
+                None => self.bad("other bytes".to_owned()),
+            });
         }
         Ok(true)
     }
@@ -138,7 +142,21 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
                 self.was_cut = true;
                 Ok(None)
             }
-            Err(e) => Err(self.bad(complaint(&e))),
+            Err(e) => {
+                let kind = Kind::of(&mut &self.buffer[..]);
+                Err(match kind.and_then(|kind| other::kind(T::KIND, kind)) {
+                    Some(found) => self.other(found),
+                    None => self.bad(complaint(&e)),
+                })
+            }
+        }
+    }
+
+    fn other(&self, found: &'static str) -> RecordError {
+        RecordError::Other {
+            name: self.name.clone(),
+            expected: other::expected(T::KIND),
+            found,
         }
     }
 

@@ -47,6 +47,16 @@ impl<T: Row> RecordWriter<T> {
         })
     }
 
+    /// Says that frames were to follow and never came, as [`AtomicFile::break_off`].
+    pub fn break_off(&mut self) {
+        self.file.break_off();
+    }
+
+    /// As [`AtomicFile::keeps_anything`].
+    pub fn keeps_anything(&self) -> bool {
+        self.file.keeps_anything()
+    }
+
     /// Where it goes.
     pub fn path(&self) -> &Path {
         &self.path

@@ -30,6 +30,18 @@ pub enum SinkError {
         /// The system's words.
         cause: io::Error,
     },
+    /// Writing failed on the way, and what there is cannot be used.
+    #[error(
+        "{}: writing stopped ({}); nothing of this file is kept",
+        name(path),
+        reason(cause)
+    )]
+    Lost {
+        /// What was being written.
+        path: PathBuf,
+        /// The system's words.
+        cause: io::Error,
+    },
     /// The name says something else than what is written.
     #[error("{}: expected {expected}; choose such a name", path.display())]
     Kind {

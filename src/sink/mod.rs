@@ -37,6 +37,10 @@ pub trait Sink<M> {
     /// What the place failed of; what it took before is kept.
     fn take(&mut self, packet: &Packet<'_, M>) -> Result<(), SinkError>;
 
+    /// Says that results were to follow and never came, before [`finish`](Self::finish): what there is must not take
+    /// the place of more.
+    fn break_off(&mut self) {}
+
     /// Tells whoever reads that nothing follows; [`finish`](Self::finish) comes next.
     ///
     /// # Errors
@@ -83,6 +87,11 @@ impl<M> Sinks<M> {
             first = first.and(taken);
         }
         first
+    }
+
+    /// Tells every sink that results were to follow and never came.
+    pub fn break_off(&mut self) {
+        self.0.iter_mut().for_each(|sink| sink.break_off());
     }
 
     /// Has every sink tell that nothing follows, whether or not another one failed.

@@ -33,6 +33,14 @@ enum Target {
     Film(Box<Film>),
 }
 
+impl Target {
+    fn break_off(&mut self) {
+        if let Self::Film(film) = self {
+            film.break_off();
+        }
+    }
+}
+
 impl OverlaySink {
     /// A film where `path` ends in `.avi`, with `rate` pictures a second; else a folder, which is made. Pictures in a
     /// folder are called like the photo that they are of, or by their number in a film (`is_stills` tells which).
@@ -93,6 +101,10 @@ impl Sink<ObservationFrame> for OverlaySink {
         self.write(packet.picture, which, message.people())
     }
 
+    fn break_off(&mut self) {
+        self.target.break_off();
+    }
+
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         self.end()
     }
@@ -103,6 +115,10 @@ impl Sink<BodyFrame> for OverlaySink {
         let message = packet.message;
         let which = (message.sequence, packet.source);
         self.write(packet.picture, which, message.bodies())
+    }
+
+    fn break_off(&mut self) {
+        self.target.break_off();
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {

@@ -38,18 +38,29 @@ impl<T: Row> RecordSink<T> {
 impl<T: Row> Sink<T::Message> for RecordSink<T> {
     fn take(&mut self, packet: &Packet<'_, T::Message>) -> Result<(), SinkError> {
         let written = self.writer.write(packet.message, packet.source);
-        written.map_err(|e| failed(self.writer.path().to_owned(), e))
+        written.map_err(|e| {
+            let keeps = self.writer.keeps_anything();
+            failed(self.writer.path().to_owned(), keeps, e)
+        })
+    }
+
+    fn break_off(&mut self) {
+        self.writer.break_off();
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         let path = self.writer.path().to_owned();
         let is_told = self.says && path.as_os_str() != crate::output::STDOUT;
         let said = is_told.then(|| format!("→ {}", path.display()));
-        self.writer.finish().map_err(|e| failed(path, e))?;
+        let keeps = self.writer.keeps_anything();
+        self.writer.finish().map_err(|e| failed(path, keeps, e))?;
         Ok(said)
     }
 }
 
-fn failed(path: PathBuf, cause: std::io::Error) -> SinkError {
-    SinkError::Write { path, cause }
+fn failed(path: PathBuf, keeps: bool, cause: std::io::Error) -> SinkError {
+    match keeps {
+        true => SinkError::Write { path, cause },
+        false => SinkError::Lost { path, cause },
+    }
 }

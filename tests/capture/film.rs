@@ -316,6 +316,37 @@ fn pictures_come_out_of_the_child() {
 }
 
 #[test]
+fn pixels_that_are_not_square_are_made_so() {
+    if Command::new("ffmpeg").arg("-version").output().is_err() {
+        eprintln!("skipped: no ffmpeg on this machine");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (shape, size) in [("4/3", (128, 64)), ("1/2", (96, 128)), ("1", (96, 64))] {
+        let film = folder.path().join("film.mkv");
+        let made = Command::new("ffmpeg")
+            .args([
+                "-v",
+                "error",
+                "-y",
+                "-f",
+                "lavfi",
+                "-i",
+                "testsrc=size=96x64:rate=5:duration=1",
+            ])
+            .args(["-vf", &format!("setsar={shape}"), "-c:v", "mpeg4"])
+            .arg(&film)
+            .status()
+            .unwrap();
+        assert!(made.success());
+        let mut source = FfmpegSource::open(&film, &Ffmpeg::default()).unwrap();
+        let frame = source.next().unwrap().unwrap();
+        assert_eq!((frame.width, frame.height), size, "{shape}");
+        assert_eq!(source.frame_count(), Some(5));
+    }
+}
+
+#[test]
 fn a_film_that_ends_early_is_told_with_the_childs_own_words() {
     let folder = tempfile::tempdir().unwrap();
     let probe = "printf 'packet,0.0\\nstream,2/1,9\\n'";

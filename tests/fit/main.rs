@@ -9,6 +9,7 @@ mod background;
 mod boards;
 mod calibrate;
 mod demo;
+mod exchanged_views;
 mod fitter;
 mod live_views;
 mod many_views;

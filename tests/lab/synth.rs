@@ -398,6 +398,7 @@ fn other_versions_are_refused() {
         width: 1,
         height: 1,
         fps: 0.0,
+        clip: None,
         frames: vec![],
     }
     .to_text();

@@ -3,6 +3,7 @@
 #[path = "../program/mod.rs"]
 mod program;
 
+mod apart;
 mod bad_input;
 mod body_page;
 mod bridges;
@@ -13,6 +14,7 @@ mod events;
 mod export;
 mod faults;
 mod film;
+mod first_steps;
 mod flip_test;
 mod follow_people;
 mod hangs;

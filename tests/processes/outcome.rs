@@ -57,6 +57,25 @@ fn a_cut_film_gives_what_it_holds() {
 }
 
 #[test]
+fn a_cut_film_does_not_replace_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = cut_film(folder.path());
+    let out = folder.path().join("seen.jsonl");
+    let older = "a line of the time before\n".repeat(100_000);
+    std::fs::write(&out, &older).unwrap();
+    let run = edgecap()
+        .args(["infer", "--jsonl", out.to_str().unwrap(), "--input"])
+        .arg(&film)
+        .args(SMALL)
+        .output()
+        .unwrap();
+    assert_eq!(run.status.code(), Some(65));
+    assert!(stderr(&run).contains("seen-cut.jsonl"), "{}", stderr(&run));
+    assert_eq!(std::fs::read_to_string(&out).unwrap(), older);
+    assert!(count(&folder.path().join("seen-cut.jsonl")) >= 2);
+}
+
+#[test]
 fn a_film_in_gives_a_film_with_skeletons_of_the_same_length_and_rate() {
     let folder = tempfile::tempdir().unwrap();
     let (film, drawn) = (folder.path().join("in.avi"), folder.path().join("seen.avi"));

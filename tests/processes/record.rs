@@ -193,7 +193,10 @@ fn binary_is_read_wherever_lines_are_and_is_much_smaller() {
     // Not what was asked for, and damaged.
     let mut reader = RowReader::<_, ObservationsRow>::new(&binary[..], "record");
     let found = reader.read().unwrap_err().to_string();
-    assert!(found.contains("a record of bodies"), "{found}");
+    assert!(
+        found.contains("expected observations, found bodies"),
+        "{found}"
+    );
     let mut damaged = binary;
     damaged[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
     let mut reader = RowReader::<_, BodiesRow>::new(&damaged[..], "record");

@@ -231,7 +231,9 @@ fn a_head_that_ends_in_pooling_runs_in_f32_and_is_refused_in_int8() {
 fn a_picture_beside_a_channel_of_a_layer_stays_whole() {
     let model = Model::random(beside(), 5);
     let picture = picture(SIZE, 4);
-    let expected = engine(&model, Precision::F32, 1, None).run(&picture).clone();
+    let expected = engine(&model, Precision::F32, 1, None)
+        .run(&picture)
+        .clone();
     let int8 = quantised(&model);
     for isa in Isa::available() {
         let e = error(

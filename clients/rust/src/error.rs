@@ -89,10 +89,10 @@ impl LinkError {
         }
     }
 
-    pub(crate) fn failed(service: &str, cause: impl core::fmt::Debug) -> Self {
+    pub(crate) fn failed(service: &str, cause: impl core::fmt::Display) -> Self {
         Self::SharedMemory {
             service: service.to_owned(),
-            cause: format!("{cause:?}"),
+            cause: cause.to_string(),
         }
     }
 }

@@ -42,7 +42,7 @@ impl<M: Message> Link<M> {
     /// Makes the services, or opens those that the writer made.
     pub(crate) fn open(domain: Domain, camera: &str, side: Side) -> Result<Self, LinkError> {
         let service = service_name::<M>(camera);
-        let failed = |e: &dyn core::fmt::Debug| LinkError::failed(&service, e);
+        let failed = |e: &dyn core::fmt::Display| LinkError::failed(&service, e);
         let role = match side {
             Side::Writer => "publisher",
             Side::Reader => "subscriber",

@@ -73,7 +73,7 @@ impl<M: Message> Publisher<M> {
             return Ok(());
         };
         let failed =
-            |e: &dyn core::fmt::Debug| LinkError::failed(&service_name::<M>(&self.camera), e);
+            |e: &dyn core::fmt::Display| LinkError::failed(&service_name::<M>(&self.camera), e);
         // First of all into the file: a reader that is just joining finds it in one of both.
         let number = made.ring.write(message).map_err(|e| failed(&e))?;
         let mut slot = made.port.loan_uninit().map_err(|e| failed(&e))?;
@@ -114,7 +114,7 @@ impl<M: Message> Made<M> {
         claim.remove_others().map_err(other)?;
         place.sweep().map_err(other)?;
 
-        let failed = |e: &dyn core::fmt::Debug| LinkError::failed(&service, e);
+        let failed = |e: &dyn core::fmt::Display| LinkError::failed(&service, e);
         // Nothing may be written into memory that is not there: first a look, then what is there is reserved.
         let room = |e: io::Error, bytes: u64| {
             if is_full(&e) {

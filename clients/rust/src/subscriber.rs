@@ -303,7 +303,7 @@ impl<M: Message> Inner<M> {
 impl<M: Message> Joined<M> {
     fn new(domain: Domain, camera: &str, priority: Priority) -> Result<Self, LinkError> {
         let service = service_name::<M>(camera);
-        let failed = |e: &dyn core::fmt::Debug| LinkError::failed(&service, e);
+        let failed = |e: &dyn core::fmt::Display| LinkError::failed(&service, e);
         let link = Link::<M>::open(domain, camera, Side::Reader)?;
         let readers = || link.messages.dynamic_config().number_of_subscribers();
         if priority == Priority::Reader && readers() >= MAX_SUBSCRIBERS {

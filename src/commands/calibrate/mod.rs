@@ -8,6 +8,7 @@ mod shots;
 
 use std::path::PathBuf;
 
+use super::apart::Apart;
 use super::exit::Failure;
 use super::multiview::named as one_named;
 use crate::board::Board;
@@ -81,6 +82,15 @@ fn side(text: &str) -> Result<f64, String> {
 /// When a file cannot be read, views do not go together, or too little was seen of anybody or of the board.
 pub fn calibrate(args: &CalibrateArgs) -> anyhow::Result<()> {
     let files = named(&args.view)?;
+    let mut apart = Apart::default().writes("--out", &args.out);
+    for (_, file) in &files {
+        apart = apart.reads("--view", file);
+    }
+    for lens in &args.lens {
+        let file = lens.split_once('=').map_or(lens.as_str(), |(_, file)| file);
+        apart = apart.reads("--lens", file.as_ref());
+    }
+    apart.check()?;
     match &args.board {
         Some(board) => boards::by_board(args, *board, &files),
         None => people::by_people(args, &files),

@@ -7,7 +7,6 @@ mod pictures;
 mod service;
 mod speed;
 
-use std::io::Write;
 use std::time::Duration;
 
 use edgecap_client::place;
@@ -60,7 +59,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     }
     let mut broken = None;
     let mut say = |finding: Finding| -> anyhow::Result<()> {
-        writeln!(std::io::stdout(), "{finding}")?;
+        say::out(&finding.to_string());
         if let State::Broken(code) = finding.state {
             broken = broken.or(Some(code));
         }

@@ -14,6 +14,7 @@ use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, Observa
 use edgecap_client::{Priority, Subscriber};
 use serde::{Deserialize, Serialize};
 
+use super::apart::Apart;
 use super::events;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
@@ -104,6 +105,15 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
     log::name(format!("fit {}", task.name()));
+    let mut apart = Apart::default()
+        .may_read("--input", args.input.as_deref())
+        .may_read("--camera", args.camera.as_deref())
+        .writes_records(&args.record);
+    if let Some(Setting::File(path)) = &task.config {
+        apart = apart.reads("--config", path);
+    }
+    let calibration = task.calibration.as_deref().filter(|path| path.is_file());
+    apart.may_read("--calibration", calibration).check()?;
     let mut sinks = Sinks::default();
     if let Some(calibration) = &task.calibration {
         let chosen = cameras::choose(&task.cameras, calibration)?;

@@ -18,12 +18,14 @@ use std::path::PathBuf;
 use edgecap_client::message::ObservationFrame;
 use serde::{Deserialize, Serialize};
 
+use super::apart::Apart;
 use super::exit::{self, Failure};
 use super::input::{self, InputArgs};
 use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::progress;
+use super::result;
 use super::say;
 use super::stop::Stop;
 use crate::capture::{InputSpec, camera, list_cameras};
@@ -38,7 +40,8 @@ pub(super) use pace_args::PaceArgs;
 /// Network input for landscape pictures, pixels, where it does not follow the people in view.
 pub(super) const DEFAULT_SIZE: (usize, usize) = zoom::INPUTS[0];
 
-/// Options of `edgecap infer`.
+/// Options of `edgecap infer`. Without a place for a file's observations they go to
+/// edgecap-out/<name>.observations.jsonl.
 #[derive(Debug, clap::Args)]
 pub struct InferArgs {
     #[command(flatten)]
@@ -80,7 +83,7 @@ pub struct InferTask {
 ///
 /// # Errors
 /// Input, model, output and shared-memory errors, each with its exit code; what was observed before is complete.
-pub fn infer(args: InferArgs) -> anyhow::Result<()> {
+pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let is_supervised = args.job.is_some();
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
@@ -90,6 +93,19 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     }
     let limits = task.pace.limits(&chosen, args.overlay.is_some())?;
     log::name(format!("infer {}", chosen.name));
+    let has_place = !args.record.is_empty() || args.overlay.is_some();
+    let is_published = task.input.name.is_some() || !has_place;
+    // Of a stream, readers know. Nobody waits for that of a file which was given no name.
+    if !has_place && !is_supervised && task.input.name.is_none() && !chosen.is_live() {
+        args.record.jsonl = Some(result::place(&task.input, &chosen, "observations"));
+    }
+    Apart::default()
+        .reads_input(&task.input)
+        .may_read("--model", task.engine.model.as_deref())
+        .may_read("--stage2", task.engine.stage2.as_deref())
+        .writes_records(&args.record)
+        .may_write("--overlay", args.overlay.as_deref())
+        .check()?;
     let source = if task.waits {
         chosen.open_when_there(&task.input)?
     } else {
@@ -101,7 +117,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
     }
-    if task.input.name.is_some() || sinks.is_empty() {
+    if is_published {
         sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);
     }
     if task.show_picture {
@@ -111,7 +127,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
     tracing::info!(source = %chosen.spec, name = %chosen.name, "infer starts");
 
     let mut message = Box::new(ObservationFrame::default());
-    let mut observed = 0;
+    let (mut observed, mut inhabited) = (0, 0);
     let mut bar = None;
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
@@ -130,6 +146,7 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
                 Step::Observed => {}
             }
             observed += 1;
+            inhabited += u64::from(message.count > 0);
             sinks.take(&Packet {
                 message: &message,
                 source: observer.picture_name(),
@@ -153,7 +170,13 @@ pub fn infer(args: InferArgs) -> anyhow::Result<()> {
         // one.
         return Err(Failure::silent(exit::INTERRUPTED).into());
     }
-    finish(sinks, observed, outcome).map(drop)
+    let words = finish(sinks, observed, outcome)?;
+    // Whoever names a stream reads it, among them the verbs that have a film looked at.
+    if !is_supervised && task.input.name.is_none() {
+        let words = words.join("; ");
+        say::err(format!("{observed} frames, {inhabited} with people {words}").trim_end());
+    }
+    Ok(())
 }
 
 /// Says what can be set on a camera.

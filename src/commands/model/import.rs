@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::{network, read};
 use crate::capture::Frame;
+use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::{picture, say};
 use crate::engine::model::{Calibration, RangeChoice};
@@ -65,6 +66,11 @@ pub fn import(a: &Import) -> Result<()> {
     let Some(output) = a.output.as_ref().filter(|_| !a.check) else {
         return check(a);
     };
+    Apart::default()
+        .reads("WEIGHTS", &a.weights)
+        .may_read("--stage2", a.stage2.as_deref())
+        .writes("--output", output)
+        .check()?;
     let name = || a.weights.display().to_string();
     let mut model =
         Model::from_safetensors(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;

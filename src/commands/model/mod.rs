@@ -2,12 +2,12 @@
 
 mod import;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::apart::Apart;
 use super::exit::Failure;
 use super::{picture, say};
 use crate::config::Mistake;
@@ -91,8 +91,8 @@ pub fn model(args: ModelArgs) -> Result<()> {
     match args.verb {
         Verb::Import(a) => import::import(&a),
         Verb::Contract { arch, stage2 } => contract(&arch, stage2),
-        Verb::Info { model } => info(&open(model.as_deref())?),
-        Verb::Verify { model } => verify(&open(model.as_deref())?),
+        Verb::Info { model } => info(model.as_deref()),
+        Verb::Verify { model } => verify(model.as_deref()),
         Verb::Run(a) => run(&a),
     }
 }
@@ -134,11 +134,22 @@ fn contract(arch: &str, is_stage2: bool) -> Result<()> {
     Ok(())
 }
 
-fn info(model: &Model) -> Result<()> {
+/// The digest of the file itself, which `--version` and the file beside the shipped model tell; that in the header is of
+/// what the file holds without it.
+pub(super) fn file_digest(path: Option<&Path>) -> Result<String> {
+    match path {
+        Some(path) => Ok(blake3::hash(&read(path)?).to_hex().to_string()),
+        None => Ok(Model::shipped_digest()?),
+    }
+}
+
+fn info(path: Option<&Path>) -> Result<()> {
+    use std::fmt::Write;
+    let model = &open(path)?;
     let (network, contract) = (model.network(), model.contract());
     let graph = network.graph();
     let [w, h] = contract.input.reference_size;
-    let mut out = std::io::stdout().lock();
+    let mut out = String::new();
     writeln!(out, "network      {}: {}", network.name(), network.about())?;
     writeln!(
         out,
@@ -178,13 +189,19 @@ fn info(model: &Model) -> Result<()> {
     for line in model.history() {
         writeln!(out, "history      {line}")?;
     }
+    writeln!(out, "blake3       {} (the file)", file_digest(path)?)?;
     if let Some(digest) = model.digest() {
-        writeln!(out, "blake3       {digest}")?;
+        writeln!(
+            out,
+            "blake3       {digest} (its contents, as its header says)"
+        )?;
     }
+    say::out(out.trim_end());
     Ok(())
 }
 
-fn verify(model: &Model) -> Result<()> {
+fn verify(path: Option<&Path>) -> Result<()> {
+    let model = &open(path)?;
     // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give
     // numbers.
     let options = EngineOptions {
@@ -205,11 +222,20 @@ fn verify(model: &Model) -> Result<()> {
     {
         bail!("the network gives numbers that are not finite: import the weights again");
     }
-    say::out(&format!("ok {}", model.digest().unwrap_or("(no digest)")));
+    let contents = model.digest().unwrap_or("(no digest)");
+    say::out(&format!(
+        "ok {contents} (contents), {} (file)",
+        file_digest(path)?
+    ));
     Ok(())
 }
 
 fn run(a: &RunOne) -> Result<()> {
+    Apart::default()
+        .reads("MODEL", &a.model)
+        .reads("--image", &a.image)
+        .writes("--npz", &a.npz)
+        .check()?;
     let model = Model::open_any(&a.model, network(&a.arch)?)
         .with_context(|| a.model.display().to_string())?;
     let precision = match a.precision {

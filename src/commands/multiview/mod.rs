@@ -4,6 +4,7 @@ mod background;
 mod inputs;
 mod masks;
 mod one_view;
+mod order;
 mod read;
 mod store;
 mod sync;
@@ -19,6 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use self::masks::MaskFolder;
 use self::store::Store;
 use self::sync::Sync;
+use super::apart::Apart;
 use super::exit::Failure;
 use super::export::Exports;
 use super::progress;
@@ -103,6 +105,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     write::expect_empty(&args.out)?;
     let chosen = write::frames(args.obj.as_deref())?;
     let exports = Exports::new(&args.export)?;
+    apart(&args).check()?;
     let own;
     let body = match &args.body {
         None => MeshBody::shipped(),
@@ -209,6 +212,24 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let exported = exports.write(&take)?;
     exported.iter().for_each(|line| say::out(line));
     masked
+}
+
+/// What is read and written; the folder for results is empty.
+fn apart(args: &MultiviewArgs) -> Apart {
+    let files = |all: &[String]| -> Vec<PathBuf> {
+        let file = |given: &String| told(given).map_or(given.as_str(), |(_, path)| path).into();
+        all.iter().map(file).collect()
+    };
+    let mut apart = Apart::default()
+        .may_read("--calibration", args.calibration.as_deref())
+        .may_read("--body", args.body.as_deref())
+        .writes_exports(&args.export);
+    for (option, all) in [("--view", &args.view), ("--film", &args.film)] {
+        for file in files(all) {
+            apart = apart.reads(option, &file);
+        }
+    }
+    apart
 }
 
 /// Why there is nothing to write.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::MultiviewArgs;
+use super::order;
 use super::store::Store;
 use super::sync::{Together, bring_together};
 use crate::camera::calibration::Calibration;
@@ -175,6 +176,7 @@ fn expect_not_mirrored(
         let better = a.confirmed > CLEARLY_MORE * told || a.apart < CLEARLY_NEARER * apart;
         better && a.apart < NEAR && a.confirmed > MOSTLY * most
     });
+    order::expect(views, frames, rate, mirrored.as_ref().or(as_is.as_ref()))?;
     let Some(mirrored) = mirrored else {
         return Ok(());
     };
@@ -295,11 +297,13 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
                 .iter()
                 .find(|(v, _)| v.is_none())
                 .expect("one has none");
-            return Err(Failure::usage(format!(
-                "expected views called like the cameras {}, found {}; say which it is by --view CAMERA={0}",
-                names(views),
-                path.display()
-            ))
+            let (cameras, file) = (names(views), path.display());
+            return Err(match path.exists() {
+                true => Failure::usage(format!(
+                    "expected views called like the cameras {cameras}, found {file}; say which it is by --view CAMERA={file}"
+                )),
+                false => Failure::no_input(path, &std::io::ErrorKind::NotFound.into()),
+            }
             .into());
         }
         for (k, (v, _)) in files.iter_mut().enumerate() {

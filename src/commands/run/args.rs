@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::commands::apart::Apart;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::infer::{EngineArgs, InferTask, PaceArgs};
 use crate::commands::input::{InputArgs, NamedInput};
@@ -57,6 +58,17 @@ impl RunArgs {
             settings,
             ..Self::default()
         }
+    }
+
+    /// What it reads and writes.
+    pub fn apart(&self) -> Apart {
+        Apart::default()
+            .reads_input(&self.input)
+            .may_read("--model", self.engine.model.as_deref())
+            .may_read("--stage2", self.engine.stage2.as_deref())
+            .writes_records(&self.record)
+            .may_write("--overlay", self.overlay.as_deref())
+            .writes_exports(&self.export)
     }
 
     pub(super) fn infer_task(&self, chosen: &NamedInput) -> InferTask {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::RunArgs;
 use super::live::{self, Plan};
 use super::pulse::Pulse;
-use crate::commands::exit::{self, Failure, told};
+use crate::commands::exit::{self, Failure, told_again};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::say;
 use crate::commands::settings::Loopback;
@@ -69,8 +69,12 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                     let plan = Plan::of_camera(args, chosen);
                     let ended = live::run(args, plan, table, meter, &pulse, hub, stop);
                     if let Err(e) = &ended {
-                        meter.failed(told(e));
-                        tracing::error!("{}: ended, the others go on: {}", chosen.name, told(e));
+                        meter.failed(told_again(e));
+                        tracing::error!(
+                            "{}: ended, the others go on: {}",
+                            chosen.name,
+                            told_again(e)
+                        );
                     }
                     // Without a sign of life of it the service manager starts everything anew.
                     if !ended.as_ref().is_err_and(|e| exit::may_pass(exit::code(e))) {

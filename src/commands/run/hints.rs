@@ -11,12 +11,19 @@ pub fn lines(camera: &str) -> [String; 2] {
         before += &format!("{RUNTIME_DIR_VARIABLE}={} ", quoted(folder.as_ref()));
     }
     let program = std::env::current_exe().unwrap_or_else(|_| "edgecap".into());
-    let python = python(&program);
-    [
-        format!(
-            "read it:    {before}{python} -c \"import edgecap; [print(b.id, b.joint('r_wrist')) \
+    let read = match python(&program) {
+        Some(python) => format!(
+            "{before}{python} -c \"import edgecap; [print(b.id, b.joint('r_wrist')) \
              for f in edgecap.bodies('{camera}') for b in f.people()]\""
         ),
+        None => format!(
+            "{before}{} watch --name {camera} (in Python edgecap.bodies('{camera}'), once the client is there: \
+             pip install the folder clients/python of edgecap's repository)",
+            quoted(&program)
+        ),
+    };
+    [
+        format!("read it:    {read}"),
         format!(
             "look at it: {before}{} view --camera {camera}",
             quoted(&program)
@@ -24,20 +31,19 @@ pub fn lines(camera: &str) -> [String; 2] {
     ]
 }
 
-/// The Python that has the client: of the environment that this program was installed into with it, else any, with the
-/// folder of the client where this program lies in the repository that it was built in.
-fn python(program: &Path) -> String {
+/// The Python that has the client, if it is known to be on this machine: of the environment that this program was
+/// installed into with it, else any, with the folder of the client where this program lies in the repository that it was
+/// built in.
+fn python(program: &Path) -> Option<String> {
     if let Some(environment) = program.parent().and_then(Path::parent)
         && environment.join("pyvenv.cfg").is_file()
         && program.with_file_name("python3").exists()
     {
-        return quoted(&program.with_file_name("python3"));
+        return Some(quoted(&program.with_file_name("python3")));
     }
     let mut folders = program.ancestors().map(|a| a.join("clients/python"));
-    match folders.find(|c| c.join("edgecap/__init__.py").is_file()) {
-        Some(client) => format!("PYTHONPATH={} python3", quoted(&client)),
-        None => "python3".into(),
-    }
+    let client = folders.find(|c| c.join("edgecap/__init__.py").is_file())?;
+    Some(format!("PYTHONPATH={} python3", quoted(&client)))
 }
 
 /// As a shell takes it for one word.
@@ -66,16 +72,16 @@ mod tests {
             path
         };
         let clone = file("clone/target/release/edgecap");
-        assert_eq!(python(&clone), "python3");
+        assert_eq!(python(&clone), None);
         file("clone/clients/python/edgecap/__init__.py");
         let client = place.path().join("clone/clients/python");
         let expected = format!("PYTHONPATH={} python3", client.display());
-        assert_eq!(python(&clone), expected);
+        assert_eq!(python(&clone), Some(expected));
         let installed = file("venv/bin/edgecap");
         let own = file("venv/bin/python3");
-        assert_eq!(python(&installed), "python3", "it is no environment");
+        assert_eq!(python(&installed), None, "it is no environment");
         file("venv/pyvenv.cfg");
-        assert_eq!(python(&installed), own.display().to_string());
+        assert_eq!(python(&installed), Some(own.display().to_string()));
     }
 
     #[test]

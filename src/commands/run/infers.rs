@@ -1,7 +1,7 @@
 //! The processes of a run that see pictures, one a camera.
 
 use super::mend::look_after;
-use crate::commands::exit::told;
+use crate::commands::exit::told_again;
 use crate::commands::infer::InferTask;
 use crate::metrics::Meter;
 use crate::supervise::{Beat, Child};
@@ -57,8 +57,8 @@ impl Infers {
                         return Err(e);
                     }
                     let Infer { camera, child, .. } = &mut self.each[k];
-                    meter.failed(format!("{camera}: {}", told(&e)));
-                    tracing::error!("{camera}: ended, the others go on: {}", told(&e));
+                    meter.failed(format!("{camera}: {}", told_again(&e)));
+                    tracing::error!("{camera}: ended, the others go on: {}", told_again(&e));
                     child.leave();
                 }
             }

@@ -14,15 +14,12 @@ mod mend;
 mod pulse;
 mod room;
 
-use std::path::PathBuf;
-
 use super::input;
+use super::result;
 use super::settings::{self, Settings};
 use super::stop::Stop;
 pub use args::RunArgs;
-
-/// Where the results of a file go when the user names no place.
-const OUT: &str = "edgecap-out";
+pub use cameras::checked as expect_camera;
 
 /// Runs the whole system: on the input that the user named, else on every camera of the settings, else on the first
 /// camera.
@@ -35,7 +32,9 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let settings = Settings::load(&args.settings)?;
     let effective = settings::effective(&args, &settings)?;
     let mut runs = effective.runs()?;
-    if let Some(calibration) = effective.calibration()? {
+    let calibration = effective.calibration()?;
+    settings::apart(&runs, calibration.is_some())?;
+    if let Some(calibration) = calibration {
         return room::run(&runs, calibration, &stop);
     }
     match runs.pop() {
@@ -55,8 +54,7 @@ fn run_one(mut args: RunArgs, stop: &Stop) -> anyhow::Result<()> {
         return cameras::run(&[args], stop);
     }
     if args.record.is_empty() {
-        let path = PathBuf::from(OUT).join(format!("{}.bodies.jsonl", chosen.name));
-        args.record.jsonl = Some(path);
+        args.record.jsonl = Some(result::place(&args.input, &chosen, "bodies"));
     }
     file::run(&args, &chosen, stop)
 }

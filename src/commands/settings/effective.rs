@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings};
+use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together};
 use crate::camera::CameraFile;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::events;
@@ -42,7 +42,9 @@ impl Effective {
     /// # Errors
     /// The first that is wrong or cannot be read.
     pub fn check(&self) -> anyhow::Result<()> {
-        for run in self.runs()? {
+        let runs = self.runs()?;
+        together::apart(&runs, self.calibration()?.is_some())?;
+        for run in runs {
             if let Some(Setting::File(lens)) = &run.input.lens {
                 CameraFile::read(lens)?;
             }
@@ -57,6 +59,15 @@ impl Effective {
             choose_cameras(&self.names(), calibration)?;
         }
         Ok(())
+    }
+
+    /// Whether a run would start with these settings, cameras aside that may be plugged in later.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn expect_start(&self) -> anyhow::Result<()> {
+        let MultiviewArgs { calibration, room } = &self.multiview.0;
+        together::check(&self.runs()?, calibration.as_deref(), room.as_deref())
     }
 
     /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing

@@ -5,6 +5,7 @@ mod check;
 mod effective;
 mod metrics_args;
 mod multiview_args;
+mod together;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use crate::fit::{FitConfig, GroundConfig};
 pub use effective::{Effective, Origins, effective};
 pub use metrics_args::{Loopback, MetricsArgs};
 pub use multiview_args::MultiviewArgs;
+pub use together::apart;
 
 /// A commented file that holds every key.
 pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");

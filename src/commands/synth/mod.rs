@@ -159,6 +159,7 @@ fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
         width: args.width,
         height: args.height,
         fps: if args.stills { 0.0 } else { args.fps as f32 },
+        clip: args.clip.as_deref().map(name),
         frames,
     }
 }
@@ -230,10 +231,39 @@ fn known(
     Ok(())
 }
 
+fn name(clip: &Path) -> String {
+    let name = clip.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// Refuses to replace the truth about something else than `clip`.
+fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
+    if !truth.exists() {
+        return Ok(());
+    }
+    let of = Truth::load(truth).ok().and_then(|t| t.clip);
+    let is_own = match &of {
+        Some(of) => *of == name(clip),
+        // It may be of the clip that is there.
+        None => clip.exists(),
+    };
+    if is_own {
+        return Ok(());
+    }
+    let of = of.unwrap_or_else(|| "something else".to_owned());
+    Err(Failure::exists(format!(
+        "{}: expected a place for the truth about {}, found that about {of}; choose another folder, or --out",
+        truth.display(),
+        name(clip)
+    ))
+    .into())
+}
+
 /// Writes a clip and its truth.
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
     let truth_folder = args.out.as_deref().unwrap_or_else(|| parent(file));
     let truth_path = truth_folder.join("truth.json");
+    expect_own(&truth_path, file)?;
     let no_clip = |e: std::io::Error| Failure::output(file, &e);
     let no_truth = |e: std::io::Error| Failure::output(&truth_path, &e);
     let mut clip = AtomicFile::create(file).map_err(no_clip)?;

@@ -108,6 +108,12 @@ impl Model {
         }
     }
 
+    /// BLAKE3 digest of the file that ships with the program.
+    pub fn shipped_digest() -> Result<String, ModelError> {
+        let bytes = shipped::BYTES.ok_or(ModelError::NotShipped)?;
+        Ok(blake3::hash(bytes).to_hex().to_string())
+    }
+
     /// Imports PyTorch weights in safetensors for `network`; they stay floats until [`quantise`](Self::quantise).
     pub fn from_safetensors(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
         let mut t = Tensors::parse(bytes)?;

@@ -1,7 +1,7 @@
 //! Which observations of a joint are held back: a jump away from its prediction counts once it has lasted.
 
-/// A distance that has lasted for this long, seconds, is no outlier: three frames at 30 a second, none at 6, where the prediction
-/// reaches less far than people move.
+/// A distance that has lasted for this long, seconds, is no outlier: three frames at 30 a second, none at 6, where the
+/// prediction reaches less far than people move.
 const LASTS: f64 = 0.12;
 
 /// What to do with an observation.
@@ -57,10 +57,7 @@ mod tests {
     fn a_jump_is_held_back_and_one_that_lasts_is_followed_from_then_on() {
         use Verdict::{Anew, Counts, HeldBack};
         let dt = 1.0 / 30.0;
-        assert_eq!(
-            looks(&[false, true, false], dt),
-            [Counts, HeldBack, Counts]
-        );
+        assert_eq!(looks(&[false, true, false], dt), [Counts, HeldBack, Counts]);
         let lasting = looks(&[true; 40], dt);
         assert_eq!(lasting[..4], [HeldBack, HeldBack, HeldBack, Anew]);
         assert!(lasting[4..].iter().all(|v| *v == Counts), "{lasting:?}");

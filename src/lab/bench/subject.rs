@@ -33,12 +33,9 @@ pub enum SubjectError {
 }
 
 impl Subject {
-    /// A trained model.
-    pub fn trained(model: Model, origin: &str) -> Self {
-        let digest = model
-            .digest()
-            .map(|d| format!(", digest {}", &d[..d.len().min(16)]));
-        let weights = format!("{origin}{}", digest.unwrap_or_default());
+    /// A trained model; `digest` is that of its file.
+    pub fn trained(model: Model, origin: &str, digest: &str) -> Self {
+        let weights = format!("{origin}, file {}", &digest[..digest.len().min(16)]);
         Self { model, weights }
     }
 

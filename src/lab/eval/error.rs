@@ -23,6 +23,16 @@ pub enum EvalError {
         /// What was found, and what to do.
         found: String,
     },
+    /// The truth is about another film.
+    #[error(
+        "expected predictions of {expected}, which the truth is about, found those of {found}; give the truth of that film"
+    )]
+    Unrelated {
+        /// The film of the truth.
+        expected: String,
+        /// The film of the predictions.
+        found: String,
+    },
     /// No frame of the truth has a prediction.
     #[error(
         "none of the {truth} pictures of the truth is among the {predictions} predicted ones; expected the predictions' \"source\" to end in the truth's file names: run `edgecap infer` on the same pictures"

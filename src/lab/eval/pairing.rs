@@ -9,6 +9,7 @@ pub(crate) fn pair<'a>(
     truth: &'a TruthSet,
     predictions: &'a Predictions,
 ) -> Result<Vec<(&'a TruthFrame, Option<&'a PredictedFrame>)>, EvalError> {
+    expect_same_film(truth, predictions)?;
     let by_index: HashMap<u64, &PredictedFrame> =
         predictions.frames.iter().map(|f| (f.frame, f)).collect();
     let mut by_name: HashMap<&str, Vec<&PredictedFrame>> = HashMap::new();
@@ -32,6 +33,33 @@ pub(crate) fn pair<'a>(
     Ok(pairs)
 }
 
+/// Films are told by name, whatever their container: frame numbers would go with those of any other one.
+fn expect_same_film(truth: &TruthSet, predictions: &Predictions) -> Result<(), EvalError> {
+    let stem = |path: &str| {
+        let name = last(path);
+        name.rsplit_once('.')
+            .map_or(name, |(stem, _)| stem)
+            .to_owned()
+    };
+    let known = |source: &&str| !source.is_empty();
+    let of_film = truth.frames.iter().filter(|f| f.frame.is_some());
+    let expected = of_film.map(|f| f.source.as_str()).find(known);
+    let found = predictions
+        .frames
+        .iter()
+        .map(|f| f.source.as_str())
+        .find(known);
+    match (expected, found) {
+        (Some(expected), Some(found)) if stem(expected) != stem(found) => {
+            Err(EvalError::Unrelated {
+                expected: expected.to_owned(),
+                found: found.to_owned(),
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
 fn last(path: &str) -> &str {
     path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
@@ -44,4 +72,38 @@ fn common_end(a: &str, b: &str) -> usize {
         .zip(&parts(b))
         .take_while(|(a, b)| a == b)
         .count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn predictions_of_another_film_are_refused() {
+        let truth = |source: &str| TruthSet {
+            frames: vec![TruthFrame {
+                source: source.to_owned(),
+                frame: Some(0),
+                ..TruthFrame::default()
+            }],
+            video: true,
+            ..TruthSet::default()
+        };
+        let of = |source: &str| Predictions {
+            frames: vec![PredictedFrame {
+                frame: 0,
+                time_ns: 0,
+                source: source.to_owned(),
+                size: [0.0; 2],
+                people: Vec::new(),
+            }],
+            bodies: true,
+        };
+        assert!(pair(&truth("a.avi"), &of("films/a.y4m")).is_ok());
+        assert!(pair(&truth(""), &of("films/b.avi")).is_ok());
+        let e = pair(&truth("a.avi"), &of("films/b.avi"))
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("a.avi") && e.contains("films/b.avi"), "{e}");
+    }
 }

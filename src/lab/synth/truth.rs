@@ -72,6 +72,9 @@ pub struct Truth {
     pub height: u32,
     /// Frames per second; 0 for stills, whose frames have nothing to do with each other.
     pub fps: f32,
+    /// The clip, by its file's name; absent for stills.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clip: Option<String>,
     /// The frames in order.
     pub frames: Vec<TruthFrame>,
 }
@@ -174,8 +177,12 @@ impl Truth {
 
     /// The file's text: one frame a line.
     pub fn to_text(&self) -> String {
+        let clip = match &self.clip {
+            Some(clip) => format!("\"clip\":{},", serde_json::json!(clip)),
+            None => String::new(),
+        };
         let mut out = format!(
-            "{{\"format\":\"{}\",\"version\":{},\"seed\":{},\"width\":{},\"height\":{},\"fps\":{},\"frames\":[",
+            "{{\"format\":\"{}\",\"version\":{},\"seed\":{},\"width\":{},\"height\":{},\"fps\":{},{clip}\"frames\":[",
             self.format, self.version, self.seed, self.width, self.height, self.fps
         );
         for (k, frame) in self.frames.iter().enumerate() {

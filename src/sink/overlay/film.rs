@@ -120,10 +120,19 @@ impl Film {
         }
     }
 
+    /// Says that pictures were to follow and never came.
+    pub fn break_off(&mut self) {
+        if let Part::Open(film) = &mut self.part {
+            film.get_mut().break_off();
+        }
+    }
+
     fn failed(&self, cause: io::Error) -> SinkError {
-        SinkError::Write {
-            path: self.part_path(),
-            cause,
+        let path = self.part_path();
+        match cause.kind() {
+            io::ErrorKind::InvalidInput => SinkError::Write { path, cause },
+            // Without its index a film is none.
+            _ => SinkError::Lost { path, cause },
         }
     }
 

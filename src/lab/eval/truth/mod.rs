@@ -57,7 +57,7 @@ pub struct ReadOptions {
 /// Everyone labelled in one picture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TruthFrame {
-    /// Path of the picture as the truth names it; empty for videos.
+    /// Path of the picture, or of its video, as the truth names it; empty where it names none.
     pub source: String,
     /// Index in a video.
     pub frame: Option<u64>,

@@ -15,6 +15,8 @@ const OCCLUDED: u8 = 3;
 #[derive(Deserialize)]
 pub(super) struct File {
     fps: f64,
+    #[serde(default)]
+    clip: Option<String>,
     frames: Vec<Frame>,
 }
 
@@ -74,8 +76,9 @@ pub(super) fn read(file: File) -> TruthSet {
         }
     };
     let video = file.fps > 0.0;
+    let clip = file.clip.unwrap_or_default();
     let frame = |f: Frame| TruthFrame {
-        source: f.file.unwrap_or_default(),
+        source: f.file.unwrap_or_else(|| clip.clone()),
         frame: video.then_some(f.frame),
         people: f.people.into_iter().map(person).collect(),
         ..TruthFrame::default()

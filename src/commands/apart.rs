@@ -1,0 +1,257 @@
+//! Files that a verb reads and writes, held against each other before it starts: a result that takes the name of its
+//! input replaces it, and two results of one name leave one of them.
+
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use super::exit::Failure;
+use super::input::InputArgs;
+use super::outputs::RecordArgs;
+use crate::capture::{InputSpec, is_photo};
+use crate::config::Setting;
+use crate::output::STDOUT;
+
+/// What a verb reads and writes.
+#[derive(Debug, Default)]
+pub struct Apart {
+    reads: Vec<Named>,
+    writes: Vec<Named>,
+}
+
+/// A file as the user named it.
+#[derive(Debug)]
+struct Named {
+    option: String,
+    path: PathBuf,
+    what: What,
+}
+
+/// Which file it is, whatever its name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum What {
+    Stdout,
+    /// Device and number of a file or folder.
+    There(u64, u64),
+    /// A place in which nothing is.
+    Free(PathBuf),
+}
+
+impl Apart {
+    /// A file or folder that is read.
+    #[must_use]
+    pub fn reads(mut self, option: &str, path: &Path) -> Self {
+        self.reads.extend(Named::new(option, path));
+        self
+    }
+
+    /// A file that is read where it is given.
+    #[must_use]
+    pub fn may_read(self, option: &str, path: Option<&Path>) -> Self {
+        match path {
+            Some(path) => self.reads(option, path),
+            None => self,
+        }
+    }
+
+    /// What a run sees, and the files of its lens.
+    #[must_use]
+    pub fn reads_input(self, args: &InputArgs) -> Self {
+        let lens = match &args.lens {
+            Some(Setting::File(path)) => Some(path.as_path()),
+            _ => None,
+        };
+        let all = self.may_read("--camera", lens);
+        match args.input.as_deref().map(str::parse) {
+            Some(Ok(InputSpec::Path(path))) => all.reads("--input", &path),
+            _ => all,
+        }
+    }
+
+    /// A file or folder that is written.
+    #[must_use]
+    pub fn writes(mut self, option: &str, path: &Path) -> Self {
+        self.writes.extend(Named::new(option, path));
+        self
+    }
+
+    /// A file that is written where it is given.
+    #[must_use]
+    pub fn may_write(self, option: &str, path: Option<&Path>) -> Self {
+        match path {
+            Some(path) => self.writes(option, path),
+            None => self,
+        }
+    }
+
+    /// The records of a verb.
+    #[must_use]
+    pub fn writes_records(self, args: &RecordArgs) -> Self {
+        self.may_write("--jsonl", args.jsonl.as_deref())
+            .may_write("--record", args.record.as_deref())
+    }
+
+    /// Files of other programs.
+    #[must_use]
+    pub fn writes_exports(self, all: &[PathBuf]) -> Self {
+        all.iter()
+            .fold(self, |apart, to| apart.writes("--export", to))
+    }
+
+    /// All of another one, too, which is called `of`. Lines of both may share standard output.
+    #[must_use]
+    pub fn and(mut self, other: Self, of: &str) -> Self {
+        let called = |named: Named| Named {
+            option: format!("{of}: {}", named.option),
+            ..named
+        };
+        self.reads.extend(other.reads.into_iter().map(called));
+        let files = other.writes.into_iter().filter(|w| w.what != What::Stdout);
+        self.writes.extend(files.map(called));
+        self
+    }
+
+    /// Whether every file is one alone.
+    ///
+    /// # Errors
+    /// Exit code 64 with the first two that are the same.
+    pub fn check(&self) -> anyhow::Result<()> {
+        for (k, to) in self.writes.iter().enumerate() {
+            if let Some(from) = self.reads.iter().find(|from| to.replaces(from)) {
+                return Err(Failure::usage(format!(
+                    "{to}: expected another place than that of the input, found that it would replace {from}; choose another name"
+                ))
+                .into());
+            }
+            if let Some(other) = self.writes[..k].iter().find(|other| other.what == to.what) {
+                return Err(Failure::usage(format!(
+                    "{other} and {to}: expected a file for each, found one for both; choose another name for one of them"
+                ))
+                .into());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Named {
+    /// `None` for devices and pipes: what is written there replaces nothing.
+    fn new(option: &str, path: &Path) -> Option<Self> {
+        let what = match fs::metadata(path) {
+            _ if path.as_os_str() == STDOUT => What::Stdout,
+            Ok(found) if found.is_file() || found.is_dir() => What::There(found.dev(), found.ino()),
+            Ok(_) => return None,
+            Err(_) => What::Free(place(path)),
+        };
+        Some(Self {
+            option: option.to_owned(),
+            path: path.to_owned(),
+            what,
+        })
+    }
+
+    /// Whether writing this takes `from` away, or a photo in it.
+    fn replaces(&self, from: &Self) -> bool {
+        // What comes on standard input stays wherever output goes.
+        if self.what == What::Stdout {
+            return false;
+        }
+        let is_in = |inner: &Self, folder: &Self| {
+            let around = inner.path.canonicalize();
+            let around = around.ok().and_then(|p| Some(p.parent()?.to_owned()));
+            folder.path.is_dir()
+                && around
+                    .and_then(|p| Self::new("", &p))
+                    .is_some_and(|p| p.what == folder.what)
+        };
+        // A picture with skeletons is a PNG with the name of its photo.
+        let is_png = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        self.what == from.what
+            || is_in(self, from) && is_photo(&self.path)
+            || is_in(from, self) && is_png(&from.path)
+    }
+}
+
+impl std::fmt::Display for Named {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.option.is_empty() {
+            true => self.path.display().fmt(f),
+            false => write!(f, "{} {}", self.option, self.path.display()),
+        }
+    }
+}
+
+/// Where something would lie that is not there yet: the folder above it that is, without links, and the rest.
+fn place(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let there = absolute.ancestors().skip(1).find_map(|above| {
+        let rest = absolute.strip_prefix(above).ok()?;
+        Some(above.canonicalize().ok()?.join(rest))
+    });
+    there.unwrap_or(absolute)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_that_would_replace_its_input_is_refused_whatever_it_is_called() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("film.avi"), "film").unwrap();
+        fs::hard_link(at("film.avi"), at("other.avi")).unwrap();
+        std::os::unix::fs::symlink("film.avi", at("link.avi")).unwrap();
+        fs::create_dir(at("photos")).unwrap();
+        fs::write(at("photos/a.png"), "photo").unwrap();
+        fs::write(at("photos/seen.jsonl"), "of the time before").unwrap();
+        let refused = |from: &str, to: &str| {
+            let apart = Apart::default()
+                .reads("--input", &at(from))
+                .writes("--jsonl", &at(to));
+            apart.check().is_err()
+        };
+        for to in [
+            "film.avi",
+            "./film.avi",
+            "other.avi",
+            "link.avi",
+            "photos/../film.avi",
+        ] {
+            assert!(refused("film.avi", to), "{to}");
+        }
+        assert!(refused("photos", "photos") && refused("photos", "photos/a.png"));
+        assert!(
+            refused("photos/a.png", "photos"),
+            "it would be written over"
+        );
+        for (from, to) in [
+            ("film.avi", "new.jsonl"),
+            ("film.avi", "photos"),
+            ("photos", "photos/seen.jsonl"),
+            ("photos", "photos/new.jsonl"),
+        ] {
+            assert!(!refused(from, to), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn two_results_have_two_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let both = |one: &Path, other: &Path| {
+            let apart = Apart::default()
+                .writes("--jsonl", one)
+                .writes("--record", other);
+            apart.check().map_err(|e| e.to_string())
+        };
+        let e = both(&at("new/out"), &at("new/./out")).unwrap_err();
+        assert!(e.contains("--jsonl") && e.contains("--record"), "{e}");
+        assert!(both(Path::new(STDOUT), Path::new(STDOUT)).is_err());
+        both(&at("a"), &at("b")).unwrap();
+        let nowhere = Path::new("/dev/null");
+        both(nowhere, nowhere).unwrap();
+        let piped = Apart::default().reads("--input", Path::new("-"));
+        piped.writes("--jsonl", Path::new("-")).check().unwrap();
+    }
+}

@@ -1,0 +1,99 @@
+//! What is read is never what is written, and no two results have one file.
+
+use std::path::Path;
+
+use crate::program::{assert_fails, edgecap, stderr};
+
+#[test]
+fn an_input_is_not_replaced_by_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    for name in ["y.avi", "o.jsonl", "lens.toml", "w.ecm"] {
+        std::fs::write(at(name), name).unwrap();
+    }
+    std::fs::create_dir(at("photos")).unwrap();
+    std::fs::write(at("photos/a.png"), "photo").unwrap();
+    let (film, seen, photos) = (at("y.avi"), at("o.jsonl"), at("photos"));
+    let same = &at("./y.avi");
+    for args in [
+        &["run", "--input", &film, "--overlay", &film][..],
+        &["run", "--input", &film, "--jsonl", &film],
+        &["run", "--input", &film, "--record", same],
+        &["run", "--input", &film, "--live", "--record", same],
+        &[
+            "run",
+            "--input",
+            "demo",
+            "--camera",
+            &at("lens.toml"),
+            "--jsonl",
+            &at("lens.toml"),
+        ],
+        &["infer", "--input", &film, "--jsonl", &film],
+        &["infer", "--input", &photos, "--overlay", &photos],
+        &["infer", "--input", &photos, "--jsonl", &at("photos/a.png")],
+        &[
+            "infer",
+            "--input",
+            &at("photos/a.png"),
+            "--overlay",
+            &photos,
+        ],
+        &["fit", "--input", &seen, "--jsonl", &seen],
+        &[
+            "calibrate",
+            "--view",
+            &seen,
+            "--view",
+            &film,
+            "--out",
+            &seen,
+        ],
+        &[
+            "eval",
+            "--predictions",
+            &seen,
+            "--truth",
+            &film,
+            "--json",
+            &seen,
+        ],
+        &["bench", "--model", &at("w.ecm"), "--save", &at("w.ecm")],
+    ] {
+        assert_fails(args, 64, &["would replace", "choose another name"]);
+    }
+    for name in ["y.avi", "o.jsonl", "lens.toml", "w.ecm"] {
+        assert_eq!(std::fs::read_to_string(at(name)).unwrap(), name);
+    }
+    assert_eq!(
+        std::fs::read_to_string(at("photos/a.png")).unwrap(),
+        "photo"
+    );
+}
+
+#[test]
+fn two_results_are_not_written_to_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("same.out");
+    let to = to.to_str().unwrap();
+    for verb in ["run", "infer"] {
+        let args = [verb, "--input", "demo", "--jsonl", to, "--record", to];
+        assert_fails(&args, 64, &["--jsonl", "--record", "a file for each"]);
+    }
+    assert!(!Path::new(to).exists());
+    let settings = folder.path().join("edgecap.toml");
+    let camera = |name: &str| {
+        format!("[[camera]]\nname = \"{name}\"\ninput = \"/dev/{name}\"\njsonl = \"{to}\"\n")
+    };
+    std::fs::write(&settings, camera("one") + &camera("two")).unwrap();
+    for verb in [&["run"][..], &["config", "check"]] {
+        let run = edgecap()
+            .args(verb)
+            .arg("--config")
+            .arg(&settings)
+            .output()
+            .unwrap();
+        assert_eq!(run.status.code(), Some(64), "{verb:?}: {}", stderr(&run));
+        assert!(stderr(&run).contains("one: --jsonl"), "{}", stderr(&run));
+    }
+}
