@@ -50,8 +50,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     if is_jpeg(&head) || is_png(&head) {
         return Ok(Box::new(PhotoSource::file(path, fps)));
     }
-    let reader = BufReader::with_capacity(BUFFER_BYTES, file);
     if head.starts_with(y4m::MAGIC) {
+        let reader = BufReader::with_capacity(BUFFER_BYTES, file);
         return Ok(Box::new(Y4mReader::new(
             reader,
             name_of(path),
@@ -59,7 +59,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
         )?));
     }
     if is_avi(&head) {
-        let film = AviReader::new(reader, name_of(path))?;
+        // Without a buffer, which would be filled for every chunk's eight bytes: pictures are read whole.
+        let film = AviReader::new(file, name_of(path))?;
         if film.is_motion_jpeg() {
             return Ok(Box::new(film));
         }
