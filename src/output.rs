@@ -4,14 +4,15 @@
 mod stump;
 
 use std::collections::VecDeque;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rustix::fs::OFlags;
+use rustix::fs::{CWD, OFlags, RenameFlags};
 use rustix::io::Errno;
 use tempfile::{NamedTempFile, TempDir};
 
@@ -24,6 +25,9 @@ pub const STDOUT: &str = "-";
 const RECORDS_KEPT: usize = 1024;
 /// How long the reader of a pipe may take to open it.
 const READER_PATIENCE: Duration = Duration::from_secs(2);
+/// What nobody has written to for so long, and nobody holds, a killed process has left. The time is for file systems on
+/// which locks of other machines are not seen.
+const LEFT_AFTER: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// Writes a whole file, replacing an older one; missing parent folders are made.
 ///
@@ -35,11 +39,44 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.finish()
 }
 
+/// Whether a name is that of what is not finished.
+pub fn is_unfinished(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
+/// Removes from a folder the files that killed processes of this user have not finished, a day after they were written
+/// to last. Folders stay: they may hold results that could not be moved to their place.
+pub fn sweep(folder: &Path) {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for path in entries.map(|e| e.path()).filter(|p| is_unfinished(p)) {
+        // What cannot be looked at is not ours to remove.
+        let _ = remove_if_left(&path);
+    }
+}
+
+fn remove_if_left(path: &Path) -> io::Result<()> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let file = File::options()
+        .read(true)
+        .custom_flags(flags.bits().cast_signed())
+        .open(path)?;
+    let meta = file.metadata()?;
+    let is_own = meta.is_file() && meta.uid() == rustix::process::geteuid().as_raw();
+    let is_old = meta.modified()?.elapsed().is_ok_and(|a| a > LEFT_AFTER);
+    if is_own && is_old && file.try_lock().is_ok() {
+        fs::remove_file(path)?;
+    }
+    Ok(())
+}
+
 /// Where bytes go until the file is finished.
 #[derive(Debug)]
 enum Place {
     /// Beside the file's place.
     Beside(NamedTempFile),
+    /// In the file's place already.
+    Named(File),
     /// A device or pipe that was there before and stays.
     Device(File),
 }
@@ -49,14 +86,14 @@ impl Write for Place {
         match self {
             // Not through the temporary file, whose errors name it.
             Self::Beside(file) => file.as_file_mut().write(buf),
-            Self::Device(file) => file.write(buf),
+            Self::Named(file) | Self::Device(file) => file.write(buf),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
         match self {
             Self::Beside(file) => file.flush(),
-            Self::Device(file) => file.flush(),
+            Self::Named(file) | Self::Device(file) => file.flush(),
         }
     }
 }
@@ -65,12 +102,13 @@ impl Seek for Place {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         match self {
             Self::Beside(file) => file.seek(to),
-            Self::Device(file) => file.seek(to),
+            Self::Named(file) | Self::Device(file) => file.seek(to),
         }
     }
 }
 
-/// A file being written; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
+/// A file being written; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before,
+/// unless it is to [`appear`](Self::appear) sooner.
 #[derive(Debug)]
 pub struct AtomicFile {
     /// `None` once the file is finished or given up.
@@ -119,7 +157,29 @@ impl AtomicFile {
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(folder)
             .map_err(unnamed)?;
+        // Held for as long as somebody writes to it: `sweep` takes only what nobody holds.
+        let _ = file.as_file().try_lock();
         Ok(Self::new(Place::Beside(file), path, made))
+    }
+
+    /// Gives the file its name now and goes on writing to it, for what has no end: whatever ends the process, what was
+    /// written is there. An older file of that name that holds anything is set aside, and its new name returned.
+    ///
+    /// # Errors
+    /// If the disk is full, or a rename fails.
+    pub fn appear(&mut self) -> io::Result<Option<PathBuf>> {
+        match &mut self.writer {
+            Some(writer) if matches!(writer.get_ref(), Place::Beside(_)) => writer.flush()?,
+            _ => return Ok(None),
+        }
+        let older = set_aside(&self.path)?;
+        let Some((Place::Beside(file), _)) = self.writer.take().map(BufWriter::into_parts) else {
+            return Ok(older);
+        };
+        let named = file.persist(&self.path).map_err(|e| e.error)?;
+        self.writer = Some(BufWriter::new(Place::Named(named)));
+        self.made = None;
+        Ok(older)
     }
 
     fn new(place: Place, path: &Path, made: Option<PathBuf>) -> Self {
@@ -146,18 +206,19 @@ impl AtomicFile {
         };
         let on_disk = self.taken - (writer.buffer().len() as u64).min(self.taken);
         let is_whole = |end: &u64| (1..=on_disk).contains(end);
-        matches!(writer.get_ref(), Place::Device(_)) || self.whole.iter().any(is_whole)
+        matches!(writer.get_ref(), Place::Device(_) | Place::Named(_))
+            || self.whole.iter().any(is_whole)
     }
 
-    /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe has them
-    /// now.
+    /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe, or a
+    /// file that has appeared, has them now.
     pub fn mark_whole(&mut self) {
         if self.whole.len() == RECORDS_KEPT {
             self.whole.pop_front();
         }
         self.whole.push_back(self.taken);
         if let Some(writer) = &mut self.writer
-            && matches!(writer.get_ref(), Place::Device(_))
+            && matches!(writer.get_ref(), Place::Named(_) | Place::Device(_))
         {
             // A failure shows at the next write, or at the end.
             let _ = writer.flush();
@@ -173,6 +234,7 @@ impl AtomicFile {
         writer.flush()?;
         match writer.get_ref() {
             Place::Beside(file) => file.as_file().sync_all(),
+            Place::Named(file) => file.sync_all(),
             Place::Device(_) => Ok(()),
         }
     }
@@ -188,23 +250,27 @@ impl AtomicFile {
         };
         let flushed = writer.flush();
         // The parts, so that nothing is written behind our back.
-        let (place, _) = writer.into_parts();
-        let Place::Beside(mut file) = place else {
-            return flushed;
-        };
+        let (mut place, _) = writer.into_parts();
         if flushed.is_err() {
+            let file = match &mut place {
+                Place::Beside(file) => file.as_file_mut(),
+                Place::Named(file) => file,
+                Place::Device(_) => return flushed,
+            };
             let end = file.stream_position()?;
             let Some(whole) = self.whole.iter().rev().find(|w| **w <= end && **w > 0) else {
                 return flushed;
             };
-            file.as_file().set_len(*whole)?;
+            file.set_len(*whole)?;
         }
-        let path = match flushed.is_err() || self.is_broken {
-            true => stump::place(&self.path, file.as_file().metadata()?.len()),
-            false => self.path.clone(),
-        };
-        file.persist(path).map_err(|e| e.error)?;
-        self.made = None;
+        if let Place::Beside(file) = place {
+            let path = match flushed.is_err() || self.is_broken {
+                true => stump::place(&self.path, file.as_file().metadata()?.len()),
+                false => self.path.clone(),
+            };
+            file.persist(path).map_err(|e| e.error)?;
+            self.made = None;
+        }
         flushed
     }
 
@@ -260,6 +326,19 @@ impl AtomicFolder {
     pub fn create(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
         fs::create_dir_all(folder)?;
+        let device = |folder: &Path| fs::metadata(folder).map(|m| m.dev());
+        // Nothing can be moved from one disk to another.
+        match device(path).is_ok_and(|d| device(folder).is_ok_and(|parent| parent != d)) {
+            true => Self::create_in(path, path),
+            false => Self::create_in(folder, path),
+        }
+    }
+
+    /// As [`create`](Self::create), filled in a folder on the same disk.
+    ///
+    /// # Errors
+    /// If that folder cannot be written.
+    pub fn create_in(folder: &Path, path: &Path) -> io::Result<Self> {
         let beside = tempfile::Builder::new()
             .prefix(PREFIX)
             .suffix(SUFFIX)
@@ -276,15 +355,22 @@ impl AtomicFolder {
         self.beside.path()
     }
 
-    /// Gives the folder its name; an empty folder of that name is replaced.
+    /// Gives the folder its name. Where there is a folder of that name, what was made goes into it, one file after the
+    /// other, and nothing there is replaced.
     ///
     /// # Errors
-    /// If there is something else of that name.
+    /// If something else of that name, or of a file's, is there. What was made is kept and named: it may have taken
+    /// hours.
     pub fn finish(self) -> io::Result<()> {
-        fs::rename(self.beside.path(), &self.path)?;
-        // The folder has its final name: nothing is left to clean up.
-        let _ = self.beside.keep();
-        Ok(())
+        let made = self.beside.keep();
+        let moved = match fs::rename(&made, &self.path) {
+            Err(_) if self.path.is_dir() => fill(&made, &self.path),
+            moved => moved,
+        };
+        moved.map_err(|e| {
+            let kept = format!("{e}; what was made lies in {}", made.display());
+            io::Error::new(e.kind(), kept)
+        })
     }
 }
 
@@ -295,6 +381,48 @@ fn unnamed(error: io::Error) -> io::Error {
         Some((words, _)) => io::Error::new(error.kind(), words.to_owned()),
         None => error,
     }
+}
+
+/// Moves everything from the one folder into the other, or nothing where a name is taken.
+fn fill(made: &Path, folder: &Path) -> io::Result<()> {
+    let entries = fs::read_dir(made)?.map(|e| e.map(|e| e.file_name()));
+    let names = entries.collect::<io::Result<Vec<_>>>()?;
+    let is_taken = |name: &&OsString| fs::symlink_metadata(folder.join(name)).is_ok();
+    if let Some(taken) = names.iter().find(is_taken) {
+        let found = format!("{} is there already", taken.display());
+        return Err(io::Error::new(io::ErrorKind::AlreadyExists, found));
+    }
+    for name in &names {
+        fs::rename(made.join(name), folder.join(name))?;
+    }
+    fs::remove_dir(made)
+}
+
+/// Gives a file that holds anything the first free name of `name-1`, `name-2` and so on; returns that.
+fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
+    if !fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0) {
+        return Ok(None);
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    for n in 1.. {
+        let mut name = OsString::from(format!("{stem}-{n}"));
+        if let Some(extension) = path.extension() {
+            name.push(".");
+            name.push(extension);
+        }
+        let aside = path.with_file_name(name);
+        if fs::symlink_metadata(&aside).is_ok() {
+            continue;
+        }
+        match rustix::fs::renameat_with(CWD, path, CWD, &aside, RenameFlags::NOREPLACE) {
+            Err(Errno::EXIST) => continue,
+            // A file system that knows no such flag.
+            Err(Errno::INVAL | Errno::NOSYS) => fs::rename(path, &aside)?,
+            renamed => renamed?,
+        }
+        return Ok(Some(aside));
+    }
+    Ok(None)
 }
 
 /// Opens a device or pipe to write into. Opening a pipe that nobody reads would wait for ever, whatever signal comes.
@@ -428,10 +556,105 @@ mod tests {
         assert!(!path.exists());
         album.finish().unwrap();
         assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "a");
-        let again = AtomicFolder::create(&path).unwrap();
-        assert!(again.finish().is_err(), "it holds a file");
         drop(AtomicFolder::create(&path).unwrap());
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_in_which_something_is_takes_what_was_made_and_loses_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("album");
+        let album = AtomicFolder::create(&path).unwrap();
+        fs::write(album.beside().join("a"), "new").unwrap();
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("other"), "old").unwrap();
+        album.finish().unwrap();
+        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "new");
+        assert_eq!(fs::read_to_string(path.join("other")).unwrap(), "old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+
+        // A name that is taken: hours of work must not be thrown away for it.
+        let again = AtomicFolder::create(&path).unwrap();
+        let made = again.beside().to_owned();
+        for name in ["a", "b"] {
+            fs::write(made.join(name), "newer").unwrap();
+        }
+        let e = again.finish().unwrap_err().to_string();
+        assert!(e.contains("a is there already"), "{e}");
+        assert!(e.contains(&made.display().to_string()), "{e}");
+        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "new");
+        assert!(!path.join("b").exists(), "all or nothing");
+        assert_eq!(fs::read_to_string(made.join("b")).unwrap(), "newer");
+        let file = folder.path().join("file");
+        fs::write(&file, "a file").unwrap();
+        let third = AtomicFolder::create(&file).unwrap();
+        let made = third.beside().to_owned();
+        assert!(third.finish().is_err() && made.is_dir(), "it is a file");
+    }
+
+    #[test]
+    fn a_file_that_appears_early_holds_what_was_written_when_the_process_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        fs::write(&path, "older").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"one\n").unwrap();
+        file.mark_whole();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "older");
+        let older = file.appear().unwrap().unwrap();
+        assert_eq!(older, folder.path().join("hall-1.jsonl"));
+        assert_eq!(fs::read_to_string(&older).unwrap(), "older");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "one\n");
+        assert_eq!(file.appear().unwrap(), None, "once");
+        file.write_all(b"two\n").unwrap();
+        file.mark_whole();
+        // As of a process that is killed: nothing more is written.
+        assert_eq!(fs::read_to_string(&path).unwrap(), "one\ntwo\n");
+        file.write_all(b"thr").unwrap();
+        drop(file);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "one\ntwo\n");
+        let mut third = AtomicFile::create(&path).unwrap();
+        third.write_all(b"three\n").unwrap();
+        assert!(third.appear().unwrap().unwrap().ends_with("hall-2.jsonl"));
+        third.finish().unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "three\n");
+    }
+
+    #[test]
+    fn what_killed_processes_left_is_swept_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = |name: &str, days: u64| {
+            let path = folder.path().join(name);
+            let file = File::create(&path).unwrap();
+            let ago = Duration::from_secs(days * 24 * 60 * 60 + 60);
+            let time = std::time::SystemTime::now() - ago;
+            file.set_modified(time).unwrap();
+            (path, file)
+        };
+        let (left, _) = made(".edgecap-left.part", 1);
+        let kept = [
+            made(".edgecap-new.part", 0),
+            made(".edgecap-held.part", 9),
+            made("edgecap-other.part", 9),
+            made(".edgecap-other", 9),
+        ];
+        kept[1].1.lock().unwrap();
+        let results = folder.path().join(".edgecap-folder.part");
+        fs::create_dir(&results).unwrap();
+        let mut writing = AtomicFile::create(&folder.path().join("file")).unwrap();
+        writing.write_all(b"whole").unwrap();
+        if let Some(Place::Beside(file)) = writing.writer.as_ref().map(BufWriter::get_ref) {
+            let long_ago = std::time::UNIX_EPOCH;
+            file.as_file().set_modified(long_ago).unwrap();
+        }
+        sweep(folder.path());
+        assert!(!left.exists());
+        for (path, _) in &kept {
+            assert!(path.exists(), "{}", path.display());
+        }
+        assert!(results.exists());
+        writing.finish().unwrap();
+        assert_eq!(fs::read(folder.path().join("file")).unwrap(), b"whole");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! one protocol.
 
 pub mod osc;
+mod outcome;
 mod udp;
 pub mod vmc;
 pub mod websocket;

@@ -1,10 +1,12 @@
 //! Datagrams to somebody who may be there or not.
 
+use std::cell::RefCell;
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
+use super::outcome::Outcomes;
 use crate::camera::monotonic_ns;
 use crate::message::FLAG_FILE_TIME;
 
@@ -16,6 +18,7 @@ const FROM_1900: u64 = 2_208_988_800;
 pub struct Outlet {
     socket: UdpSocket,
     to: SocketAddr,
+    outcomes: RefCell<Outcomes>,
 }
 
 impl Outlet {
@@ -31,7 +34,13 @@ impl Outlet {
         let socket = UdpSocket::bind(any)?;
         // A full network loses a frame; the next one is newer.
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, to })
+        // An address of all machines of a network is as good as one.
+        socket.set_broadcast(true)?;
+        Ok(Self {
+            socket,
+            to,
+            outcomes: RefCell::default(),
+        })
     }
 
     /// Where it sends to, `above` the first port.
@@ -39,12 +48,23 @@ impl Outlet {
         SocketAddr::new(self.to.ip(), self.to.port().saturating_add(above))
     }
 
-    /// Sends one bundle to the port so far `above` the first. Whether anybody takes it is not known.
+    /// Sends one bundle to the port so far `above` the first. Whether anybody takes it is not known; that it cannot be
+    /// sent is logged.
     pub fn send(&self, above: u16, timetag: OscTime, messages: Vec<OscMessage>) {
         let content = messages.into_iter().map(OscPacket::Message).collect();
         let bundle = OscPacket::Bundle(OscBundle { timetag, content });
         if let Ok(bytes) = encoder::encode(&bundle) {
-            let _ = self.socket.send_to(&bytes, self.to(above));
+            let to = self.to(above);
+            let sent = self.socket.send_to(&bytes, to).map(drop);
+            match self.outcomes.borrow_mut().note(sent) {
+                None => {}
+                Some(Ok(())) => tracing::warn!("datagrams reach {to} again"),
+                Some(Err(e)) => {
+                    tracing::warn!(
+                        "cannot send datagrams to {to}: {e}; check the address and the network"
+                    );
+                }
+            }
         }
     }
 }
@@ -71,5 +91,16 @@ pub fn time_of(time_ns: u64, flags: u32) -> OscTime {
     OscTime {
         seconds: (seconds + FROM_1900) as u32,
         fractional: ((rest << 32) / 1_000_000_000) as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_machines_of_a_network_may_be_told() {
+        let outlet = Outlet::new((Ipv4Addr::BROADCAST, 9).into()).unwrap();
+        assert!(outlet.socket.broadcast().unwrap());
     }
 }

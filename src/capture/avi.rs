@@ -68,7 +68,8 @@ struct Layout {
 }
 
 impl<R: Read + Seek> AviReader<R> {
-    /// Reads the headers and finds every picture.
+    /// Reads the headers and finds every picture. Reads go from place to place, and pictures are read whole: a buffer
+    /// would be filled anew each time.
     ///
     /// # Errors
     /// [`CaptureError::Data`] when the bytes are no AVI file, hold no video, or no picture;
@@ -281,7 +282,9 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
     }
 
     fn frame_count(&self) -> Option<u64> {
-        Some(self.entries.len() as u64)
+        // Repetitions at the end show nothing new and are not given.
+        let last = self.entries.iter().rposition(|e| e.length > 0);
+        Some(last.map_or(0, |last| last as u64 + 1))
     }
 
     fn fps(&self) -> Option<f64> {

@@ -9,10 +9,12 @@ use super::raw::{RawDecoder, RawPicture};
 use super::source::Source;
 use crate::camera::Clock;
 
-/// Longest that one step takes.
+/// Longest that one step takes, waiting or catching up.
 const STEP: Duration = Duration::from_millis(250);
 /// Time between the last picture and the first one again, for films that do not say their rate.
 const DEFAULT_FPS: f64 = 30.0;
+/// Least time between two pictures: some films say that they have billions a second.
+const LEAST_INTERVAL_NS: u64 = 1_000_000;
 
 /// A film in the time of a clock.
 pub struct PacedSource<O, C> {
@@ -23,9 +25,13 @@ pub struct PacedSource<O, C> {
     began: Option<(Instant, u64)>,
     /// What is added to a picture's time and sequence: the films played before.
     offset: (u64, u64),
+    /// Time and sequence of the picture that was read last, with all that was added to them.
+    last: Option<(u64, u64)>,
     /// The next picture, not due yet.
     next: RawPicture,
     has_next: bool,
+    /// Why there is no picture after the one that was given last.
+    failed: Option<CaptureError>,
     /// For who wants the pictures decoded.
     decoder: RawDecoder,
     raw: RawPicture,
@@ -48,8 +54,10 @@ where
             clock,
             began: None,
             offset: (0, 0),
+            last: None,
             next: RawPicture::default(),
             has_next: false,
+            failed: None,
             decoder: RawDecoder::default(),
             raw: RawPicture::default(),
         })
@@ -57,18 +65,37 @@ where
 
     /// Reads the next picture, from the beginning again where the film has ended; `false` for a film without pictures.
     fn read(&mut self) -> Result<bool, CaptureError> {
-        let last = (self.next.time_ns, self.next.sequence);
+        self.has_next = false;
         if !self.film.next_raw(&mut self.next)? {
             let interval = 1e9 / self.film.fps().unwrap_or(DEFAULT_FPS);
-            self.offset = (last.0 + interval as u64, last.1 + 1);
+            self.offset = self
+                .last
+                .map_or((0, 0), |(time, n)| (time + interval as u64, n + 1));
             self.film = (self.open)()?;
             if !self.film.next_raw(&mut self.next)? {
                 return Ok(false);
             }
         }
-        self.next.time_ns += self.offset.0;
-        self.next.sequence += self.offset.1;
+        let next = &mut self.next;
+        next.time_ns += self.offset.0;
+        next.sequence += self.offset.1;
+        if let Some((time, _)) = self.last {
+            next.time_ns = next.time_ns.max(time + LEAST_INTERVAL_NS);
+        }
+        self.last = Some((next.time_ns, next.sequence));
+        self.has_next = true;
         Ok(true)
+    }
+
+    /// Moves the film's beginning, so that a picture that is late is due now: what cannot be read as fast as it plays
+    /// would never catch up.
+    fn wait_for(&mut self, picture_ns: u64) {
+        let now = self.clock.now();
+        if let Some((began, began_ns)) = &mut self.began {
+            let late = (now - *began).saturating_sub(Duration::from_nanos(picture_ns));
+            *began += late;
+            *began_ns += late.as_nanos() as u64;
+        }
     }
 }
 
@@ -93,15 +120,19 @@ where
         decoded
     }
 
-    /// The newest picture that is due; of those before it none is decoded.
+    /// The newest picture that is due, of those that can be read within a step; those before it are not decoded. Where
+    /// the film cannot be read as fast as it plays it goes on from there, later than it should.
     fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
-        let (began, began_ns) = *self
+        if let Some(e) = self.failed.take() {
+            return Err(e);
+        }
+        let start = self.clock.now();
+        let (began, _) = *self
             .began
-            .get_or_insert_with(|| (self.clock.now(), crate::camera::monotonic_ns()));
+            .get_or_insert_with(|| (start, crate::camera::monotonic_ns()));
         if !self.has_next && !self.read()? {
             return Ok(false);
         }
-        self.has_next = true;
         let mut now = self.clock.now() - began;
         let due = Duration::from_nanos(self.next.time_ns);
         if now < due {
@@ -114,15 +145,25 @@ where
                 });
             }
         }
+        let until = self.clock.now() + STEP;
         loop {
             std::mem::swap(raw, &mut self.next);
-            (self.next.time_ns, self.next.sequence) = (raw.time_ns, raw.sequence);
-            self.has_next = self.read()?;
-            if !self.has_next || Duration::from_nanos(self.next.time_ns) > now {
-                break;
+            match self.read() {
+                Ok(true) if Duration::from_nanos(self.next.time_ns) > now => break,
+                Ok(true) if self.clock.now() >= until => {
+                    self.wait_for(raw.time_ns);
+                    break;
+                }
+                Ok(true) => {}
+                Ok(false) => break,
+                // The picture before it is whole; the next call tells.
+                Err(e) => {
+                    self.failed = Some(e);
+                    break;
+                }
             }
         }
-        raw.time_ns += began_ns;
+        raw.time_ns += self.began.map_or(0, |(_, began_ns)| began_ns);
         Ok(true)
     }
 
@@ -150,21 +191,38 @@ mod tests {
 
     use super::*;
 
-    /// Three pictures, 100 ms apart.
-    struct Film(u64);
+    /// Three pictures.
+    struct Film {
+        count: u64,
+        /// Between two pictures.
+        interval_ns: u64,
+        /// What reading one takes.
+        reading: Duration,
+        /// One that cannot be read.
+        damaged: Option<u64>,
+        clock: Turned,
+    }
 
     impl Source for Film {
         fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-            if self.0 == 3 {
+            if self.count == 3 {
                 return Ok(false);
             }
-            (frame.sequence, frame.time_ns) = (self.0, self.0 * 100_000_000);
-            self.0 += 1;
+            self.clock.sleep(self.reading);
+            let n = self.count;
+            self.count += 1;
+            if self.damaged == Some(n) {
+                return Err(CaptureError::Picture {
+                    input: "film".into(),
+                    reason: "damaged".into(),
+                });
+            }
+            (frame.sequence, frame.time_ns) = (n, n * self.interval_ns);
             Ok(true)
         }
 
         fn fps(&self) -> Option<f64> {
-            Some(10.0)
+            Some(1e9 / self.interval_ns as f64)
         }
 
         fn name(&self) -> &str {
@@ -185,12 +243,35 @@ mod tests {
         }
     }
 
+    type Opening = Box<dyn FnMut() -> Result<Box<dyn Source>, CaptureError> + Send>;
+
+    /// A film over and over, and its clock.
+    fn paced(
+        interval_ns: u64,
+        reading: Duration,
+        damaged: Option<u64>,
+    ) -> (PacedSource<Opening, Turned>, Turned) {
+        let clock = Turned(Arc::new(Mutex::new(Instant::now())));
+        let of_film = clock.clone();
+        let open: Opening = Box::new(move || {
+            Ok(Box::new(Film {
+                count: 0,
+                interval_ns,
+                reading,
+                damaged,
+                clock: of_film.clone(),
+            }))
+        });
+        let paced = PacedSource::new(open, clock.clone()).unwrap();
+        (paced, clock)
+    }
+
+    const TENTH: u64 = 100_000_000;
+
     #[test]
     fn pictures_come_when_they_are_due_for_ever_and_late_ones_are_lost() {
-        let clock = Turned(Arc::new(Mutex::new(Instant::now())));
+        let (mut paced, clock) = paced(TENTH, Duration::ZERO, None);
         let start = clock.now();
-        let open = || Ok(Box::new(Film(0)) as Box<dyn Source>);
-        let mut paced = PacedSource::new(open, clock.clone()).unwrap();
         let mut frame = Frame::default();
         let mut seen = Vec::new();
         while seen.len() < 6 {
@@ -206,5 +287,60 @@ mod tests {
         assert!(paced.next_into(&mut frame).unwrap());
         assert_eq!(frame.sequence, 8, "850 ms after the start");
         assert!(paced.is_live());
+    }
+
+    #[test]
+    fn a_film_that_is_read_more_slowly_than_it_plays_goes_on_later() {
+        let reading = Duration::from_millis(150);
+        let (mut paced, clock) = paced(TENTH, reading, None);
+        let mut frame = Frame::default();
+        let (mut before, mut seen) = (0, 0);
+        for _ in 0..100 {
+            let start = clock.now();
+            let given = paced.next_into(&mut frame);
+            let took = clock.now() - start;
+            assert!(took <= STEP + STEP + reading, "{took:?}");
+            match given {
+                Ok(more) => {
+                    assert!(more && frame.time_ns > before);
+                    (before, seen) = (frame.time_ns, seen + 1);
+                }
+                Err(e) => assert!(matches!(e, CaptureError::NoPictureYet { .. }), "{e}"),
+            }
+        }
+        assert!(seen > 50, "{seen}");
+        // The newest picture is of now, not of how far the film should be.
+        let (began, began_ns) = paced.began.unwrap();
+        let age = (clock.now() - began).as_nanos() as u64 + began_ns - before;
+        assert!(age <= 500_000_000, "{age}");
+    }
+
+    #[test]
+    fn a_film_that_says_it_has_billions_of_pictures_a_second_plays() {
+        let (mut paced, clock) = paced(0, Duration::ZERO, None);
+        let mut frame = Frame::default();
+        for _ in 0..3 {
+            clock.sleep(Duration::from_millis(100));
+            assert!(paced.next_into(&mut frame).unwrap());
+        }
+        assert_eq!(frame.sequence, 200, "a thousand a second");
+    }
+
+    #[test]
+    fn a_damaged_picture_is_told_once_and_none_comes_twice() {
+        let (mut paced, _) = paced(TENTH, Duration::ZERO, Some(1));
+        let mut frame = Frame::default();
+        let mut seen = Vec::new();
+        while seen.len() < 6 {
+            seen.push(match paced.next_into(&mut frame) {
+                Ok(more) => more.then_some(frame.sequence),
+                Err(CaptureError::NoPictureYet { .. }) => continue,
+                Err(e) => {
+                    assert!(e.is_skippable(), "{e}");
+                    None
+                }
+            });
+        }
+        assert_eq!(seen, [Some(0), None, Some(2), Some(3), None, Some(5)]);
     }
 }

@@ -57,8 +57,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
             format!("expected a JPEG or PNG photo, found {kind}; convert it to JPEG or PNG"),
         ));
     }
-    let reader = BufReader::with_capacity(BUFFER_BYTES, file);
     if head.starts_with(y4m::MAGIC) {
+        let reader = BufReader::with_capacity(BUFFER_BYTES, file);
         return Ok(Box::new(Y4mReader::new(
             reader,
             name_of(path),
@@ -66,7 +66,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
         )?));
     }
     if is_avi(&head) {
-        let film = AviReader::new(reader, name_of(path))?;
+        // Without a buffer, which would be filled for every chunk's eight bytes: pictures are read whole.
+        let film = AviReader::new(file, name_of(path))?;
         if film.is_motion_jpeg() {
             return Ok(Box::new(film));
         }

@@ -117,7 +117,7 @@ impl Failure {
     pub fn stopped(frames: u64) -> Self {
         let message = match frames {
             0 => "stopped before the first frame; nothing was written".to_owned(),
-            n => format!("stopped after {n} frames; these were written"),
+            n => format!("stopped after {n} frames; the results are of these alone"),
         };
         Self {
             code: INTERRUPTED,

@@ -161,6 +161,22 @@ impl NamedInput {
         self.is_camera || self.plays_live
     }
 
+    /// Whether it ends by itself: a film or photos. Of a pipe nobody knows.
+    pub fn has_end(&self) -> bool {
+        let is_pipe = |path| {
+            std::fs::metadata(path).is_ok_and(|m| {
+                let kind = m.file_type();
+                kind.is_fifo() || kind.is_socket()
+            })
+        };
+        !self.is_live()
+            && match &self.spec {
+                InputSpec::Path(path) => !is_pipe(path),
+                InputSpec::Demo => true,
+                InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => false,
+            }
+    }
+
     /// Opens it, a camera as soon as it is there.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::output;
 use crate::record::{Format, Row};
 use crate::sink::{RecordSink, SinkError, Sinks};
 
@@ -27,20 +28,28 @@ impl RecordArgs {
 
     /// Whether standard output carries results, so that words have to go elsewhere.
     pub fn takes_stdout(&self) -> bool {
-        let is_stdout = |p: &PathBuf| p.as_os_str() == crate::output::STDOUT;
+        let is_stdout = |p: &PathBuf| p.as_os_str() == output::STDOUT;
         self.jsonl.iter().chain(&self.record).any(is_stdout)
     }
 
-    /// Starts the records.
+    /// Starts the records. Those of an input with an end appear whole; others grow under their names: a power cut after
+    /// weeks must not take the weeks.
     ///
     /// # Errors
     /// [`SinkError::Create`].
-    pub fn add_to<T: Row + 'static>(&self, sinks: &mut Sinks<T::Message>) -> Result<(), SinkError> {
-        if let Some(path) = &self.jsonl {
-            sinks.push(RecordSink::<T>::create(path, Format::Jsonl)?);
-        }
-        if let Some(path) = &self.record {
-            sinks.push(RecordSink::<T>::create(path, Format::Binary)?);
+    pub fn add_to<T: Row + 'static>(
+        &self,
+        has_end: bool,
+        sinks: &mut Sinks<T::Message>,
+    ) -> Result<(), SinkError> {
+        let lines = self.jsonl.iter().map(|path| (path, Format::Jsonl));
+        let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
+        for (path, format) in all {
+            if path.as_os_str() != output::STDOUT {
+                output::sweep(output::parent(path));
+            }
+            let record = RecordSink::<T>::create(path, format)?;
+            sinks.push(if has_end { record } else { record.growing() });
         }
         Ok(())
     }

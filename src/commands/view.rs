@@ -110,6 +110,12 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     if rows.was_cut() {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are shown");
     }
+    let every = server.hub().kept_every();
+    if every > 1 {
+        say::err(&format!(
+            "{name}: more than the page can hold; one frame of {every} is shown, from the first of {frames} to the last"
+        ));
+    }
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
     while !stop.requested() {
         std::thread::sleep(LOOK_UP);

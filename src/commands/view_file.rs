@@ -8,6 +8,8 @@ use std::process::{Command, Stdio};
 use tempfile::NamedTempFile;
 
 use super::exit::Failure;
+use super::say;
+use crate::camera::DEFAULT_FOV;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 use crate::supervise::tie;
@@ -164,7 +166,15 @@ pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyho
         .stdout(Stdio::null())
         .status()?;
     match status.code() {
-        Some(0) => Ok(()),
+        Some(0) => {
+            if let Some((seen, told)) = missing(record)? {
+                say::err(&format!(
+                    "{}: expected {told} frames, as the film says, found {seen}; if it plays longer, copy it again",
+                    film.display()
+                ));
+            }
+            Ok(())
+        }
         // It has said why.
         code => Err(Failure::silent(
             code.and_then(|c| u8::try_from(c).ok())
@@ -172,6 +182,27 @@ pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyho
         )
         .into()),
     }
+}
+
+/// How many frames a record of a film reaches to, and how many the film says it has, where these are more. Some films
+/// tell wrong numbers.
+///
+/// # Errors
+/// If the record cannot be read.
+fn missing(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
+    let name = record.display().to_string();
+    let file = File::open(record).map_err(|e| Failure::no_input(record, &e))?;
+    let lens = CameraSource::Recorded {
+        fov_degrees: DEFAULT_FOV,
+    };
+    let mut reader = ObservationReader::new(BufReader::new(file), &name, lens);
+    let mut frame = ObservationFrame::default();
+    let (mut seen, mut told) = (0, 0);
+    while reader.read(&mut frame)? {
+        // Films repeat pictures by frames without bytes, which are numbered and not seen.
+        (seen, told) = (frame.sequence + 1, u64::from(frame.frame_total));
+    }
+    Ok((seen < told).then_some((seen, told)))
 }
 
 /// A `camera.toml` beside a record, for as long as it is held.
@@ -234,4 +265,43 @@ pub fn together(
         ));
     }
     Ok((rate, lengths[least]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{Format, ObservationsRow, RecordWriter};
+
+    #[test]
+    fn a_record_of_fewer_frames_than_the_film_has_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("seen");
+        let intrinsics = Intrinsics {
+            fx: 600.0,
+            fy: 600.0,
+            cx: 320.0,
+            cy: 240.0,
+        };
+        let of = |numbers: &[u64], frame_total| {
+            let mut file =
+                RecordWriter::<ObservationsRow>::create(&record, Format::Binary).unwrap();
+            for &sequence in numbers {
+                let frame = ObservationFrame {
+                    sequence,
+                    frame_total,
+                    width: 640,
+                    height: 480,
+                    intrinsics,
+                    ..ObservationFrame::default()
+                };
+                file.write(&frame, "").unwrap();
+            }
+            file.finish().unwrap();
+            missing(&record).unwrap()
+        };
+        assert_eq!(of(&[0, 1, 2], 3), None);
+        assert_eq!(of(&[0, 2], 3), None, "one was a repetition");
+        assert_eq!(of(&[0, 1], 3), Some((2, 3)));
+        assert_eq!(of(&[0, 1], 0), None, "not every film tells");
+    }
 }

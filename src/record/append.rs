@@ -1,7 +1,7 @@
 //! A record that grows under its own name: whatever ends the process, every frame written before is in it.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -62,8 +62,9 @@ impl<T: Row> GrowingRecord<T> {
         self.buffer.clear();
         encode(&T::new(message, source), self.format, &mut self.buffer)?;
         if let Err(e) = self.file.write_all(&self.buffer) {
-            // A disk that is full took a part of it.
+            // A disk that is full took a part of it. What is written next must follow the last whole frame.
             let _ = self.file.set_len(self.whole);
+            let _ = self.file.seek(SeekFrom::Start(self.whole));
             return Err(e);
         }
         self.whole += self.buffer.len() as u64;
@@ -80,5 +81,41 @@ impl<T: Row> GrowingRecord<T> {
     /// Those of the disk.
     pub fn finish(self) -> io::Result<()> {
         self.file.sync_all()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
+
+    use super::*;
+    use crate::message::{BodyFrame, MAX_PEOPLE};
+    use crate::record::BodiesRow;
+
+    /// A file that may not grow stands in for a full disk: of a frame that does not fit it takes a part.
+    #[test]
+    fn after_a_failure_the_next_frame_follows_the_last_whole_one() {
+        let file = File::from(memfd_create("record", MemfdFlags::ALLOW_SEALING).unwrap());
+        let mut record = GrowingRecord::<BodiesRow> {
+            file,
+            path: PathBuf::new(),
+            format: Format::Jsonl,
+            buffer: Vec::new(),
+            whole: 0,
+            synced: Instant::now(),
+            rows: PhantomData,
+        };
+        record.write(&BodyFrame::default(), "").unwrap();
+        let whole = record.bytes();
+        record.file.set_len(2 * 4096).unwrap();
+        fcntl_add_seals(&record.file, SealFlags::GROW).unwrap();
+        let crowd = BodyFrame {
+            count: MAX_PEOPLE as u32,
+            ..BodyFrame::default()
+        };
+        assert!(record.write(&crowd, "").is_err());
+        assert_eq!(record.bytes(), whole);
+        assert_eq!(record.file.metadata().unwrap().len(), whole);
+        assert_eq!(record.file.stream_position().unwrap(), whole);
     }
 }

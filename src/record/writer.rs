@@ -17,12 +17,16 @@ pub enum Format {
     Binary,
 }
 
-/// Writes rows; the file takes its name on [`finish`](Self::finish).
+/// Writes rows; the file takes its name on [`finish`](Self::finish), that of an input without an end with its first
+/// row.
 #[derive(Debug)]
 pub struct RecordWriter<T> {
     file: AtomicFile,
     path: PathBuf,
     format: Format,
+    /// Whether the file has its name while it is written.
+    grows: bool,
+    rows_written: u64,
     buffer: Vec<u8>,
     rows: PhantomData<T>,
 }
@@ -42,6 +46,8 @@ impl<T: Row> RecordWriter<T> {
             file,
             path: path.to_owned(),
             format,
+            grows: false,
+            rows_written: 0,
             buffer: Vec::new(),
             rows: PhantomData,
         })
@@ -55,6 +61,15 @@ impl<T: Row> RecordWriter<T> {
     /// As [`AtomicFile::keeps_anything`].
     pub fn keeps_anything(&self) -> bool {
         self.file.keeps_anything()
+    }
+
+    /// The same for an input without an end: whatever ends the process, the rows before are in the file.
+    #[must_use]
+    pub fn growing(self) -> Self {
+        Self {
+            grows: true,
+            ..self
+        }
     }
 
     /// Where it goes.
@@ -71,15 +86,30 @@ impl<T: Row> RecordWriter<T> {
         encode(&T::new(message, source), self.format, &mut self.buffer)?;
         self.file.write_all(&self.buffer)?;
         self.file.mark_whole();
+        self.rows_written += 1;
+        if self.grows
+            && let Some(older) = self.file.appear()?
+        {
+            tracing::warn!(
+                "{}: the record that was there is {} now",
+                self.path.display(),
+                older.display()
+            );
+        }
         Ok(())
     }
 
-    /// Gives the file its name. After an error, too, the whole frames that reached the disk are there.
+    /// Gives the file its name. After an error, too, the whole frames that reached the disk are there. Whether there is
+    /// a file: of an input without an end that gave no frame there is none.
     ///
     /// # Errors
     /// As [`AtomicFile::finish`].
-    pub fn finish(self) -> io::Result<()> {
-        self.file.finish()
+    pub fn finish(self) -> io::Result<bool> {
+        if self.grows && self.rows_written == 0 {
+            return Ok(false);
+        }
+        self.file.finish()?;
+        Ok(true)
     }
 }
 
@@ -104,4 +134,40 @@ pub(super) fn encode<T: Row>(row: &T, format: Format, out: &mut Vec<u8>) -> io::
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::BufReader;
+
+    use super::*;
+    use crate::message::BodyFrame;
+    use crate::record::{BodiesRow, RowReader};
+
+    #[test]
+    fn a_growing_record_holds_every_frame_before_it_is_finished() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, format) in [("a.jsonl", Format::Jsonl), ("a.ecr", Format::Binary)] {
+            let path = folder.path().join(name);
+            let create = || RecordWriter::<BodiesRow>::create(&path, format).unwrap();
+            let mut record = create().growing();
+            assert!(!path.exists(), "of nobody's frames there is no record");
+            for n in 1..4 {
+                record.write(&BodyFrame::default(), "").unwrap();
+                // As whoever looks after the process was killed.
+                let file = std::fs::File::open(&path).unwrap();
+                let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), name);
+                let mut found = 0;
+                while rows.read().unwrap().is_some() {
+                    found += 1;
+                }
+                assert_eq!((found, rows.was_cut()), (n, false));
+            }
+            assert!(record.finish().unwrap());
+            let before = std::fs::read(&path).unwrap();
+            assert!(!create().growing().finish().unwrap());
+            assert_eq!(std::fs::read(&path).unwrap(), before, "nothing came");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
 }

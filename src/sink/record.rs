@@ -25,6 +25,15 @@ impl<T: Row> RecordSink<T> {
         Ok(Self { writer, says: true })
     }
 
+    /// The same for an input without an end, as [`RecordWriter::growing`].
+    #[must_use]
+    pub fn growing(self) -> Self {
+        Self {
+            writer: self.writer.growing(),
+            ..self
+        }
+    }
+
     /// The same, of which the user is not told: it is a step on the way.
     #[must_use]
     pub fn untold(self) -> Self {
@@ -53,8 +62,8 @@ impl<T: Row> Sink<T::Message> for RecordSink<T> {
         let is_told = self.says && path.as_os_str() != crate::output::STDOUT;
         let said = is_told.then(|| format!("→ {}", path.display()));
         let keeps = self.writer.keeps_anything();
-        self.writer.finish().map_err(|e| failed(path, keeps, e))?;
-        Ok(said)
+        let is_there = self.writer.finish().map_err(|e| failed(path, keeps, e))?;
+        Ok(said.filter(|_| is_there))
     }
 }
 

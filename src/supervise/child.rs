@@ -10,6 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
 use super::heartbeat::Beat;
+use super::left::{Left, wait};
 use super::policy::{Activity, Policy, Verdict};
 use super::systemd;
 use super::tie::tie;
@@ -18,6 +19,8 @@ use super::tie::tie;
 const PROGRAM: &str = "/proc/self/exe";
 /// Time to end after SIGTERM.
 const GRACE: Duration = Duration::from_secs(3);
+/// Time to end after SIGKILL: whoever supervises has others to look after.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What a child is to do, handed over as one argument.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -35,6 +38,8 @@ pub struct Child {
     job: String,
     policy: Policy,
     process: Option<process::Child>,
+    /// Earlier ones that were ended and are not gone.
+    left: Left,
     beats: Option<ChildStdout>,
     /// The newest kind of sign of life that came since the look before the last.
     heard: Option<Beat>,
@@ -57,6 +62,7 @@ impl Child {
             })?,
             policy: Policy::new(Instant::now()),
             process: None,
+            left: Left::default(),
             beats: None,
             heard: None,
             has_lived: false,
@@ -92,6 +98,7 @@ impl Child {
     pub fn tend(&mut self) -> io::Result<Option<ExitStatus>> {
         let now = Instant::now();
         self.heard = None;
+        self.left.look();
         if let Some(beat) = self.newest_beat() {
             self.policy.beat(now, beat);
             self.heard = Some(beat);
@@ -111,23 +118,18 @@ impl Child {
                 self.start()?;
                 self.policy.started(now);
             }
-            Verdict::Kill => self.replace("hangs")?,
+            Verdict::Kill => self.replace("hangs"),
         }
         Ok(None)
     }
 
     /// Ends it by force, to start again, for a reason: what it does, as in "hangs".
-    ///
-    /// # Errors
-    /// If it cannot be ended.
-    pub fn replace(&mut self, why: &str) -> io::Result<()> {
-        if let Some(mut process) = self.process.take() {
+    pub fn replace(&mut self, why: &str) {
+        if let Some(process) = self.process.take() {
             tracing::warn!("{} {why}; it is ended and started again", self.verb);
-            process.kill()?;
-            process.wait()?;
+            self.left.kill(process, PATIENCE);
             self.policy.restart(Instant::now());
         }
-        Ok(())
     }
 
     /// Lets it start again after a pause.
@@ -181,12 +183,10 @@ impl Child {
     }
 
     fn reap(&mut self, until: Instant) {
-        if let Some(mut process) = self.process.take() {
-            while matches!(process.try_wait(), Ok(None)) && Instant::now() < until {
-                std::thread::sleep(Duration::from_millis(5));
-            }
-            let _ = process.kill();
-            let _ = process.wait();
+        if let Some(process) = self.process.take()
+            && let Some(process) = wait(process, until)
+        {
+            self.left.kill(process, PATIENCE);
         }
         self.policy.ended();
     }

@@ -6,6 +6,7 @@
 
 mod child;
 mod heartbeat;
+mod left;
 mod policy;
 mod systemd;
 #[allow(unsafe_code, reason = "what a child does between fork and exec")]

@@ -3,7 +3,8 @@
 use std::io::Cursor;
 
 use edgecap::capture::{
-    AviReader, AviWriter, Brightness, CaptureError, Frame, RawDecoder, RawPicture, Source,
+    AviReader, AviWriter, Brightness, CaptureError, Frame, InputSpec, OpenOptions, RawDecoder,
+    RawPicture, Source, open,
 };
 use proptest::prelude::*;
 
@@ -138,6 +139,58 @@ fn a_file_cut_off_gives_its_whole_frames_then_one_error() {
         !reader.next_into(&mut frame).unwrap(),
         "one error, then the end"
     );
+}
+
+/// Bytes that this thread has read so far, where the system counts them.
+fn read_so_far() -> Option<u64> {
+    let counts = std::fs::read_to_string("/proc/thread-self/io").ok()?;
+    counts.lines().next()?.strip_prefix("rchar: ")?.parse().ok()
+}
+
+#[test]
+fn a_film_is_opened_by_its_heads_and_read_once() {
+    let Some(before) = read_so_far() else {
+        eprintln!("skipped: this system does not count what a thread reads");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.avi");
+    let bytes = clip(200);
+    std::fs::write(&path, &bytes).unwrap();
+    let input = InputSpec::Path(path);
+    let mut film = open(&input, &OpenOptions::default()).unwrap();
+    let opened = read_so_far().unwrap();
+    // What looking takes itself is a few hundred bytes.
+    let most = bytes.len() as u64 / 4;
+    assert!(opened - before < most, "{} of {most}", opened - before);
+    let mut raw = RawPicture::default();
+    while film.next_raw(&mut raw).unwrap() {}
+    let read = read_so_far().unwrap() - opened;
+    assert!(read < bytes.len() as u64 + 4096, "{read}");
+}
+
+/// Programs that keep a rate repeat pictures by chunks without bytes.
+#[test]
+fn repetitions_at_the_end_are_no_pictures() {
+    let mut bytes = clip(3);
+    let chunks: Vec<usize> = bytes
+        .windows(4)
+        .enumerate()
+        .filter(|(_, w)| *w == b"00dc")
+        .map(|(at, _)| at)
+        .take(3)
+        .collect();
+    // What was the last picture is passed over as something else.
+    let last = chunks[2];
+    bytes[last + 4..last + 8].fill(0);
+    let mut reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
+    assert_eq!(reader.frame_count(), Some(2));
+    let mut frame = Frame::default();
+    let seen = std::iter::from_fn(|| {
+        let more = reader.next_into(&mut frame).is_ok_and(|more| more);
+        more.then_some(frame.sequence)
+    });
+    assert_eq!(seen.last(), Some(1));
 }
 
 #[test]

@@ -213,6 +213,24 @@ fn waits_grow_to_a_limit() {
     assert_eq!(waits, [250, 500, 1000, 2000, 2000, 2000, 2000, 2000, 2000]);
 }
 
+/// A camera whose cable or driver is at fault: it opens, and that is all.
+#[test]
+fn a_camera_that_opens_and_sends_nothing_is_opened_less_and_less_often() {
+    let mut openings = vec![Opening::Works(vec![Act::Picture(0)])];
+    openings.extend((0..6).map(|_| Opening::Works(vec![])));
+    openings.push(Opening::Works(vec![Act::Picture(0)]));
+    openings.push(Opening::Works(vec![Act::Picture(0)]));
+    let (mut live, _, log) = live(openings);
+    for _ in 0..3 {
+        next_picture(&mut live);
+    }
+    let log = log.lock().unwrap();
+    let waits = log.windows(2).map(|w| (w[1] - w[0]).as_millis() - 3000);
+    // The first picture took 33 ms. After a picture all is as at first.
+    let expected = [283, 500, 1000, 2000, 2000, 2000, 2000, 283];
+    assert_eq!(waits.collect::<Vec<_>>(), expected);
+}
+
 #[test]
 fn no_step_takes_long() {
     let (mut live, clock, _) = live(vec![Opening::Works(vec![]), Opening::Fails, Opening::Fails]);
@@ -289,7 +307,7 @@ fn devices_that_are_no_camera_are_refused() {
 #[test]
 fn one_program_per_camera() {
     let folder = tempfile::tempdir().unwrap();
-    let acquire = |key| InstanceLock::acquire_in(folder.path().to_owned(), key);
+    let acquire = |key| InstanceLock::acquire_in(folder.path(), key);
     let first = acquire("/dev/video0").unwrap();
     assert!(first.is_held());
     let error = acquire("/dev/video0").unwrap_err();
@@ -302,6 +320,20 @@ fn one_program_per_camera() {
     assert!(acquire("/dev/video1").unwrap().is_held());
     drop(first);
     assert!(acquire("/dev/video0").unwrap().is_held());
+}
+
+/// Where everybody may write, anybody could keep a camera from its owner for ever.
+#[test]
+fn a_lock_that_others_can_take_is_none() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let everyones = std::fs::Permissions::from_mode(0o777);
+    std::fs::set_permissions(folder.path(), everyones).unwrap();
+    let path = folder.path().join("edgecap-dev-video0.lock");
+    let strangers = std::fs::File::create(path).unwrap();
+    strangers.lock().unwrap();
+    let lock = InstanceLock::acquire_in(folder.path(), "/dev/video0").unwrap();
+    assert!(!lock.is_held());
 }
 
 #[test]
@@ -317,7 +349,7 @@ fn a_lock_given_back_is_free_while_a_neighbour_starts_programs() {
             started.store(false, std::sync::atomic::Ordering::Relaxed);
         });
         while started.load(std::sync::atomic::Ordering::Relaxed) {
-            let lock = InstanceLock::acquire_in(folder.path().to_owned(), "/dev/video0").unwrap();
+            let lock = InstanceLock::acquire_in(folder.path(), "/dev/video0").unwrap();
             assert!(lock.is_held());
         }
     });
@@ -329,7 +361,7 @@ fn a_lock_file_that_is_a_link_is_left_alone() {
     let victim = folder.path().join("victim");
     std::fs::write(&victim, "precious").unwrap();
     std::os::unix::fs::symlink(&victim, folder.path().join("edgecap-dev-video0.lock")).unwrap();
-    let lock = InstanceLock::acquire_in(folder.path().to_owned(), "/dev/video0").unwrap();
+    let lock = InstanceLock::acquire_in(folder.path(), "/dev/video0").unwrap();
     assert!(!lock.is_held());
     assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
 }

@@ -14,7 +14,7 @@ use edgecap::multiview::{
 };
 
 use crate::many_views::files;
-use crate::program::{assert_fails, edgecap, output, stderr};
+use crate::program::{assert_fails, edgecap, output, signal, stderr};
 
 /// Keeps parts in memory, up to so many of them.
 #[derive(Default)]
@@ -277,6 +277,63 @@ fn a_killed_run_goes_on_and_ends_as_one_that_was_not() {
         "{said}"
     );
     assert_same(&folder.join("whole"), &folder.join("run"));
+}
+
+/// Somebody puts files into the folder while the bodies are computed.
+#[test]
+fn results_come_into_a_folder_that_is_no_longer_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    files(folder, 3, 40);
+    let whole = folder.join("whole");
+    done(&arguments(folder, "whole", &[]));
+    for (name, is_taken) in [("letter.txt", false), ("report.json", true)] {
+        let run = folder.join("run");
+        let mut process = started(&arguments(folder, "run", &[]));
+        let pid = process.id();
+        let began = Instant::now();
+        while !run.join("resume/lock").exists() {
+            assert!(process.try_wait().unwrap().is_none(), "it ended too soon");
+            assert!(began.elapsed() < Duration::from_secs(240));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        signal(pid, "STOP");
+        assert!(run.join("resume").exists(), "it was done before");
+        fs::write(run.join(name), "Dear").unwrap();
+        signal(pid, "CONT");
+        let ended = process.wait().unwrap();
+        assert_eq!(fs::read_to_string(run.join(name)).unwrap(), "Dear");
+        let made = match is_taken {
+            false => {
+                assert!(ended.success());
+                fs::remove_file(run.join(name)).unwrap();
+                run.clone()
+            }
+            true => {
+                assert_eq!(ended.code(), Some(73));
+                let kept = fs::read_dir(run.join("resume")).unwrap();
+                let mut kept = kept.map(|e| e.unwrap().path());
+                kept.find(|p| p.extension().is_some_and(|e| e == "part"))
+                    .expect("the results")
+            }
+        };
+        assert_same(&whole, &made);
+        fs::remove_dir_all(run).unwrap();
+    }
+}
+
+#[test]
+fn a_run_that_was_only_begun_had_no_other_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    files(folder, 3, 10);
+    let resume = folder.join("run/resume");
+    fs::create_dir_all(&resume).unwrap();
+    // As a power cut leaves it.
+    fs::write(resume.join(".edgecap-aaaaaa.part"), "edge").unwrap();
+    let said = done(&arguments(folder, "run", &[]));
+    assert!(!said.contains("afresh"), "{said}");
+    assert!(!resume.exists());
 }
 
 #[test]

@@ -104,6 +104,13 @@ fn outputs_that_cannot_be_written() {
 }
 
 #[test]
+fn a_calibration_on_no_pictures() {
+    let import = ["model", "import", "weights.safetensors", "-o", "out.ecm"];
+    let none = [&import[..], &["--pictures", "0"]].concat();
+    assert_fails(&none, 64, &["--pictures", "0"]);
+}
+
+#[test]
 fn a_model_that_is_corrupt() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.ecm");

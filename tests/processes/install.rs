@@ -50,6 +50,11 @@ fn files(folder: &Path) -> Vec<String> {
     found
 }
 
+fn mode(path: &Path) -> u32 {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).unwrap().permissions().mode() & 0o777
+}
+
 #[test]
 fn the_machines_service_comes_once_stays_and_goes() {
     let root = tempfile::tempdir().unwrap();
@@ -82,6 +87,11 @@ fn the_machines_service_comes_once_stays_and_goes() {
     );
 
     let config = root.path().join("etc/edgecap/edgecap.toml");
+    // It may hold a token; the rule below gives it to the service's group.
+    assert_eq!(mode(&config), 0o640);
+    let rule = std::fs::read_to_string(root.path().join("etc/tmpfiles.d/edgecap.conf")).unwrap();
+    let line = "z /etc/edgecap/edgecap.toml 0640 root edgecap -";
+    assert!(rule.lines().any(|l| l == line), "{rule}");
     std::fs::write(&config, "[network]\nthreads = 1\n").unwrap();
     let rules = root.path().join("etc/udev/rules.d/70-edgecap.rules");
     std::fs::write(&rules, "old").unwrap();
@@ -128,6 +138,10 @@ fn the_debian_package_has_every_file() {
     }
     let settings = format!("/{}", there.iter().find(|f| f.ends_with(".toml")).unwrap());
     assert_eq!(deb["conf-files"][0].as_str(), Some(&*settings));
+    let assets = deb["assets"].as_array().unwrap();
+    let is_settings = |a: &&toml::Value| a[0].as_str().is_some_and(|s| s.ends_with(&settings));
+    let asset = assets.iter().find(is_settings).unwrap();
+    assert_eq!(asset[2].as_str(), Some("640"));
 }
 
 #[test]
@@ -144,6 +158,8 @@ fn a_persons_service_lies_in_that_persons_home() {
             .iter()
             .any(|f| f.ends_with(".config/systemd/user/edgecap.service"))
     );
+    let settings = there.iter().find(|f| f.ends_with("edgecap.toml")).unwrap();
+    assert_eq!(mode(&root.path().join(settings)), 0o600);
     install(root.path(), &["--user", "--uninstall"]);
     assert!(files(root.path()).is_empty());
 }

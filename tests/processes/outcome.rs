@@ -310,6 +310,33 @@ fn a_silent_pipe_can_be_left() {
     }
 }
 
+/// Half a film must not be taken for the whole of it.
+#[test]
+fn a_film_that_is_not_seen_to_its_end_says_so() {
+    for verb in ["infer", "run"] {
+        let name = stream("stopped");
+        let args = [verb, "--input", "demo", "--name", &name, "--jsonl", "-"];
+        let mut child = edgecap()
+            .args(args)
+            .args(SMALL)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut seen = String::new();
+        stdout.read_line(&mut seen).unwrap();
+        // All that follows does not fit into the pipe: it cannot have ended.
+        signal(child.id(), "TERM");
+        stdout.read_to_string(&mut seen).unwrap();
+        let out = child.wait_with_output().unwrap();
+        assert_eq!(out.status.code(), Some(130), "{verb}: {}", stderr(&out));
+        let frames = seen.lines().count();
+        let said = format!("stopped after {frames} frames");
+        assert!(stderr(&out).contains(&said), "{verb}: {}", stderr(&out));
+    }
+}
+
 /// `timeout`, and systemd together with a supervisor, ask twice within a moment.
 #[test]
 fn to_be_asked_twice_at_once_is_to_be_asked_once() {

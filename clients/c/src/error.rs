@@ -32,12 +32,14 @@ thread_local! {
 /// such call.
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_error() -> *const c_char {
-    LAST.with_borrow(|text| text.as_ptr())
+    LAST.try_with(|text| text.borrow().as_ptr())
+        .unwrap_or(c"".as_ptr())
 }
 
 fn remember(text: &str) {
-    // A zero byte would end the text early; none of our messages holds one.
-    LAST.set(CString::new(text).unwrap_or_default());
+    // A zero byte would end the text early; none of our messages holds one. Destructors of a program's own globals run
+    // when this thread's values are gone: they have nobody to ask.
+    let _ = LAST.try_with(|last| last.replace(CString::new(text).unwrap_or_default()));
 }
 
 /// Runs `call`; where it fails or panics, `failed` is the answer and the reason is kept for [`edgecap_error`].

@@ -1,9 +1,10 @@
 //! What readers of all streams have in common: a subscriber, the message that the caller looks at, and the thread they
 //! belong to.
 
+use std::cell::Cell;
 use std::ffi::{CStr, c_char, c_int};
 use std::ptr::null_mut;
-use std::thread::{self, ThreadId};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use edgecap_client::{LinkError, Message, Received, Subscriber};
@@ -19,7 +20,25 @@ const MESSAGE: c_int = 1;
 pub struct Reader<M: Message> {
     subscriber: Subscriber<M>,
     held: Option<Received<M>>,
-    thread: ThreadId,
+    /// The number of the thread that it belongs to.
+    thread: u64,
+}
+
+/// This thread's number: as `std` has one, but for destructors of a program's globals, too, which run when the thread's
+/// values are gone. A number needs no destructor, so that it never is.
+fn this_thread() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    thread_local! {
+        static NUMBER: Cell<u64> = const { Cell::new(0) };
+    }
+    let number = NUMBER.try_with(|number| {
+        if number.get() == 0 {
+            number.set(LAST.fetch_add(1, Ordering::Relaxed) + 1);
+        }
+        number.get()
+    });
+    // Nobody has 0: without a number no reader is this thread's.
+    number.unwrap_or(0)
 }
 
 /// How a message is taken.
@@ -41,7 +60,7 @@ pub(crate) unsafe fn open<M: Message>(call: &'static str, camera: *const c_char)
         Ok(Box::into_raw(Box::new(Reader {
             subscriber: Subscriber::open(camera)?,
             held: None,
-            thread: thread::current().id(),
+            thread: this_thread(),
         })))
     })
 }
@@ -133,7 +152,7 @@ unsafe fn of<'a, M: Message>(
     }
     // SAFETY: the caller upholds that it is a reader; its thread is never written after opening, so that any thread may
     // look.
-    if unsafe { (*reader).thread } != thread::current().id() {
+    if unsafe { (*reader).thread } != this_thread() {
         return Err(CallError::Thread);
     }
     // SAFETY: as above, and only the thread that opened it comes here, one call after the other.

@@ -5,11 +5,18 @@ from __future__ import annotations
 import ctypes
 import os
 import select
+import time
 from typing import Final
+
+_STEP_S: Final = 0.005
+"""How often it is looked where the kernel does not tell."""
 
 
 class Wake:
-    """Wakes when a file's attributes change (inotify): a publisher sets its file's times with each message."""
+    """Wakes when a file's attributes change (inotify): a publisher sets its file's times with each message.
+
+    A user has so many of these (/proc/sys/fs/inotify): where there is none left, it wakes every few milliseconds.
+    """
 
     _ATTRIB: Final = 0x4
     _NONBLOCK: Final = 0o4000
@@ -19,20 +26,26 @@ class Wake:
         self._watched = -1
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._fd: int = self._libc.inotify_init1(self._NONBLOCK | self._CLOEXEC)
-        if self._fd < 0:
-            errno = ctypes.get_errno()
-            most = "/proc/sys/fs/inotify/max_user_instances"
-            raise OSError(errno, f"inotify: {os.strerror(errno)}; {most} says how many readers a user may have")
+        self._is_told = self._fd >= 0
 
     def watch(self, path: str) -> None:
         """Watches this file instead of the one before."""
+        if self._fd < 0:
+            return
         if self._watched >= 0:
             self._libc.inotify_rm_watch(self._fd, self._watched)
         self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(path), self._ATTRIB)
+        self._is_told = self._watched >= 0
 
     def wait(self, timeout_s: float) -> None:
         """Until something changes, at most so long."""
-        if select.select([self._fd], [], [], timeout_s)[0]:
+        if not self._is_told:
+            time.sleep(min(timeout_s, _STEP_S))
+            return
+        # Unlike select, it takes numbers above 1023.
+        poll = select.poll()
+        poll.register(self._fd, select.POLLIN)
+        if poll.poll(timeout_s * 1000):
             try:
                 os.read(self._fd, 65536)
             except BlockingIOError:

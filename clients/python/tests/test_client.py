@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -70,6 +72,37 @@ class Streams(InPlace):
         with self.assertRaisesRegex(edgecap.NoFrame, "there are bodies of door"):
             next(iter(edgecap.bodies("hall", timeout_s=0.1)))
         writer.close()
+
+    def test_a_program_with_thousands_of_open_files_reads_too(self) -> None:
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if hard < 1200:
+            self.skipTest(f"this user may open {hard} files")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 1200), hard))
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        null = os.open(os.devnull, os.O_RDONLY)
+        opened = [null]
+        self.addCleanup(lambda: [os.close(fd) for fd in opened])
+        while opened[-1] < 1100:
+            opened.append(os.dup(null))
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            self.assertIsNone(stream.next(0.01))
+            writer.publish(frame(3))
+            self.assertEqual(stream.next(5).sequence, 3)
+        writer.close()
+
+    def test_a_user_who_has_no_inotify_left_reads_too(self) -> None:
+        for refused in ["inotify_init1", "inotify_add_watch"]:
+            libc = mock.Mock(wraps=ctypes.CDLL(None, use_errno=True))
+            setattr(libc, refused, mock.Mock(return_value=-1))
+            writer = Writer(self.folder)
+            with mock.patch("ctypes.CDLL", return_value=libc), edgecap.bodies() as stream:
+                self.assertIsNone(stream.next(0.01))
+                thread = threading.Thread(target=writer.publish, args=(frame(3),))
+                thread.start()
+                self.assertEqual(stream.next(5).sequence, 3)
+                thread.join()
+            writer.close()
 
     def test_a_publisher_that_comes_later_goes_and_comes_back_is_followed(self) -> None:
         stream, got = edgecap.bodies(), []

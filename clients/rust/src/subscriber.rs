@@ -228,9 +228,9 @@ impl<M: Message> Inner<M> {
     fn join(&mut self) {
         let source = self.ring.source();
         if !self.ring.is_alive() {
-            // All of it is read: the dead's memory is let go.
+            // All of it is read: the dead's memory is let go. One that was only silent is joined again when it is back.
             if self.ring.position() >= self.ring.count() {
-                self.joined = None;
+                (self.life, self.joined) = (None, None);
             }
             return;
         }
@@ -329,5 +329,43 @@ impl<M: Message> Joined<M> {
             link,
             from: 0,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::BodyFrame;
+    use crate::publisher::Publisher;
+
+    /// Looks until the publisher is joined: on a busy machine it may give its signs of life late.
+    fn joins(inner: &mut Inner<BodyFrame>) -> bool {
+        (0..1000).any(|_| {
+            inner.ring.look_now().unwrap();
+            inner.join();
+            if inner.joined.is_none() {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            inner.joined.is_some()
+        })
+    }
+
+    #[test]
+    fn a_publisher_that_was_silent_for_a_while_is_joined_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let mut inner = reader.0.into_inner();
+        let is_shared =
+            |m: &Option<Received<BodyFrame>>| matches!(m, Some(Received(Memory::Shared { .. })));
+        assert!(joins(&mut inner));
+        publisher.publish(&BodyFrame::default()).unwrap();
+        assert!(is_shared(&inner.receive().unwrap()));
+        inner.ring.take_for_dead();
+        inner.join();
+        assert!(inner.joined.is_none());
+        assert!(joins(&mut inner));
+        publisher.publish(&BodyFrame::default()).unwrap();
+        assert!(is_shared(&inner.receive().unwrap()));
     }
 }

@@ -9,6 +9,7 @@ use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Bytes, Message, WebSocket};
 
+use super::ear::Ear;
 use crate::http::{Answer, Ends, Request};
 
 /// How often a client is listened to, and the end looked for.
@@ -81,7 +82,7 @@ impl Line<'_> {
         let config = WebSocketConfig::default()
             .max_message_size(Some(MOST_HEARD))
             .max_frame_size(Some(MOST_HEARD));
-        let socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
+        let socket = WebSocket::from_raw_socket(Ear::new(stream), Role::Server, Some(config));
         let mut line = Open {
             socket,
             ends: self.ends,
@@ -133,7 +134,7 @@ pub fn handshake(request: &Request) -> Result<String, Answer> {
 
 /// An open connection; `None` of its functions says that it is over.
 struct Open<'a> {
-    socket: WebSocket<TcpStream>,
+    socket: WebSocket<Ear>,
     ends: &'a Ends,
 }
 
@@ -157,7 +158,7 @@ impl Open<'_> {
 
     /// Hears what the client has said: pings, and that it leaves.
     fn listen(&mut self) -> Option<()> {
-        self.socket.get_ref().set_nonblocking(true).ok()?;
+        self.socket.get_mut().open().ok()?;
         let heard = loop {
             match self.socket.read() {
                 Ok(Message::Close(_)) => break None,
@@ -166,8 +167,8 @@ impl Open<'_> {
                 Err(_) => break None,
             }
         };
-        self.socket.get_ref().set_nonblocking(false).ok()?;
-        heard
+        let goes_on = self.socket.get_mut().close().ok()?;
+        heard.filter(|()| goes_on)
     }
 
     fn close(&mut self) {
@@ -181,4 +182,45 @@ fn waits(kind: ErrorKind) -> bool {
         kind,
         ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+    use std::net::TcpListener;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+
+    #[test]
+    fn a_client_that_talks_without_end_gets_its_frames_and_is_left() {
+        // A message without words, with its mask; twice as many as are heard before it is enough.
+        let words = [0x81, 0x80, 0, 0, 0, 0].repeat(30_000);
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (stream, _) = listener.accept().unwrap();
+        let given = AtomicU32::new(0);
+        std::thread::scope(|threads| {
+            let mut hears = client.try_clone().unwrap();
+            threads.spawn(move || {
+                let mut all = Vec::new();
+                let _ = hears.read_to_end(&mut all);
+            });
+            // Fails when the other end has had enough.
+            threads.spawn(move || client.write_all(&words).is_ok());
+            let line = Line {
+                stream,
+                answer: "",
+                ends: &Ends::default(),
+            };
+            line.serve(Vec::new(), &|_| {
+                let before = given.fetch_add(1, Ordering::Relaxed);
+                assert!(before < 1000, "it is still listened to");
+                std::thread::sleep(Duration::from_millis(20));
+                Some(Message::Text("frame".into()))
+            });
+        });
+        // One between two turns at the least.
+        assert!(given.into_inner() >= 5);
+    }
 }

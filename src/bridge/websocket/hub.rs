@@ -1,23 +1,20 @@
 //! Joins who publishes with the clients that are connected.
 
 use std::cell::OnceCell;
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tungstenite::{Bytes, Message};
 
 use super::binary;
 use super::client::{Client, Line, handshake};
+use super::history::History;
 use super::mailbox::{Mailbox, OfCamera};
 use super::packet::Packet;
 use super::sink::HubSink;
 use crate::events;
 use crate::http::{Answer, Request};
 use crate::message::{BodyFrame, EventFrame, PictureFrame};
-
-/// Most bytes of the kept past, whatever the time.
-const MOST_HISTORY: usize = 64 << 20;
 
 /// Frames and events of all cameras go in; every client gets those that it wants. A handle: its clones are the same
 /// hub.
@@ -54,9 +51,7 @@ struct Inner {
     listeners: Vec<(Place<Message>, bool)>,
     /// Those of pictures; `None`: there are none to be had.
     viewers: Option<Vec<Place<Arc<Picture>>>>,
-    history: VecDeque<(Instant, Bytes)>,
-    bytes: usize,
-    keep: Duration,
+    history: History,
 }
 
 impl Hub {
@@ -67,25 +62,28 @@ impl Hub {
             clients: Vec::new(),
             listeners: Vec::new(),
             viewers: shows.then(Vec::new),
-            history: VecDeque::new(),
-            bytes: 0,
-            keep,
+            history: History::new(keep),
         })))
     }
 
     /// Hands a frame to everybody. Never waits for a client.
     pub fn publish(&self, camera: &str, frame: &BodyFrame) {
         let mut inner = self.lock();
-        if inner.clients.is_empty() && inner.keep.is_zero() {
+        if inner.clients.is_empty() && inner.history.keep().is_zero() {
             return;
         }
         let packet = Arc::new(Packet::new(camera, frame));
         inner
             .clients
             .retain(|place| place.put(camera, |mailbox| mailbox.replace(&packet)));
-        if !inner.keep.is_zero() && !packet.is_end() {
-            inner.remember(packet.binary());
+        if !inner.history.keep().is_zero() && !packet.is_end() {
+            inner.history.remember(packet.binary());
         }
+    }
+
+    /// Of a record that is kept, every so-manieth frame is: 1 where there is room for all.
+    pub fn kept_every(&self) -> u64 {
+        self.lock().history.every()
     }
 
     /// Hands what has happened to everybody who listens: one message an event as JSON, one for all in binary.
@@ -177,7 +175,7 @@ impl Hub {
     fn features(&self) -> Answer {
         let pictures = self.shows_pictures();
         // Of a record, which is kept for ever, the page keeps all as well.
-        let keep = self.lock().keep;
+        let keep = self.lock().history.keep();
         let (recorded, seconds) = (keep == Duration::MAX, keep.as_secs().min(u32::MAX.into()));
         Answer::Body {
             status: "200 OK",
@@ -229,7 +227,7 @@ impl Hub {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
         inner.clients.push(Place::new(client, &mailbox));
-        let past = inner.history.iter().map(|(_, bytes)| bytes.clone());
+        let past = inner.history.frames().cloned();
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
     }
@@ -262,18 +260,5 @@ impl<T> Place<T> {
             put(&mailbox);
         }
         true
-    }
-}
-
-impl Inner {
-    fn remember(&mut self, bytes: Bytes) {
-        self.bytes += bytes.len();
-        self.history.push_back((Instant::now(), bytes));
-        while let Some((at, oldest)) = self.history.front()
-            && (at.elapsed() > self.keep || self.bytes > MOST_HISTORY)
-        {
-            self.bytes -= oldest.len();
-            self.history.pop_front();
-        }
     }
 }

@@ -11,6 +11,8 @@
 mod access;
 pub mod binary;
 mod client;
+mod ear;
+mod history;
 mod hub;
 mod mailbox;
 mod packet;

@@ -6,6 +6,8 @@
 //!                                          │    ▲ waits 0.25 s, then twice as long each time, at most 2 s
 //!                                          └────┘ opening failed
 //! ```
+//!
+//! A camera is back with its first picture: one that opens and sends nothing waits as one that does not open.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -73,7 +75,10 @@ pub struct Live<P, C> {
 enum State {
     Streaming {
         stream: Box<dyn CameraStream>,
+        /// When the last picture came, or when it was opened.
         last_picture: Instant,
+        /// Of one that was opened again and has sent nothing yet: how long it was waited for last.
+        awaited: Option<Duration>,
     },
     Reconnecting {
         reason: String,
@@ -97,6 +102,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
             state: State::Streaming {
                 stream,
                 last_picture,
+                awaited: None,
             },
             sequence: None,
             counter: None,
@@ -109,9 +115,13 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
             State::Streaming {
                 stream,
                 last_picture,
+                awaited,
             } => match stream.newest(STEP_LIMIT, raw) {
                 Ok(Some(counter)) => {
                     *last_picture = self.clock.now();
+                    if awaited.take().is_some() {
+                        tracing::info!("{}: camera is back", self.port.name());
+                    }
                     raw.sequence = self.count(counter);
                     Step::Picture
                 }
@@ -136,13 +146,13 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                 }
                 match self.port.open() {
                     Ok(stream) => {
-                        tracing::info!("{}: camera is back", self.port.name());
                         self.counter = None;
                         self.state = State::Streaming {
                             stream,
                             last_picture: self.clock.now(),
+                            awaited: Some(*delay),
                         };
-                        Step::Waiting("camera is back, no picture yet".into())
+                        Step::Waiting("the camera is there, no picture yet".into())
                     }
                     Err(e) => {
                         tracing::debug!("{e}");
@@ -173,13 +183,27 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         }
     }
 
-    /// Closes the camera, to be opened again soon.
+    /// Closes the camera, to be opened again: soon, or, where that has brought nothing, less and less often.
     fn lose(&mut self, reason: String) -> Step {
-        tracing::warn!("{}: {reason}; reconnecting", self.port.name());
+        let awaited = match &self.state {
+            State::Streaming { awaited, .. } => *awaited,
+            State::Reconnecting { .. } => None,
+        };
+        let delay = match awaited {
+            None => {
+                tracing::warn!("{}: {reason}; reconnecting", self.port.name());
+                FIRST_DELAY
+            }
+            // Said when it went away; a line every few seconds would fill the log.
+            Some(delay) => {
+                tracing::debug!("{}: {reason}; reconnecting", self.port.name());
+                (delay * 2).min(LAST_DELAY)
+            }
+        };
         self.state = State::Reconnecting {
             reason: reason.clone(),
-            next_try: self.clock.now() + FIRST_DELAY,
-            delay: FIRST_DELAY,
+            next_try: self.clock.now() + delay,
+            delay,
         };
         Step::Waiting(reason)
     }

@@ -1,9 +1,14 @@
 //! One program per camera: a lock that the kernel gives back when its holder ends, however it ends.
+//!
+//! It lies in the folder of this user's shared memory, where nobody else can make, hold or remove it. Of another user's
+//! program the camera's own refusal tells.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::PathBuf;
+use std::path::Path;
+
+use edgecap_client::place::{Place, runtime_dir};
 
 use crate::capture::error::CaptureError;
 
@@ -15,24 +20,24 @@ pub struct InstanceLock {
 }
 
 impl InstanceLock {
-    /// Takes the lock of `key` (a device's name) in `$XDG_RUNTIME_DIR`, or in the folder for temporary files.
+    /// Takes the lock of `key` (a device's name).
     ///
     /// # Errors
     /// [`CaptureError::Busy`] when another process, or another place in this one, holds it; the message names the
     /// process.
     pub fn acquire(key: &str) -> Result<Self, CaptureError> {
-        let folder = std::env::var_os("XDG_RUNTIME_DIR")
-            .map(PathBuf::from)
-            .filter(|p| p.is_dir())
-            .unwrap_or_else(std::env::temp_dir);
-        Self::acquire_in(folder, key)
+        Self::acquire_in(&runtime_dir(), key)
     }
 
-    /// As [`acquire`](Self::acquire), in a given folder.
+    /// As [`acquire`](Self::acquire), in a given folder, which is nobody's but this user's.
     ///
     /// # Errors
     /// As [`acquire`](Self::acquire).
-    pub fn acquire_in(folder: PathBuf, key: &str) -> Result<Self, CaptureError> {
+    pub fn acquire_in(folder: &Path, key: &str) -> Result<Self, CaptureError> {
+        if let Err(e) = Place::enter_at(folder) {
+            tracing::debug!("no place for a lock: {e}");
+            return Ok(Self { file: None });
+        }
         let safe: String = key
             .chars()
             .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
@@ -43,7 +48,7 @@ impl InstanceLock {
             .write(true)
             .create(true)
             .truncate(false)
-            // The folder may be everyone's: nobody shall make us write through a link.
+            .mode(0o600)
             .custom_flags(libc::O_NOFOLLOW)
             .open(&path);
         let mut file = match opened {

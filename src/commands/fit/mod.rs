@@ -119,13 +119,13 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         let chosen = cameras::choose(&task.cameras, calibration)?;
         let fit = LiveFit::new(chosen.views.clone(), config(task.config.as_ref())?);
         let fit = fit.map_err(|e| Failure::config(e.to_string()))?;
-        args.record.add_to::<BodiesRow>(&mut sinks)?;
+        args.record.add_to::<BodiesRow>(false, &mut sinks)?;
         publish(&task, &mut sinks)?;
         return cameras::live(fit, &chosen.names, task.rate, sinks, &stop, &heart);
     }
     let mut fitter = fitter(task.config.as_ref(), task.stills)?;
     let Some(input) = &args.input else {
-        args.record.add_to::<BodiesRow>(&mut sinks)?;
+        args.record.add_to::<BodiesRow>(false, &mut sinks)?;
         publish(&task, &mut sinks)?;
         return live(&mut fitter, &task, sinks, &stop, &heart);
     };
@@ -136,7 +136,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         .into());
     }
     let lines = open(input)?;
-    args.record.add_to::<BodiesRow>(&mut sinks)?;
+    args.record.add_to::<BodiesRow>(true, &mut sinks)?;
     recorded(
         &mut fitter,
         lines,

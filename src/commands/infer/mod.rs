@@ -113,7 +113,8 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     };
     let lens = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
-    args.record.add_to::<ObservationsRow>(&mut sinks)?;
+    let has_end = chosen.has_end();
+    args.record.add_to::<ObservationsRow>(has_end, &mut sinks)?;
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
     }
@@ -127,7 +128,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     tracing::info!(source = %chosen.spec, name = %chosen.name, "infer starts");
 
     let mut message = Box::new(ObservationFrame::default());
-    let (mut observed, mut inhabited) = (0, 0);
+    let (mut observed, mut inhabited, mut has_ended) = (0, 0, false);
     let mut bar = None;
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
@@ -142,7 +143,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
                 }
                 // A source that does not answer is no progress.
                 Step::Silent => continue,
-                Step::Ended => break,
+                Step::Ended => {
+                    has_ended = true;
+                    break;
+                }
                 Step::Observed => {}
             }
             observed += 1;
@@ -161,7 +165,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         }
         Ok(())
     };
-    let outcome = observe();
+    let mut outcome = observe();
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
@@ -169,6 +173,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another
         // one.
         return Err(Failure::silent(exit::INTERRUPTED).into());
+    }
+    if outcome.is_ok() && !has_ended && has_end {
+        // Whoever waits for the whole film must not take this for it.
+        outcome = Err(Failure::stopped(observed).into());
     }
     let words = finish(sinks, observed, outcome)?;
     // Whoever names a stream reads it, among them the verbs that have a film looked at.

@@ -153,7 +153,8 @@ pub fn plan(layout: &Layout, uninstall: bool) -> anyhow::Result<Vec<Step>> {
     steps.push(Step::Write {
         path: config,
         bytes: SAMPLE.into(),
-        mode: 0o644,
+        // It may hold a token. The service's group is given it by the rule in `edgecap.tmpfiles`.
+        mode: if layout.system { 0o640 } else { 0o600 },
         kept: true,
     });
     if layout.system {

@@ -31,8 +31,8 @@ pub struct Import {
     #[arg(long)]
     calibrate: Option<PathBuf>,
     /// At most this many pictures, evenly over the folder
-    #[arg(long, default_value_t = 64)]
-    pictures: usize,
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pictures: u32,
     /// How ranges are chosen: max, mse or percentile:SHARE
     #[arg(long, default_value_t = CalibrationOptions::default().choice)]
     range: RangeChoice,
@@ -82,7 +82,7 @@ pub fn import(a: &Import) -> Result<()> {
     let model = match &a.calibrate {
         None => model.quantise(None)?,
         Some(folder) => {
-            let files = pictures(folder, a.pictures)?;
+            let files = pictures(folder, a.pictures as usize)?;
             let pictures = files.iter().map(|path| picture::upright(path));
             let pictures = pictures.collect::<Result<Vec<_>>>()?;
             let reference = model.contract().input.reference_size;

@@ -16,7 +16,7 @@ use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::look;
 use crate::multiview::Kept;
-use crate::output::{self, AtomicFile};
+use crate::output::{self, AtomicFile, AtomicFolder, is_unfinished};
 
 /// The folder in the run's.
 pub const NAME: &str = "resume";
@@ -34,8 +34,9 @@ pub fn is_one(folder: &Path) -> bool {
     match bounded::read_text(&folder.join(INPUTS), bounded::SETTINGS) {
         Ok(inputs) => inputs.starts_with("edgecap "),
         // It was only begun, or a power cut took its first file.
-        Err(_) => fs::read_dir(folder)
-            .is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name() == LOCK))),
+        Err(_) => fs::read_dir(folder).is_ok_and(|mut all| {
+            all.all(|e| e.is_ok_and(|e| e.file_name() == LOCK || is_unfinished(&e.path())))
+        }),
     }
 }
 
@@ -120,12 +121,14 @@ impl Store {
             }
         }
         if !is_same {
-            let before = before.unwrap_or_default();
-            say::err(&format!(
-                "bodies are computed afresh: the run that {} is left of had other inputs ({})",
-                self.folder.display(),
-                difference(&self.inputs, &before)
-            ));
+            // Of a run that was only begun nothing is lost.
+            if let Some(before) = before {
+                say::err(&format!(
+                    "bodies are computed afresh: the run that {} is left of had other inputs ({})",
+                    self.folder.display(),
+                    difference(&self.inputs, &before)
+                ));
+            }
             output::write(&path, self.inputs.as_bytes())?;
         }
         Ok(())
@@ -194,15 +197,35 @@ impl Store {
         self.folder.join(MASKS)
     }
 
-    /// Removes everything: the results are there.
+    /// Where results are written before they are moved into the run's folder, on the same disk: with the work that is
+    /// kept, so that a killed run goes on all the same.
     ///
     /// # Errors
-    /// When something cannot be removed.
-    pub fn remove(self) -> io::Result<()> {
-        match fs::remove_dir_all(&self.folder) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
-            _ => Ok(()),
+    /// When the folder cannot be made.
+    pub fn results(&self) -> anyhow::Result<AtomicFolder> {
+        self.make()?;
+        let made = AtomicFolder::create_in(&self.folder, &self.out);
+        Ok(made.map_err(|e| Failure::output(&self.folder, &e))?)
+    }
+
+    /// Removes everything: the results are there. What cannot be removed is said; it does no harm.
+    pub fn remove(self) {
+        // A file that is open keeps its folder on NFS.
+        *self.lock.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        if let Err(e) = fs::remove_dir_all(&self.folder)
+            && e.kind() != io::ErrorKind::NotFound
+        {
+            self.say_left(&e);
         }
+    }
+
+    /// Says that the work is left beside its results.
+    pub fn say_left(&self, why: &io::Error) {
+        say::err(&format!(
+            "the results are in {}; what they were computed with is left in {} ({why}): remove it",
+            self.out.display(),
+            self.folder.display()
+        ));
     }
 
     fn seal(&self, name: &str, inputs: &str) -> io::Result<()> {
@@ -305,9 +328,11 @@ impl Drop for Store {
             self.folder.join(PARTS),
         ];
         let entries = worth.iter().flat_map(fs::read_dir).flatten().flatten();
+        // So are results that could not be moved to their place.
         let is_worth = |path: &Path| {
             path.extension().is_some_and(|e| e == SEAL)
                 || path.parent().is_some_and(|p| p.ends_with(PARTS))
+                || (path.is_dir() && is_unfinished(path))
         };
         if entries.map(|e| e.path()).any(|path| is_worth(&path)) {
             return;

@@ -1,7 +1,7 @@
 //! What a run leaves: bodies as arrays, as lines, as joints over time, as meshes, and the report.
 
 use std::fmt::Write as _;
-use std::fs::DirEntry;
+use std::fs::{DirEntry, File};
 use std::path::Path;
 
 use super::read::Scene;
@@ -14,7 +14,6 @@ use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
-use crate::output::AtomicFolder;
 use crate::record::{BodiesRow, Row};
 
 /// Which frames get meshes.
@@ -85,7 +84,7 @@ pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes everything; the folder appears when it is complete, in place of the work that was kept for it. Returns the
+/// Writes everything; it comes into the folder when it is complete, and the work that was kept for it goes. Returns the
 /// bodies as a take.
 ///
 /// # Errors
@@ -98,7 +97,7 @@ pub fn run(
     report: &MultiviewReport,
     chosen: &Chosen,
 ) -> anyhow::Result<Take> {
-    let folder = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
+    let folder = store.results()?;
     let put = |name: &str, bytes: &[u8]| -> anyhow::Result<()> {
         let path = folder.beside().join(name);
         std::fs::write(&path, bytes).map_err(|e| Failure::output(&out.join(name), &e).into())
@@ -128,12 +127,12 @@ pub fn run(
     let mut text = serde_json::to_string_pretty(report)?;
     text.push('\n');
     put("report.json", text.as_bytes())?;
-    // Before the work is gone its results are on the disk.
-    let on_disk = std::fs::File::open(folder.beside()).and_then(|f| Ok(rustix::fs::syncfs(f)?));
-    on_disk
-        .and_then(|()| store.remove())
-        .map_err(|e| Failure::output(out, &e))?;
     folder.finish().map_err(|e| Failure::output(out, &e))?;
+    // Before the work is gone its results are on the disk.
+    match File::open(out).and_then(|f| Ok(rustix::fs::syncfs(f)?)) {
+        Ok(()) => store.remove(),
+        Err(e) => store.say_left(&e),
+    }
     Ok(take)
 }
 

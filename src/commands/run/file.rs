@@ -10,6 +10,7 @@ use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::events;
+use crate::commands::exit::Failure;
 use crate::commands::export::Exports;
 use crate::commands::fit::settings::fitter;
 use crate::commands::infer::{Limits, Observer, Step};
@@ -44,7 +45,8 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let camera = input::camera_file(&args.input, chosen)?;
     let mut fitter = fitter(args.fitting.fit.as_ref(), source.is_stills())?;
     let mut sinks = Sinks::default();
-    args.record.add_to::<BodiesRow>(&mut sinks)?;
+    let has_end = chosen.has_end();
+    args.record.add_to::<BodiesRow>(has_end, &mut sinks)?;
     let kept = exports.keep(&mut sinks)?;
     let page = args.bridges.serve(args.show_picture)?;
     if let Some(page) = &page {
@@ -85,7 +87,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
 
     let mut tally = Tally::default();
     let wants_pictures = args.overlay.is_some() || args.show_picture;
-    let outcome = std::thread::scope(|threads| -> anyhow::Result<()> {
+    let outcome = std::thread::scope(|threads| -> anyhow::Result<bool> {
         let (send, receive) = sync_channel(AHEAD);
         let seeing = threads.spawn(move || {
             let mounting = args.input.mounting();
@@ -128,6 +130,12 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     // Publishers wait a little for those who still read.
     drop(pictures);
     table.finish();
+    let is_stopped = matches!(outcome, Ok(false)) && has_end;
+    let stopped = || anyhow::Error::from(Failure::stopped(tally.frames));
+    let outcome = match is_stopped && tally.frames == 0 {
+        true => Err(stopped()),
+        false => outcome.map(drop),
+    };
     let finished = finish(sinks, tally.frames, outcome);
     // What was seen before a film broke off is exported, too.
     let exported = match kept.filter(|_| tally.frames > 0) {
@@ -137,21 +145,24 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let mut words = finished?;
     words.extend(exported?);
     args.conclude(&tally, &words);
-    Ok(())
+    match is_stopped {
+        true => Err(stopped()),
+        false => Ok(()),
+    }
 }
 
-/// Sees every picture until the input ends, the user stops it, or nobody wants more.
+/// Sees every picture until the input ends, the user stops it, or nobody wants more; whether it has ended.
 fn see(
     observer: &mut Observer,
     send: &SyncSender<Observed>,
     wants_pictures: bool,
     stop: &Stop,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<bool> {
     while !stop.requested() {
         let mut message = Box::new(ObservationFrame::default());
         match observer.step(&mut message)? {
             Step::Nothing | Step::Idle | Step::Silent => continue,
-            Step::Ended => break,
+            Step::Ended => return Ok(true),
             Step::Observed => {}
         }
         let observed = Observed {
@@ -163,5 +174,5 @@ fn see(
             break;
         }
     }
-    Ok(())
+    Ok(false)
 }

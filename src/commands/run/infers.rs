@@ -103,14 +103,10 @@ impl Infers {
     }
 
     /// Ends all that run, to start again.
-    ///
-    /// # Errors
-    /// If one cannot be ended.
-    pub fn replace(&mut self, why: &str) -> anyhow::Result<()> {
+    pub fn replace(&mut self, why: &str) {
         for infer in self.each.iter_mut().filter(|i| !i.ended) {
-            infer.child.replace(why)?;
+            infer.child.replace(why);
         }
-        Ok(())
     }
 
     /// All of them.

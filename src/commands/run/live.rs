@@ -82,7 +82,7 @@ pub fn run(
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
-    args.record.add_to::<BodiesRow>(&mut sinks)?;
+    args.record.add_to::<BodiesRow>(false, &mut sinks)?;
     let flight = args.bridges.add_to(&mut sinks, &plan.name, page)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&plan.name, Priority::Reserved)?;
     let priority = Priority::Reserved;
@@ -217,10 +217,10 @@ fn watch(
         }
         match flow.look(Instant::now(), received, published) {
             Remedy::Wait => {}
-            Remedy::Fit => fit.replace("publishes nothing")?,
+            Remedy::Fit => fit.replace("publishes nothing"),
             Remedy::Both => {
-                fit.replace("publishes nothing")?;
-                infers.replace("reaches nobody")?;
+                fit.replace("publishes nothing");
+                infers.replace("reaches nobody");
             }
             Remedy::GiveUp => {
                 return Err(Failure::unavailable(

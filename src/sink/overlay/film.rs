@@ -1,5 +1,6 @@
 //! A film of pictures: Motion-JPEG in AVI, which any player opens.
 
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -18,7 +19,10 @@ pub struct Film {
     path: PathBuf,
     rate: f64,
     part: Part,
-    parts: u32,
+    /// Of the file that is being written.
+    number: u32,
+    /// The files after the first.
+    more: Vec<PathBuf>,
     written: u64,
     /// Size of the first picture: a film has one.
     size: Option<(u32, u32)>,
@@ -48,7 +52,8 @@ impl Film {
             path: path.to_owned(),
             rate,
             part: Part::Waiting(file),
-            parts: 1,
+            number: 1,
+            more: Vec::new(),
             written: 0,
             size: None,
         })
@@ -96,20 +101,26 @@ impl Film {
         Ok(())
     }
 
+    /// Goes on in the next file that is not there: nobody has named it to be replaced.
     fn next_part(&mut self) -> io::Result<()> {
         self.end_part()?;
-        self.parts += 1;
-        self.part = Part::Waiting(AtomicFile::create(&self.part_path())?);
+        self.number += 1;
+        while fs::symlink_metadata(self.part_path()).is_ok() {
+            self.number += 1;
+        }
+        let path = self.part_path();
+        self.part = Part::Waiting(AtomicFile::create(&path)?);
+        self.more.push(path);
         Ok(())
     }
 
     fn part_path(&self) -> PathBuf {
-        if self.parts == 1 {
+        if self.number == 1 {
             return self.path.clone();
         }
         let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
         self.path
-            .with_file_name(format!("{stem}-{}.avi", self.parts))
+            .with_file_name(format!("{stem}-{}.avi", self.number))
     }
 
     fn end_part(&mut self) -> io::Result<()> {
@@ -142,17 +153,12 @@ impl Film {
     /// [`SinkError::Write`].
     pub fn finish(mut self) -> Result<Option<String>, SinkError> {
         self.end_part().map_err(|e| self.failed(e))?;
-        let parts = match self.parts {
-            1 => String::new(),
-            n => format!(" and {} more files", n - 1),
-        };
-        Ok((self.written > 0).then(|| {
-            format!(
-                "a film of {} pictures → {}{parts}",
-                self.written,
-                self.path.display()
-            )
-        }))
+        let more = self.more.iter().map(|path| path.display().to_string());
+        let names: Vec<String> = std::iter::once(self.path.display().to_string())
+            .chain(more)
+            .collect();
+        Ok((self.written > 0)
+            .then(|| format!("a film of {} pictures → {}", self.written, names.join(", "))))
     }
 }
 
@@ -202,9 +208,18 @@ mod tests {
         film.write(&picture(64, 48)).unwrap();
         film.next_part().unwrap();
         film.write(&picture(64, 48)).unwrap();
+        let another = folder.path().join("film-3.avi");
+        fs::write(&another, "another film").unwrap();
+        film.next_part().unwrap();
+        film.write(&picture(64, 48)).unwrap();
         let said = film.finish().unwrap().unwrap();
-        assert!(said.contains("1 more files"), "{said}");
-        assert!(path.exists() && folder.path().join("film-2.avi").exists());
+        for name in ["film.avi", "film-2.avi", "film-4.avi"] {
+            let path = folder.path().join(name);
+            assert!(path.exists(), "{name}");
+            assert!(said.contains(&path.display().to_string()), "{said}");
+        }
+        assert!(!said.contains("film-3.avi"), "{said}");
+        assert_eq!(fs::read(&another).unwrap(), b"another film");
         let none = folder.path().join("none.avi");
         assert_eq!(Film::create(&none, 30.0).unwrap().finish().unwrap(), None);
         assert!(!none.exists());

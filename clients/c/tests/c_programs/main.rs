@@ -185,3 +185,50 @@ fn a_program_finds_out_that_the_publisher_is_gone_and_that_it_is_back() {
     }
     assert!(reader.wait().unwrap().success());
 }
+
+/// Destructors of globals run when the values of the program's threads are gone.
+#[test]
+fn a_reader_that_is_a_global_is_closed_at_the_end_of_its_program() {
+    let c = "#include <edgecap.h>\n#include <stdio.h>\n#include <stdlib.h>\n\
+        static edgecap_bodies *reader;\n\
+        static void read_and_close(void) {\n\
+        const edgecap_body_frame *f;\n\
+        if (edgecap_bodies_next(reader, 0, &f) < 0) puts(\"cannot read\");\n\
+        edgecap_bodies_close(reader);\n\
+        printf(\"closed%s\\n\", edgecap_error());\n}\n\
+        int main(void) {\nconst edgecap_body_frame *f;\nint n;\n\
+        reader = edgecap_bodies_open(\"camera0\");\n\
+        if (!reader || atexit(read_and_close) != 0) return 1;\n\
+        for (n = 0; n < 4; n++) while (edgecap_bodies_next(reader, 100, &f) == 0) {}\n\
+        return 0;\n}\n";
+    let cpp = "#include <edgecap.hpp>\n#include <cstdio>\n\
+        struct Last { ~Last() { std::puts(\"closed\"); } };\n\
+        static Last last;\nstatic edgecap::Bodies bodies;\n\
+        int main() { for (int n = 0; n < 4; n++) while (!bodies.next()) {} return 0; }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("edgecap");
+    let mut publisher = Publisher::<BodyFrame>::open_at(&place, "camera0").unwrap();
+    let said = std::thread::scope(|threads| {
+        let run = threads.spawn(|| -> Vec<_> {
+            [("global.c", C, c), ("global.cpp", CPP, cpp)]
+                .into_iter()
+                .filter_map(|(name, how, text)| program(folder.path(), name, how, text))
+                .map(|program| {
+                    let mut command = Command::new(program);
+                    let out = command.env("EDGECAP_RUNTIME_DIR", &place).output();
+                    let out = out.unwrap();
+                    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+                    (out.status.code(), text(&out.stdout), text(&out.stderr))
+                })
+                .collect()
+        });
+        while !run.is_finished() {
+            publisher.publish(&BodyFrame::default()).unwrap();
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        run.join().unwrap()
+    });
+    for said in said {
+        assert_eq!(said, (Some(0), "closed\n".to_owned(), String::new()));
+    }
+}

@@ -87,6 +87,12 @@ impl<M: Message> RingReader<M> {
         self.open.as_ref().is_some_and(|o| o.is_alive)
     }
 
+    /// As if it had been silent for too long.
+    #[cfg(test)]
+    pub(crate) fn take_for_dead(&mut self) {
+        self.open.as_mut().expect("a ring is open").is_alive = false;
+    }
+
     /// Number of the message that comes next.
     pub(crate) fn position(&self) -> u64 {
         self.open.as_ref().map_or(0, |o| o.next)

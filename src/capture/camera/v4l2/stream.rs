@@ -164,10 +164,13 @@ impl Stream {
     /// The bytes of a filled buffer.
     pub fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
         let mapping = &self.mappings[filled.index as usize];
-        // SAFETY: `used <= length` of the mapping, which lives as long as `self`. The driver does not write to a buffer
+        // Of another stream's buffer it may be more.
+        let used = filled.used.min(mapping.length);
+        // SAFETY: `used <= mapping.length`, by the line above, and `start..start + length` is mapped for as long as
+        // `self` lives: `Mapping` unmaps it, and only when the stream drops it. The driver does not write to a buffer
         // between handing it out and getting it back, and it gets it back by `queue`, which consumes `filled`, borrowed
         // here.
-        unsafe { std::slice::from_raw_parts(mapping.start.cast(), filled.used) }
+        unsafe { std::slice::from_raw_parts(mapping.start.cast(), used) }
     }
 
     /// Hands a buffer back to the driver.
