@@ -39,7 +39,7 @@ fn views_that_were_exchanged_are_named() {
     assert_fails(
         &args,
         65,
-        &["0 and 120 are exchanged: name them by --view CAMERA=FILE"],
+        &["are exchanged (0 and 120", "--view CAMERA=FILE"],
     );
     // A file that is not there is not taken for a camera's name.
     let gone = at("gone.jsonl");

@@ -17,7 +17,8 @@ pub struct Reading {
     pub apart: f64,
 }
 
-/// Two views that `fits` finds to go together once exchanged; `frames` are the sights by these cameras.
+/// Two views, or one pair of several, that `fits` finds to go together once exchanged; `frames` are the sights by these
+/// cameras.
 pub fn exchanged(
     views: &[View],
     frames: &impl Fn(&[View]) -> Vec<Vec<Detections>>,
@@ -35,13 +36,17 @@ pub fn exchanged(
         let found = agreement(&other, &frames(&other), rate).filter(&fits)?;
         Some((a, b, found.apart))
     });
-    let (a, b, apart) = found.min_by(|x, y| x.2.total_cmp(&y.2))?;
+    let found: Vec<(usize, usize, f64)> = found.collect();
+    let apart = found.iter().map(|f| f.2).min_by(f64::total_cmp)?;
+    // In a ring of equal steps any two may be the ones.
+    let alike = found.iter().filter(|f| f.2 <= ALIKE * apart);
+    let pairs = alike.map(|(a, b, _)| format!("{} and {}", views[*a].name, views[*b].name));
+    let pairs: Vec<String> = pairs.collect();
     Some(Reading {
         words: format!(
-            "within {:.0} mm if the files of {} and {} are exchanged: name them by --view CAMERA=FILE",
+            "within {:.0} mm if the files of two cameras are exchanged ({}): name them by --view CAMERA=FILE",
             1e3 * apart,
-            views[a].name,
-            views[b].name
+            pairs.join(", or ")
         ),
         apart,
     })
