@@ -3,8 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// `path`, or, where a longer file has this name, the first free one of `NAME-cut`, `NAME-cut-2` and so on, of which the
-/// user is told.
+/// `path`, or, where a longer file has this name, the first free one of `NAME-cut`, `NAME-cut-2` and so on, of which
+/// the user is told.
 pub fn place(path: &Path, bytes: u64) -> PathBuf {
     if !std::fs::metadata(path).is_ok_and(|older| older.is_file() && older.len() > bytes) {
         return path.to_owned();

@@ -36,7 +36,11 @@ fn views_that_were_exchanged_are_named() {
     let (calibration, out) = (at("Calib.toml"), at("out"));
     let mut args = vec!["multiview", "--calibration", &calibration, "--out", &out];
     args.extend(given.iter().flat_map(|view| ["--view", view]));
-    assert_fails(&args, 64, &["exchanged", "0 and 120", "--view CAMERA=FILE"]);
+    assert_fails(
+        &args,
+        65,
+        &["are exchanged (0 and 120", "--view CAMERA=FILE"],
+    );
     // A file that is not there is not taken for a camera's name.
     let gone = at("gone.jsonl");
     let args = ["multiview", "--calibration", &calibration, "--out", &out];

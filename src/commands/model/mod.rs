@@ -134,8 +134,8 @@ fn contract(arch: &str, is_stage2: bool) -> Result<()> {
     Ok(())
 }
 
-/// The digest of the file itself, which `--version` and the file beside the shipped model tell; that in the header is of
-/// what the file holds without it.
+/// The digest of the file itself, which `--version` and the file beside the shipped model tell; that in the header is
+/// of what the file holds without it.
 pub(super) fn file_digest(path: Option<&Path>) -> Result<String> {
     match path {
         Some(path) => Ok(blake3::hash(&read(path)?).to_hex().to_string()),

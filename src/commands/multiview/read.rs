@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::MultiviewArgs;
-use super::order;
+use super::order::{self, Reading};
 use super::store::Store;
 use super::sync::{Together, bring_together};
 use crate::camera::calibration::Calibration;
@@ -12,7 +12,7 @@ use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
 use crate::message::Observation;
-use crate::multiview::{Detections, MOST_VIEWS, Sight, agreement};
+use crate::multiview::{Agreement, Detections, MOST_VIEWS, Sight, agreement};
 use crate::record::CameraSource;
 
 /// By how much one reading of the lenses must be better than the other to be told apart.
@@ -158,7 +158,8 @@ pub fn scene(
     })
 }
 
-/// Refuses pictures that were flipped left to right against their calibration, as programs show cameras at a desk.
+/// Refuses pictures that were flipped left to right against their calibration, as programs show cameras at a desk, and
+/// views of which two were exchanged.
 fn expect_not_mirrored(
     views: &[View],
     sights: &[Vec<Detections>],
@@ -171,22 +172,29 @@ fn expect_not_mirrored(
     if told > WELL * most && apart < NEAR {
         return Ok(());
     }
-    let other: Vec<View> = views.iter().map(View::mirrored).collect();
-    let mirrored = agreement(&other, &frames(&other), rate).filter(|a| {
+    let fits = |a: &Agreement| {
         let better = a.confirmed > CLEARLY_MORE * told || a.apart < CLEARLY_NEARER * apart;
         better && a.apart < NEAR && a.confirmed > MOSTLY * most
+    };
+    let other: Vec<View> = views.iter().map(View::mirrored).collect();
+    let mirrored = agreement(&other, &frames(&other), rate).filter(fits);
+    let mirrored = mirrored.map(|a| Reading {
+        words: format!(
+            "{:.0} % within {:.0} mm if all pictures are mirrored: flip them (ffmpeg -vf hflip) or calibrate with these",
+            100.0 * a.confirmed / most,
+            1e3 * a.apart
+        ),
+        apart: a.apart,
     });
-    order::expect(views, frames, rate, mirrored.as_ref().or(as_is.as_ref()))?;
-    let Some(mirrored) = mirrored else {
+    let exchanged = order::exchanged(views, frames, rate, fits);
+    let readings: Vec<Reading> = exchanged.into_iter().chain(mirrored).collect();
+    let Some(words) = order::words(&readings) else {
         return Ok(());
     };
     Err(Failure::data(format!(
-        "expected pictures as the calibration knows them, found that {:.0} % of detections go together{}, and {:.0} % \
-         within {:.0} mm if all pictures are mirrored; flip them (ffmpeg -vf hflip) or calibrate with these",
+        "expected pictures as the calibration knows them, found that {:.0} % of detections go together{}, and {words}",
         100.0 * told / most,
         as_is.map_or_else(String::new, |a| format!(" within {:.0} mm", 1e3 * a.apart)),
-        100.0 * mirrored.confirmed / most,
-        1e3 * mirrored.apart
     ))
     .into())
 }

@@ -32,8 +32,8 @@ pub fn lines(camera: &str) -> [String; 2] {
 }
 
 /// The Python that has the client, if it is known to be on this machine: of the environment that this program was
-/// installed into with it, else any, with the folder of the client where this program lies in the repository that it was
-/// built in.
+/// installed into with it, else any, with the folder of the client where this program lies in the repository that it
+/// was built in.
 fn python(program: &Path) -> Option<String> {
     if let Some(environment) = program.parent().and_then(Path::parent)
         && environment.join("pyvenv.cfg").is_file()

@@ -37,7 +37,7 @@ pub fn check(
             InputSpec::FirstCamera => "camera".into(),
             InputSpec::Stdin | InputSpec::Demo => continue,
         };
-        let may_come = chosen.spec == InputSpec::FirstCamera || path.starts_with("/dev");
+        let may_come = !matches!(chosen.spec, InputSpec::Path(_)) || path.starts_with("/dev");
         if !may_come && !path.exists() {
             return Err(Failure::config(format!(
                 "[[camera]] {}: input: expected a camera or a film, found no {}; check the path",
