@@ -256,9 +256,9 @@ fn record_code(error: &RecordError) -> u8 {
 fn link_code(error: &LinkError) -> u8 {
     match error {
         LinkError::Name(_) => USAGE,
-        LinkError::Busy { .. } | LinkError::Version { .. } => UNAVAILABLE,
+        LinkError::Busy { .. } | LinkError::Version { .. } | LinkError::Full { .. } => UNAVAILABLE,
         LinkError::Place { .. } | LinkError::Permission { .. } => NO_PERMISSION,
-        LinkError::Full { .. } | LinkError::SharedMemory { .. } => IO,
+        LinkError::SharedMemory { .. } => IO,
     }
 }
 
@@ -275,6 +275,18 @@ fn model_code(error: &ModelError) -> u8 {
 mod tests {
     use super::*;
     use anyhow::Context;
+
+    /// A supervisor starts what failed on the way again and again, and what is not to be had only where it was before.
+    #[test]
+    fn no_room_for_messages_is_no_failure_on_the_way() {
+        let full = LinkError::Full {
+            service: "edgecap/v2/hall/bodies".into(),
+            folder: "/dev/shm".into(),
+            needed: 10,
+            free: 4,
+        };
+        assert_eq!(code(&full.into()), UNAVAILABLE);
+    }
 
     #[test]
     fn what_a_message_names_is_said_once() {
