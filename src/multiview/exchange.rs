@@ -20,7 +20,7 @@ const MOST_COMBINED: usize = 6;
 /// By what factor the exchanged reading must fit a body better.
 const MARGIN: f64 = 0.6;
 
-/// Most views of one person: [`States`] have a bit for each.
+/// Most views of one person: there is a bit for each.
 pub const MOST_VIEWS: usize = u32::BITS as usize;
 
 /// Which views' arms, and which views' legs, are exchanged: a bit a view.
