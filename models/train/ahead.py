@@ -63,6 +63,7 @@ class Ahead:
         self.device, self.seed = device, seed << 32
         _everyday = Everyday(folder, seed, away)
         _everyday.keep_decoded()
+        self.lends = _everyday.lends
         _memory = mmap.mmap(-1, SLOTS * CHUNK * MOST)
         self.memory = _memory
         self.free = deque(range(SLOTS))

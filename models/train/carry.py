@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
+import depth
 import terms
 from pool import FIELDS
 
@@ -36,6 +37,8 @@ def photos(folder: pathlib.Path, out: pathlib.Path, which: np.ndarray, side: int
     files = np.memmap(folder / "pictures.bin", np.uint8, "r")
     offset, start, size = [0], [0], []
     joints, state, box = [], [], []
+    rel3d, lifted = depth.read(folder, len(z["state"]))
+    rows = np.concatenate([np.arange(z["start"][i], z["start"][i + 1]) for i in which])
     out.mkdir(parents=True)
     with open(out / "pictures.bin", "wb") as f:
         for i in which:
@@ -57,6 +60,8 @@ def photos(folder: pathlib.Path, out: pathlib.Path, which: np.ndarray, side: int
     rest = {k: z[k][which] for k in PER_PHOTO if k != "size"}
     people = dict(joints=np.concatenate(joints).astype(np.float32), state=np.concatenate(state), box=np.concatenate(box).astype(np.float32))
     np.savez_compressed(out / "people.npz", offset=np.array(offset), start=np.array(start), size=np.array(size, np.int32), sources=z["sources"], **rest, **people)
+    if (folder / depth.FILE).exists():
+        depth.write(out, rel3d[rows], lifted[rows])
     said(folder, out)
 
 
@@ -118,6 +123,8 @@ def unpack_photos(parts: list[pathlib.Path], out: pathlib.Path) -> None:
 
     rest = {k: np.concatenate([p[k] for p in z]) for k in (*PER_PHOTO, *PER_PERSON)}
     np.savez(out / "people.npz", offset=ends("offset"), start=ends("start"), sources=z[0]["sources"], **rest)
+    if any((p / depth.FILE).exists() for p in parts):
+        depth.write(out, *map(np.concatenate, zip(*(depth.read(p, len(t["state"])) for p, t in zip(parts, z)))))
     said(parts[0], out)
 
 

@@ -17,6 +17,7 @@ import sys
 
 import numpy as np
 
+import depth
 import terms
 from coco17 import ABSENT, LABELLED, LSP, OPEN, UNKNOWN, to14
 
@@ -89,6 +90,7 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
     """`without`: lines of attribution.txt, or their Open Images ids, of photos to leave out."""
     sources = json.loads((labels.parent / "sources.json").read_text())
     out.mkdir(parents=True, exist_ok=True)
+    (out / depth.FILE).unlink(missing_ok=True)  # its rows go by the people of the pack that it was made of
     rules = OPEN if only_open else LSP
     names: list[tuple[str, dict]] = []
     offset, size, start, weight, stretched, origin = [0], [], [0], [], [], []

@@ -11,9 +11,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+import depth
 from coco17 import LABELLED, UNKNOWN
 from real import decode, each
-from skeleton import FLIP14, NJ
+from skeleton import FLIP14, FLIP21, NJ
 
 ASPECT = (0.6, 1.7)  # of what was squeezed
 FRAME = (512, 320)  # pixels of the whole frame, longer side along the picture's
@@ -58,6 +59,8 @@ class Batch:
     unknown: Tensor  # bool [B, P, 14]: neither demanded nor forbidden inside the person's box
     size_px: Tensor  # [B, P], 0 = nobody
     box: Tensor  # bool [B, P, h, w] at stride 8
+    rel3d: Tensor  # [B, P, 21, 3] the teacher's 3D about the pelvis, metres at canonical stature, view-aligned
+    lifted: Tensor  # bool [B, P]: it is to be trusted
     hazy: Tensor  # bool [B, h, w]: somebody of whom nothing is sure
 
 
@@ -71,6 +74,9 @@ class Everyday:
         self.offset, self.size, self.start, self.stretched = z["offset"], z["size"], z["start"], z["stretched"]
         self.joints, self.state, self.box = (torch.from_numpy(z[k]) for k in ("joints", "state", "box"))
         self.weight = torch.from_numpy(z["weight"])
+        rel3d, lifted = depth.read(folder, len(self.state))
+        self.rel3d, self.lifted = torch.from_numpy(rel3d).float(), torch.from_numpy(lifted)
+        self.lends = bool(lifted.any())  # whether anybody lends depth
         self.pictures = np.memmap(folder / "pictures.bin", np.uint8, "r")
         self.g = torch.Generator().manual_seed(seed)
         self.kept: list[list[Tensor]] = []
@@ -116,7 +122,7 @@ class Everyday:
         def padded(k: int) -> Tensor:
             return torch.stack([torch.cat([t[k], t[k].new_zeros(room - len(t[k]), *t[k].shape[1:])]) for t in tiles])
 
-        return Batch(torch.stack([t[0] for t in tiles]), *(padded(k) for k in range(1, 6)), torch.stack([t[6] for t in tiles]))
+        return Batch(torch.stack([t[0] for t in tiles]), *(padded(k) for k in range(1, 8)), torch.stack([t[8] for t in tiles]))
 
     def _nobody(self, box: Tensor, extent: Tensor, window: Tensor) -> Tensor:
         """The middle of a window [2] of a photo of `extent` [2] with the least of anybody's `box` [P, 4] in it, of some drawn at random."""
@@ -162,7 +168,8 @@ class Everyday:
         turn = max(-0.4, min(0.4, 0.12 * float(torch.randn((), generator=self.g))))
         mirrored = self._uniform(0, 1) < 0.5
         co, si = math.cos(turn), math.sin(turn)
-        A = torch.tensor([[co, -si], [si, co]]) @ torch.diag(z * stretch * torch.tensor([-1.0 if mirrored else 1.0, 1.0]))
+        rotation = torch.tensor([[co, -si], [si, co]])
+        A = rotation @ torch.diag(z * stretch * torch.tensor([-1.0 if mirrored else 1.0, 1.0]))
         back = torch.linalg.inv(A)
 
         def source(step: int, first: float) -> Tensor:
@@ -184,8 +191,12 @@ class Everyday:
         tile = torch.where(inside, tile, torch.tensor(grey))
 
         placed = (joints - centre) @ A.T + half
+        rel3d = self.rel3d[own].clone()
         if mirrored:
             placed, state = placed[:, FLIP14], state[:, FLIP14]
+            rel3d = rel3d[:, FLIP21] * torch.tensor([-1.0, 1.0, 1.0])
+        # stretching is left out: photos that lend depth are stretched by a few per cent alone, less than BlazePose errs by
+        rel3d[..., :2] = rel3d[..., :2] @ rotation.T
         labelled = state == LABELLED
         length = ((box[:, 2:] - box[:, :2]) * stretch).amax(1) * z
         size = stature(placed, labelled, length)
@@ -196,4 +207,5 @@ class Everyday:
         seen = sure & (size >= SMALLEST)
         hazy = covered[~seen].any(0)
         keep = seen & covered.flatten(1).any(1)
-        return tile, placed[keep], labelled[keep], (state == UNKNOWN)[keep], size[keep], covered[keep], hazy
+        known = labelled[keep], (state == UNKNOWN)[keep], size[keep], covered[keep], rel3d[keep], self.lifted[own][keep]
+        return tile, placed[keep], *known, hazy

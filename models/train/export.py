@@ -33,7 +33,8 @@ TRAINED_ON = (
 
 OPEN_STAGE1 = (
     terms.OPEN + "photos of Open Images (CC BY 2.0, named in attribution.txt) and free-exercise-db (public domain) labelled by YOLOX, PP-TinyPose and "
-    "MoveNet (Apache-2.0), scenes of `edgecap synth`; from random weights (train.py --open)"
+    "MoveNet, with depth by BlazePose where depth.npz lay beside them (all Apache-2.0), scenes of `edgecap synth`; from random weights "
+    "(train.py --open)"
 )
 OPEN_STAGE2 = terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`; from random weights (stage2.py --open)"
 

@@ -8,13 +8,14 @@ Adds `teacher.npz` to the pack, one row a training picture (LSP-Extended, then L
     bones   f16     [n, 21, 3] joints relative to the pelvis, metres at 1.70 m stature, x right, y down, z forward, view-aligned
     mask    u8      [n, S/2, S/2] how much of the person covers a cell of 2 x 2 pixels, 0..255
 
-Needs `pip install mediapipe` (Apache-2.0, model included); nothing else of the kit does.  Pictures LSP labels well are worth more than any
+Needs mediapipe (Apache-2.0, model included); nothing else of the kit but depth.py does.  Pictures LSP labels well are worth more than any
 teacher, so there its 2D only fills joints that are left out; LSP-Extended's labels are mended by it (real.mend).
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import pathlib
 import sys
@@ -62,6 +63,28 @@ def stature(j: np.ndarray) -> float:
     return (legs + torso) / TORSO_AND_LEGS
 
 
+def canonical(w: np.ndarray) -> tuple[np.ndarray, float]:
+    """BlazePose's world landmarks [33, 3] -> our 21 joints about the pelvis at canonical stature, and the stature in metres that they had."""
+    j = skeleton21(w)
+    tall = stature(j)
+    return j * (CANONICAL_STATURE_M / max(tall, 0.5)), tall
+
+
+def evidence(flat: np.ndarray) -> np.ndarray:
+    """BlazePose's landmarks [33, 4] (x, y, z, visibility) -> x, y, visibility of our evidence joints [14, 3]; zeros where it has none."""
+    out = np.zeros((NJ, 3), np.float32)
+    for j, k in LANDMARK.items():
+        out[j] = flat[k, [0, 1, 3]]
+    return out
+
+
+def require_mediapipe() -> None:
+    """Ends the program where there is no mediapipe with the old interface: a pool would start its processes again for ever."""
+    found = importlib.util.find_spec("mediapipe")
+    if found is None or found.origin is None or not (pathlib.Path(found.origin).parent / "python/solutions/pose.py").exists():
+        raise SystemExit("expected mediapipe with mediapipe.solutions.pose, found none: pip install mediapipe==0.10.21")
+
+
 def with_heavy_model(model: pathlib.Path) -> None:
     """Put the heavy model where mediapipe looks for it; the wheel has not got it."""
     import mediapipe as mp
@@ -74,7 +97,8 @@ def with_heavy_model(model: pathlib.Path) -> None:
 _pose = None
 
 
-def _start(model: pathlib.Path | None) -> None:
+def start(model: pathlib.Path | None, outline: bool = True) -> None:
+    """Make a process ready for `ask`."""
     global _pose
     os.environ["TF_CPP_MIN_LOG_LEVEL"] = os.environ["GLOG_minloglevel"] = "3"
     import mediapipe as mp
@@ -82,8 +106,23 @@ def _start(model: pathlib.Path | None) -> None:
     if model:
         with_heavy_model(model)
     _pose = mp.solutions.pose.Pose(
-        static_image_mode=True, model_complexity=2 if model else 1, enable_segmentation=True, smooth_segmentation=False, min_detection_confidence=0.3
+        static_image_mode=True,
+        model_complexity=2 if model else 1,
+        enable_segmentation=outline,
+        smooth_segmentation=False,
+        min_detection_confidence=0.3,
     )
+
+
+def ask(image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """RGB uint8 [h, w, 3] -> BlazePose's landmarks [33, 4] (x, y in the picture's pixels, z, visibility), its world landmarks [33, 3] (metres
+    about the hips, x right, y down, z forward), both zero where it sees nobody, and how much of the person a pixel shows [h, w], 0..1."""
+    h, w = image.shape[:2]
+    o = _pose.process(image)
+    if not o.pose_landmarks or not o.pose_world_landmarks:
+        return MISSING.copy(), MISSING[:, :3].copy(), None
+    flat = np.array([[p.x * w - 0.5, p.y * h - 0.5, p.z, p.visibility] for p in o.pose_landmarks.landmark], np.float32)
+    return flat, np.array([[p.x, p.y, p.z] for p in o.pose_world_landmarks.landmark], np.float32), o.segmentation_mask
 
 
 def _ask(job: tuple[bytes, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -92,14 +131,12 @@ def _ask(job: tuple[bytes, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     h, w = im.shape[:2]
     # a margin lets the detector see people who fill the picture
     m = 24
-    o = _pose.process(np.pad(im, ((m, m), (m, m), (0, 0)), mode="edge"))
+    flat, world, outline = ask(np.pad(im, ((m, m), (m, m), (0, 0)), mode="edge"))
     mask = np.zeros((side // 2, side // 2), np.uint8)
-    if not o.pose_landmarks or not o.pose_world_landmarks:
-        return MISSING, MISSING[:, :3], mask
-    flat = np.array([[p.x * (w + 2 * m) - m - 0.5, p.y * (h + 2 * m) - m - 0.5, p.z, p.visibility] for p in o.pose_landmarks.landmark], np.float32)
-    world = np.array([[p.x, p.y, p.z] for p in o.pose_world_landmarks.landmark], np.float32)
-    if o.segmentation_mask is not None:
-        s = np.pad(o.segmentation_mask[m:-m, m:-m], ((0, h % 2), (0, w % 2)), mode="edge")
+    if flat.any():
+        flat[:, :2] -= m
+    if outline is not None:
+        s = np.pad(outline[m:-m, m:-m], ((0, h % 2), (0, w % 2)), mode="edge")
         s = s.reshape(s.shape[0] // 2, 2, s.shape[1] // 2, 2).mean((1, 3))
         mask[: s.shape[0], : s.shape[1]] = (s * 255).round().clip(0, 255)
     return flat, world, mask
@@ -116,6 +153,11 @@ def agreement(mine: np.ndarray, labels: np.ndarray) -> tuple[float, float]:
     return float((d < 0.25).mean()), float(d.mean())
 
 
+def lends(share: float, mean: float, tall: float) -> bool:
+    """Whether depth may be learnt from an answer that agrees so closely with the labels (`agreement`) and makes the person so tall, in metres."""
+    return share >= 0.9 and mean < 0.12 and 1.2 < tall < 2.2
+
+
 def main(argv: list[str]) -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("pack", type=pathlib.Path)
@@ -123,6 +165,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--processes", type=int, default=1)
     ap.add_argument("--limit", type=int, default=0, help="pictures of each set")
     a = ap.parse_args(argv)
+    require_mediapipe()
     sets = [load_set(a.pack, n, a.limit) for n in SETS]
     files = [f for s in sets for f in s.files]
     labels = np.concatenate([s.joints for s in sets])
@@ -137,18 +180,15 @@ def main(argv: list[str]) -> None:
         mask=np.zeros((n, side // 2, side // 2), np.uint8),
     )
     ratio = []
-    with Processes(a.processes, _start, (a.model,)) as pool:
+    with Processes(a.processes, start, (a.model,)) as pool:
         for i, (flat, world, mask) in enumerate(pool.imap(_ask, ((f, side) for f in files), chunksize=16)):
             if not flat.any():
                 continue
-            for j, k in LANDMARK.items():
-                out["joints"][i, j] = flat[k, [0, 1, 3]]
+            out["joints"][i] = evidence(flat)
             share, mean = agreement(out["joints"][i], labels[i])
-            j21 = skeleton21(world)
-            tall = stature(j21)
+            out["bones"][i], tall = canonical(world)
             ratio.append(tall)
-            out["ok"][i], out["lift"][i] = share >= 0.75, share >= 0.9 and mean < 0.12 and 1.2 < tall < 2.2
-            out["bones"][i] = j21 * (CANONICAL_STATURE_M / max(tall, 0.5))
+            out["ok"][i], out["lift"][i] = share >= 0.75, lends(share, mean, tall)
             out["mask"][i] = mask
             if i % 500 == 499:
                 print(f"{i + 1} of {n}: same person {out['ok'][: i + 1].mean():.2f}, lend depth {out['lift'][: i + 1].mean():.2f}", flush=True)

@@ -14,6 +14,7 @@ import weights
 FILE = "open.json"
 # `trained_on` of exported open weights begins with this.
 OPEN = "Open data only: "
+DEPTH = {"depth of people by BlazePose": "Apache-2.0"}
 RENDERED = {"scenes of `edgecap synth`": "procedural, this project's own"}
 BODY = {"MakeHuman's base mesh, targets, rig": "CC0"}
 MOCAP = {

@@ -394,7 +394,7 @@ class Trainer:
         if self.everyday is not None:
             e = self.everyday.batch(ph.everyday, ph.H, ph.W, ph.view, ph.size if ph.close or ph.sized else None, ph.close)
             images.append(e.image)
-            real.append(targets.everyday(e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy))
+            real.append(targets.everyday(e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy, e.rel3d, e.lifted))
         tr = real[0] if len(real) == 1 else targets.together(*real)
         x = photometric(torch.cat([*images, s.image]), pool.g) - 0.5
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
@@ -409,7 +409,8 @@ class Trainer:
         `everyday` are photos in which everybody is labelled."""
         n = len(tr.maps)
         taught = taught and self.teachers is not None
-        first3d = 0 if taught or (self.people is not None and self.people.lift.any()) else n
+        lent = (self.people is not None and self.people.lift.any()) or (self.everyday is not None and self.everyday.lends)
+        first3d = 0 if taught or lent else n
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
@@ -419,17 +420,20 @@ class Trainer:
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        asked = self._taught(x, y, e, peak, slice(n - everyday, n)) if taught else enc.new_zeros(())
+        asked = self._taught(x, y, e, tr, peak, everyday) if taught else enc.new_zeros(())
         return torch.stack([hr, pr, hs, ps, enc, where, asked]), y[:n].detach()
 
-    def _taught(self, x: Tensor, y: Tensor, e: Tensor, peak: float, everyday: slice) -> Tensor:
+    def _taught(self, x: Tensor, y: Tensor, e: Tensor, tr: targets.Targets, peak: float, everyday: int) -> Tensor:
         """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum.
 
-        In photos in which everybody is labelled only the teachers' 3D counts: in 2D the labels know better.
+        In photos in which everybody is labelled, the last `everyday` of the real tiles, only the teachers' 3D counts: in 2D the labels know
+        better. Nor does their 3D count in cells where the labels of real tiles (`tr`) lend depth: theirs is too shallow.
         """
         assert self.teachers is not None
         t = self.teachers.answer(x)
-        t.weight[everyday] = 0
+        n = len(tr.maps)
+        t.weight[n - everyday : n] = 0
+        t.enc_weight[:n] *= 1 - tr.enc_weight
         hm, paf = targets.loss2d(y, t, peak)
         flat = (1 + self.a.synth) * (hm + 0.5 * paf) + 2 * self.a.where * targets.location_loss(y, t)
         return flat + (1 + self.a.lend) * self.a.w3d * targets.loss3d(e, t)

@@ -16,10 +16,13 @@ sys.path.insert(0, str(KIT))
 
 import ahead
 import carry
+import depth
 import terms
 from everyday_tiles import Batch, Everyday
 from pool import FIELDS
 from real import PEOPLED, decode, held_out, load_photos, load_set
+from skeleton import NB
+from test_depth import apart, crowd_folder
 from test_open import everyday_folder, scenes_folder
 
 CPU = torch.device("cpu")
@@ -56,6 +59,18 @@ class Ahead(Folder):
         self.assertLess(float((found.image[:16] - expected.image).abs().max()), 1 / 255)
         for k in ahead.LABELS:
             np.testing.assert_array_equal(getattr(found, k)[:16], getattr(expected, k), k)
+
+    def test_depth_comes_with_its_people(self) -> None:
+        crowded = crowd_folder(self.at / "crowd")
+        made = ahead.Ahead(crowded, 5, 0.0, CPU, workers=2)
+        self.addCleanup(made.close)
+        self.assertTrue(made.lends)
+        self.assertFalse(self.made.lends)
+        b = made.batch(40, 128, 160, (0.7, 1.2))
+        self.assertEqual((b.rel3d.shape, b.rel3d.dtype), ((40, 2, NB, 3), torch.float32))
+        self.assertLess(apart(b), 0.03)
+        self.assertTrue(bool((b.lifted == ((b.rel3d[..., 0, 2] > 0) & (b.size_px > 0))).all()))
+        self.assertTrue(bool(b.lifted.any()) and bool((~b.lifted[b.size_px > 0]).any()))
 
     def test_what_is_no_longer_wanted_makes_room(self) -> None:
         self.made.free = type(self.made.free)(range(2 * (ahead.DEPTH + 1)))
@@ -97,6 +112,22 @@ class Carried(Folder):
         (self.at / "parts/part0").rename(one / "part0")
         carry.main(["unpack", str(one), str(self.at / "first")])
         self.assertEqual(len(Everyday(self.at / "first/everyday", 3).size), 2)
+
+    def test_depth_follows_its_people(self) -> None:
+        crowded, scenes = crowd_folder(self.at / "crowd"), scenes_folder(self.at / "still")
+        terms.mark(crowded, terms.ingredients(crowded) | terms.DEPTH)
+        carry.main([*map(str, ["pack", self.at / "parts", "--everyday", crowded, "--scenes", scenes, "--side", 150])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        both = self.at / "both/everyday"
+        (rel3d, lifted), (carried, still) = depth.read(crowded, 6), depth.read(both, 6)
+        rows = [0, 1, 4, 5, 2, 3]  # two people a photo; photos 0 and 2 are in the first part
+        np.testing.assert_array_equal(carried, rel3d[rows])
+        np.testing.assert_array_equal(still, lifted[rows])
+        self.assertLess(apart(Everyday(both, 3).batch(20, 128, 160, (0.7, 1.2))), 0.03)
+        self.assertIn("BlazePose", " ".join(terms.ingredients(both)))
+        carry.main([*map(str, ["pack", self.at / "parts", "--everyday", self.everyday, "--scenes", scenes])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "without")])
+        self.assertFalse((self.at / "without/everyday" / depth.FILE).exists())
 
     def test_pictures_of_a_pack_are_carried_with_what_is_known_of_them(self) -> None:
         pack = pack_of(self.at / "pack", {"lsp_train": 3, "lsp_test": 2, "background": 21})

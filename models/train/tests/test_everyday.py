@@ -20,7 +20,7 @@ import targets
 from coco17 import ABSENT, HEAD_TOP, LABELLED, LIMB_JOINTS, NECK, UNKNOWN, to14
 from everyday import pack, states, wanted
 from everyday_tiles import Everyday, stature
-from skeleton import FLIP14, LIMBS, NJ, NL
+from skeleton import FLIP14, LIMBS, NB, NJ, NL
 
 FLIP17 = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 # Somebody upright who faces the camera, 290 px tall: nose, eyes, ears, shoulders, elbows, wrists, hips, knees, ankles; left before right.
@@ -202,7 +202,8 @@ class Masks(unittest.TestCase):
         self.size = torch.tensor([[280.0]])
 
     def answer(self, labelled: torch.Tensor, unknown: torch.Tensor) -> targets.Targets:
-        return targets.everyday(self.joints, labelled, unknown, self.size, self.box, self.hazy)
+        nobody = torch.zeros(1, 1, dtype=torch.bool)
+        return targets.everyday(self.joints, labelled, unknown, self.size, self.box, self.hazy, torch.zeros(1, 1, NB, 3), nobody)
 
     def test_everything_counts_where_everything_is_known(self) -> None:
         t = self.answer(torch.ones(1, 1, NJ, dtype=torch.bool), torch.zeros(1, 1, NJ, dtype=torch.bool))
