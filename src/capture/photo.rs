@@ -40,7 +40,7 @@ impl PhotoSource {
         Self::new(path, vec![path.to_owned()], fps)
     }
 
-    /// Every JPEG and PNG file of a folder, as [`Album`] has them. Hidden files are left out; what else looks like a
+    /// Every JPEG and PNG file of a folder, as an album has them. Hidden files are left out; what else looks like a
     /// photo is, too, with a warning. `fps`: the rate at which the photos were taken, for time stamps;
     /// 30 without.
     ///
