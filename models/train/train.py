@@ -313,6 +313,8 @@ class Trainer:
 
     def _frozen(self) -> list[nn.Module]:
         """The stem and the first modules: they work at the finest resolution, so they cost most, and change least late in training."""
+        if self.a.head3d:
+            return [self.net.stem, *self.net.features, self.net.head2d]
         return [self.net.stem, *self.net.features[: self.a.freeze - 1]] if self.a.freeze else []
 
     def _freeze(self) -> None:
@@ -620,6 +622,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--open", action="store_true", help="only data and weights that may be used commercially; needs --everyday and --scenes")
     ap.add_argument("--init", type=pathlib.Path, help="weights to start from: safetensors, or a public SelecSLS-60 backbone (backbone.py)")
     ap.add_argument("--sizes-from", type=float, default=0.0, help="share of the schedule of tile sizes to leave out: a trained network needs no small tiles")
+    ap.add_argument("--head3d", action="store_true", help="learn the 3D head alone: what is found and where stays as it is")
     ap.add_argument("--freeze", type=int, default=0, help="keep the first blocks as they are: 1 is the stem, 3 all of quarter size")
     ap.add_argument("--from-average", action="store_true", help="resume from the averaged weights (before lowering the rate)")
     ap.add_argument("--ranks", type=int, default=1, help="processes that train together, one core each (CPU only)")

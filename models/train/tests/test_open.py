@@ -219,6 +219,17 @@ class Run(unittest.TestCase):
         fixed = (self.at / "nothing", self.at / "run", "--cpu", "--tiny", "--no-bf16", "--minutes", 60, "--fall", 0.2, "--steps", steps)
         return [str(x) for x in (*fixed, "--everyday", self.everyday, *more)]
 
+    def test_the_3d_head_alone_learns_where_that_is_asked(self) -> None:
+        seen = []
+        for steps, more in ((3, ()), (6, ("--resume",))):
+            train.main(self.arguments("--open", "--scenes", self.scenes, "--head3d", *more, steps=steps))
+            nets = [SelecSLSNet(), SelecSLSNet()]
+            checkpoint.load(self.at / "run/ckpt", *nets, None, torch.device("cpu"))
+            seen.append([net.state_dict() for net in nets])
+        for before, after in zip(*seen):
+            changed = {k.split(".")[0] for k in before if not torch.equal(before[k], after[k])}
+            self.assertEqual(changed, {"head3d"})
+
     def test_weights_that_are_no_numbers_never_take_the_last_good_ones_place(self) -> None:
         bad, good = SelecSLSNet(), SelecSLSNet()
         with torch.no_grad():
