@@ -2,6 +2,7 @@
 //! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
 mod stump;
+mod suffix;
 
 use std::collections::VecDeque;
 use std::ffi::OsString;
@@ -15,6 +16,8 @@ use std::time::{Duration, Instant};
 use rustix::fs::{CWD, OFlags, RenameFlags};
 use rustix::io::Errno;
 use tempfile::{NamedTempFile, TempDir};
+
+pub use suffix::suffixed;
 
 /// Start of the names of what is not finished.
 const PREFIX: &str = ".edgecap-";
@@ -403,14 +406,8 @@ fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
     if !fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0) {
         return Ok(None);
     }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     for n in 1.. {
-        let mut name = OsString::from(format!("{stem}-{n}"));
-        if let Some(extension) = path.extension() {
-            name.push(".");
-            name.push(extension);
-        }
-        let aside = path.with_file_name(name);
+        let aside = suffixed(path, &format!("-{n}"));
         if fs::symlink_metadata(&aside).is_ok() {
             continue;
         }

@@ -31,6 +31,10 @@ TRAINED_ON = (
     "posed by CMU and DeepMimic motion; photos of everyday life in which teachers labelled everybody (model card); where the pack holds a teacher's answers, depth, missing and mended joints of real photos by BlazePose"
 )
 
+TRAINED_ON_STAGE2 = (
+    "motion of CMU and DeepMimic, and where the pack holds it of Human3.6M (research) and Bandai Namco Research (CC BY-NC 4.0), on MakeHuman's body "
+    "(CC0); poses of `edgecap synth`; where mistakes of Stage I were given, what it says of Leeds Sports Pose and of scenes of `edgecap synth`"
+)
 OPEN_STAGE1 = (
     terms.OPEN + "photos of Open Images (CC BY 2.0, named in attribution.txt) and free-exercise-db (public domain) labelled by YOLOX, PP-TinyPose and "
     "MoveNet, with depth by BlazePose where depth.npz lay beside them (all Apache-2.0), scenes of `edgecap synth`; from random weights "
@@ -117,7 +121,7 @@ def export_stage2(s2: Stage2, saved: dict, path: pathlib.Path, f32: bool) -> Non
     sd = {k: v.clone() for k, v in s2.state_dict().items()}
     # Channels without supervision carry noise: their columns are set to zero, so raw 63-vectors may be fed at run time.
     sd["fc1.0.weight"].view(len(sd["fc1.0.weight"]), len(JOINTS14), -1)[..., 3:] *= channel_mask()
-    info = contract(saved["step"], saved.get("people", 0), False, OPEN_STAGE2 if saved.get("open") else TRAINED_ON) | dict(
+    info = contract(saved["step"], saved.get("people", 0), False, OPEN_STAGE2 if saved.get("open") else TRAINED_ON_STAGE2) | dict(
         input="14 x (u, v, confidence, 63 encodings), joint after joint; all zero where a joint is not seen. "
         "(u, v): pixels relative to the neck, divided by the RMS distance of the seen joints from it",
         output="21 x (x, y, z) metres",

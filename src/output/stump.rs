@@ -1,7 +1,8 @@
 //! Where a file goes whose writing broke off: what is there and holds more is not given for it.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+
+use super::suffix::suffixed;
 
 /// `path`, or, where a longer file has this name, the first free one of `NAME-cut`, `NAME-cut-2` and so on, of which
 /// the user is told.
@@ -10,7 +11,10 @@ pub fn place(path: &Path, bytes: u64) -> PathBuf {
         return path.to_owned();
     }
     let beside = (1..)
-        .map(|n| named(path, n))
+        .map(|n: u32| match n {
+            1 => suffixed(path, "-cut"),
+            n => suffixed(path, &format!("-cut-{n}")),
+        })
         .find(|p| std::fs::symlink_metadata(p).is_err());
     let beside = beside.unwrap_or_else(|| path.to_owned());
     tracing::warn!(
@@ -19,19 +23,6 @@ pub fn place(path: &Path, bytes: u64) -> PathBuf {
         beside.display()
     );
     beside
-}
-
-fn named(path: &Path, number: u32) -> PathBuf {
-    let mut name = path.file_stem().unwrap_or_default().to_owned();
-    name.push("-cut");
-    if number > 1 {
-        name.push(format!("-{number}"));
-    }
-    if let Some(extension) = path.extension() {
-        name.push(OsString::from("."));
-        name.push(extension);
-    }
-    path.with_file_name(name)
 }
 
 #[cfg(test)]

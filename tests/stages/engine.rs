@@ -195,28 +195,31 @@ fn what_does_not_fit_is_refused() {
     assert!(with(512, 320, Precision::Int8).contains("model import"));
 }
 
-/// A head whose last layer pools.
-fn pooled() -> Network {
-    let text = r#"
-        name = "pooled"
-        about = "a head that ends in pooling"
-        input = { channels = 3, multiple = 16 }
-        output = { head2d = "head2d.out", head3d = "head3d.out" }
-        layers = [
-          { kind = "conv", name = "a", out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "c", out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "head2d.out", out = 40, kernel = 1, norm = false, relu = false },
-          { kind = "conv", name = "d", from = ["c"], out = 63, kernel = 1 },
-          { kind = "maxpool", name = "head3d.out", kernel = 3, stride = 1 },
+/// A network of layers to 1/8 of the picture, the last of which is `c`, and of heads.
+fn network(layers: &str) -> Network {
+    let text = format!(
+        r#"
+        name = "small"
+        about = "what a test wants"
+        input = {{ channels = 3, multiple = 16 }}
+        output = {{ head2d = "head2d.out", head3d = "head3d.out" }}
+        layers = [{layers}
+          {{ kind = "conv", name = "head2d.out", from = ["c"], out = 40, kernel = 1, norm = false, relu = false }},
         ]
-    "#;
-    Network::parse(text).unwrap()
+    "#
+    );
+    Network::parse(&text).unwrap()
 }
 
 #[test]
 fn a_head_that_ends_in_pooling_runs_in_f32_and_is_refused_in_int8() {
-    let model = Model::random(pooled(), 3);
+    let layers = r#"
+      { kind = "conv", name = "a", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "c", out = 63, kernel = 3, stride = 2 },
+      { kind = "maxpool", name = "head3d.out", kernel = 3, stride = 1 },
+    "#;
+    let model = Model::random(network(layers), 3);
     engine(&model, Precision::F32, 1, None).run(&picture(SIZE, 1));
     let options = EngineOptions {
         width: SIZE.0,
@@ -229,7 +232,15 @@ fn a_head_that_ends_in_pooling_runs_in_f32_and_is_refused_in_int8() {
 
 #[test]
 fn a_picture_beside_a_channel_of_a_layer_stays_whole() {
-    let model = Model::random(beside(), 5);
+    // One channel beside the picture's three: four side by side.
+    let layers = r#"
+      { kind = "conv", name = "one", out = 1, kernel = 3 },
+      { kind = "conv", name = "a", from = ["input", "one"], out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "c", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "head3d.out", out = 63, kernel = 1, norm = false, relu = false },
+    "#;
+    let model = Model::random(network(layers), 5);
     let picture = picture(SIZE, 4);
     let expected = engine(&model, Precision::F32, 1, None)
         .run(&picture)
@@ -242,25 +253,6 @@ fn a_picture_beside_a_channel_of_a_layer_stays_whole() {
         );
         assert!(e < 0.1, "{isa}: {e}");
     }
-}
-
-/// A layer of one channel, and one that reads it together with the picture: four channels side by side.
-fn beside() -> Network {
-    let text = r#"
-        name = "beside"
-        about = "a layer reads the picture and another layer"
-        input = { channels = 3, multiple = 16 }
-        output = { head2d = "head2d.out", head3d = "head3d.out" }
-        layers = [
-          { kind = "conv", name = "one", out = 1, kernel = 3 },
-          { kind = "conv", name = "a", from = ["input", "one"], out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "c", out = 8, kernel = 3, stride = 2 },
-          { kind = "conv", name = "head2d.out", out = 40, kernel = 1, norm = false, relu = false },
-          { kind = "conv", name = "head3d.out", from = ["c"], out = 63, kernel = 1, norm = false, relu = false },
-        ]
-    "#;
-    Network::parse(text).unwrap()
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::capture::{AviWriter, Frame};
-use crate::output::AtomicFile;
+use crate::output::{AtomicFile, suffixed};
 use crate::sink::SinkError;
 
 /// Fine enough that lines of skeletons stay sharp.
@@ -118,9 +118,7 @@ impl Film {
         if self.number == 1 {
             return self.path.clone();
         }
-        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-        self.path
-            .with_file_name(format!("{stem}-{}.avi", self.number))
+        suffixed(&self.path, &format!("-{}", self.number))
     }
 
     fn end_part(&mut self) -> io::Result<()> {
