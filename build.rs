@@ -5,7 +5,8 @@ use std::process::Command;
 use std::{env, fs};
 
 const MODEL: &str = "models/edgecap.ecm";
-const DIGEST: &str = "models/edgecap.ecm.blake3";
+/// What is embedded in its place with the feature `open-weights`.
+const OPEN_MODEL: &str = "models/open/edgecap-open.ecm";
 /// What the program is made of. `models` is a folder, so that a file that appears later is seen too.
 const SOURCES: [&str; 8] = [
     "build.rs",
@@ -24,15 +25,19 @@ fn main() {
     }
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
-    let model = checked(&root);
+    let (name, kind) = match env::var_os("CARGO_FEATURE_OPEN_WEIGHTS") {
+        Some(_) => (OPEN_MODEL, "open weights"),
+        None => (MODEL, "weights"),
+    };
+    let model = checked(&root, name);
     let (bytes, weights) = match &model {
         Some((path, digest)) => (
             format!("Some(include_bytes!({path:?}))"),
-            format!("weights {}", &digest[..12]),
+            format!("{kind} {}", &digest[..12]),
         ),
         None => {
             println!(
-                "cargo:warning={MODEL} is absent: this build has no weights of its own and needs --model FILE"
+                "cargo:warning={name} is absent: this build has no weights of its own and needs --model FILE"
             );
             ("None".into(), "no weights".into())
         }
@@ -65,18 +70,19 @@ fn commit(root: &Path) -> Option<String> {
     (asked.status.success() && !said.is_empty()).then_some(said)
 }
 
-/// The model's path and digest when it is there and its digest is the recorded one.
-fn checked(root: &Path) -> Option<(PathBuf, String)> {
-    let path = root.join(MODEL);
+/// The path and digest of the model of this name when it is there and its digest is the recorded one beside it.
+fn checked(root: &Path, model: &str) -> Option<(PathBuf, String)> {
+    let path = root.join(model);
     let bytes = fs::read(&path).ok()?;
-    let recorded = fs::read_to_string(root.join(DIGEST)).unwrap_or_else(|e| {
-        panic!("expected the digest of {MODEL} in {DIGEST}: {e}; restore both files from the repository")
+    let digest = format!("{model}.blake3");
+    let recorded = fs::read_to_string(root.join(&digest)).unwrap_or_else(|e| {
+        panic!("expected the digest of {model} in {digest}: {e}; restore both files from the repository")
     });
     let recorded = recorded.split_whitespace().next().unwrap_or_default();
     let found = blake3::hash(&bytes).to_hex();
     assert!(
         recorded == found.as_str(),
-        "{MODEL} has BLAKE3 digest {found}, {DIGEST} records {recorded}: restore both files from the repository"
+        "{model} has BLAKE3 digest {found}, {digest} records {recorded}: restore both files from the repository"
     );
     Some((path, recorded.to_owned()))
 }

@@ -20,6 +20,7 @@ import torch
 from torch import Tensor
 
 import evaluate
+import terms
 from group import people
 from letterbox import letterbox
 from model import SelecSLSNet, channel_mask
@@ -86,6 +87,11 @@ class Seen:
 def bones(rel: Tensor) -> Tensor:
     """Joints [..., 21, 3] -> vectors from each one's parent."""
     return rel - rel[..., PARENTS21, :]
+
+
+def is_open(path: pathlib.Path) -> bool:
+    """Whether `main` wrote this with --open."""
+    return bool(torch.load(path, map_location="cpu", weights_only=True).get("open"))
 
 
 def load(path: pathlib.Path, device: torch.device) -> tuple[Mistakes, Seen]:
@@ -158,7 +164,7 @@ def collect(
     path = pack / "teacher.npz"
     z = dict(np.load(path)) if path.exists() else None
     first = 0
-    for name, share in (("lspet_train", 0.5), ("lsp_train", 0.5)):
+    for name, share in (("lspet_train", 0.5), ("lsp_train", 0.5)) if photos else ():
         arc = load_set(pack, name)
         pick = np.sort(rng.permutation(len(arc.files))[: round(photos * share)])
         for i, image in zip(pick, decode_all([arc.files[i] for i in pick])):
@@ -205,7 +211,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
-    ap.add_argument("--photos", type=int, default=1200)
+    ap.add_argument("--photos", type=int, default=1200, help="of LSP's; 0 with --open")
+    ap.add_argument("--open", action="store_true", help="only open scenes, and what open weights say of them")
     ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
     ap.add_argument("--thr", type=float, default=0.5)
     ap.add_argument("--paf", type=float, default=0.25)
@@ -213,12 +220,17 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--threads", type=int, default=1)
     ap.add_argument("--seed", type=int, default=1)
     a = ap.parse_args(argv)
+    if a.open:
+        a.photos = 0
+        terms.require_open_weights(a.stage1)
+        for folder in a.scenes:
+            terms.ingredients(folder)
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
     group: evaluate.Group = dict(thr=a.thr, paf_thr=a.paf, min_joints=a.joints)
     m, known = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
-    torch.save({"mistakes": m.__dict__, "seen": known.__dict__}, a.out)
+    torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "open": a.open}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
     print(f"encodings' slope over the truth: {m.slope.tolist()}; their error is known of {int(m.lifted.sum())} people")

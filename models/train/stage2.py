@@ -22,6 +22,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+import mistakes
 import rotations as rot
 import terms
 import weights
@@ -241,8 +242,10 @@ def train(a: argparse.Namespace) -> None:
         terms.ingredients(a.pack)
         for path in ([a.init] if a.init else []) + a.mean_of:
             terms.require_open_weights(path)
-        if a.mistakes or a.stage1:
-            raise SystemExit("expected neither --mistakes nor --stage1 with --open: both look at photos of LSP or at backgrounds that are not open")
+        if a.stage1:
+            raise SystemExit("expected no --stage1 with --open: it looks at backgrounds that are not open")
+        if a.mistakes and not mistakes.is_open(a.mistakes):
+            raise SystemExit(f"expected mistakes of open weights in open scenes, found {a.mistakes}: collect them with mistakes.py --open")
     torch.manual_seed(a.seed)
     mask = channel_mask(dev)
     data = People3D(a.pack, dev, a.seed)

@@ -8,6 +8,7 @@ use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
 use crate::capture::{Frame, Resizer};
+use crate::config::Mistake;
 use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
@@ -91,7 +92,7 @@ impl Pipeline {
         );
         let resizer = Resizer::new(options.width as u32, options.height as u32);
         Ok(Self {
-            associator: Associator::new(AssociationConfig::default()),
+            associator: Associator::new(association(&model)?),
             lifter: lifter(&model, isa)?,
             input: vec![0; resizer.output_bytes()],
             resizer,
@@ -155,6 +156,11 @@ impl Pipeline {
         self.engine.use_threads(threads);
     }
 
+    /// Least probability, with these weights, of somebody whom one of two looks shows alone.
+    pub fn lone_score(&self) -> f32 {
+        self.associator.config().lone_score
+    }
+
     /// Everyone in the last frame.
     pub fn seen(&self) -> FrameObservations<'_> {
         FrameObservations {
@@ -183,6 +189,18 @@ fn open(options: &PipelineOptions) -> anyhow::Result<Model> {
         }
         None => Ok(model),
     }
+}
+
+/// The settings of the association that are fitted to this model.
+///
+/// # Errors
+/// When those in its file are none.
+pub(super) fn association(model: &Model) -> Result<AssociationConfig, Failure> {
+    AssociationConfig::of(model).map_err(|e| {
+        let text = model.association().unwrap_or_default();
+        let mistake = Mistake::refused("the model's settings of the association", text, &e);
+        Failure::data(format!("{mistake}; import the model again"))
+    })
 }
 
 fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {

@@ -2,10 +2,16 @@
 
 use std::sync::LazyLock;
 
+use edgecap_client::joints::EVIDENCE_JOINTS;
 use edgecap_client::message::MAX_PEOPLE;
+use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 
 use super::{Confidence, PersonScore};
+use crate::engine::Model;
+
+/// Most peaks of a joint that settings may ask for: every pair of two joints' peaks is looked at.
+const MOST_PEAKS: usize = 256;
 
 /// When a peak is a joint, when two joints make a limb, and when joints make a person.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,11 +56,62 @@ fn most_people() -> usize {
     MAX_PEOPLE
 }
 
+impl AssociationConfig {
+    /// Reads settings in the form of `models/association.toml`.
+    ///
+    /// # Errors
+    /// Keys that are unknown or missing, numbers that are not finite, counts that nothing here can hold.
+    pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
+        let refused = |what: String| Err(toml::de::Error::custom(what));
+        if let Some(key) = not_finite(&text.parse::<toml::Table>()?) {
+            return refused(format!("expected a finite number for '{key}'"));
+        }
+        let read: Self = toml::from_str(text)?;
+        for (key, found, most) in [
+            ("max_peaks", read.max_peaks, MOST_PEAKS),
+            ("max_people", read.max_people, MAX_PEOPLE),
+            ("min_joints", read.min_joints, EVIDENCE_JOINTS),
+        ] {
+            if !(1..=most).contains(&found) {
+                return refused(format!("expected '{key}' of 1 to {most}, found {found}"));
+            }
+        }
+        Ok(read)
+    }
+
+    /// The settings fitted to a model: its own, or those of the shipped weights where it has none.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse), of the model's own.
+    pub fn of(model: &Model) -> Result<Self, toml::de::Error> {
+        model
+            .association()
+            .map_or_else(|| Ok(Self::default()), Self::parse)
+    }
+}
+
+/// The first key whose number, or one of whose numbers, is infinite or none.
+fn not_finite(table: &toml::Table) -> Option<&str> {
+    fn is_finite(value: &toml::Value) -> bool {
+        match value {
+            toml::Value::Float(x) => x.is_finite(),
+            toml::Value::Array(all) => all.iter().all(is_finite),
+            toml::Value::Table(inner) => not_finite(inner).is_none(),
+            _ => true,
+        }
+    }
+    let mut keys = table.iter().filter(|(_, value)| !is_finite(value));
+    keys.next().map(|(key, value)| match value {
+        toml::Value::Table(inner) => not_finite(inner).unwrap_or(key),
+        _ => key,
+    })
+}
+
 impl Default for AssociationConfig {
     /// `models/association.toml`, fitted to the shipped weights.
     fn default() -> Self {
         static SHIPPED: LazyLock<AssociationConfig> = LazyLock::new(|| {
-            toml::from_str(include_str!("../../models/association.toml"))
+            AssociationConfig::parse(include_str!("../../models/association.toml"))
                 .expect("models/association.toml is checked by a test")
         });
         SHIPPED.clone()
@@ -72,5 +129,24 @@ mod tests {
         assert_eq!(shipped, again);
         assert_eq!(shipped.max_people, MAX_PEOPLE);
         assert!(shipped.min_score > 0.0 && shipped.min_score < 1.0);
+    }
+
+    #[test]
+    fn settings_that_nothing_can_hold_are_refused_by_their_key() {
+        let shipped = toml::to_string(&AssociationConfig::default()).unwrap();
+        let with = |from: &str, to: &str| {
+            assert!(shipped.contains(from), "{from}");
+            AssociationConfig::parse(&shipped.replacen(from, to, 1))
+                .unwrap_err()
+                .message()
+                .to_owned()
+        };
+        assert!(with("max_peaks = 64", "max_peaks = 100000").contains("'max_peaks' of 1 to 256"));
+        assert!(with("max_peaks = 64", "max_peaks = 0").contains("found 0"));
+        assert!(with("min_joints = 4", "min_joints = 15").contains("'min_joints' of 1 to 14"));
+        assert!(with("pass_ratio = ", "pass_ratio = nan #").contains("'pass_ratio'"));
+        assert!(with("found = ", "found = inf #").contains("'found'"));
+        assert!(with("joint_squared = [", "joint_squared = [nan, ").contains("'joint_squared'"));
+        assert!(with("bias = ", "biass = ").contains("biass"));
     }
 }

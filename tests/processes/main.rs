@@ -22,6 +22,7 @@ mod hints;
 mod install;
 mod live_cameras;
 mod metrics;
+mod model_association;
 mod outcome;
 mod pace;
 mod privacy;

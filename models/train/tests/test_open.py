@@ -25,6 +25,7 @@ import attribution
 import checkpoint
 import everyday
 import export
+import mistakes
 import renorm
 import terms
 import test_everyday as labelled
@@ -266,9 +267,19 @@ class Run(unittest.TestCase):
         r = subprocess.run(call, capture_output=True, text=True, check=False)
         self.assertIn("found no open.json", r.stderr)
         terms.mark(closed, terms.BODY | terms.MOCAP)
-        for more in (("--mistakes", "mistakes.pt"), ("--init", str(KIT.parent / "weights/stage2.safetensors"))):
+        seen = self.at / "mistakes.pt"
+        torch.save({"mistakes": {}, "seen": {}}, seen)
+        for more in (("--mistakes", str(seen)), ("--init", str(KIT.parent / "weights/stage2.safetensors"))):
             r = subprocess.run([*call, *more], capture_output=True, text=True, check=False)
-            self.assertRegex(r.stderr, "neither --mistakes|expected weights trained on open data")
+            self.assertRegex(r.stderr, "expected mistakes of open weights|expected weights trained on open data")
+
+    def test_open_mistakes_are_of_open_weights_in_open_scenes(self) -> None:
+        weights_of = {True: self.at / "open.safetensors", False: KIT.parent / "weights/stage1.safetensors"}
+        export.export_stage1(SelecSLSNet(), {"step": 0, "images": 0, "quant": False, "open": True}, weights_of[True], None, False, True)
+        closed = scenes_folder(self.at / "closed", mark=False)
+        for ours, scenes in ((False, self.scenes), (True, closed)):
+            with self.assertRaisesRegex(SystemExit, "open"):
+                mistakes.main([str(self.at), str(self.at / "m.pt"), "--open", "--stage1", str(weights_of[ours]), "--scenes", str(scenes)])
 
     def test_anything_else_is_refused(self) -> None:
         closed = scenes_folder(self.at / "closed", mark=False)

@@ -6,7 +6,7 @@ use super::engine_args::EngineArgs;
 use super::inputs::fitted;
 use crate::capture::Frame;
 use crate::commands::pipeline::{FrameObservations, Pipeline};
-use crate::detect::{AssociationConfig, joined};
+use crate::detect::joined;
 
 /// Shapes of pictures whose stages are kept: each has its buffers.
 const SHAPES: usize = 4;
@@ -32,9 +32,10 @@ impl Looks {
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn new(engine: &EngineArgs) -> anyhow::Result<Self> {
+        let first = engine.build(fitted((16, 10), 0.5))?;
         Ok(Self {
-            first: engine.build(fitted((16, 10), 0.5))?,
-            lone_score: AssociationConfig::default().lone_score,
+            lone_score: first.lone_score(),
+            first,
             built: Vec::new(),
             people: Vec::new(),
         })

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::{network, read};
+use super::{network, read, text};
 use crate::capture::Frame;
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::{picture, say};
+use crate::config::Mistake;
+use crate::detect::AssociationConfig;
 use crate::engine::model::{Calibration, RangeChoice};
 use crate::engine::{CalibrationOptions, Model};
 
@@ -23,6 +25,10 @@ pub struct Import {
     /// Weights of Stage II, to go into the same file
     #[arg(long)]
     stage2: Option<PathBuf>,
+    /// When peaks make people, fitted to these weights, to go into the same file; in the form of
+    /// models/association.toml, whose numbers hold where there are none
+    #[arg(long, value_name = "FILE")]
+    association: Option<PathBuf>,
     /// Network: selecsls, selecsls42, selecsls60, selecsls84, resnet50, or a .toml file
     #[arg(long, default_value = "selecsls")]
     arch: String,
@@ -69,6 +75,7 @@ pub fn import(a: &Import) -> Result<()> {
     Apart::default()
         .reads("WEIGHTS", &a.weights)
         .may_read("--stage2", a.stage2.as_deref())
+        .may_read("--association", a.association.as_deref())
         .writes("--output", output)
         .check()?;
     let name = || a.weights.display().to_string();
@@ -78,6 +85,9 @@ pub fn import(a: &Import) -> Result<()> {
         model = model
             .with_stage2(&read(path)?)
             .with_context(|| path.display().to_string())?;
+    }
+    if let Some(path) = &a.association {
+        model = model.with_association(association(path)?);
     }
     let model = match &a.calibrate {
         None => model.quantise(None)?,
@@ -120,6 +130,15 @@ pub fn import(a: &Import) -> Result<()> {
     Ok(())
 }
 
+/// Settings of the association, whole and in bounds.
+fn association(path: &Path) -> Result<String> {
+    let text = text(path)?;
+    match AssociationConfig::parse(&text) {
+        Ok(_) => Ok(text),
+        Err(e) => Err(Mistake::refused(&path.display().to_string(), &text, &e).into()),
+    }
+}
+
 /// Lists everything that keeps weights from being imported.
 fn check(a: &Import) -> Result<()> {
     let network = network(&a.arch)?;
@@ -134,6 +153,9 @@ fn check(a: &Import) -> Result<()> {
         for e in found.with_context(|| path.display().to_string())? {
             all.push(format!("{}: {e}", path.display()));
         }
+    }
+    if let Some(path) = &a.association {
+        all.extend(association(path).err().map(|e| e.to_string()));
     }
     for line in &all {
         say::out(line);

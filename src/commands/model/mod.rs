@@ -9,6 +9,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::apart::Apart;
 use super::exit::Failure;
+use super::pipeline::association;
 use super::{picture, say};
 use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
@@ -108,8 +109,7 @@ fn network(arch: &str) -> Result<Network> {
     if !arch.ends_with(".toml") {
         return Ok(Network::shipped(arch)?);
     }
-    let text = String::from_utf8(read(Path::new(arch))?)
-        .map_err(|e| Failure::data(format!("{arch}: expected text, found {e}")))?;
+    let text = text(Path::new(arch))?;
     match Network::parse(&text) {
         Err(NetworkError::Syntax(e)) => Err(Mistake::refused(arch, &text, &e).into()),
         parsed => parsed.with_context(|| arch.to_owned()),
@@ -119,6 +119,11 @@ fn network(arch: &str) -> Result<Network> {
 fn read(path: &Path) -> Result<Vec<u8>> {
     crate::bounded::read(path, crate::bounded::DATA)
         .with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn text(path: &Path) -> Result<String> {
+    let not_text = |e| Failure::data(format!("{}: expected text, found {e}", path.display()));
+    Ok(String::from_utf8(read(path)?).map_err(not_text)?)
 }
 
 fn contract(arch: &str, is_stage2: bool) -> Result<()> {
@@ -186,6 +191,11 @@ fn info(path: Option<&Path>) -> Result<()> {
         None => "none".into(),
     };
     writeln!(out, "stage II     {stage2}")?;
+    let association = match model.association() {
+        Some(_) => "its own settings",
+        None => "the program's settings",
+    };
+    writeln!(out, "association  {association}")?;
     for line in model.history() {
         writeln!(out, "history      {line}")?;
     }
@@ -222,6 +232,7 @@ fn verify(path: Option<&Path>) -> Result<()> {
     {
         bail!("the network gives numbers that are not finite: import the weights again");
     }
+    association(model)?;
     let contents = model.digest().unwrap_or("(no digest)");
     say::out(&format!(
         "ok {contents} (contents), {} (file)",

@@ -97,7 +97,7 @@ pub enum ModelError {
     NoRange(String),
     /// A build without embedded weights.
     #[error(
-        "this program was built without weights (models/edgecap.ecm was absent): give a model with --model FILE"
+        "this program was built without weights (its model file was absent): give a model with --model FILE"
     )]
     NotShipped,
 }

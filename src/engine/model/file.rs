@@ -36,6 +36,9 @@ struct Header {
     contract: Contract,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     stage2: Option<Stage2Contract>,
+    /// Settings of the association, TOML, where the weights have their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    association: Option<String>,
     /// Value name → stored number of real 0; the steps of its channels are the tensor `NAME.step`.
     zeros: BTreeMap<String, f32>,
     /// The network file's text.
@@ -68,6 +71,7 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         history: model.history.clone(),
         contract: model.contract.clone(),
         stage2: model.stage2.as_ref().map(|s| s.contract.clone()),
+        association: model.association.clone(),
         zeros: stored().map(|(n, s)| (n.clone(), s.zero)).collect(),
         network: model.network.source().into(),
     };
@@ -212,6 +216,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
         contract: header.contract,
         weights: Weights::Int8 { convs, scales },
         stage2,
+        association: header.association,
         calibration: header.calibration,
         history: header.history,
         digest: Some(header.blake3),

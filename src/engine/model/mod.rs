@@ -51,6 +51,7 @@ pub struct Model {
     pub(crate) contract: Contract,
     pub(crate) weights: Weights,
     pub(crate) stage2: Option<Stage2>,
+    pub(crate) association: Option<String>,
     pub(crate) calibration: String,
     pub(crate) history: Vec<String>,
     pub(crate) digest: Option<String>,
@@ -129,6 +130,7 @@ impl Model {
             contract,
             weights: Weights::Float(convs),
             stage2: None,
+            association: None,
             calibration: "none".into(),
             history,
             digest: None,
@@ -152,6 +154,17 @@ impl Model {
             blake3::hash(bytes).to_hex()
         ));
         Ok(self)
+    }
+
+    /// Adds settings of the association that were fitted to these weights, TOML as in `models/association.toml`. They are
+    /// not read here: whoever associates knows what they mean.
+    pub fn with_association(mut self, text: String) -> Self {
+        self.history.push(format!(
+            "association with digest {}",
+            blake3::hash(text.as_bytes()).to_hex()
+        ));
+        self.association = Some(text);
+        self
     }
 
     /// Rounds float weights to int8 with ranges from calibration, or from the weights' own contract.
@@ -271,6 +284,11 @@ impl Model {
     /// Stage II's layers, where the file has them.
     pub fn stage2(&self) -> Option<&Stage2> {
         self.stage2.as_ref()
+    }
+
+    /// Settings of the association that the file has of its own.
+    pub fn association(&self) -> Option<&str> {
+        self.association.as_deref()
     }
 
     /// Whether the 3D head was trained; where not, Stage II must be fed zeros in place of encodings.

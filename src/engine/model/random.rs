@@ -33,6 +33,7 @@ impl Model {
             network,
             weights: Weights::Float(convs),
             stage2: None,
+            association: None,
             calibration: "none".into(),
             history: vec![format!("random weights, seed {seed}")],
             digest: None,
