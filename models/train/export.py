@@ -36,11 +36,14 @@ TRAINED_ON_STAGE2 = (
     "(CC0); poses of `edgecap synth`; where mistakes of Stage I were given, what it says of Leeds Sports Pose and of scenes of `edgecap synth`"
 )
 OPEN_STAGE1 = (
-    terms.OPEN + "photos of Open Images (CC BY 2.0, named in attribution.txt) and free-exercise-db (public domain) labelled by YOLOX, PP-TinyPose and "
-    "MoveNet, with depth by BlazePose where depth.npz lay beside them (all Apache-2.0), scenes of `edgecap synth`; from random weights "
+    terms.OPEN + "photos of Open Images (CC BY 2.0), OpenStax's books (CC BY 4.0), public sites (CC0, CC BY) and free-exercise-db (public domain), "
+    "named in attribution.txt, labelled by YOLOX, PP-TinyPose and MoveNet, with depth by BlazePose where depth.npz lay beside them (all Apache-2.0), scenes of `edgecap synth`; from random weights "
     "(train.py --open)"
 )
-OPEN_STAGE2 = terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`; from random weights (stage2.py --open)"
+OPEN_STAGE2 = (
+    terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`, where mistakes were given what open weights say of "
+    "its scenes; from random weights (stage2.py --open)"
+)
 
 
 def slim(sd: dict[str, Tensor], f32: bool) -> dict[str, Tensor]:

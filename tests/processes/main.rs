@@ -23,6 +23,7 @@ mod install;
 mod live_cameras;
 mod metrics;
 mod model_association;
+mod open_weights;
 mod outcome;
 mod pace;
 mod privacy;
