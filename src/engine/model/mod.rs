@@ -156,8 +156,8 @@ impl Model {
         Ok(self)
     }
 
-    /// Adds settings of the association that were fitted to these weights, TOML as in `models/association.toml`. They are
-    /// not read here: whoever associates knows what they mean.
+    /// Adds settings of the association that were fitted to these weights, TOML as in `models/association.toml`. They
+    /// are not read here: whoever associates knows what they mean.
     pub fn with_association(mut self, text: String) -> Self {
         self.history.push(format!(
             "association with digest {}",
