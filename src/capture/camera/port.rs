@@ -140,12 +140,7 @@ impl CameraPort for V4l2Port {
         })
         .map_err(|reason| CaptureError::data(self.name.clone(), reason))?;
         let fps = camera.set_rate(wanted_fps);
-        controls::apply(&camera, &self.options.controls).map_err(|reason| {
-            CaptureError::Config {
-                setting: self.name.clone(),
-                reason,
-            }
-        })?;
+        controls::apply(&camera, &self.name, &self.options.controls)?;
         let stream = Stream::start(&camera).map_err(|e| refused(&self.name, e))?;
         tracing::info!(
             "{}: {} ({}), {}x{} {format:?} at {} fps",
