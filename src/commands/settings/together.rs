@@ -57,7 +57,7 @@ pub fn check(
         let device = path.canonicalize().unwrap_or(path);
         if let Some((_, other)) = devices.iter().find(|(d, _)| *d == device) {
             return Err(Failure::config(format!(
-                "[[camera]] {other} and {}: expected a device for each, found {} for both; 'ls /dev/v4l/by-id' names each camera",
+                "[[camera]] {other} and {}: expected a device for each, found {} for both; 'ls /dev/v4l/by-id /dev/v4l/by-path' names each camera",
                 chosen.name,
                 device.display()
             ))
