@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::{Inputs, Quality};
 use crate::commands::exit::Failure;
-use crate::commands::pipeline::{Pipeline, PipelineOptions};
+use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -126,6 +126,14 @@ impl EngineArgs {
             || std::thread::available_parallelism().map_or(1, usize::from),
             usize::from,
         )
+    }
+
+    /// Reads the model that is named as a run would.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn expect_model(&self) -> anyhow::Result<()> {
+        pipeline::expect_model(self.model.as_deref(), self.stage2.as_deref())
     }
 
     /// The stages at this size.

@@ -32,6 +32,7 @@ pub fn check(
     for run in runs {
         let chosen = input::choose(&run.input)?;
         expect_name(&chosen.name)?;
+        run.record.expect_place(&chosen.name)?;
         let path = match &chosen.spec {
             InputSpec::Path(path) | InputSpec::StandIn(path) => path.clone(),
             InputSpec::FirstCamera => "camera".into(),
