@@ -94,6 +94,13 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "2:11",
             "this machine itself",
         ),
+        ("[[camera]]\ninput = \"\"", "2:1", "expected a name"),
+        ("[[camera]]\nrecord = \"\"", "2:1", "expected a name"),
+        (
+            "[[camera]]\nevents = { zone = [{ name = \"a\", corners = [[0, 0], [1, 1], [2, 2]] }] }",
+            "2:1",
+            "on one line",
+        ),
         ("camera = 3", "1:10", "camera.0: expected tables"),
         ("[network]\nsize = ", "2:8", ""),
         (
