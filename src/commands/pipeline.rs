@@ -78,6 +78,12 @@ impl Pipeline {
                 ..EngineOptions::default()
             },
         )?;
+        let (started, wanted) = (engine.threads(), options.threads.max(1));
+        if started < wanted {
+            tracing::warn!(
+                "{started} of {wanted} threads could be started: raise TasksMax= of the service, or set fewer threads"
+            );
+        }
         let isa = engine.isa();
         if isa == Isa::Scalar {
             tracing::warn!("{SCALAR_ONLY}");

@@ -116,6 +116,10 @@ impl Effective {
                     metrics: self.metrics.0.clone(),
                     bridges: self.bridges.0.clone(),
                     multiview: self.multiview.0.clone(),
+                    engine: EngineArgs {
+                        cameras: Some(self.cameras.len()),
+                        ..camera.args.engine.clone()
+                    },
                     ..camera.args.clone()
                 })
             })
