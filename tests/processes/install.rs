@@ -87,6 +87,10 @@ fn the_machines_service_comes_once_stays_and_goes() {
     let config = root.path().join("etc/edgecap/edgecap.toml");
     // It may hold a token; the rule below gives it to the service's group.
     assert_eq!(mode(&config), 0o640);
+    // 'udevadm trigger' says "change" of the cameras that are there.
+    let rules = root.path().join("etc/udev/rules.d/70-edgecap.rules");
+    let rules = std::fs::read_to_string(rules).unwrap();
+    assert!(!rules.contains("ACTION==\"add\""), "{rules}");
     let rule = std::fs::read_to_string(root.path().join("etc/tmpfiles.d/edgecap.conf")).unwrap();
     let line = "z /etc/edgecap/edgecap.toml 0640 root edgecap -";
     assert!(rule.lines().any(|l| l == line), "{rule}");
