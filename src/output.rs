@@ -3,6 +3,7 @@
 
 mod stump;
 mod suffix;
+mod trial;
 
 use std::collections::VecDeque;
 use std::ffi::OsString;
@@ -18,6 +19,7 @@ use rustix::io::Errno;
 use tempfile::{NamedTempFile, TempDir};
 
 pub use suffix::suffixed;
+pub use trial::try_place;
 
 /// Start of the names of what is not finished.
 const PREFIX: &str = ".edgecap-";
@@ -211,6 +213,36 @@ impl AtomicFile {
         let is_whole = |end: &u64| (1..=on_disk).contains(end);
         matches!(writer.get_ref(), Place::Device(_) | Place::Named(_))
             || self.whole.iter().any(is_whole)
+    }
+
+    /// After a failure: goes back to the last whole record of a file that has [appeared](Self::appear), so that writing
+    /// can be tried again. Whether there is anything to go on with: not where it has no name yet, or none any more,
+    /// because somebody has made room.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn go_back(&mut self) -> io::Result<bool> {
+        let Some(writer) = self.writer.take() else {
+            return Ok(false);
+        };
+        // The parts, so that nothing is written behind our back.
+        let (place, _) = writer.into_parts();
+        let writer = self.writer.insert(BufWriter::new(place));
+        match writer.get_mut() {
+            Place::Beside(_) => Ok(false),
+            // What went into it is gone.
+            Place::Device(_) => Ok(true),
+            Place::Named(file) => {
+                let end = file.stream_position()?;
+                let whole = self.whole.iter().rev().find(|w| **w <= end).copied();
+                let whole = whole.unwrap_or_default();
+                file.set_len(whole)?;
+                file.seek(SeekFrom::Start(whole))?;
+                self.taken = whole;
+                self.whole.retain(|w| *w <= whole);
+                Ok(file.metadata()?.nlink() > 0)
+            }
+        }
     }
 
     /// Says that all bytes so far make whole records: if writing fails later, these are kept. Who reads a pipe, or a
@@ -615,6 +647,31 @@ mod tests {
         assert!(third.appear().unwrap().unwrap().ends_with("hall-2.jsonl"));
         third.finish().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "three\n");
+    }
+
+    #[test]
+    fn after_a_failure_what_follows_stands_behind_the_last_whole_record() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        let mut file = AtomicFile::create(&path).unwrap();
+        let record = |file: &mut AtomicFile, text: &str| {
+            file.write_all(text.as_bytes()).unwrap();
+            file.mark_whole();
+        };
+        record(&mut file, "one\n");
+        assert!(!file.go_back().unwrap(), "it has no name yet");
+        record(&mut file, "one\n");
+        file.appear().unwrap();
+        record(&mut file, "two\n");
+        // A part of a record, of which some has reached the disk.
+        file.write_all(b"thr").unwrap();
+        file.flush().unwrap();
+        file.write_all(b"ee").unwrap();
+        assert!(file.go_back().unwrap());
+        record(&mut file, "four\n");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "one\ntwo\nfour\n");
+        fs::remove_file(&path).unwrap();
+        assert!(!file.go_back().unwrap(), "nobody would find it");
     }
 
     #[test]

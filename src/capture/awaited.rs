@@ -50,7 +50,8 @@ where
                 self.source = Some(source);
                 Ok(())
             }
-            Err(e) if e.may_pass() => {
+            // A device that has just come is root's alone for a moment.
+            Err(e) if e.may_pass() || matches!(e, CaptureError::Permission { .. }) => {
                 let reason = e.to_string();
                 if self.said.as_ref() != Some(&reason) {
                     tracing::warn!("waiting for the camera: {reason}; --no-wait ends instead");
@@ -180,14 +181,40 @@ mod tests {
     #[test]
     fn what_does_not_pass_ends_it() {
         let open = || {
-            Err(CaptureError::Permission {
-                input: "camera".into(),
-                remedy: "ask".into(),
+            Err(CaptureError::Config {
+                setting: "camera".into(),
+                reason: "no such control".into(),
             })
         };
         let clock = Turned(Arc::new(Mutex::new(Instant::now())));
         let mut source = AwaitedSource::new("camera", open, clock);
         let refused = source.next_into(&mut Frame::default());
         assert!(refused.is_err_and(|e| !e.is_skippable()));
+    }
+
+    #[test]
+    fn a_device_that_is_not_this_users_yet_is_waited_for() {
+        let mut left = 2;
+        let open = move || {
+            left -= 1;
+            if left > 0 {
+                return Err(CaptureError::Permission {
+                    input: "camera".into(),
+                    remedy: "ask".into(),
+                });
+            }
+            Ok(Box::new(Still) as Box<dyn Source>)
+        };
+        let clock = Turned(Arc::new(Mutex::new(Instant::now())));
+        let mut source = AwaitedSource::new("camera", open, clock);
+        let mut frame = Frame::default();
+        let came = (0..10).any(|_| match source.next_into(&mut frame) {
+            Ok(more) => more,
+            Err(e) => {
+                assert!(e.is_skippable(), "{e}");
+                false
+            }
+        });
+        assert!(came);
     }
 }

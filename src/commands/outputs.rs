@@ -1,12 +1,15 @@
 //! The files that a verb writes, as the user names them, and how a verb ends.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::exit::Failure;
+use super::say;
 use crate::output;
 use crate::record::{Format, Row};
-use crate::sink::{RecordSink, SinkError, Sinks};
+use crate::sink::{PatientRecord, RecordSink, SinkError, Sinks};
 
 /// Options of what is recorded.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -42,16 +45,69 @@ impl RecordArgs {
         has_end: bool,
         sinks: &mut Sinks<T::Message>,
     ) -> Result<(), SinkError> {
-        let lines = self.jsonl.iter().map(|path| (path, Format::Jsonl));
-        let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
-        for (path, format) in all {
-            if path.as_os_str() != output::STDOUT {
-                output::sweep(output::parent(path));
-            }
+        for (path, format) in self.each() {
             let record = RecordSink::<T>::create(path, format)?;
             sinks.push(if has_end { record } else { record.growing() });
         }
         Ok(())
+    }
+
+    /// Starts the records of a camera that is watched for weeks: where one cannot be written any more, everything else
+    /// goes on. Only who reads standard output and leaves wants the end.
+    ///
+    /// # Errors
+    /// [`SinkError::Create`].
+    pub fn add_patient_to<T: Row + 'static>(
+        &self,
+        sinks: &mut Sinks<T::Message>,
+    ) -> Result<(), SinkError> {
+        for (path, format) in self.each() {
+            if path.as_os_str() == output::STDOUT {
+                sinks.push(RecordSink::<T>::create(path, format)?.growing());
+            } else {
+                sinks.push(PatientRecord::<T>::create(path, format)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks whether the records could be made, without making any. Where a relative path begins only the run knows.
+    ///
+    /// # Errors
+    /// Exit code 78; what this user may not do another may: that is only said.
+    pub fn expect_place(&self, camera: &str) -> anyhow::Result<()> {
+        for path in self.jsonl.iter().chain(&self.record) {
+            let tried = match path.is_absolute() {
+                true => output::try_place(path),
+                false => Ok(()),
+            };
+            match tried {
+                Ok(()) => {}
+                Err(e) if e.kind() == ErrorKind::PermissionDenied => say::err(&format!(
+                    "[[camera]] {camera}: {}: this user may not write there; who runs it has to",
+                    path.display()
+                )),
+                Err(e) => {
+                    return Err(Failure::config(format!(
+                        "[[camera]] {camera}: expected a place for a record, found {}: {e}; choose a writable one",
+                        path.display()
+                    ))
+                    .into());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What is recorded, and how, where what killed processes left is cleared away.
+    fn each(&self) -> impl Iterator<Item = (&PathBuf, Format)> {
+        let lines = self.jsonl.iter().map(|path| (path, Format::Jsonl));
+        let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
+        all.inspect(|(path, _)| {
+            if path.as_os_str() != output::STDOUT {
+                output::sweep(output::parent(path));
+            }
+        })
     }
 }
 

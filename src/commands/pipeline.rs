@@ -62,7 +62,7 @@ impl Pipeline {
     /// # Errors
     /// If the model cannot be read or does not fit the stages.
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
-        let model = open(options)?;
+        let model = open(options.model, options.stage2)?;
         let precision = if model.is_quantised() {
             Precision::Int8
         } else {
@@ -78,6 +78,12 @@ impl Pipeline {
                 ..EngineOptions::default()
             },
         )?;
+        let (started, wanted) = (engine.threads(), options.threads.max(1));
+        if started < wanted {
+            tracing::warn!(
+                "{started} of {wanted} threads could be started: raise TasksMax= of the service, or set fewer threads"
+            );
+        }
         let isa = engine.isa();
         if isa == Isa::Scalar {
             tracing::warn!("{SCALAR_ONLY}");
@@ -171,15 +177,29 @@ impl Pipeline {
     }
 }
 
-fn open(options: &PipelineOptions) -> anyhow::Result<Model> {
+/// Reads a model and weights that are named as the stages would.
+///
+/// # Errors
+/// If they cannot be read or do not fit the stages.
+pub fn expect_model(model: Option<&Path>, stage2: Option<&Path>) -> anyhow::Result<()> {
+    if model.is_none() && stage2.is_none() {
+        return Ok(());
+    }
+    let model = open(model, stage2)?;
+    association(&model)?;
+    lifter(&model, Isa::Scalar)?;
+    Ok(())
+}
+
+fn open(model: Option<&Path>, stage2: Option<&Path>) -> anyhow::Result<Model> {
     let named = |path: &Path| format!("model {}", path.display());
-    let model = match options.model {
+    let model = match model {
         Some(path) => {
             Model::open_any(path, Network::shipped("selecsls")?).with_context(|| named(path))?
         }
         None => Model::shipped()?,
     };
-    match options.stage2 {
+    match stage2 {
         Some(path) => {
             let bytes = crate::bounded::read(path, crate::bounded::DATA)
                 .map_err(|e| Failure::no_input(path, &e))?;

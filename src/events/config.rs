@@ -94,12 +94,35 @@ impl EventConfig {
             if numbers.into_iter().any(|c| !c.is_finite()) {
                 return Some(format!("zone '{name}': expected finite numbers"));
             }
+            if let Some(dwell) = zone.dwell.filter(|d| *d < 0.0) {
+                return Some(format!(
+                    "zone '{name}': dwell: expected 0 seconds or more, found {dwell}"
+                ));
+            }
+            if zone.is_line() {
+                return Some(format!(
+                    "zone '{name}': expected corners around a part of the floor, found all of them on one line"
+                ));
+            }
         }
         None
     }
 }
 
 impl Zone {
+    /// Whether all corners lie on one line, to a square millimetre: nobody is ever in it.
+    fn is_line(&self) -> bool {
+        let Some((first, rest)) = self.corners.split_first() else {
+            return true;
+        };
+        let from_first = |c: &[f64; 2]| [c[0] - first[0], c[1] - first[1]];
+        let ways: Vec<[f64; 2]> = rest.iter().map(from_first).collect();
+        ways.iter().enumerate().all(|(n, a)| {
+            let around = |b: &[f64; 2]| (a[0] * b[1] - a[1] * b[0]).abs();
+            ways[..n].iter().all(|b| around(b) < 1e-6)
+        })
+    }
+
     /// Whether a place on the floor lies in it. Even-odd rule.
     pub fn holds(&self, [x, z]: [f64; 2]) -> bool {
         let next = self.corners.iter().cycle().skip(1);
@@ -117,6 +140,31 @@ impl Zone {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn zones_in_which_nobody_can_be_are_mistakes() {
+        let mistake = |corners: &[[f64; 2]], dwell| {
+            let zone = vec![Zone {
+                name: "till".to_owned(),
+                corners: corners.to_vec(),
+                dwell,
+            }];
+            let config = EventConfig {
+                zone,
+                ..EventConfig::default()
+            };
+            config.mistake()
+        };
+        let line = mistake(&[[0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [3.0, 3.0]], None);
+        assert!(line.is_some_and(|m| m.contains("on one line")));
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]];
+        let before = mistake(&square, Some(-1.0));
+        assert!(before.is_some_and(|m| m.contains("dwell") && m.contains("-1")));
+        assert_eq!(mistake(&square, Some(0.0)), None);
+        // Its halves are equal and opposite, and hold people all the same.
+        let crossed = [[0.0, 0.0], [1.0, -1.0], [1.0, 0.0], [0.0, -1.0]];
+        assert_eq!(mistake(&crossed, None), None);
+    }
 
     #[test]
     fn a_zone_holds_what_lies_between_its_corners() {

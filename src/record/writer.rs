@@ -58,6 +58,22 @@ impl<T: Row> RecordWriter<T> {
         self.file.break_off();
     }
 
+    /// After a failure, as [`AtomicFile::go_back`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn go_back(&mut self) -> io::Result<bool> {
+        self.file.go_back()
+    }
+
+    /// Brings the rows so far out of this process, so that a failure shows now.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+
     /// As [`AtomicFile::keeps_anything`].
     pub fn keeps_anything(&self) -> bool {
         self.file.keeps_anything()

@@ -44,13 +44,31 @@ impl<T: Row> RecordSink<T> {
     }
 }
 
+impl<T: Row> RecordSink<T> {
+    /// As [`take`](Sink::take), and the result has left this process.
+    pub(super) fn take_at_once(
+        &mut self,
+        packet: &Packet<'_, T::Message>,
+    ) -> Result<(), SinkError> {
+        self.take(packet)?;
+        self.writer.flush().map_err(|e| self.failure(e))
+    }
+
+    /// After a failure: whether it can be tried again with this file.
+    pub(super) fn go_back(&mut self) -> bool {
+        self.writer.go_back().unwrap_or(false)
+    }
+
+    fn failure(&self, cause: std::io::Error) -> SinkError {
+        let keeps = self.writer.keeps_anything();
+        failed(self.writer.path().to_owned(), keeps, cause)
+    }
+}
+
 impl<T: Row> Sink<T::Message> for RecordSink<T> {
     fn take(&mut self, packet: &Packet<'_, T::Message>) -> Result<(), SinkError> {
         let written = self.writer.write(packet.message, packet.source);
-        written.map_err(|e| {
-            let keeps = self.writer.keeps_anything();
-            failed(self.writer.path().to_owned(), keeps, e)
-        })
+        written.map_err(|e| self.failure(e))
     }
 
     fn break_off(&mut self) {

@@ -31,6 +31,8 @@ enum Act {
 enum Opening {
     Works(Vec<Act>),
     Fails,
+    /// Not permitted, for this reason.
+    Forbidden(&'static str),
 }
 
 #[derive(Clone)]
@@ -85,6 +87,10 @@ impl CameraPort for FakePort {
                     alive: self.alive.clone(),
                 }))
             }
+            Some(Opening::Forbidden(remedy)) => Err(CaptureError::Permission {
+                input: "fake".into(),
+                remedy: remedy.into(),
+            }),
             _ => Err(CaptureError::Unavailable {
                 what: "fake".into(),
                 reason: "not there".into(),
@@ -199,6 +205,51 @@ fn every_error_leads_to_reopening() {
         ]);
         assert_eq!(next_picture(&mut live).0, 0, "error {code}");
     }
+}
+
+/// What is said while `work` is done.
+fn said(work: impl FnOnce()) -> String {
+    #[derive(Clone, Default)]
+    struct Said(Arc<Mutex<Vec<u8>>>);
+    impl io::Write for Said {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().extend(bytes);
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let said = Said::default();
+    let to = said.clone();
+    let log = tracing_subscriber::fmt()
+        .with_writer(move || to.clone())
+        .finish();
+    tracing::subscriber::with_default(log, work);
+    let said = said.0.lock().unwrap();
+    String::from_utf8(said.clone()).unwrap()
+}
+
+#[test]
+fn why_a_camera_cannot_be_opened_again_is_said_once_and_when_it_changes() {
+    let text = said(|| {
+        let (mut live, _, _) = live(vec![
+            Opening::Works(vec![Act::Fail(libc::ENODEV)]),
+            Opening::Fails,
+            Opening::Fails,
+            Opening::Forbidden("ask"),
+            Opening::Forbidden("ask"),
+            Opening::Forbidden("ask again"),
+            Opening::Works(vec![Act::Picture(0)]),
+        ]);
+        next_picture(&mut live);
+    });
+    let why = text
+        .lines()
+        .filter(|l| l.contains("cannot be opened again"));
+    let why: Vec<&str> = why.collect();
+    assert_eq!(why.len(), 2, "{text}");
+    assert!(why[0].ends_with("; ask") && why[1].ends_with("; ask again"));
 }
 
 #[test]

@@ -94,6 +94,13 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "2:11",
             "this machine itself",
         ),
+        ("[[camera]]\ninput = \"\"", "2:1", "expected a name"),
+        ("[[camera]]\nrecord = \"\"", "2:1", "expected a name"),
+        (
+            "[[camera]]\nevents = { zone = [{ name = \"a\", corners = [[0, 0], [1, 1], [2, 2]] }] }",
+            "2:1",
+            "on one line",
+        ),
         ("camera = 3", "1:10", "camera.0: expected tables"),
         ("[network]\nsize = ", "2:8", ""),
         (
@@ -167,6 +174,8 @@ fn the_sample_is_right_and_holds_every_key() {
             .replace("fit = \"fit.toml\"\n", "")
             .replace("model =", "#")
             .replace("stage2 =", "#")
+            // It excludes the size.
+            .replace("\nquality =", "\n#quality =")
             .replace("\ncalibration =", "\n#calibration ="),
         &[],
     );
@@ -205,6 +214,50 @@ fn flags_win_over_the_file_and_everything_says_where_it_came_from() {
             .collect()
     };
     assert_eq!(values(&again), values(&said));
+}
+
+/// What a run ends with for good, a service that is not started again.
+#[test]
+fn what_no_run_would_start_with_is_not_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = folder.path().join("lens.toml");
+    std::fs::write(&other, "fov_degrees = 75.0\n").unwrap();
+    let model = format!("[network]\nmodel = {other:?}\n");
+    let record =
+        "[[camera]]\nname = \"hall\"\ninput = \"camera\"\nrecord = \"/proc/nowhere/a.ecr\"\n";
+    let both = "[network]\nsize = \"384x240\"\nquality = \"fast\"\n";
+    for (text, code, words) in [
+        (both, 78, "--quality"),
+        (&model, 65, "lens.toml"),
+        (record, 78, "/proc/nowhere/a.ecr"),
+    ] {
+        // Root's words of /proc are not those of others.
+        if text == record && !rustix::process::geteuid().is_root() {
+            continue;
+        }
+        let out = config("check", text, &[]);
+        let err = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(code), "{text}: {err}");
+        assert!(err.contains(words), "{text}: {err}");
+    }
+}
+
+#[test]
+fn a_typed_size_or_quality_silences_the_other_one_of_the_file() {
+    let line = |text: &str, more: &[&str], start: &str| {
+        let said = stdout(&config("print", text, more));
+        said.lines()
+            .find(|l| l.starts_with(start))
+            .map(str::to_owned)
+    };
+    let quality = "[network]\nquality = \"fast\"\n";
+    let typed = ["--size", "384x240"];
+    assert!(line(quality, &typed, "size = \"384x240\"").is_some());
+    assert!(line(quality, &typed, "#quality =").is_some());
+    let size = "[network]\nsize = \"384x240\"\n";
+    let typed = ["--quality", "fast"];
+    assert!(line(size, &typed, "quality = \"fast\"").is_some());
+    assert!(line(size, &typed, "#size =").is_some());
 }
 
 #[test]

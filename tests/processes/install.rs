@@ -7,7 +7,6 @@ use std::process::{Command, Output};
 use crate::program::{edgecap, stderr};
 
 fn install(root: &Path, more: &[&str]) -> Output {
-    let home = root.join("home");
     let out = edgecap()
         .args(["install", "--root", root.to_str().unwrap()])
         .args(more)
@@ -17,7 +16,6 @@ fn install(root: &Path, more: &[&str]) -> Output {
         .output()
         .unwrap();
     assert!(out.status.success(), "{more:?}: {}", stderr(&out));
-    assert!(!home.join("none").exists());
     out
 }
 
@@ -89,6 +87,10 @@ fn the_machines_service_comes_once_stays_and_goes() {
     let config = root.path().join("etc/edgecap/edgecap.toml");
     // It may hold a token; the rule below gives it to the service's group.
     assert_eq!(mode(&config), 0o640);
+    // 'udevadm trigger' says "change" of the cameras that are there.
+    let rules = root.path().join("etc/udev/rules.d/70-edgecap.rules");
+    let rules = std::fs::read_to_string(rules).unwrap();
+    assert!(!rules.contains("ACTION==\"add\""), "{rules}");
     let rule = std::fs::read_to_string(root.path().join("etc/tmpfiles.d/edgecap.conf")).unwrap();
     let line = "z /etc/edgecap/edgecap.toml 0640 root edgecap -";
     assert!(rule.lines().any(|l| l == line), "{rule}");
@@ -162,6 +164,51 @@ fn a_persons_service_lies_in_that_persons_home() {
     assert_eq!(mode(&root.path().join(settings)), 0o600);
     install(root.path(), &["--user", "--uninstall"]);
     assert!(files(root.path()).is_empty());
+}
+
+/// `install` for a person whose `systemctl` fails at this verb.
+fn install_with_systemctl(home: &Path, verb: &str, more: &[&str]) -> Output {
+    use std::os::unix::fs::PermissionsExt;
+    let systemctl = home.join("systemctl");
+    let script = format!(
+        "#!/bin/sh\n[ \"$2\" != {verb} ] || {{ echo 'Unit edgecap.service is masked.' >&2; exit 1; }}\n"
+    );
+    std::fs::write(&systemctl, script).unwrap();
+    std::fs::set_permissions(&systemctl, std::fs::Permissions::from_mode(0o755)).unwrap();
+    edgecap()
+        .args(["install", "--user"])
+        .args(more)
+        .env("HOME", home)
+        .env("PATH", home)
+        .env_remove("XDG_CONFIG_HOME")
+        .env_remove("XDG_DATA_HOME")
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn a_service_that_does_not_start_is_no_success() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let out = install_with_systemctl(home, "restart", &[]);
+    assert_eq!(out.status.code(), Some(69), "{}", stderr(&out));
+    assert!(stderr(&out).contains("is masked"), "{}", stderr(&out));
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(!said.contains("is installed"), "{said}");
+    let failed = said.lines().find(|l| l.starts_with("failed")).unwrap();
+    assert!(failed.contains("restart") && failed.contains("is masked"));
+    assert!(home.join(".local/bin/edgecap").exists(), "the rest is done");
+    // What other commands fail of is said, and that is all.
+    let out = install_with_systemctl(home, "daemon-reload", &[]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert_eq!(words(&out)["failed"], 1);
+
+    let out = install_with_systemctl(home, "disable", &["--uninstall"]);
+    assert_eq!(out.status.code(), Some(69), "{}", stderr(&out));
+    assert!(!home.join(".local/bin/edgecap").exists());
+    // Nothing is there any more that could run.
+    let out = install_with_systemctl(home, "disable", &["--uninstall"]);
+    assert!(out.status.success(), "{}", stderr(&out));
 }
 
 #[test]

@@ -5,8 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::program::stand_in::{StandIn, Watched};
 use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
 use edgecap::capture::{AviReader, AviWriter, Frame, Source, demo};
+use edgecap::message::BodyFrame;
+use edgecap_client::Subscriber;
 
 const SMALL: [&str; 4] = ["--size", "256x160", "--threads", "1"];
 
@@ -211,6 +214,27 @@ fn nobody_who_listens_is_no_reason_to_end() {
         .unwrap();
     assert_eq!(status.code(), Some(65), "the film is cut, that is all");
     assert!(count(&lines) >= 2);
+}
+
+#[test]
+fn a_full_disk_under_a_record_does_not_end_a_camera() {
+    let camera = StandIn::new(30.0);
+    let watched = Watched::start("full-disk", &camera, &["--jsonl", "/dev/full"]);
+    let bodies: Subscriber<BodyFrame> = watched.listen();
+    for _ in 0..5 {
+        eventually("a body", || {
+            bodies.next(Duration::from_millis(100)).unwrap()
+        });
+    }
+    drop(bodies);
+    let out = watched.stop();
+    let said = stderr(&out);
+    let lines = said
+        .lines()
+        .filter(|l| l.contains("everything else goes on"));
+    assert_eq!(lines.count(), 1, "{said}");
+    // The record is not whole.
+    assert_eq!(out.status.code(), Some(74), "{said}");
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! Controls of a camera by name, as the user gives them: `exposure_time_absolute=200`.
 
 use std::fmt;
+use std::io;
 use std::path::Path;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use super::refusal::refused;
-use super::v4l2::{Camera, Control, ControlKind};
+use super::v4l2::{Camera, Control, ControlKind, Controls};
 use crate::capture::error::{CaptureError, name_of};
 
 /// A wish: this control, set to that.
@@ -149,19 +150,24 @@ fn values(control: &Control) -> String {
 /// Sets what the user wishes, in the order given: automatic exposure is switched off before an exposure is set.
 ///
 /// # Errors
-/// One line: a control or value that this camera does not have, or its driver's refusal.
-pub(super) fn apply(camera: &Camera, wishes: &[ControlSetting]) -> Result<(), String> {
-    if wishes.is_empty() {
-        return Ok(());
-    }
+/// [`CaptureError::Config`] for a control or value that this camera does not have; else as [`refused`]: what a cable
+/// does to one of many calls must not look like a mistake in the settings.
+pub(super) fn apply(
+    camera: &Camera,
+    device: &str,
+    wishes: &[ControlSetting],
+) -> Result<(), CaptureError> {
     for wish in wishes {
         // Asked anew each time: one control makes another one active.
-        let controls = camera.controls();
-        let control = find(&controls, &wish.name)?;
-        let number = number(control, &wish.value)?;
+        let Controls { found, broken_off } = camera.controls();
+        let control = find(&found, &wish.name).map_err(|why| match broken_off {
+            Some(e) => refused(device, e),
+            None => mistake(device, why),
+        })?;
+        let number = number(control, &wish.value).map_err(|why| mistake(device, why))?;
         camera
             .set_control(control.id, number)
-            .map_err(|e| format!("the camera refuses {wish} ({e}); try another value"))?;
+            .map_err(|e| not_set(device, wish, e))?;
         if control.inactive {
             tracing::warn!(
                 "{wish} has no effect while another control decides: switch the automatic one off before it"
@@ -169,6 +175,24 @@ pub(super) fn apply(camera: &Camera, wishes: &[ControlSetting]) -> Result<(), St
         }
     }
     Ok(())
+}
+
+fn mistake(device: &str, reason: String) -> CaptureError {
+    CaptureError::Config {
+        setting: device.to_owned(),
+        reason,
+    }
+}
+
+/// What a driver says against a value, and what has nothing to do with it.
+fn not_set(device: &str, wish: &ControlSetting, error: io::Error) -> CaptureError {
+    match error.raw_os_error() {
+        Some(libc::EINVAL | libc::ERANGE | libc::EACCES) => mistake(
+            device,
+            format!("the camera refuses {wish} ({error}); try another value"),
+        ),
+        _ => refused(device, error),
+    }
 }
 
 /// A line for every control of a camera: its name, what it is set to, what it takes.
@@ -200,7 +224,11 @@ pub fn list_controls(path: &Path) -> Result<Vec<String>, CaptureError> {
             values(&control)
         )
     };
-    Ok(camera.controls().into_iter().map(line).collect())
+    let Controls { found, broken_off } = camera.controls();
+    if let Some(e) = broken_off {
+        tracing::warn!("{name}: the camera does not name all of its controls ({e}); try again");
+    }
+    Ok(found.into_iter().map(line).collect())
 }
 
 #[cfg(test)]
@@ -263,6 +291,24 @@ mod tests {
         ok("power_line_frequency=2", "Power Line Frequency", 2);
         ok("focus_auto=off", "Focus, Auto", 0);
         ok("focus=1", "Focus, Auto", 1);
+    }
+
+    #[test]
+    fn only_a_value_that_the_driver_refuses_is_a_mistake_in_the_settings() {
+        let wish: ControlSetting = "focus_auto=off".parse().unwrap();
+        let not_set = |code| not_set("video0", &wish, io::Error::from_raw_os_error(code));
+        for code in [libc::EINVAL, libc::ERANGE, libc::EACCES] {
+            assert_eq!(not_set(code).exit_code(), 78, "{code}");
+        }
+        for code in [
+            libc::EIO,
+            libc::EPIPE,
+            libc::ETIMEDOUT,
+            libc::ENODEV,
+            libc::EBUSY,
+        ] {
+            assert!(not_set(code).may_pass(), "{code}");
+        }
     }
 
     #[test]

@@ -70,6 +70,8 @@ pub struct Live<P, C> {
     sequence: Option<u64>,
     /// Count of the last picture in the camera's terms, since it was opened.
     counter: Option<u32>,
+    /// Why it could not be opened again, the last time, since it went away.
+    refusal: Option<String>,
 }
 
 enum State {
@@ -106,6 +108,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
             },
             sequence: None,
             counter: None,
+            refusal: None,
         })
     }
 
@@ -120,6 +123,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                 Ok(Some(counter)) => {
                     *last_picture = self.clock.now();
                     if awaited.take().is_some() {
+                        self.refusal = None;
                         tracing::info!("{}: camera is back", self.port.name());
                     }
                     raw.sequence = self.count(counter);
@@ -155,14 +159,30 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                         Step::Waiting("the camera is there, no picture yet".into())
                     }
                     Err(e) => {
-                        tracing::debug!("{e}");
                         *delay = (*delay * 2).min(LAST_DELAY);
                         *next_try = self.clock.now() + *delay;
-                        Step::Waiting(reason.clone())
+                        let reason = reason.clone();
+                        self.refused(&e);
+                        Step::Waiting(reason)
                     }
                 }
             }
         }
+    }
+
+    /// Says why it cannot be opened again, once: that it is away was said when it went.
+    fn refused(&mut self, error: &CaptureError) {
+        let why = error.to_string();
+        let is_news = match &self.refusal {
+            None => !error.may_pass(),
+            Some(before) => *before != why,
+        };
+        if is_news {
+            tracing::warn!("the camera cannot be opened again, and is tried on: {why}");
+        } else {
+            tracing::debug!("{why}");
+        }
+        self.refusal = Some(why);
     }
 
     /// Whether the camera is open, as far as is known.

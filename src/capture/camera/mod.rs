@@ -5,6 +5,7 @@
 
 mod controls;
 mod decode;
+mod identity;
 mod list;
 mod live;
 mod lock;

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use super::controls;
 use super::decode::{PictureDecoder, PixelFormat, RawLayout};
+use super::identity::{Identity, Who};
 use super::list::{CameraInfo, list_cameras};
 use super::live::{CameraPort, CameraStream};
 use super::mode::{Mode, choose_mode};
 use super::refusal::{refused, unusable};
-use super::v4l2::{Camera, Filled, Ready, Sizes, Stream};
+use super::v4l2::{Camera, Capabilities, Filled, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::raw::RawPicture;
@@ -33,8 +34,8 @@ pub struct V4l2Port {
     path: PathBuf,
     name: String,
     options: OpenOptions,
-    /// Who was there when it was first opened.
-    camera: Option<CameraInfo>,
+    /// Who was there when it was last opened.
+    identity: Identity,
 }
 
 impl V4l2Port {
@@ -44,13 +45,13 @@ impl V4l2Port {
             path: path.to_owned(),
             name: name_of(path),
             options: options.clone(),
-            camera: None,
+            identity: Identity::default(),
         }
     }
 
     /// The device file, or the one that the same camera got when it was plugged in again.
     fn find(&self) -> PathBuf {
-        let Some(camera) = self.camera.as_ref().filter(|_| !self.path.exists()) else {
+        let Some(camera) = self.identity.camera().filter(|_| !self.path.exists()) else {
             return self.path.clone();
         };
         let others = list_cameras().unwrap_or_default();
@@ -58,6 +59,53 @@ impl V4l2Port {
             .into_iter()
             .find(|other| other.is_same_camera(camera))
             .map_or_else(|| self.path.clone(), |other| other.path)
+    }
+
+    fn open_device(&self, path: &Path) -> Result<(Camera, Capabilities), CaptureError> {
+        let camera = Camera::open(path).map_err(|e| refused(&self.name, e))?;
+        let caps = camera.capabilities().map_err(|e| refused(&self.name, e))?;
+        Ok((camera, caps))
+    }
+
+    /// Opens the device file of the camera that was there before, where that has another one now.
+    fn open_same(&mut self) -> Result<(Camera, Capabilities, CameraInfo), CaptureError> {
+        let path = self.find();
+        let (camera, caps) = self.open_device(&path)?;
+        let here = CameraInfo::new(path, caps.clone());
+        let all = || list_cameras().unwrap_or_default();
+        match self.identity.compare(&here, all) {
+            Who::Same => Ok((camera, caps, here)),
+            Who::At(path) => {
+                let (camera, caps) = self.open_device(&path)?;
+                let found = CameraInfo::new(path, caps.clone());
+                match self.identity.compare(&found, Vec::new) {
+                    Who::Same => Ok((camera, caps, found)),
+                    // Gone again.
+                    _ => Err(refused(
+                        &self.name,
+                        io::Error::from_raw_os_error(libc::ENODEV),
+                    )),
+                }
+            }
+            Who::Early(before) => Err(CaptureError::Unavailable {
+                what: self.name.clone(),
+                reason: format!(
+                    "expected {} at {}, found {} at {}, which is another camera; plug the right one in",
+                    before.name, before.bus, here.name, here.bus
+                ),
+            }),
+            Who::Another(before) => {
+                tracing::warn!(
+                    "{}: another camera is here now, and its pictures are taken: {} at {} in place of {} at {}",
+                    self.name,
+                    here.name,
+                    here.bus,
+                    before.name,
+                    before.bus
+                );
+                Ok((camera, caps, here))
+            }
+        }
     }
 }
 
@@ -93,9 +141,7 @@ fn nearest([smallest, largest, step]: [u32; 3], wish: u32) -> u32 {
 
 impl CameraPort for V4l2Port {
     fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
-        let path = self.find();
-        let camera = Camera::open(&path).map_err(|e| refused(&self.name, e))?;
-        let caps = camera.capabilities().map_err(|e| refused(&self.name, e))?;
+        let (camera, caps, info) = self.open_same()?;
         if !caps.can_stream {
             let what = if caps.multi_plane {
                 "gives multi-plane pictures, which are not supported"
@@ -140,23 +186,18 @@ impl CameraPort for V4l2Port {
         })
         .map_err(|reason| CaptureError::data(self.name.clone(), reason))?;
         let fps = camera.set_rate(wanted_fps);
-        controls::apply(&camera, &self.options.controls).map_err(|reason| {
-            CaptureError::Config {
-                setting: self.name.clone(),
-                reason,
-            }
-        })?;
+        controls::apply(&camera, &self.name, &self.options.controls)?;
         let stream = Stream::start(&camera).map_err(|e| refused(&self.name, e))?;
         tracing::info!(
             "{}: {} ({}), {}x{} {format:?} at {} fps",
-            path.display(),
+            info.path.display(),
             caps.card,
             caps.driver,
             agreed.width,
             agreed.height,
             fps.map_or("unknown".into(), |f| format!("{f:.1}")),
         );
-        self.camera = Some(CameraInfo::new(path, caps));
+        self.identity.remember(info);
         Ok(Box::new(V4l2Stream {
             stream,
             layout: decoder.layout(),

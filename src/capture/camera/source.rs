@@ -24,25 +24,15 @@ pub struct CameraSource<P = V4l2Port, C = SystemClock> {
 }
 
 impl CameraSource {
-    /// Opens a camera by its device file, or the first one there is that is not in use.
+    /// Opens a camera by its device file, or the first one there is that is of use and not in use.
     ///
     /// # Errors
     /// [`CaptureError::Unavailable`] without a camera, [`CaptureError::Busy`] when it is in use,
     /// [`CaptureError::Permission`] when this user may not open it.
     pub fn open(path: Option<&Path>, options: &OpenOptions) -> Result<Self, CaptureError> {
         let Some(path) = path else {
-            let mut refusal = None;
-            for camera in list_cameras()? {
-                match Self::open_path(&camera.path, options) {
-                    Err(e @ CaptureError::Busy { .. }) => refusal = refusal.or(Some(e)),
-                    other => return other,
-                }
-            }
-            // The list is never empty, so that without a camera there is a refusal.
-            return Err(refusal.unwrap_or(CaptureError::Unavailable {
-                what: "camera".into(),
-                reason: "no camera found; plug one in".into(),
-            }));
+            let paths = list_cameras()?.into_iter().map(|camera| camera.path);
+            return first(paths, |path| Self::open_path(&path, options));
         };
         Self::open_path(path, options)
     }
@@ -52,6 +42,25 @@ impl CameraSource {
         let live = Live::new(V4l2Port::new(path, options), SystemClock)?;
         Ok(Self::new(live, Some(lock)))
     }
+}
+
+/// The first that opens; else why the first of them did not. One that is in use, or of no use, is not all there is.
+fn first<P, T>(
+    paths: impl IntoIterator<Item = P>,
+    mut open: impl FnMut(P) -> Result<T, CaptureError>,
+) -> Result<T, CaptureError> {
+    let mut refusal = None;
+    for path in paths {
+        match open(path) {
+            Err(e) if e.may_pass() => refusal = refusal.or(Some(e)),
+            other => return other,
+        }
+    }
+    // The list is never empty, so that without a camera there is a refusal.
+    Err(refusal.unwrap_or(CaptureError::Unavailable {
+        what: "camera".into(),
+        reason: "no camera found; plug one in".into(),
+    }))
 }
 
 /// A name that is the same for all links to a device: `/dev/video0` for `/dev/v4l/by-id/usb-…`.
@@ -115,5 +124,37 @@ impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
 
     fn name(&self) -> &str {
         &self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_cameras_that_cannot_be_used_the_first_is_named_and_the_next_is_taken() {
+        let open = |name: &str| match name {
+            "busy" => Err(CaptureError::Busy {
+                device: name.into(),
+                reason: String::new(),
+            }),
+            "infrared" => Err(CaptureError::Unavailable {
+                what: name.into(),
+                reason: String::new(),
+            }),
+            "wrong" => Err(CaptureError::Config {
+                setting: name.into(),
+                reason: String::new(),
+            }),
+            other => Ok(other.to_owned()),
+        };
+        let taken = first(["infrared", "busy", "webcam", "other"], open);
+        assert_eq!(taken.unwrap(), "webcam");
+        let refused = first(["infrared", "busy"], open).unwrap_err();
+        assert!(refused.to_string().contains("infrared"), "{refused}");
+        assert_eq!(
+            first(["wrong", "webcam"], open).unwrap_err().exit_code(),
+            78
+        );
     }
 }

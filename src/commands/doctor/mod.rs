@@ -1,5 +1,6 @@
 //! `edgecap doctor`: what of this machine works, and what to do about the rest.
 
+mod beyond;
 mod finding;
 mod memory;
 mod patience;
@@ -7,6 +8,7 @@ mod pictures;
 mod service;
 mod speed;
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use edgecap_client::place;
@@ -67,8 +69,15 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     };
     say(Finding::new("build", State::Fine, crate::BUILD))?;
     say(within(speed::PROCESSOR, LIMIT, speed::processor))?;
-    let (finding, runs) = settled(args.settings);
+    let Settled {
+        finding,
+        file,
+        runs,
+    } = settled(args.settings);
     say(finding)?;
+    if let Some(finding) = beyond::beyond(file.as_deref(), &runs[0].bridges) {
+        say(finding)?;
+    }
     let mut engine = runs[0].engine.clone();
     engine.threads = args.threads.or(engine.threads);
     say(within(speed::SPEED, SPEED_LIMIT, move || {
@@ -96,8 +105,25 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     }
 }
 
-/// The settings file, and what a run takes with it: never nothing.
-fn settled(args: ConfigArgs) -> (Finding, Vec<RunArgs>) {
+/// The settings.
+struct Settled {
+    finding: Finding,
+    file: Option<PathBuf>,
+    /// What a run takes with them: never nothing.
+    runs: Vec<RunArgs>,
+}
+
+impl Settled {
+    fn without(finding: Finding) -> Self {
+        Self {
+            finding,
+            file: None,
+            runs: vec![RunArgs::default()],
+        }
+    }
+}
+
+fn settled(args: ConfigArgs) -> Settled {
     let read = move || -> anyhow::Result<_> {
         let settings = Settings::load(&args)?;
         let effective = settings::effective(&RunArgs::of_settings(args), &settings)?;
@@ -107,17 +133,22 @@ fn settled(args: ConfigArgs) -> (Finding, Vec<RunArgs>) {
     match attempt(FILE_LIMIT, read) {
         Some(Ok((Some(file), runs))) => {
             let text = format!("{}: right; cameras: {}", file.display(), runs.len());
-            (Finding::new(SETTINGS, State::Fine, text), runs)
+            Settled {
+                finding: Finding::new(SETTINGS, State::Fine, text),
+                file: Some(file),
+                runs,
+            }
         }
         Some(Ok((None, runs))) => {
             let text = "no edgecap.toml: defaults hold; 'edgecap config sample' is one";
-            (Finding::new(SETTINGS, State::Note, text), runs)
+            Settled {
+                finding: Finding::new(SETTINGS, State::Note, text),
+                file: None,
+                runs,
+            }
         }
-        Some(Err(e)) => (Finding::failed(SETTINGS, e), vec![RunArgs::default()]),
-        None => {
-            let finding = Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS);
-            (finding, vec![RunArgs::default()])
-        }
+        Some(Err(e)) => Settled::without(Finding::failed(SETTINGS, e)),
+        None => Settled::without(Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS)),
     }
 }
 

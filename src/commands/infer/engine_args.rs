@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::{Inputs, Quality};
 use crate::commands::exit::Failure;
-use crate::commands::pipeline::{Pipeline, PipelineOptions};
+use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -29,12 +29,17 @@ pub struct EngineArgs {
     /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
-    /// Threads for the network [default: all cores; for films and cameras fewer where that is measured to be faster]
+    /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that
+    /// is measured to be faster]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
     /// Look at the mirror image of every picture, too, and take the mean: more accurate, twice the time
     #[arg(long)]
     pub flip_test: bool,
+    /// Cameras that share the cores; nothing that a user says.
+    #[arg(skip)]
+    #[serde(skip)]
+    pub cameras: Option<usize>,
 }
 
 /// The network's input.
@@ -120,12 +125,21 @@ impl EngineArgs {
         Ok(Inputs::new(self.size, self.quality, film))
     }
 
-    /// Threads that there are for a picture.
+    /// Threads that there are for a picture: so many as are set, else this camera's part of the cores.
     pub fn most_threads(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         self.threads.map_or_else(
-            || std::thread::available_parallelism().map_or(1, usize::from),
+            || cores().div_ceil(self.cameras.unwrap_or(1).max(1)),
             usize::from,
         )
+    }
+
+    /// Reads the model that is named as a run would.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn expect_model(&self) -> anyhow::Result<()> {
+        pipeline::expect_model(self.model.as_deref(), self.stage2.as_deref())
     }
 
     /// The stages at this size.
@@ -142,5 +156,27 @@ impl EngineArgs {
             threads,
             flip_test: self.flip_test,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_divide_the_cores_and_never_what_the_user_set() {
+        let threads = |threads, cameras| {
+            let engine = EngineArgs {
+                threads,
+                cameras,
+                ..EngineArgs::default()
+            };
+            engine.most_threads()
+        };
+        let cores = threads(None, None);
+        assert_eq!(threads(None, Some(1)), cores);
+        assert_eq!(threads(None, Some(cores)), 1);
+        assert_eq!(threads(None, Some(1000)), 1, "at least one");
+        assert_eq!(threads(Some(7), Some(1000)), 7);
     }
 }

@@ -77,6 +77,10 @@ pub struct InferTask {
     #[arg(skip)]
     #[serde(default)]
     pub waits: bool,
+    /// Cameras that share this machine's cores.
+    #[arg(skip)]
+    #[serde(default)]
+    pub cameras: Option<usize>,
 }
 
 /// Runs Stage I, association and Stage II on every frame of the input.
@@ -86,7 +90,8 @@ pub struct InferTask {
 pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let is_supervised = args.job.is_some();
-    let Supervised { task, heart } = job::supervised(args.job, args.task)?;
+    let Supervised { mut task, heart } = job::supervised(args.job, args.task)?;
+    task.engine.cameras = task.cameras;
     let chosen = input::choose(&task.input)?;
     if args.list_controls {
         return list_controls(&chosen.spec);

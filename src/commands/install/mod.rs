@@ -11,7 +11,7 @@ use rustix::process::geteuid;
 use super::exit::Failure;
 use super::say;
 use plan::{Layout, plan};
-use step::{Done, Step};
+use step::{Done, Loss, Step};
 
 pub use pages::{Shell, completions};
 
@@ -48,7 +48,8 @@ struct Whose {
 /// Installs or uninstalls the service. What is there and right is left alone, settings always.
 ///
 /// # Errors
-/// Missing rights, files that cannot be written, commands that fail.
+/// Missing rights, files that cannot be written, commands that fail. Where only the service is not as it should be, all
+/// the rest is done first.
 pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     let layout = if args.whose.system {
         if args.root.is_none() && !args.dry_run && !geteuid().is_root() {
@@ -63,6 +64,7 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     };
     let steps = plan(&layout, args.uninstall)?;
     let root = args.root.as_deref();
+    let mut lost = None;
     for step in &steps {
         let wanted = root.is_none() || !matches!(step, Step::Run { .. });
         let done = match args.dry_run {
@@ -70,12 +72,33 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
             false if wanted => step.take(root)?,
             _ => Done::Skipped,
         };
-        say::out(&format!("{:9} {}", done.word(), step.describe(root)));
+        let mut line = format!("{:9} {}", done.word(), step.describe(root));
+        if let Done::Failed { why, loss } = done {
+            line = format!("{line}: {why}");
+            if loss == Loss::Service {
+                lost.get_or_insert(format!("{}: {why}", step.describe(root)));
+            }
+        }
+        say::out(&line);
+    }
+    if let Some(why) = lost {
+        return Err(Failure::unavailable(without_service(args.uninstall, &why)).into());
     }
     if !args.dry_run && root.is_none() {
         say::out(&last_words(&layout, args.uninstall));
     }
     Ok(())
+}
+
+fn without_service(uninstall: bool, why: &str) -> String {
+    match uninstall {
+        true => {
+            format!("the files of edgecap are gone, but the service may still run ({why}); end it")
+        }
+        false => format!(
+            "the files of edgecap are there, but the service is not as it should be ({why}); mend that and install again, or use --root / where no systemd runs"
+        ),
+    }
 }
 
 fn last_words(layout: &Layout, uninstall: bool) -> String {

@@ -129,7 +129,11 @@ pub fn plan(layout: &Layout, uninstall: bool) -> anyhow::Result<Vec<Step>> {
     };
     let with = |more: &[&'static str]| [systemctl, more].concat();
     if uninstall {
-        let mut steps = vec![Step::try_run(&with(&["disable", "--now", SERVICE]))];
+        let mut steps = Vec::new();
+        // Of what was taken away before nothing runs.
+        if layout.units.join(SERVICE).exists() {
+            steps.push(Step::serve(&with(&["disable", "--now", SERVICE])));
+        }
         steps.extend(files.into_iter().map(|(path, ..)| Step::Remove {
             path,
             unless_changed_from: None,
@@ -175,9 +179,9 @@ pub fn plan(layout: &Layout, uninstall: bool) -> anyhow::Result<Vec<Step>> {
     }
     steps.extend([
         Step::try_run(&with(&["daemon-reload"])),
-        Step::try_run(&with(&["enable", SERVICE])),
+        Step::serve(&with(&["enable", SERVICE])),
         // One that ran before is another program now.
-        Step::try_run(&with(&["restart", SERVICE])),
+        Step::serve(&with(&["restart", SERVICE])),
     ]);
     Ok(steps)
 }

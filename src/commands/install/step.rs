@@ -34,13 +34,24 @@ pub enum Step {
     Run {
         /// Program and arguments.
         line: Vec<String>,
-        /// Whether everything is lost if it fails.
-        needed: bool,
+        /// What is lost if it fails.
+        loss: Loss,
     },
 }
 
-/// What became of a step.
+/// What is lost with a command that fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// All that follows.
+    Everything,
+    /// What the user wants: a service that runs, or one that does not run any more.
+    Service,
+    /// Nothing that the next start of the machine does not bring.
+    Nothing,
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Done {
     /// Made anew.
     Written,
@@ -56,15 +67,20 @@ pub enum Done {
     Absent,
     /// Done.
     Ran,
-    /// Failed, which is no reason to stop.
-    Failed,
+    /// Failed, which is no reason to stop; why.
+    Failed {
+        /// In one line.
+        why: String,
+        /// What is lost.
+        loss: Loss,
+    },
     /// Not for a folder other than the machine's own.
     Skipped,
 }
 
 impl Done {
     /// In a word.
-    pub fn word(self) -> &'static str {
+    pub fn word(&self) -> &'static str {
         match self {
             Self::Written => "write",
             Self::Replaced => "replace",
@@ -73,7 +89,7 @@ impl Done {
             Self::Removed => "remove",
             Self::Absent => "absent",
             Self::Ran => "run",
-            Self::Failed => "failed",
+            Self::Failed { .. } => "failed",
             Self::Skipped => "skip",
         }
     }
@@ -82,17 +98,23 @@ impl Done {
 impl Step {
     /// A command that is needed.
     pub fn run(line: &[&str]) -> Self {
-        Self::Run {
-            line: line.iter().map(ToString::to_string).collect(),
-            needed: true,
-        }
+        Self::command(line, Loss::Everything)
+    }
+
+    /// A command without which the files are there and the service is not as it should be.
+    pub fn serve(line: &[&str]) -> Self {
+        Self::command(line, Loss::Service)
     }
 
     /// A command that may fail: where there is no systemd running, or nothing to be told.
     pub fn try_run(line: &[&str]) -> Self {
+        Self::command(line, Loss::Nothing)
+    }
+
+    fn command(line: &[&str], loss: Loss) -> Self {
         Self::Run {
             line: line.iter().map(ToString::to_string).collect(),
-            needed: false,
+            loss,
         }
     }
 
@@ -161,13 +183,13 @@ impl Step {
                     let _ = fs::remove_dir(folder);
                 }
             }
-            Self::Run { line, needed } => {
+            Self::Run { line, loss } => {
                 return match ran(line) {
                     Ok(()) => Ok(Done::Ran),
-                    Err(why) if *needed => {
+                    Err(why) if *loss == Loss::Everything => {
                         Err(Failure::unavailable(format!("{}: {why}", line.join(" "))).into())
                     }
-                    Err(_) => Ok(Done::Failed),
+                    Err(why) => Ok(Done::Failed { why, loss: *loss }),
                 };
             }
             _ => {}

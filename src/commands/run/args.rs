@@ -78,6 +78,7 @@ impl RunArgs {
             waits: !self.no_wait,
             show_picture: self.show_picture,
             pace: self.pace.clone(),
+            cameras: self.engine.cameras,
         }
     }
 

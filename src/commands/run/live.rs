@@ -82,7 +82,7 @@ pub fn run(
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let mut sinks = Sinks::default();
-    args.record.add_to::<BodiesRow>(false, &mut sinks)?;
+    args.record.add_patient_to::<BodiesRow>(&mut sinks)?;
     let flight = args.bridges.add_to(&mut sinks, &plan.name, page)?;
     let bodies = Subscriber::<BodyFrame>::open_with(&plan.name, Priority::Reserved)?;
     let priority = Priority::Reserved;

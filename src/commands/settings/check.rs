@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::ffi::OsStr;
 
 use serde_json::Value;
 
@@ -39,6 +40,24 @@ pub fn ranges<T: Section + clap::Args>(
         }
     }
     Ok(())
+}
+
+/// Names of files and devices.
+///
+/// # Errors
+/// The first that names nothing.
+pub fn names<'a>(
+    table: &Table<'_>,
+    places: &BTreeMap<String, Place>,
+    given: impl IntoIterator<Item = (&'a str, Option<&'a OsStr>)>,
+) -> Result<(), Mistake> {
+    let empty = given
+        .into_iter()
+        .find(|(_, n)| n.is_some_and(OsStr::is_empty));
+    empty.map_or(Ok(()), |(key, _)| {
+        let what = format!("{key}: expected a name, found none: leave the line out");
+        Err(table.mistake(places.get(key).copied(), what))
+    })
 }
 
 /// Numbers of the fit, whose keys stand below `path`.

@@ -11,6 +11,7 @@ use crate::commands::events;
 use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
+use crate::commands::infer::EngineArgs;
 use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Setting, merge};
 use crate::events::EventConfig;
@@ -54,6 +55,8 @@ impl Effective {
             {
                 File::open(file).map_err(|e| Failure::no_input(file, &e))?;
             }
+            let inputs = run.engine.inputs(true);
+            inputs.map_err(|e| Failure::config(format!("[network]: {e}")))?;
         }
         if let Some(calibration) = self.calibration()? {
             choose_cameras(&self.names(), calibration)?;
@@ -67,7 +70,10 @@ impl Effective {
     /// The first mistake.
     pub fn expect_start(&self) -> anyhow::Result<()> {
         let MultiviewArgs { calibration, room } = &self.multiview.0;
-        together::check(&self.runs()?, calibration.as_deref(), room.as_deref())
+        let runs = self.runs()?;
+        together::check(&runs, calibration.as_deref(), room.as_deref())?;
+        // One for all cameras, and slow to read.
+        runs.first().map_or(Ok(()), |run| run.engine.expect_model())
     }
 
     /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing
@@ -110,6 +116,10 @@ impl Effective {
                     metrics: self.metrics.0.clone(),
                     bridges: self.bridges.0.clone(),
                     multiview: self.multiview.0.clone(),
+                    engine: EngineArgs {
+                        cameras: Some(self.cameras.len()),
+                        ..camera.args.engine.clone()
+                    },
                     ..camera.args.clone()
                 })
             })
@@ -131,11 +141,12 @@ pub struct Camera {
 /// # Errors
 /// Names that no camera of the file has.
 pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effective> {
-    let (engine, network) = merge(
+    let (mut engine, mut network) = merge(
         &typed.engine,
         &settings.network.value,
         &settings.network.places,
     )?;
+    only_typed(&mut engine, &mut network);
     let metrics = merge(
         &typed.metrics,
         &settings.metrics.value,
@@ -180,6 +191,23 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         bridges,
         multiview,
     })
+}
+
+/// A size and a quality exclude each other: the one that was typed has the other of the file say nothing.
+fn only_typed(engine: &mut EngineArgs, origins: &mut Origins) {
+    let typed = |key: &str| origins.get(key) == Some(&Origin::Flag);
+    let silent = match (typed("size"), typed("quality")) {
+        (true, false) => {
+            engine.quality = None;
+            "quality"
+        }
+        (false, true) => {
+            engine.size = None;
+            "size"
+        }
+        _ => return,
+    };
+    origins.insert(silent.to_owned(), Origin::Default);
 }
 
 /// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its

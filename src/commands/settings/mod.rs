@@ -8,6 +8,7 @@ mod multiview_args;
 mod together;
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -143,7 +144,13 @@ impl Settings {
             let fitting: FittingArgs = table.take()?;
             check::ranges(&table, &places, &fitting)?;
             check::fitting(&table, &places, &fitting)?;
-            let record = table.take()?;
+            let record: RecordArgs = table.take()?;
+            let given = [
+                ("input", input.input.as_ref().map(OsStr::new)),
+                ("jsonl", record.jsonl.as_ref().map(|p| p.as_os_str())),
+                ("record", record.record.as_ref().map(|p| p.as_os_str())),
+            ];
+            check::names(&table, &places, given)?;
             let name = input.name.get_or_insert_with(|| format!("camera{index}"));
             if cameras.iter().any(|c| c.input.name.as_ref() == Some(name)) {
                 let what = format!("another camera is called '{name}': give each its own name");

@@ -32,6 +32,7 @@ pub fn check(
     for run in runs {
         let chosen = input::choose(&run.input)?;
         expect_name(&chosen.name)?;
+        run.record.expect_place(&chosen.name)?;
         let path = match &chosen.spec {
             InputSpec::Path(path) | InputSpec::StandIn(path) => path.clone(),
             InputSpec::FirstCamera => "camera".into(),
@@ -57,7 +58,7 @@ pub fn check(
         let device = path.canonicalize().unwrap_or(path);
         if let Some((_, other)) = devices.iter().find(|(d, _)| *d == device) {
             return Err(Failure::config(format!(
-                "[[camera]] {other} and {}: expected a device for each, found {} for both; 'ls /dev/v4l/by-id' names each camera",
+                "[[camera]] {other} and {}: expected a device for each, found {} for both; 'ls /dev/v4l/by-id /dev/v4l/by-path' names each camera",
                 chosen.name,
                 device.display()
             ))

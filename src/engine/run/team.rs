@@ -128,9 +128,20 @@ pub(super) struct Team {
 }
 
 impl Team {
-    /// Starts `threads - 1` helpers and waits until each runs, since a thread allocates when it starts. Every thread
-    /// has `scratch` bytes for the work's parts.
+    /// Starts `threads - 1` helpers, or as many as the system has room for, and waits until each runs, since a thread
+    /// allocates when it starts. Every thread has `scratch` bytes for the work's parts.
     pub fn new(scratch: usize, threads: usize) -> std::io::Result<Self> {
+        Self::start(scratch, threads, |helper, work| {
+            let named = std::thread::Builder::new().name(format!("engine-{helper}"));
+            named.spawn(work)
+        })
+    }
+
+    fn start(
+        scratch: usize,
+        threads: usize,
+        spawn: impl Fn(usize, Box<dyn FnOnce() + Send>) -> std::io::Result<JoinHandle<()>>,
+    ) -> std::io::Result<Self> {
         let mut team = Self {
             shared: Arc::default(),
             helpers: Vec::new(),
@@ -139,10 +150,11 @@ impl Team {
         for i in 1..threads {
             let shared = team.shared.clone();
             let mut scratch = Scratch::new(scratch);
-            let helper = std::thread::Builder::new()
-                .name(format!("engine-{i}"))
-                .spawn(move || shared.help(i, &mut scratch))?;
-            team.helpers.push(helper);
+            match spawn(i, Box::new(move || shared.help(i, &mut scratch))) {
+                Ok(helper) => team.helpers.push(helper),
+                Err(e) if e.kind() == std::io::ErrorKind::WouldBlock => break,
+                Err(e) => return Err(e),
+            }
         }
         let mut call = team.shared.lock();
         call.wanted = team.helpers.len();
@@ -498,6 +510,15 @@ mod tests {
                 std::thread::yield_now();
             }
         }
+    }
+
+    #[test]
+    fn where_the_system_has_no_more_threads_those_that_there_are_do() {
+        let team = Team::start(0, 8, |helper, work| match helper {
+            3 => Err(std::io::ErrorKind::WouldBlock.into()),
+            _ => std::thread::Builder::new().spawn(work),
+        });
+        assert_eq!(team.unwrap().threads(), 3);
     }
 
     #[test]

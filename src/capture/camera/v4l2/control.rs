@@ -21,6 +21,14 @@ const TYPE_BOOLEAN: u32 = 2;
 const TYPE_MENU: u32 = 3;
 const TYPE_BUTTON: u32 = 4;
 
+/// What can be set on a camera.
+#[derive(Debug, Default)]
+pub(crate) struct Controls {
+    pub found: Vec<Control>,
+    /// Why the list may not be whole: the camera did not answer.
+    pub broken_off: Option<io::Error>,
+}
+
 /// Something that can be set.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Control {
@@ -48,9 +56,14 @@ pub(crate) enum ControlKind {
 
 impl Camera {
     /// Everything that can be set to one number.
-    pub fn controls(&self) -> Vec<Control> {
+    pub fn controls(&self) -> Controls {
+        let mut controls = Controls::default();
+        controls.broken_off = self.list_controls(&mut controls.found).err();
+        controls
+    }
+
+    fn list_controls(&self, found: &mut Vec<Control>) -> io::Result<()> {
         let mut id = 0;
-        let mut found = Vec::new();
         for _ in 0..MAX_ENTRIES {
             // SAFETY: integers and arrays of integers: all-zero is valid. VIDIOC_QUERYCTRL takes a v4l2_queryctrl.
             let asked = unsafe {
@@ -58,7 +71,11 @@ impl Camera {
                 query.id = id | NEXT;
                 ioctl(&self.handle, vidioc::VIDIOC_QUERYCTRL, &mut query).map(|()| query)
             };
-            let Ok(query) = asked else { break };
+            let query = match asked {
+                Ok(query) => query,
+                Err(e) if is_none(&e) => break,
+                Err(e) => return Err(e),
+            };
             if query.id <= id {
                 // A driver that does not go on would keep us for ever.
                 break;
@@ -68,7 +85,7 @@ impl Camera {
                 TYPE_INTEGER => ControlKind::Integer,
                 TYPE_BOOLEAN => ControlKind::Boolean,
                 TYPE_BUTTON => ControlKind::Button,
-                TYPE_MENU => ControlKind::Menu(self.menu(id, query.minimum..=query.maximum)),
+                TYPE_MENU => ControlKind::Menu(self.menu(id, query.minimum..=query.maximum)?),
                 // Menus of numbers, texts, bit masks and headings nobody needs for a camera.
                 _ => continue,
             };
@@ -85,22 +102,31 @@ impl Camera {
                 });
             }
         }
-        found
+        Ok(())
     }
 
     /// The choices of a menu; drivers leave some out.
-    fn menu(&self, id: u32, values: std::ops::RangeInclusive<i32>) -> Vec<(i32, String)> {
+    fn menu(
+        &self,
+        id: u32,
+        values: std::ops::RangeInclusive<i32>,
+    ) -> io::Result<Vec<(i32, String)>> {
         let choice = |value: i32| {
+            let index = u32::try_from(value).ok()?;
             // SAFETY: integers and a union of such: all-zero is valid. VIDIOC_QUERYMENU takes a v4l2_querymenu. For
             // menus of names the member of the union is `name`, whose bytes may be any.
             let name = unsafe {
                 let mut menu: sys::v4l2_querymenu = zeroed();
                 menu.id = id;
-                menu.index = u32::try_from(value).ok()?;
-                ioctl(&self.handle, vidioc::VIDIOC_QUERYMENU, &mut menu).ok()?;
-                menu.__bindgen_anon_1.name
+                menu.index = index;
+                ioctl(&self.handle, vidioc::VIDIOC_QUERYMENU, &mut menu)
+                    .map(|()| menu.__bindgen_anon_1.name)
             };
-            Some((value, text(&name)))
+            match name {
+                Ok(name) => Some(Ok((value, text(&name)))),
+                Err(e) if is_none(&e) => None,
+                Err(e) => Some(Err(e)),
+            }
         };
         values
             .take(MAX_ENTRIES as usize)
@@ -121,5 +147,24 @@ impl Camera {
         let mut control = sys::v4l2_control { id, value };
         // SAFETY: VIDIOC_S_CTRL takes a v4l2_control.
         unsafe { ioctl(&self.handle, vidioc::VIDIOC_S_CTRL, &mut control) }
+    }
+}
+
+/// Whether a driver says that there is no such entry, or that it has no list: all else is a camera that did not answer.
+fn is_none(error: &io::Error) -> bool {
+    matches!(error.raw_os_error(), Some(libc::EINVAL | libc::ENOTTY))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_does_not_answer_is_not_the_end_of_its_list() {
+        let is_end = |code| is_none(&io::Error::from_raw_os_error(code));
+        assert!(is_end(libc::EINVAL) && is_end(libc::ENOTTY));
+        for code in [libc::EIO, libc::EPIPE, libc::ETIMEDOUT, libc::ENODEV] {
+            assert!(!is_end(code), "{code}");
+        }
     }
 }

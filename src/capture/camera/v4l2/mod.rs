@@ -17,7 +17,7 @@ use v4l::v4l_sys as sys;
 use v4l::v4l2;
 use v4l::v4l2::vidioc;
 
-pub(crate) use control::{Control, ControlKind};
+pub(crate) use control::{Control, ControlKind, Controls};
 pub(crate) use stream::{Filled, Ready, Stream};
 
 /// `V4L2_BUF_TYPE_VIDEO_CAPTURE`.
