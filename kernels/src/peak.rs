@@ -10,7 +10,7 @@ use crate::simd::SegmentedDot;
 use crate::simd::{Dot, Simd};
 use crate::{Isa, KernelError};
 
-/// Multiply-accumulates per second of one thread, in units of 10⁹.
+/// Multiply-accumulates per second, in units of 10⁹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
     /// u8 · i8: `tdpbusd` with AMX, `vpdpbusd` with VNNI, `usmmla` with i8mm, `sdot` with dotprod; on other x86 CPUs
@@ -26,33 +26,50 @@ impl Peak {
     /// # Errors
     /// When the CPU lacks `isa`.
     pub fn measure(isa: Isa, duration: Duration) -> Result<Peak, KernelError> {
-        let half = duration / 2;
-        if isa == Isa::Scalar {
-            return Ok(Peak {
-                int8: best(half, scalar_int8),
-                f32: best(half, scalar_f32),
-            });
-        }
-        let (int8, f32) = chains(isa, half).ok_or(KernelError::Unsupported(isa))?;
-        Ok(Peak { int8, f32 })
+        rates(isa, &|chain| best(duration / 2, chain))
     }
+
+    /// Measures `isa` on `threads` threads at once for about `duration`: what all of them do within the same short
+    /// window, in the best window. Best runs of single threads need not coincide and must not be added up.
+    ///
+    /// # Errors
+    /// When the CPU lacks `isa`.
+    pub fn together(isa: Isa, threads: usize, duration: Duration) -> Result<Peak, KernelError> {
+        rates(isa, &|chain| best_together(threads, duration / 2, chain))
+    }
+}
+
+/// Runs so many steps and returns its multiply-accumulates.
+type Chain<'a> = dyn Fn(u64) -> u64 + Sync + 'a;
+/// Measures a chain: 10⁹ multiply-accumulates per second.
+type Rate<'a> = dyn Fn(&Chain<'_>) -> f64 + 'a;
+
+fn rates(isa: Isa, rate: &Rate<'_>) -> Result<Peak, KernelError> {
+    if isa == Isa::Scalar {
+        return Ok(Peak {
+            int8: rate(&scalar_int8),
+            f32: rate(&scalar_f32),
+        });
+    }
+    let (int8, f32) = chains(isa, rate).ok_or(KernelError::Unsupported(isa))?;
+    Ok(Peak { int8, f32 })
 }
 
 /// What the chains of a vector tier reach, or `None` where this CPU lacks it.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-fn chains(isa: Isa, duration: Duration) -> Option<(f64, f64)> {
+fn chains(isa: Isa, rate: &Rate<'_>) -> Option<(f64, f64)> {
     let tier = Tier::of(isa)?;
     let measure = |chain: &'static PeakChain| {
         let chain = Ready::new(chain)?;
         // SAFETY: `Ready` proves that the CPU has the chain's features.
-        Some(best(duration, |steps| unsafe { (chain.run)(steps) }))
+        Some(rate(&|steps| unsafe { (chain.run)(steps) }))
     };
     Some((measure(tier.peak_int8)?, measure(tier.peak_f32)?))
 }
 
 /// This architecture has the scalar tier only.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-fn chains(_isa: Isa, _duration: Duration) -> Option<(f64, f64)> {
+fn chains(_isa: Isa, _rate: &Rate<'_>) -> Option<(f64, f64)> {
     None
 }
 
@@ -61,7 +78,7 @@ const STEPS: u64 = 20_000;
 
 /// Runs `chain(STEPS)`, which returns its multiply-accumulates, until `duration` is over; the best rate in 10⁹ per
 /// second.
-fn best(duration: Duration, chain: impl Fn(u64) -> u64) -> f64 {
+fn best(duration: Duration, chain: &Chain<'_>) -> f64 {
     let begin = Instant::now();
     let mut best = 0.0f64;
     loop {
@@ -72,6 +89,57 @@ fn best(duration: Duration, chain: impl Fn(u64) -> u64) -> f64 {
             return best;
         }
     }
+}
+
+/// In which all threads are counted together: long beside a run, short beside what disturbs one.
+const WINDOW: Duration = Duration::from_millis(20);
+
+/// Runs `chain` on `threads` threads until `duration` is over; the rate of all in their best window, in 10⁹ per second.
+fn best_together(threads: usize, duration: Duration, chain: &Chain<'_>) -> f64 {
+    let windows = (duration.as_nanos() / WINDOW.as_nanos()).max(1) as usize;
+    let begin = Instant::now();
+    let count = || {
+        let mut done = vec![0.0; windows];
+        loop {
+            let start = begin.elapsed();
+            if start >= WINDOW * windows as u32 {
+                return done;
+            }
+            let macs = chain(STEPS);
+            share(&mut done, start, begin.elapsed(), macs as f64);
+        }
+    };
+    let all = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..threads).map(|_| scope.spawn(count)).collect();
+        let own = count();
+        let joined = others.into_iter().map(|t| match t.join() {
+            Ok(done) => done,
+            Err(panic) => std::panic::resume_unwind(panic),
+        });
+        std::iter::once(own).chain(joined).collect::<Vec<_>>()
+    });
+    busiest(&all) / WINDOW.as_nanos() as f64
+}
+
+/// Adds what was done from `start` to `end` to the windows, by the time that fell into each.
+fn share(windows: &mut [f64], start: Duration, end: Duration, macs: f64) {
+    let whole = end.saturating_sub(start).as_secs_f64().max(1e-9);
+    let first = (start.as_nanos() / WINDOW.as_nanos()) as usize;
+    for (k, window) in windows.iter_mut().enumerate().skip(first) {
+        let from = WINDOW * k as u32;
+        if from >= end {
+            break;
+        }
+        let inside = end.min(from + WINDOW).saturating_sub(start.max(from));
+        *window += macs * inside.as_secs_f64() / whole;
+    }
+}
+
+/// What all threads did in the window in which they did most.
+fn busiest(all: &[Vec<f64>]) -> f64 {
+    let windows = all.iter().map(Vec::len).min().unwrap_or(0);
+    let sum = |k: usize| all.iter().map(|done| done[k]).sum::<f64>();
+    (0..windows).map(sum).fold(0.0, f64::max)
 }
 
 fn scalar_int8(steps: u64) -> u64 {
@@ -191,4 +259,25 @@ pub(crate) unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
         std::hint::black_box(acc);
     }
     steps * (SUMS * D::S::LANES * D::PACK) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_belongs_to_the_windows_in_which_it_was_done() {
+        let mut windows = vec![0.0; 3];
+        share(&mut windows, WINDOW / 2, WINDOW * 2, 30.0);
+        assert!((windows[0] - 10.0).abs() < 1e-9 && (windows[1] - 20.0).abs() < 1e-9);
+        // What goes on after the end is not counted.
+        share(&mut windows, WINDOW * 5 / 2, WINDOW * 7 / 2, 8.0);
+        assert!((windows[2] - 4.0).abs() < 1e-9, "{windows:?}");
+    }
+
+    #[test]
+    fn threads_that_take_turns_are_not_added_up() {
+        assert_eq!(busiest(&[vec![10.0, 0.0], vec![0.0, 10.0]]), 10.0);
+        assert_eq!(busiest(&[vec![10.0, 9.0], vec![0.0, 9.0]]), 18.0);
+    }
 }

@@ -80,6 +80,10 @@ def percent(x: float | None) -> str:
     return "–" if x is None else f"{100 * x:.1f}"
 
 
+def millimetres(x: float | None) -> str:
+    return "–" if x is None else f"{x:.1f}"
+
+
 def row(name: str, report: dict) -> str:
     """`report` as `eval --json` writes it."""
     if quiet := report.get("quiet"):
@@ -89,7 +93,7 @@ def row(name: str, report: dict) -> str:
     coco = report.get("coco")
     oks = f"{percent(coco['ap'])} / {percent(coco['ar'])}, {finding[1]['mean_oks']:.2f}" if coco else "–"
     pose = report.get("pose3d")
-    depth = f"{pose['mpjpe_mm']:.1f} / {pose['canonical_mpjpe_mm']:.1f} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
+    depth = f"{pose['mpjpe_mm']:.1f} / {millimetres(pose['canonical_mpjpe_mm'])} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
     identity = report.get("identity")
     who = f"IDF1 {percent(identity['idf1'])} %, {identity['switches']} switches" if identity else ""
     return f"| {name} | {found} | {oks} | {percent(report.get('pck'))} % | {depth} | {who} |"

@@ -64,6 +64,12 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         .may_read("--model", args.model.as_deref())
         .may_write("--save", args.save.as_deref())
         .check()?;
+    // Before minutes of work that could not be kept.
+    let file = args.save.as_deref().map(|path| {
+        let file = AtomicFile::create(path);
+        file.map_err(|e| Failure::output(path, &e))
+    });
+    let file = file.transpose()?;
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(500));
     spinner.set_message("weights");
@@ -101,14 +107,14 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         spinner.tick();
     })?;
     spinner.finish_and_clear();
-    if let Some(path) = &args.save {
-        save(path, &certificate).map_err(|e| Failure::output(path, &e))?;
-    }
     let text = match args.json {
         true => serde_json::to_string_pretty(&certificate)?,
         false => certificate.to_string(),
     };
     say::out(text.trim_end());
+    if let Some((file, path)) = file.zip(args.save.as_deref()) {
+        save(file, &certificate).map_err(|e| Failure::output(path, &e))?;
+    }
     Ok(())
 }
 
@@ -121,8 +127,7 @@ fn cause(error: SubjectError) -> anyhow::Error {
     }
 }
 
-fn save(path: &Path, certificate: &Certificate) -> std::io::Result<()> {
-    let mut file = AtomicFile::create(path)?;
+fn save(mut file: AtomicFile, certificate: &Certificate) -> std::io::Result<()> {
     serde_json::to_writer_pretty(&mut file, certificate)?;
     writeln!(file)?;
     file.finish()

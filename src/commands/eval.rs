@@ -1,6 +1,7 @@
 //! `edgecap eval`: predictions and ground truth in, a table and JSON out.
 
 use std::fmt::Display;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -15,10 +16,12 @@ use crate::lab::eval::{
 };
 use crate::lab::humaneva::{self, HumanEva, HumanEvaError, HumanEvaOptions};
 use crate::lab::multiview::{TablesOptions, tables};
-use crate::output;
+use crate::output::{AtomicFile, STDOUT};
 
 /// Frames of every synthetic person.
 const SYNTHETIC_FRAMES: u64 = 60;
+/// What is measured without truth of the user's, so that nothing about it can be said.
+const WITHOUT_TRUTH: [&str; 3] = ["no_people", "multiview", "humaneva"];
 
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
@@ -40,28 +43,28 @@ pub struct EvalArgs {
     )]
     pub truth: Vec<PathBuf>,
     /// How the truth is written
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(long, value_enum, default_value = "auto", conflicts_with_all = WITHOUT_TRUTH)]
     pub format: Format,
     /// Part of a truth that has parts, such as 'test' or a sequence
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", conflicts_with_all = WITHOUT_TRUTH)]
     pub split: Option<String>,
     /// Order of a NumPy archive's joints; default: what the archive says
-    #[arg(long, value_enum, value_name = "ORDER")]
+    #[arg(long, value_enum, value_name = "ORDER", conflicts_with_all = WITHOUT_TRUTH)]
     pub joint_order: Option<JointOrder>,
     /// Unit of a NumPy archive's 3D joints; default: what the archive says, or metres
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with_all = WITHOUT_TRUTH)]
     pub units: Option<Units>,
     /// There is nobody in any of the pictures: everybody predicted is wrong
     #[arg(long, conflicts_with = "truth")]
     pub no_people: bool,
     /// Points that count in OKS
-    #[arg(long, value_enum, default_value = "shared")]
+    #[arg(long, value_enum, default_value = "shared", conflicts_with_all = WITHOUT_TRUTH)]
     pub joints: JointSet,
     /// Fewest labelled joints of a person who is missed when not found
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 8, conflicts_with_all = WITHOUT_TRUTH)]
     pub min_joints: usize,
     /// Least height of such a person, in pixels of the network's 512x320 input
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0, conflicts_with_all = WITHOUT_TRUTH)]
     pub min_height: f64,
     /// Nothing is read: bodies from one to four views of synthetic people are fitted and measured, minutes long
     #[arg(long, conflicts_with_all = ["predictions", "truth", "no_people"])]
@@ -70,7 +73,12 @@ pub struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 5, requires = "multiview", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
     /// With --multiview: frames of each [default: 60]; with --humaneva: of every piece at most [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(10..=10_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with_all = ["predictions", "truth", "no_people"],
+        value_parser = clap::value_parser!(u64).range(10..=10_000)
+    )]
     pub frames: Option<u64>,
     /// Bodies from one to three views of HumanEva-I's people are fitted and measured: a folder with humaneva1_gt.npz
     /// and humaneva1_alphapose_aligned.npz, minutes long
@@ -86,38 +94,45 @@ pub struct EvalArgs {
 /// # Errors
 /// When a file cannot be read, is not what it should be, or no prediction belongs to the truth.
 pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
+    let inputs = args.predictions.iter().map(|p| ("--predictions", p));
+    let inputs = inputs.chain(args.truth.iter().map(|p| ("--truth", p)));
+    let apart = inputs.fold(Apart::default(), |apart, (option, path)| {
+        apart.reads(option, path)
+    });
+    let apart = args.humaneva.iter().fold(apart, |apart, folder| {
+        let files = humaneva::FILES.map(|name| folder.join(name));
+        let apart = apart.reads("--humaneva", folder);
+        files
+            .iter()
+            .fold(apart, |apart, file| apart.reads("--humaneva", file))
+    });
+    apart.may_write("--json", args.json.as_deref()).check()?;
+    let figures = Figures::open(args.json.as_deref())?;
     if args.multiview {
         let options = TablesOptions {
             seeds: args.seeds,
             frames: args.frames.unwrap_or(SYNTHETIC_FRAMES),
         };
         let tables = told(|heard| tables(options, heard));
-        return show(&tables, args.json.as_deref());
+        return figures.show(&tables);
     }
     if let Some(folder) = &args.humaneva {
         let data = HumanEva::read(folder).map_err(no_humaneva)?;
-        let options = HumanEvaOptions {
-            most: args.frames.map_or(usize::MAX, |n| n as usize),
-            ..HumanEvaOptions::default()
-        };
+        let most = args.frames.map_or(usize::MAX, |n| n as usize);
+        let options = HumanEvaOptions::of_frames(most);
         let tables = told(|heard| humaneva::tables(&data, options, heard));
-        return show(&tables.map_err(no_humaneva)?, args.json.as_deref());
+        return figures.show(&tables.map_err(no_humaneva)?);
     }
-    let reads = args.predictions.iter().map(|p| ("--predictions", p));
-    let reads = reads.chain(args.truth.iter().map(|p| ("--truth", p)));
-    reads
-        .fold(Apart::default(), |apart, (option, path)| {
-            apart.reads(option, path)
-        })
-        .may_write("--json", args.json.as_deref())
-        .check()?;
     let mut predictions = Predictions::default();
     for path in &args.predictions {
-        predictions.append(Predictions::read(path).map_err(coded)?);
+        let more = Predictions::read(path).map_err(coded)?;
+        predictions
+            .append(more, &path.display().to_string())
+            .map_err(coded)?;
     }
     let report = if args.no_people {
         Report {
-            quiet: Some(quiet(&predictions)),
+            quiet: Some(quiet(&predictions).map_err(coded)?),
             ..Report::default()
         }
     } else {
@@ -141,7 +156,7 @@ pub fn eval(args: EvalArgs) -> anyhow::Result<()> {
         };
         evaluate(&predictions, &truth, &options).map_err(coded)?
     };
-    show(&report, args.json.as_deref())
+    figures.show(&report)
 }
 
 /// Shows how far fits have come while they are made.
@@ -155,19 +170,40 @@ fn told<T>(fits: impl FnOnce(&(dyn Fn(u64, u64) + Sync)) -> T) -> T {
     done
 }
 
-/// Prints the table, and writes the figures as JSON where that is wanted.
-fn show(report: &(impl Serialize + Display), json: Option<&Path>) -> anyhow::Result<()> {
-    if let Some(path) = json {
-        let mut text = serde_json::to_string_pretty(report)?;
-        text.push('\n');
-        if path.as_os_str() == "-" {
-            say::out(text.trim_end());
+/// Where figures go: the table always, but where JSON takes its place.
+enum Figures<'a> {
+    Table,
+    Json,
+    Both(&'a Path, AtomicFile),
+}
+
+impl<'a> Figures<'a> {
+    /// Tries the file before minutes of work that could not be kept.
+    fn open(json: Option<&'a Path>) -> anyhow::Result<Self> {
+        Ok(match json {
+            None => Self::Table,
+            Some(path) if path.as_os_str() == STDOUT => Self::Json,
+            Some(path) => {
+                let file = AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
+                Self::Both(path, file)
+            }
+        })
+    }
+
+    /// Prints the table, then writes the figures as JSON where that is wanted.
+    fn show(self, report: &(impl Serialize + Display)) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(report)?;
+        if let Self::Json = self {
+            say::out(&text);
             return Ok(());
         }
-        output::write(path, text.as_bytes()).map_err(|e| Failure::output(path, &e))?;
+        say::out(report.to_string().trim_end());
+        if let Self::Both(path, mut file) = self {
+            let written = writeln!(file, "{text}").and_then(|()| file.finish());
+            written.map_err(|e| Failure::output(path, &e))?;
+        }
+        Ok(())
     }
-    say::out(report.to_string().trim_end());
-    Ok(())
 }
 
 /// Gives an error of HumanEva's archives its exit code.

@@ -17,4 +17,5 @@ pub use maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 pub use model::{Model, ModelError};
 pub use network::{Network, NetworkError};
 pub use plan::PlanError;
+pub(crate) use run::trim_memory;
 pub use run::{Engine, EngineError, EngineOptions, LayerProfile, Precision};

@@ -81,17 +81,137 @@ fn bad_input_is_one_line_and_a_code() {
     let folder = tempfile::tempdir().unwrap();
     write_predictions(&folder.path().join("p.jsonl"));
     fs::write(folder.path().join("t.json"), "[]").unwrap();
+    fs::write(folder.path().join("empty.jsonl"), "").unwrap();
+    let lsp = serde_json::json!([{"file": "a.jpg", "split": "train", "joints": joints()}]);
+    fs::write(folder.path().join("lsp.json"), lsp.to_string()).unwrap();
+    let coco = serde_json::json!({
+        "images": [{"id": 1, "file_name": "a.jpg"}],
+        "categories": [{"id": 1, "keypoints": ["left_hip"]}],
+        "annotations": [
+            {"image_id": 1, "category_id": 1, "keypoints": [1, 2, 2], "bbox": [0, 0, 9, 9], "area": 50.0},
+        ],
+    });
+    fs::write(folder.path().join("coco.json"), coco.to_string()).unwrap();
     let codes = [
         (&["--predictions", "none.jsonl", "--no-people"][..], 66),
         (&["--predictions", "t.json", "--no-people"], 65),
         (&["--predictions", "p.jsonl", "--truth", "t.json"], 65),
         (&["--predictions", "p.jsonl"], 64),
+        (&["--predictions", "empty.jsonl", "--no-people"], 65),
+        (
+            &[
+                "--predictions",
+                "p.jsonl",
+                "--truth",
+                "lsp.json",
+                "--split",
+                "test",
+            ],
+            65,
+        ),
+        // Options that would do nothing.
+        (
+            &[
+                "--predictions",
+                "p.jsonl",
+                "--truth",
+                "coco.json",
+                "--split",
+                "test",
+            ],
+            65,
+        ),
+        (
+            &[
+                "--predictions",
+                "p.jsonl",
+                "--truth",
+                "lsp.json",
+                "--frames",
+                "30",
+            ],
+            64,
+        ),
+        (
+            &["--predictions", "p.jsonl", "--no-people", "--split", "test"],
+            64,
+        ),
+        (
+            &[
+                "--predictions",
+                "p.jsonl",
+                "--no-people",
+                "--format",
+                "coco",
+            ],
+            64,
+        ),
+        (
+            &["--predictions", "p.jsonl", "--no-people", "--joints", "all"],
+            64,
+        ),
+        (
+            &[
+                "--predictions",
+                "p.jsonl",
+                "--no-people",
+                "--min-joints",
+                "3",
+            ],
+            64,
+        ),
+        (
+            &["--predictions", "p.jsonl", "--no-people", "--units", "mm"],
+            64,
+        ),
+        (&["--multiview", "--joints", "all"], 64),
     ];
     for (args, code) in codes {
         let failed = eval(folder.path(), args).code(code);
         let error = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
         assert!(code == 64 || error.lines().count() == 1, "{error}");
     }
+}
+
+#[test]
+fn synth_refuses_what_would_do_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for args in [
+        &["--format", "png", "--quality", "5"][..],
+        &["--stills", "--fps", "60"],
+    ] {
+        let mut command = Command::cargo_bin("edgecap").unwrap();
+        command.current_dir(folder.path());
+        command.args([
+            "synth", "--frames", "1", "--width", "32", "--height", "32", "--out", "o",
+        ]);
+        command.args(args).assert().code(64);
+        assert!(!folder.path().join("o").exists());
+    }
+}
+
+/// Minutes of work are not begun where they cannot be kept, and not lost where they cannot be written.
+#[test]
+fn a_result_without_a_place_is_told_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    write_predictions(&folder.path().join("p.jsonl"));
+    let nowhere = ["--json", "p.jsonl/figures.json"];
+    let unread = ["--predictions", "none.jsonl", "--no-people"];
+    eval(folder.path(), &[&unread[..], &nowhere].concat()).code(73);
+    let mut bench = Command::cargo_bin("edgecap").unwrap();
+    bench.current_dir(folder.path());
+    let args = ["bench", "--networks", "none", "--save", "p.jsonl/b.json"];
+    bench.args(args).assert().code(73);
+    let full = [
+        "--predictions",
+        "p.jsonl",
+        "--no-people",
+        "--json",
+        "/dev/full",
+    ];
+    let failed = eval(folder.path(), &full).code(73);
+    let table = String::from_utf8_lossy(&failed.get_output().stdout).into_owned();
+    assert!(table.contains("50.0 %"), "{table}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use edgecap::camera::{Brown, View};
 use edgecap::lab::humaneva::archive::{CAMERAS, COCO_JOINTS, JOINTS, SIZE};
-use edgecap::lab::humaneva::{HumanEva, HumanEvaOptions, cameras, tables};
+use edgecap::lab::humaneva::{HumanEva, HumanEvaOptions, Spread, cameras, tables};
 use edgecap::lab::multiview::own::{Walker, ring};
 use glam::{DVec2, DVec3};
 
@@ -177,9 +177,47 @@ fn cameras_and_people_of_small_archives_are_found() {
         assert_eq!(line.pieces, 2);
         assert!(line.found > 0.9, "{line:?}");
         if line.views > 1 {
-            assert!(line.limbs.mean < 0.03, "{line:?}");
+            assert!(line.limbs.unwrap().mean < 0.03, "{line:?}");
         }
     }
+}
+
+#[test]
+fn nothing_measured_is_no_figure() {
+    assert_eq!(Spread::new(&[]), None);
+    // Whoever asks for few frames gets them, and of pieces that are too short nothing is said.
+    let least = |most: usize| HumanEvaOptions::of_frames(most).least;
+    assert_eq!([least(10), least(500), least(usize::MAX)], [10, 30, 30]);
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let data = HumanEva::read(folder.path()).unwrap();
+    let whole = HumanEvaOptions::default();
+    assert!(whole.least > FRAMES);
+    let said = tables(&data, whole, &|_, _| ()).unwrap_err().to_string();
+    assert!(
+        said.contains("30 frames") && said.contains("--frames"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_camera_that_is_not_there_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let (joints, pixels) = (vec![0; 4 * 3 * JOINTS], vec![0; 4 * 2 * COCO_JOINTS]);
+    archive(
+        &folder.path().join("humaneva1_alphapose_aligned.npz"),
+        &[
+            ("joints3d_m_world", npy("<f4", &[1, JOINTS, 3], &joints)),
+            ("alphapose2d_px", npy("<f4", &[1, COCO_JOINTS, 2], &pixels)),
+            ("camera", npy("|u1", &[1], &[3])),
+        ],
+    );
+    let said = HumanEva::read(folder.path()).unwrap_err().to_string();
+    assert!(
+        said.contains("'camera'") && said.contains("found 3"),
+        "{said}"
+    );
 }
 
 #[test]

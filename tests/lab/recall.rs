@@ -56,6 +56,40 @@ fn measure(pictures: &[&[(f64, usize, bool, bool)]]) -> Report {
     evaluate(&predictions, &truth, &EvalOptions::default()).unwrap()
 }
 
+#[test]
+fn heights_are_of_one_scale() {
+    // Twice the network's input: 120 px are 60 there. One picture is predicted, one is not.
+    let size = [1024.0, 640.0];
+    let frame = |k: usize, size: Option<[f64; 2]>| TruthFrame {
+        people: vec![person(0.0, 14)],
+        source: format!("{k}.jpg"),
+        size,
+        ..TruthFrame::default()
+    };
+    let line = serde_json::json!({"frame": 0, "time_ns": 0, "source": "0.jpg", "width": size[0], "height": size[1], "people": [found(0.0)]});
+    let predictions = Predictions::parse(&line.to_string(), "p").unwrap();
+    let report = |sizes: [Option<[f64; 2]>; 2], min_height: f64| {
+        let frames = sizes.into_iter().enumerate();
+        let truth = TruthSet {
+            frames: frames.map(|(k, size)| frame(k, size)).collect(),
+            ..TruthSet::default()
+        };
+        let options = EvalOptions {
+            min_height,
+            ..EvalOptions::default()
+        };
+        evaluate(&predictions, &truth, &options).unwrap()
+    };
+    let known = report([Some(size); 2], 0.0);
+    assert_eq!(counts(&known.recall_by_height), [(60.0, 2, 1.0)]);
+    // Nothing tells how large the picture is that nobody predicted.
+    let unknown = report([None; 2], 0.0);
+    assert_eq!(counts(&unknown.recall_by_height), [(60.0, 1, 1.0)]);
+    assert_eq!(unknown.finding[1].people, 2);
+    assert_eq!(report([None; 2], 50.0).finding[1].people, 1);
+    assert_eq!(report([Some(size); 2], 50.0).finding[1].people, 2);
+}
+
 /// From, people, found of every row.
 fn counts(rows: &[RecallRow]) -> Vec<(f64, usize, f64)> {
     rows.iter()

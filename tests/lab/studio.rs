@@ -64,6 +64,10 @@ fn views_show_the_world_through_their_calibration() {
     let (mut compared, mut seen_by) = (0, [0; 3]);
     for (v, view) in views.iter().enumerate() {
         let truth = Truth::load(&out.join(format!("{}.truth.json", view.name))).unwrap();
+        let film = format!("{}.avi", view.name);
+        assert_eq!(truth.clip.as_ref(), Some(&film));
+        let seen = std::fs::read_to_string(out.join(format!("{}.jsonl", view.name))).unwrap();
+        assert!(seen.lines().all(|line| line.contains(&film)), "{seen}");
         // The floor is at z = 0.
         let eye = f64::from(truth.frames[0].camera.floor[3]);
         assert!((view.position.z - eye).abs() < 1e-4 && eye > 1.2);

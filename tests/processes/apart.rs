@@ -11,6 +11,12 @@ fn an_input_is_not_replaced_by_a_result() {
     for name in ["y.avi", "o.jsonl", "lens.toml", "w.ecm"] {
         std::fs::write(at(name), name).unwrap();
     }
+    let archives = ["humaneva1_gt.npz", "humaneva1_alphapose_aligned.npz"];
+    std::fs::create_dir(at("set")).unwrap();
+    for name in archives {
+        std::fs::write(at(&format!("set/{name}")), name).unwrap();
+    }
+    let [truth, detected] = archives.map(|name| at(&format!("set/{name}")));
     std::fs::create_dir(at("photos")).unwrap();
     std::fs::write(at("photos/a.png"), "photo").unwrap();
     let (film, seen, photos) = (at("y.avi"), at("o.jsonl"), at("photos"));
@@ -58,12 +64,18 @@ fn an_input_is_not_replaced_by_a_result() {
             "--json",
             &seen,
         ],
+        &["eval", "--humaneva", &at("set"), "--json", &truth],
+        &["eval", "--humaneva", &at("set"), "--json", &detected],
         &["bench", "--model", &at("w.ecm"), "--save", &at("w.ecm")],
     ] {
         assert_fails(args, 64, &["would replace", "choose another name"]);
     }
     for name in ["y.avi", "o.jsonl", "lens.toml", "w.ecm"] {
         assert_eq!(std::fs::read_to_string(at(name)).unwrap(), name);
+    }
+    for name in archives {
+        let kept = std::fs::read_to_string(at(&format!("set/{name}"))).unwrap();
+        assert_eq!(kept, name);
     }
     assert_eq!(
         std::fs::read_to_string(at("photos/a.png")).unwrap(),
@@ -81,6 +93,10 @@ fn two_results_are_not_written_to_one_file() {
         assert_fails(&args, 64, &["--jsonl", "--record", "a file for each"]);
     }
     assert!(!Path::new(to).exists());
+    let clip = folder.path().join("truth.json");
+    let args = ["synth", "--frames", "1", "--clip", clip.to_str().unwrap()];
+    assert_fails(&args, 64, &["--clip", "its truth", "a file for each"]);
+    assert!(!clip.exists());
     let settings = folder.path().join("edgecap.toml");
     let camera = |name: &str| {
         format!("[[camera]]\nname = \"{name}\"\ninput = \"/dev/{name}\"\njsonl = \"{to}\"\n")

@@ -11,6 +11,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
 
+use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
 use crate::capture::{AviWriter, Frame};
@@ -57,7 +58,7 @@ pub struct SynthArgs {
     #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub height: u32,
     /// Frames per second of a clip.
-    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=240))]
+    #[arg(long, default_value_t = 15, conflicts_with = "stills", value_parser = clap::value_parser!(u32).range(1..=240))]
     pub fps: u32,
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
@@ -96,6 +97,12 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     if args.truth_only && !args.stills && args.views.is_none() {
         return Err(Failure::usage(
             "expected --stills or --views beside --truth-only, found neither; a clip's truth comes with the clip",
+        )
+        .into());
+    }
+    if args.quality.is_some() && args.format == PictureFormat::Png {
+        return Err(Failure::usage(
+            "expected --quality with pictures that lose something, found --format png; leave one of them out",
         )
         .into());
     }
@@ -151,7 +158,7 @@ fn stills(args: &SynthArgs) -> Stills {
     }
 }
 
-fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
+fn truth(args: &SynthArgs, clip: Option<&Path>, frames: Vec<TruthFrame>) -> Truth {
     Truth {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -159,7 +166,7 @@ fn truth(args: &SynthArgs, frames: Vec<TruthFrame>) -> Truth {
         width: args.width,
         height: args.height,
         fps: if args.stills { 0.0 } else { args.fps as f32 },
-        clip: args.clip.as_deref().map(name),
+        clip: clip.map(name),
         frames,
     }
 }
@@ -226,7 +233,8 @@ fn known(
     frames: Vec<TruthFrame>,
 ) -> anyhow::Result<()> {
     let path = album.beside().join("truth.json");
-    std::fs::write(&path, truth(args, frames).to_text()).map_err(|e| Failure::output(&path, &e))?;
+    std::fs::write(&path, truth(args, None, frames).to_text())
+        .map_err(|e| Failure::output(&path, &e))?;
     album.finish().map_err(|e| Failure::output(out, &e))?;
     Ok(())
 }
@@ -263,6 +271,10 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
     let truth_folder = args.out.as_deref().unwrap_or_else(|| parent(file));
     let truth_path = truth_folder.join("truth.json");
+    Apart::default()
+        .writes("--clip", file)
+        .writes("its truth", &truth_path)
+        .check()?;
     expect_own(&truth_path, file)?;
     let no_clip = |e: std::io::Error| Failure::output(file, &e);
     let no_truth = |e: std::io::Error| Failure::output(&truth_path, &e);
@@ -288,7 +300,7 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         first = next;
     }
     avi.finish().map_err(no_clip)?;
-    text.write_all(truth(args, frames).to_text().as_bytes())
+    text.write_all(truth(args, Some(file), frames).to_text().as_bytes())
         .map_err(no_truth)?;
     clip.finish().map_err(no_clip)?;
     text.finish().map_err(no_truth)?;

@@ -47,6 +47,8 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
     let bar = ProgressBar::new(args.frames * views as u64);
     for view in 0..views {
         let camera = name(view);
+        // Named also where it is not made: frame numbers of one camera's truth are no other one's.
+        let clip = format!("{camera}.avi");
         let frames = if shown {
             let reel = Reel::of(studio.seen_by(view));
             film(args, folder.beside(), &camera, &reel, &bar)?
@@ -55,9 +57,10 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
             frames.map(|k| studio.outline(view, k)).collect()
         };
         if args.observed {
-            observe(args, &at(&format!("{camera}.jsonl")), view, &frames)?;
+            let path = at(&format!("{camera}.jsonl"));
+            observe(args, &path, (view, &clip), &frames)?;
         }
-        let text = truth(args, frames).to_text();
+        let text = truth(args, Some(Path::new(&clip)), frames).to_text();
         std::fs::write(at(&format!("{camera}.truth.json")), text).map_err(failed)?;
     }
     bar.finish_and_clear();
@@ -141,14 +144,14 @@ fn mask(args: &SynthArgs, survey: &Survey, ids: &[u8], path: &Path) -> anyhow::R
 fn observe(
     args: &SynthArgs,
     path: &Path,
-    view: usize,
+    (view, clip): (usize, &str),
     frames: &[TruthFrame],
 ) -> anyhow::Result<()> {
     let seed = args.seed.wrapping_mul(64).wrapping_add(view as u64);
     let mut detector = Detector::new(Flaws::MEASURED, args.fps as f32, seed);
     let mut file = RecordWriter::<ObservationsRow>::create(path, Format::Jsonl)?;
     for frame in frames {
-        file.write(&detector.observe(frame, [args.width, args.height]), "")?;
+        file.write(&detector.observe(frame, [args.width, args.height]), clip)?;
     }
     file.finish()?;
     Ok(())

@@ -18,6 +18,9 @@ mod picture;
 mod step;
 #[allow(unsafe_code, reason = "its threads share a frame's memory")]
 mod team;
+#[allow(unsafe_code, reason = "a call of the C library")]
+mod trim;
 
 pub use engine::{Engine, EngineOptions, LayerProfile, Precision};
 pub use error::EngineError;
+pub(crate) use trim::trim_memory;

@@ -21,6 +21,9 @@ pub struct Certificate {
     pub ratios: Vec<Ratio>,
     /// What comes after Stage I.
     pub people: Vec<PeopleSpeed>,
+    /// Numbers of people that were left out of it, because that many cannot be told apart in a picture of this size.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<usize>,
 }
 
 /// The greatest speed seen of multiply-accumulate chains that read only registers, giga-MAC per second, all threads
@@ -74,7 +77,8 @@ pub struct NetworkSpeed {
     /// Mean processor time of one picture, all threads together, milliseconds; other programs disturb it less than the
     /// median.
     pub processor_ms: f64,
-    /// Processor time over wall time and threads: well under 1 means that other programs had the cores.
+    /// Processor time over wall time and threads, those alone for which there is a core: well under 1 means that other
+    /// programs had the cores.
     pub busy: f64,
     /// By how much the process's resident memory rose at most while this engine was built and ran, MB of 10⁶ bytes;
     /// measured with the first number of threads only.

@@ -7,7 +7,7 @@ use edgecap_kernels::{ConvShape, Isa, KernelError};
 use super::sample::{Samples, quantile};
 use super::subject::{Subject, picture};
 use super::{Certificate, LayerTime, Machine, NetworkSpeed, Ratio, peak, people};
-use crate::engine::{Engine, EngineError, EngineOptions, Maps, Precision};
+use crate::engine::{Engine, EngineError, EngineOptions, Maps, Precision, trim_memory};
 use crate::lift::LiftError;
 use crate::machine::{peak_memory_mb, reset_peak_memory};
 
@@ -45,16 +45,6 @@ pub enum BenchError {
     /// Stage II refuses.
     #[error(transparent)]
     Lift(#[from] LiftError),
-    /// People got lost, so the time of finding them means nothing.
-    #[error(
-        "expected {people} people in drawn maps of {people} people, found {found}; use a larger --size"
-    )]
-    Crowd {
-        /// Drawn.
-        people: usize,
-        /// Found.
-        found: usize,
-    },
 }
 
 /// Measures everything; `progress` is told what comes next.
@@ -75,11 +65,12 @@ pub fn certify(
         networks: Vec::new(),
         ratios: Vec::new(),
         people: Vec::new(),
+        left_out: Vec::new(),
     };
     for &threads in &options.threads {
         progress(&format!("peak of the machine, {threads} threads"));
         c.peaks.push(peak::measure(isa, threads)?);
-        let speeds = networks(subjects, options, threads, &mut progress)?;
+        let speeds = networks(subjects, options, (threads, c.machine.cores), &mut progress)?;
         c.networks.extend(speeds);
     }
     set_shares(&mut c);
@@ -88,8 +79,10 @@ pub fn certify(
     let cells = (width / Maps::STRIDE, height / Maps::STRIDE);
     for count in CROWDS {
         progress(&format!("{count} people"));
-        c.people
-            .push(people::speed(count, cells, isa, options.time / 8)?);
+        match people::speed(count, cells, isa, options.time / 8)? {
+            Some(speed) => c.people.push(speed),
+            None => c.left_out.push(count),
+        }
     }
     Ok(c)
 }
@@ -105,7 +98,7 @@ struct Entry {
 fn networks(
     subjects: &[Subject],
     options: &BenchOptions,
-    threads: usize,
+    (threads, cores): (usize, usize),
     progress: &mut impl FnMut(&str),
 ) -> Result<Vec<NetworkSpeed>, BenchError> {
     let picture = picture(options.size);
@@ -134,7 +127,8 @@ fn networks(
         let s = &mut e.speed;
         s.timing = e.samples.timing();
         s.processor_ms = e.samples.processor_ms();
-        s.busy = e.samples.busy(threads);
+        // More threads than cores take turns.
+        s.busy = e.samples.busy(threads.min(cores));
         s.fps = 1e3 / s.timing.median_ms;
         s.gmacs = s.gmac * s.fps;
         if options.layers {
@@ -159,8 +153,10 @@ fn entry(
         precision,
         ..EngineOptions::default()
     };
-    // The allocator keeps what earlier engines freed: only those of the first number of threads show what they need.
+    // The allocator keeps what others freed, and an engine built of that would seem to need nothing. Not all of it can
+    // be given back: only engines of the first number of threads show what they need.
     let before = if threads == options.threads[0] {
+        trim_memory();
         reset_peak_memory()
     } else {
         None

@@ -9,28 +9,13 @@ use super::PeakSpeed;
 /// Long enough for the clock to settle, short beside the networks.
 const TIME: Duration = Duration::from_millis(600);
 
-/// Runs the kernels' own multiply-accumulate chains on `threads` threads at once and adds up what they reach.
+/// Runs the kernels' own multiply-accumulate chains on `threads` threads at once.
 pub(super) fn measure(isa: Isa, threads: usize) -> Result<PeakSpeed, KernelError> {
-    let mut sum = PeakSpeed {
+    let peak = Peak::together(isa, threads, TIME)?;
+    Ok(PeakSpeed {
         threads,
-        int8_gmacs: 0.0,
-        f32_gmacs: 0.0,
-    };
-    std::thread::scope(|scope| {
-        let others: Vec<_> = (1..threads)
-            .map(|_| scope.spawn(move || Peak::measure(isa, TIME)))
-            .collect();
-        let own = Peak::measure(isa, TIME);
-        let joined = others.into_iter().map(|t| match t.join() {
-            Ok(peak) => peak,
-            Err(panic) => std::panic::resume_unwind(panic),
-        });
-        for peak in std::iter::once(own).chain(joined) {
-            let peak = peak?;
-            sum.int8_gmacs += peak.int8;
-            sum.f32_gmacs += peak.f32;
-        }
-        Ok(sum)
+        int8_gmacs: peak.int8,
+        f32_gmacs: peak.f32,
     })
 }
 

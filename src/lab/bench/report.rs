@@ -45,6 +45,13 @@ impl fmt::Display for Certificate {
                 p.threads, p.int8_gmacs, p.f32_gmacs
             )?;
         }
+        if self.peaks.iter().any(|p| p.threads > m.cores) {
+            writeln!(
+                f,
+                "more threads than the {} cores take turns: what they do is no measure of more cores",
+                m.cores
+            )?;
+        }
         writeln!(
             f,
             "\n{:<10} {:<5} {:>7} {:>10} {:>8} {:>6} {:>7} {:>7} {:>6} {:>5} {:>8} {:>8} {:>6}",
@@ -115,6 +122,14 @@ impl fmt::Display for Certificate {
                 s.median_ms,
                 s.p99_ms,
                 a.median_ms + s.median_ms
+            )?;
+        }
+        if !self.left_out.is_empty() {
+            let counts: Vec<String> = self.left_out.iter().map(usize::to_string).collect();
+            writeln!(
+                f,
+                "left out: {} people, who cannot be told apart in {width}x{height}; use a larger --size",
+                counts.join(" and ")
             )?;
         }
         self.networks.iter().try_for_each(|n| layers(n, f))

@@ -33,9 +33,53 @@ pub enum EvalError {
         /// The film of the predictions.
         found: String,
     },
+    /// Two predictions are of one frame.
+    #[error(
+        "expected one prediction of every frame, found two of frame {frame}; give the predictions of one film, once"
+    )]
+    Twice {
+        /// The frame's number.
+        frame: u64,
+    },
+    /// Which picture is which cannot be told.
+    #[error(
+        "expected one picture that is {one}, found {} and {}; name the folder in the truth, or give the predictions of one folder", both[0], both[1]
+    )]
+    Ambiguous {
+        /// The one path.
+        one: String,
+        /// Two that go with it equally well.
+        both: [String; 2],
+    },
+    /// There is no picture to measure.
+    #[error(
+        "expected a picture to measure, found none in the {of}; give other files or another --split"
+    )]
+    Empty {
+        /// Truth or predictions.
+        of: &'static str,
+    },
+    /// Nobody in the truth is labelled.
+    #[error(
+        "expected somebody labelled in the truth, found nobody in {pictures} pictures; where nobody is in any of them say --no-people"
+    )]
+    Nobody {
+        /// Pictures of the truth.
+        pictures: usize,
+    },
+    /// Observations and bodies are measured differently.
+    #[error("{path}: expected {expected}, as before it, found {found}; measure them on their own")]
+    Mixed {
+        /// The file, with the line where there is one.
+        path: String,
+        /// What came before.
+        expected: &'static str,
+        /// What follows.
+        found: &'static str,
+    },
     /// No frame of the truth has a prediction.
     #[error(
-        "none of the {truth} pictures of the truth is among the {predictions} predicted ones; expected the predictions' \"source\" to end in the truth's file names: run `edgecap infer` on the same pictures"
+        "none of the {truth} pictures of the truth is among the {predictions} predicted ones; expected the predictions' \"source\" to end in the truth's file names (with their folders, where several have one name): run `edgecap infer` on the same pictures"
     )]
     Disjoint {
         /// Frames in the truth.

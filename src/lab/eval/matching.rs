@@ -28,13 +28,13 @@ pub struct Finding {
 
 /// Finds people at an OKS of at least `least`, matching each picture so that the total OKS is greatest.
 ///
-/// Every picture comes with its scale to network input pixels. `counts` (person, scale) says which people are asked
+/// Every picture comes with its scale to network input pixels, where its size is known. `counts` (person, scale) says which people are asked
 /// for; the others may be found but are not missed, and a prediction on one of them (or on a person to be ignored) is
 /// neither right nor wrong.
 pub fn find_people<'a>(
-    images: impl Iterator<Item = (&'a ImageOks, &'a [TruthPerson], f64)>,
+    images: impl Iterator<Item = (&'a ImageOks, &'a [TruthPerson], Option<f64>)>,
     least: f64,
-    counts: &dyn Fn(&TruthPerson, f64) -> bool,
+    counts: &dyn Fn(&TruthPerson, Option<f64>) -> bool,
 ) -> Finding {
     let mut matcher = Matcher::default();
     let (mut people, mut found, mut predictions, mut false_people, mut sum) = (0, 0, 0, 0, 0.0);
@@ -63,7 +63,8 @@ pub fn find_people<'a>(
                 None => {
                     // A crowd swallows any number of predictions.
                     let mut ignored = image.ignored.iter().zip(&image.oks[p]);
-                    if !ignored.any(|(ignored, o)| *ignored && *o >= least) {
+                    let swallowed = ignored.any(|(ignored, o)| *ignored && *o >= least);
+                    if !swallowed && !image.excused[p] {
                         predictions += 1;
                         false_people += 1;
                     }

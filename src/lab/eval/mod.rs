@@ -12,6 +12,7 @@ mod keypoints;
 mod matching;
 pub mod multiview;
 mod mupots;
+mod names;
 mod noise;
 mod oks;
 mod pairing;

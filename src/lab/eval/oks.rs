@@ -57,6 +57,8 @@ pub struct ImageOks {
     pub crowd: Vec<bool>,
     /// `[prediction][person]`.
     pub oks: Vec<Vec<f64>>,
+    /// Per prediction: whether it is neither right nor wrong where it is nobody's.
+    pub excused: Vec<bool>,
 }
 
 impl ImageOks {
@@ -71,8 +73,18 @@ impl ImageOks {
                 .iter()
                 .map(|(_, p)| truth.iter().map(|t| oks(t, p, set)).collect())
                 .collect(),
+            excused: predicted.iter().map(|(_, p)| beyond(truth, p)).collect(),
         }
     }
+}
+
+/// Whether the middle of a prediction lies on somebody of whom no joint is in the picture.
+fn beyond(truth: &[TruthPerson], prediction: &Joints2d) -> bool {
+    let seen: Vec<[f64; 2]> = prediction.iter().filter_map(|j| predicted(*j)).collect();
+    let n = seen.len().max(1) as f64;
+    let [u, v] = [0, 1].map(|i| seen.iter().map(|p| p[i]).sum::<f64>() / n);
+    let mut boxes = truth.iter().filter_map(|t| t.beyond);
+    boxes.any(|[x, y, w, h]| (x..=x + w).contains(&u) && (y..=y + h).contains(&v))
 }
 
 /// COCO's summary. −1 where the truth holds nobody, as in pycocotools.
@@ -178,6 +190,8 @@ fn claim(image: &ImageOks, threshold: f64) -> Vec<(f64, bool)> {
             if image.ignored[g] {
                 continue;
             }
+        } else if image.excused[d] {
+            continue;
         }
         out.push((image.scores[d], chosen.is_some()));
     }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::names::{claims, last};
 use super::{EvalError, PredictedFrame, Predictions, TruthFrame, TruthSet};
 
 /// Every frame of the truth with its prediction: by frame index in videos, else by the longest common end of the paths.
@@ -10,20 +11,24 @@ pub(crate) fn pair<'a>(
     predictions: &'a Predictions,
 ) -> Result<Vec<(&'a TruthFrame, Option<&'a PredictedFrame>)>, EvalError> {
     expect_same_film(truth, predictions)?;
-    let by_index: HashMap<u64, &PredictedFrame> =
-        predictions.frames.iter().map(|f| (f.frame, f)).collect();
-    let mut by_name: HashMap<&str, Vec<&PredictedFrame>> = HashMap::new();
-    for f in &predictions.frames {
-        by_name.entry(last(&f.source)).or_default().push(f);
-    }
-    let find = |t: &TruthFrame| match t.frame {
-        Some(index) => by_index.get(&index).copied(),
-        None => {
-            let same = by_name.get(last(&t.source))?.iter().copied();
-            same.max_by_key(|f| common_end(&f.source, &t.source))
-        }
+    let of_film = truth.frames.iter().any(|f| f.frame.is_some());
+    let by_index = match of_film {
+        true => by_index(predictions)?,
+        false => HashMap::new(),
     };
-    let pairs: Vec<_> = truth.frames.iter().map(|t| (t, find(t))).collect();
+    // Frames of a film have a number, whatever the name.
+    let name = |f: &'a TruthFrame| f.frame.map_or(f.source.as_str(), |_| "");
+    let names: Vec<&str> = truth.frames.iter().map(name).collect();
+    let predicted = predictions.frames.iter().map(|f| f.source.as_str());
+    let by_name = claims(&names, &predicted.collect::<Vec<_>>())?;
+    let find = |(t, claimed): (&'a TruthFrame, Option<usize>)| {
+        let found = match t.frame {
+            Some(index) => by_index.get(&index).copied(),
+            None => claimed.map(|p| &predictions.frames[p]),
+        };
+        (t, found)
+    };
+    let pairs: Vec<_> = truth.frames.iter().zip(by_name).map(find).collect();
     if !pairs.is_empty() && pairs.iter().all(|(_, p)| p.is_none()) {
         return Err(EvalError::Disjoint {
             truth: pairs.len(),
@@ -31,6 +36,17 @@ pub(crate) fn pair<'a>(
         });
     }
     Ok(pairs)
+}
+
+/// Predictions of a film by their number; two of one number are of two films, or of one film twice.
+fn by_index(predictions: &Predictions) -> Result<HashMap<u64, &PredictedFrame>, EvalError> {
+    let mut all = HashMap::with_capacity(predictions.frames.len());
+    for f in &predictions.frames {
+        if all.insert(f.frame, f).is_some() {
+            return Err(EvalError::Twice { frame: f.frame });
+        }
+    }
+    Ok(all)
 }
 
 /// Films are told by name, whatever their container: frame numbers would go with those of any other one.
@@ -43,44 +59,26 @@ fn expect_same_film(truth: &TruthSet, predictions: &Predictions) -> Result<(), E
     };
     let known = |source: &&str| !source.is_empty();
     let of_film = truth.frames.iter().filter(|f| f.frame.is_some());
-    let expected = of_film.map(|f| f.source.as_str()).find(known);
-    let found = predictions
-        .frames
-        .iter()
-        .map(|f| f.source.as_str())
-        .find(known);
-    match (expected, found) {
-        (Some(expected), Some(found)) if stem(expected) != stem(found) => {
-            Err(EvalError::Unrelated {
-                expected: expected.to_owned(),
-                found: found.to_owned(),
-            })
-        }
-        _ => Ok(()),
+    let Some(expected) = of_film.map(|f| f.source.as_str()).find(known) else {
+        return Ok(());
+    };
+    let own = stem(expected);
+    let sources = predictions.frames.iter().map(|f| f.source.as_str());
+    match sources.filter(known).find(|s| stem(s) != own) {
+        Some(found) => Err(EvalError::Unrelated {
+            expected: expected.to_owned(),
+            found: found.to_owned(),
+        }),
+        None => Ok(()),
     }
-}
-
-fn last(path: &str) -> &str {
-    path.rsplit(['/', '\\']).next().unwrap_or(path)
-}
-
-/// Number of equal path components from the end.
-fn common_end(a: &str, b: &str) -> usize {
-    let parts = |p: &'_ str| -> Vec<String> { p.rsplit(['/', '\\']).map(str::to_owned).collect() };
-    parts(a)
-        .iter()
-        .zip(&parts(b))
-        .take_while(|(a, b)| a == b)
-        .count()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn predictions_of_another_film_are_refused() {
-        let truth = |source: &str| TruthSet {
+    fn truth(source: &str) -> TruthSet {
+        TruthSet {
             frames: vec![TruthFrame {
                 source: source.to_owned(),
                 frame: Some(0),
@@ -88,8 +86,11 @@ mod tests {
             }],
             video: true,
             ..TruthSet::default()
-        };
-        let of = |source: &str| Predictions {
+        }
+    }
+
+    fn of(source: &str) -> Predictions {
+        Predictions {
             frames: vec![PredictedFrame {
                 frame: 0,
                 time_ns: 0,
@@ -98,12 +99,29 @@ mod tests {
                 people: Vec::new(),
             }],
             bodies: true,
-        };
+        }
+    }
+
+    #[test]
+    fn predictions_of_another_film_are_refused() {
         assert!(pair(&truth("a.avi"), &of("films/a.y4m")).is_ok());
         assert!(pair(&truth(""), &of("films/b.avi")).is_ok());
         let e = pair(&truth("a.avi"), &of("films/b.avi"))
             .unwrap_err()
             .to_string();
         assert!(e.contains("a.avi") && e.contains("films/b.avi"), "{e}");
+    }
+
+    #[test]
+    fn so_are_those_that_follow_the_right_ones() {
+        let mut both = of("a.avi");
+        both.frames.extend(of("b.avi").frames);
+        both.frames[1].frame = 1;
+        let e = pair(&truth("a.avi"), &both).unwrap_err().to_string();
+        assert!(e.contains("b.avi"), "{e}");
+        let mut twice = of("");
+        twice.frames.extend(of("").frames);
+        let e = pair(&truth("a.avi"), &twice).unwrap_err().to_string();
+        assert!(e.contains("frame 0"), "{e}");
     }
 }

@@ -62,6 +62,8 @@ pub fn align_similarity(from: &[[f64; 3]], to: &[[f64; 3]]) -> Vec<[f64; 3]> {
 pub struct PoseErrors {
     /// Root-aligned.
     pub aligned: Vec<f64>,
+    /// The same without the pelvis, which has no error when both are aligned by it.
+    pub limbs: Vec<f64>,
     /// Root-aligned, the prediction scaled about its pelvis as suits the truth best (least squares; Rhodin et al., CVPR
     /// 2018): what is left when somebody's size does not count.
     pub scaled: Vec<f64>,
@@ -70,13 +72,18 @@ pub struct PoseErrors {
 }
 
 impl PoseErrors {
-    /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` without a true pelvis or
-    /// with fewer than four joints, too few to turn and scale by.
+    /// Whether the truth tells enough to have errors: a pelvis, and four joints to turn and scale by.
+    pub fn can_be(truth: &[Option<[f64; 3]>; BODY_JOINTS]) -> bool {
+        truth[PELVIS].is_some() && truth.iter().flatten().count() >= 4
+    }
+
+    /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` where they
+    /// [cannot be](Self::can_be).
     pub fn new(
         truth: &[Option<[f64; 3]>; BODY_JOINTS],
         predicted: &[[f64; 3]; BODY_JOINTS],
     ) -> Option<Self> {
-        let root = truth[PELVIS]?;
+        let root = truth[PELVIS].filter(|_| Self::can_be(truth))?;
         let (mut t, mut p) = (Vec::new(), Vec::new());
         for (truth, joint) in truth.iter().zip(predicted) {
             if let Some(truth) = truth {
@@ -84,8 +91,13 @@ impl PoseErrors {
                 p.push(minus(*joint, predicted[PELVIS]));
             }
         }
-        (t.len() >= 4).then(|| Self {
-            aligned: distances(&t, &p),
+        let aligned = distances(&t, &p);
+        let pelvis = truth[..PELVIS].iter().flatten().count();
+        let mut limbs = aligned.clone();
+        limbs.remove(pelvis);
+        Some(Self {
+            aligned,
+            limbs,
             scaled: distances(&t, &scaled(&p, &t)),
             procrustes: distances(&t, &align_similarity(&p, &t)),
         })
@@ -112,16 +124,19 @@ pub struct Pose3d {
     pub people: usize,
     /// People of the truth with 3D joints, with or without a prediction.
     pub truth: usize,
+    /// Joint errors of all of them together, pelvises included.
+    pub joints: usize,
     /// Mean root-aligned joint error, millimetres.
     pub mpjpe_mm: f64,
     /// The same with prediction and truth each brought to 1.70 m by its own stature: observations and bodies are then
-    /// asked the same, how well the pose is known; what a body's stature is wrong by does not count.
-    pub canonical_mpjpe_mm: f64,
+    /// asked the same, how well the pose is known; what a body's stature is wrong by does not count. Over people whose
+    /// stature is known; `None` without any.
+    pub canonical_mpjpe_mm: Option<f64>,
     /// The same with the prediction scaled to the truth's size (N-MPJPE).
     pub n_mpjpe_mm: f64,
     /// The same after similarity Procrustes.
     pub pa_mpjpe_mm: f64,
-    /// Share of joints within 150 mm, root-aligned.
+    /// Share of joints but the pelvis within 150 mm, root-aligned.
     pub pck150: f64,
     /// Mean of that share over thresholds 0:5:150 mm.
     pub auc: f64,
@@ -140,18 +155,20 @@ impl Pose3d {
         roots: &[f64],
     ) -> Option<Self> {
         let aligned: Vec<f64> = people.iter().flat_map(|e| e.aligned.clone()).collect();
+        let limbs: Vec<f64> = people.iter().flat_map(|e| e.limbs.clone()).collect();
         let same_size: Vec<f64> = canonical.iter().flat_map(|e| e.aligned.clone()).collect();
         let scaled: Vec<f64> = people.iter().flat_map(|e| e.scaled.clone()).collect();
         let turned: Vec<f64> = people.iter().flat_map(|e| e.procrustes.clone()).collect();
         (!aligned.is_empty()).then(|| Self {
             people: people.len(),
             truth,
+            joints: aligned.len(),
             mpjpe_mm: 1e3 * mean(&aligned),
-            canonical_mpjpe_mm: 1e3 * mean(&same_size),
+            canonical_mpjpe_mm: (!same_size.is_empty()).then(|| 1e3 * mean(&same_size)),
             n_mpjpe_mm: 1e3 * mean(&scaled),
             pa_mpjpe_mm: 1e3 * mean(&turned),
-            pck150: correct(&aligned),
-            auc: area_under_curve(&aligned),
+            pck150: correct(&limbs),
+            auc: area_under_curve(&limbs),
             root_mm: (!roots.is_empty()).then(|| 1e3 * mean(roots)),
         })
     }

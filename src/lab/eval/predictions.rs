@@ -4,9 +4,11 @@ use std::path::Path;
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::EvalError;
 use super::oks::Joints2d;
+use crate::record::Kind;
 
 /// Confidence of a body's joint that is given none: bodies are complete, so every joint counts as predicted.
 const LEAST_CONFIDENCE: f32 = 1e-3;
@@ -64,6 +66,10 @@ struct Line {
     #[serde(default)]
     height: f64,
     people: Vec<LinePerson>,
+    /// Only bodies are fitted.
+    fit_us: Option<IgnoredAny>,
+    /// Only observations may lack one.
+    without_neck: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -94,15 +100,32 @@ impl Predictions {
         Self::parse(&text, &name)
     }
 
-    /// Adds the frames of another file.
-    pub fn append(&mut self, more: Self) {
+    /// Adds the frames of another file of the same kind; `name` is for errors.
+    ///
+    /// # Errors
+    /// When one holds observations and the other bodies.
+    pub fn append(&mut self, more: Self, name: &str) -> Result<(), EvalError> {
+        if let (Some(own), Some(new)) = (self.kind(), more.kind()) {
+            expect_same(own, new, name)?;
+        }
         self.bodies |= more.bodies;
         self.frames.extend(more.frames);
+        Ok(())
+    }
+
+    /// What it holds; `None` where nobody is in it that would tell.
+    fn kind(&self) -> Option<Kind> {
+        match self.bodies {
+            true => Some(Kind::Bodies),
+            false if self.frames.iter().all(|f| f.people.is_empty()) => None,
+            false => Some(Kind::Observations),
+        }
     }
 
     /// Reads the text of such a file; `name` is for errors.
     pub fn parse(text: &str, name: &str) -> Result<Self, EvalError> {
         let mut out = Self::default();
+        let mut kind = None;
         let lines = text.lines().enumerate();
         for (k, line) in lines.filter(|(_, l)| !l.trim().is_empty()) {
             let at = || format!("{name}, line {}", k + 1);
@@ -113,9 +136,11 @@ impl Predictions {
                     e.to_string(),
                 )
             })?;
+            for new in line.kinds() {
+                expect_same(*kind.get_or_insert(new), new, &at())?;
+            }
             let mut people = Vec::with_capacity(line.people.len());
             for p in line.people {
-                out.bodies |= p.position.is_some();
                 people.push(p.check(&at)?);
             }
             out.frames.push(PredictedFrame {
@@ -126,7 +151,37 @@ impl Predictions {
                 people,
             });
         }
+        out.bodies = kind == Some(Kind::Bodies);
         Ok(out)
+    }
+}
+
+/// Refuses to go on with the other kind.
+fn expect_same(own: Kind, new: Kind, at: &str) -> Result<(), EvalError> {
+    let called = |kind: Kind| match kind {
+        Kind::Observations => "observations of `infer`",
+        Kind::Bodies => "bodies of `run` or `fit`",
+    };
+    if own == new {
+        return Ok(());
+    }
+    Err(EvalError::Mixed {
+        path: at.to_owned(),
+        expected: called(own),
+        found: called(new),
+    })
+}
+
+impl Line {
+    /// What the line and its people tell of what they are: also a frame in which nobody is has what only one kind has.
+    fn kinds(&self) -> impl Iterator<Item = Kind> {
+        let fitted = self.fit_us.as_ref().map(|_| Kind::Bodies);
+        let observed = self.without_neck.as_ref().map(|_| Kind::Observations);
+        let people = self.people.iter().map(|p| match p.position {
+            Some(_) => Kind::Bodies,
+            None => Kind::Observations,
+        });
+        fitted.into_iter().chain(observed).chain(people)
     }
 }
 

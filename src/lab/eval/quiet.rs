@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Predictions;
+use super::{EvalError, Predictions};
 
 /// What was reported where there is nobody.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -23,11 +23,17 @@ impl Quiet {
 }
 
 /// Counts what was reported in pictures that hold nobody.
-pub fn quiet(predictions: &Predictions) -> Quiet {
+///
+/// # Errors
+/// When there is no picture.
+pub fn quiet(predictions: &Predictions) -> Result<Quiet, EvalError> {
     let frames = &predictions.frames;
-    Quiet {
+    if frames.is_empty() {
+        return Err(EvalError::Empty { of: "predictions" });
+    }
+    Ok(Quiet {
         pictures: frames.len(),
         quiet: frames.iter().filter(|f| f.people.is_empty()).count(),
         people: frames.iter().map(|f| f.people.len()).sum(),
-    }
+    })
 }

@@ -27,8 +27,8 @@ pub struct RecallRow {
     pub recall: f64,
 }
 
-/// A picture's similarities and truth, and network input pixels per pixel.
-pub(super) type Picture<'a> = (&'a ImageOks, &'a [TruthPerson], f64);
+/// A picture's similarities and truth, and network input pixels per pixel where its size is known.
+pub(super) type Picture<'a> = (&'a ImageOks, &'a [TruthPerson], Option<f64>);
 
 /// Labelled evidence joints.
 pub(super) fn labelled(t: &TruthPerson) -> usize {
@@ -38,11 +38,12 @@ pub(super) fn labelled(t: &TruthPerson) -> usize {
         .count()
 }
 
-/// Rows of height, network input pixels, of people with enough joints.
+/// Rows of height, network input pixels, of people with enough joints; pictures of unknown size are left out.
 pub(super) fn by_height(pictures: &[Picture], min_joints: usize) -> Vec<RecallRow> {
     rows(&HEIGHTS, |from, to| {
-        let counts = |t: &TruthPerson, scale: f64| {
-            labelled(t) >= min_joints && (from..to).contains(&(t.height() * scale))
+        let counts = |t: &TruthPerson, scale: Option<f64>| {
+            let height = scale.map(|s| t.height() * s);
+            labelled(t) >= min_joints && height.is_some_and(|h| (from..to).contains(&h))
         };
         find_people(pictures.iter().copied(), FOUND, &counts)
     })

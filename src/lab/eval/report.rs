@@ -35,7 +35,8 @@ pub struct EvalOptions {
     pub joints: JointSet,
     /// People with fewer labelled evidence joints are not asked for in recall.
     pub min_joints: usize,
-    /// People lower than this, network input pixels, are not asked for in recall.
+    /// People lower than this, network input pixels, are not asked for in recall, nor those in pictures of unknown
+    /// size.
     pub min_height: f64,
 }
 
@@ -68,7 +69,7 @@ pub struct Report {
     pub coco: Option<AveragePrecision>,
     /// Recall and precision at OKS 0.3, 0.5 and 0.75 of people with enough joints.
     pub finding: Vec<Finding>,
-    /// Recall at OKS 0.5 by height.
+    /// Recall at OKS 0.5 by height, in pictures of known size.
     pub recall_by_height: Vec<RecallRow>,
     /// Recall at OKS 0.5 by labelled evidence joints, of everybody.
     pub recall_by_joints: Vec<RecallRow>,
@@ -107,8 +108,8 @@ struct Scene<'a> {
     evidence: ImageOks,
     /// Prediction of every true person, over the evidence joints.
     partner: Vec<Option<usize>>,
-    /// Network input pixels per pixel.
-    scale: f64,
+    /// Network input pixels per pixel; none where the picture's size is not known.
+    scale: Option<f64>,
 }
 
 impl Scene<'_> {
@@ -124,12 +125,13 @@ impl Scene<'_> {
 /// Measures predictions against truth.
 ///
 /// # Errors
-/// When no frame of the truth has a prediction.
+/// When there is nothing to measure, or it cannot be told which prediction belongs to which frame of the truth.
 pub fn evaluate(
     predictions: &Predictions,
     truth: &TruthSet,
     options: &EvalOptions,
 ) -> Result<Report, EvalError> {
+    expect_somebody(truth)?;
     let pairs = pair(truth, predictions)?;
     let mut matcher = Matcher::default();
     let scenes: Vec<Scene> = pairs
@@ -144,18 +146,25 @@ pub fn evaluate(
         ..Report::default()
     };
     if !truth.single {
-        let images: Vec<ImageOks> = scenes.iter().map(|s| s.image.clone()).collect();
-        report.coco = Some(average_precision(&images));
         let pictures: Vec<Picture> = scenes
             .iter()
             .map(|s| (&s.image, &s.truth.people[..], s.scale))
             .collect();
-        for least in [0.3, 0.5, 0.75] {
-            let counts = |t: &TruthPerson, scale: f64| {
-                labelled(t) >= options.min_joints && t.height() * scale >= options.min_height
-            };
-            let found = find_people(pictures.iter().copied(), least, &counts);
-            report.finding.push(found);
+        // Where nobody reported can be wrong, precision says nothing.
+        if truth.frames.iter().any(|f| !f.partial) {
+            let images: Vec<ImageOks> = scenes.iter().map(|s| s.image.clone()).collect();
+            report.coco = Some(average_precision(&images));
+            for least in [0.3, 0.5, 0.75] {
+                let tall = |t: &TruthPerson, scale: Option<f64>| {
+                    options.min_height <= 0.0
+                        || scale.is_some_and(|s| t.height() * s >= options.min_height)
+                };
+                let counts = |t: &TruthPerson, scale: Option<f64>| {
+                    labelled(t) >= options.min_joints && tall(t, scale)
+                };
+                let found = find_people(pictures.iter().copied(), least, &counts);
+                report.finding.push(found);
+            }
         }
         report.recall_by_height = recall::by_height(&pictures, options.min_joints);
         report.recall_by_joints = recall::by_joints(&pictures);
@@ -179,6 +188,20 @@ pub fn evaluate(
     Ok(report)
 }
 
+/// Refuses a truth about nothing.
+fn expect_somebody(truth: &TruthSet) -> Result<(), EvalError> {
+    if truth.frames.is_empty() {
+        return Err(EvalError::Empty { of: "truth" });
+    }
+    let mut people = truth.frames.iter().flat_map(|f| &f.people);
+    if !people.any(|t| !t.crowd && t.points.iter().any(|k| k.is_labelled())) {
+        return Err(EvalError::Nobody {
+            pictures: truth.frames.len(),
+        });
+    }
+    Ok(())
+}
+
 fn scene<'a>(
     truth: &'a TruthFrame,
     predicted: Option<&'a PredictedFrame>,
@@ -187,8 +210,14 @@ fn scene<'a>(
 ) -> Scene<'a> {
     let people = predicted.map_or(&[][..], |p| &p.people[..]);
     let flat: Vec<(f64, Joints2d)> = people.iter().map(|p| (p.score, p.joints2d)).collect();
-    let image = ImageOks::new(&truth.people, &flat, joints);
-    let evidence = ImageOks::new(&truth.people, &flat, JointSet::Evidence);
+    let compared = |set: JointSet| {
+        let mut image = ImageOks::new(&truth.people, &flat, set);
+        if truth.partial {
+            image.excused.fill(true);
+        }
+        image
+    };
+    let (image, evidence) = (compared(joints), compared(JointSet::Evidence));
     let scores: Vec<f32> = evidence
         .oks
         .iter()
@@ -202,10 +231,11 @@ fn scene<'a>(
             partner[t] = Some(p);
         }
     }
-    let scale = match predicted.map(|p| p.size) {
-        Some([w, h]) if w > 0.0 && h > 0.0 => (NETWORK_INPUT[0] / w).min(NETWORK_INPUT[1] / h),
-        _ => 1.0,
-    };
+    // By the truth first: it knows the size of a picture that nobody predicted, too.
+    let sizes = [truth.size, predicted.map(|p| p.size)];
+    let size = sizes.into_iter().flatten();
+    let size = size.into_iter().find(|[w, h]| *w > 0.0 && *h > 0.0);
+    let scale = size.map(|[w, h]| (NETWORK_INPUT[0] / w).min(NETWORK_INPUT[1] / h));
     Scene {
         truth,
         predicted,
@@ -241,7 +271,8 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
     let (mut roots, mut people) = (Vec::new(), 0);
     for s in scenes {
         for (t, person) in s.truth.people.iter().enumerate() {
-            let Some(joints) = person.joints3d.filter(|_| !s.evidence.ignored[t]) else {
+            let asked = |j: &_| !s.evidence.ignored[t] && PoseErrors::can_be(j);
+            let Some(joints) = person.joints3d.filter(asked) else {
                 continue;
             };
             people += 1;
@@ -253,13 +284,18 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
             };
             let scaled = joints.map(|j| j.map(|j| j.map(|x| x * scale)));
             errors.extend(PoseErrors::new(&scaled, &p.joints3d));
-            let of =
-                |stature: Option<f64>| stature.map_or(1.0, |s| f64::from(CANONICAL_STATURE) / s);
-            let (truly, seen) = (of(person.stature), of(p.height));
-            canonical.extend(PoseErrors::new(
-                &joints.map(|j| j.map(|j| j.map(|x| x * truly))),
-                &p.joints3d.map(|j| j.map(|x| x * seen)),
-            ));
+            // Both sides are brought to one stature, or neither: observations have it, bodies say theirs.
+            let seen = match p.height {
+                None if bodies => None,
+                height => Some(height.unwrap_or(f64::from(CANONICAL_STATURE))),
+            };
+            if let Some((truly, seen)) = person.stature.zip(seen) {
+                let [truly, seen] = [truly, seen].map(|s| f64::from(CANONICAL_STATURE) / s);
+                canonical.extend(PoseErrors::new(
+                    &joints.map(|j| j.map(|j| j.map(|x| x * truly))),
+                    &p.joints3d.map(|j| j.map(|x| x * seen)),
+                ));
+            }
             if let Some(root) = joints[PELVIS].filter(|_| bodies) {
                 roots.push(norm(minus(p.joints3d[PELVIS], root)));
             }
@@ -328,14 +364,15 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
         let counted: Vec<usize> = (0..s.truth.people.len())
             .filter(|&t| !s.evidence.ignored[t] && s.truth.people[t].id.is_some())
             .collect();
-        // A body on somebody who is not asked for, because nearly nothing of him shows, is neither right nor wrong.
+        // A body on somebody who is not asked for, because nearly nothing of them shows, is neither right nor wrong.
         let on_hidden = |p: usize| {
             let best = |ignored: bool| {
                 let row = s.evidence.oks[p].iter().zip(&s.evidence.ignored);
                 let row = row.filter(|(_, i)| **i == ignored).map(|(o, _)| *o);
                 row.fold(0.0, f64::max)
             };
-            best(true) >= SAME_IDENTITY && best(true) > best(false)
+            let hidden = best(true) >= SAME_IDENTITY && best(true) > best(false);
+            hidden || s.evidence.excused[p] && best(false) < SAME_IDENTITY
         };
         let people = s.people();
         let kept: Vec<usize> = (0..people.len())

@@ -98,12 +98,12 @@ impl Report {
     fn solid(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(p) = &self.pose3d {
             row(f, "3D people found", format!("{} of {}", p.people, p.truth))?;
-            row(f, "  MPJPE", format!("{:.1} mm", p.mpjpe_mm))?;
-            row(
-                f,
-                "  MPJPE at 1.70 m",
-                format!("{:.1} mm", p.canonical_mpjpe_mm),
-            )?;
+            let each = p.joints as f64 / p.people as f64;
+            let text = format!("{:.1} mm of {each:.0} joints, the pelvis too", p.mpjpe_mm);
+            row(f, "  MPJPE", text)?;
+            let same_size = p.canonical_mpjpe_mm;
+            let text = same_size.map_or("–".to_owned(), |e| format!("{e:.1} mm"));
+            row(f, "  MPJPE at 1.70 m", text)?;
             row(f, "  N-MPJPE", format!("{:.1} mm", p.n_mpjpe_mm))?;
             row(f, "  PA-MPJPE", format!("{:.1} mm", p.pa_mpjpe_mm))?;
             row(f, "  3DPCK@150", percent(p.pck150))?;

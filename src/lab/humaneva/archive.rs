@@ -24,6 +24,8 @@ pub const RATE: f64 = 60.0;
 const TRUTH: &str = "humaneva1_gt.npz";
 /// File of the detector's 2D.
 const DETECTED: &str = "humaneva1_alphapose_aligned.npz";
+/// Both files.
+pub const FILES: [&str; 2] = [TRUTH, DETECTED];
 
 /// Consecutive frames of one person.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +84,11 @@ pub enum HumanEvaError {
     /// Cameras cannot be found.
     #[error("expected points of {0} that tell a camera, found too few or all in one plane")]
     Camera(String),
+    /// Every piece is too short.
+    #[error(
+        "expected a piece with {0} frames that all cameras saw, found none; ask for more --frames, or leave it out"
+    )]
+    Short(usize),
 }
 
 impl HumanEva {
@@ -228,6 +235,13 @@ impl<R: Read + Seek> Reader<R> {
             return Err(self.wrong(
                 "as many joints, detections and cameras".into(),
                 format!("{count}, {} and {}", pixels.shape[0], cameras.shape[0]),
+            ));
+        }
+        let is_known = |c: &&f64| (0..CAMERAS).any(|k| **c == k as f64);
+        if let Some(other) = cameras.data.iter().find(|c| !is_known(c)) {
+            return Err(self.wrong(
+                format!("'camera' to be whole numbers below {CAMERAS}"),
+                other.to_string(),
             ));
         }
         let rows = joints.data.chunks_exact(3 * JOINTS);

@@ -50,8 +50,8 @@ pub struct Offsets {
 }
 
 impl Offsets {
-    /// Means over frames; zero where there are none.
-    pub fn learn<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Self {
+    /// Means over frames; `None` without any.
+    pub fn learn<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Option<Self> {
         let (mut sum, mut count) = ([DVec3::ZERO; JOINTS], 0.0_f64);
         for pair in pairs {
             count += 1.0;
@@ -59,9 +59,9 @@ impl Offsets {
                 *sum += pair.axes[j].transpose() * (pair.truth[j] - pair.own[j]);
             }
         }
-        Self {
-            by: sum.map(|s| s / count.max(1.0)),
-        }
+        (count > 0.0).then(|| Self {
+            by: sum.map(|s| s / count),
+        })
     }
 }
 
@@ -74,25 +74,29 @@ pub struct Distances {
     pub limbs: f64,
     /// All, each frame's body moved, turned and scaled onto the truth.
     pub named_aligned: f64,
-    /// All, with offsets, in the world.
-    pub mapped: f64,
-    /// All, with offsets, aligned.
-    pub mapped_aligned: f64,
+    /// All with offsets, in the world and aligned, where offsets are known.
+    pub mapped: Option<[f64; 2]>,
 }
 
 impl Distances {
     /// Of so many frames, at least one.
-    pub fn new(pairs: &[Pair], offsets: &Offsets) -> Self {
+    pub fn new(pairs: &[Pair], offsets: Option<&Offsets>) -> Self {
         let mut sum = Self::default();
         for pair in pairs {
-            let mapped = pair.moved(offsets);
             let limb = |j: &usize| pair.own[*j].distance(pair.truth[*j]);
             sum.named += mean(&pair.own, &pair.truth);
             sum.limbs += LIMBS.iter().map(limb).sum::<f64>() / LIMBS.len() as f64;
             sum.named_aligned += aligned(&pair.own, &pair.truth);
-            sum.mapped += mean(&mapped, &pair.truth);
-            sum.mapped_aligned += aligned(&mapped, &pair.truth);
         }
+        sum.mapped = offsets.map(|offsets| {
+            pairs.iter().fold([0.0; 2], |[plain, turned], pair| {
+                let moved = pair.moved(offsets);
+                [
+                    plain + mean(&moved, &pair.truth),
+                    turned + aligned(&moved, &pair.truth),
+                ]
+            })
+        });
         sum.scaled(1.0 / pairs.len().max(1) as f64)
     }
 
@@ -101,8 +105,7 @@ impl Distances {
             named: self.named * by,
             limbs: self.limbs * by,
             named_aligned: self.named_aligned * by,
-            mapped: self.mapped * by,
-            mapped_aligned: self.mapped_aligned * by,
+            mapped: self.mapped.map(|m| m.map(|x| x * by)),
         }
     }
 }
@@ -138,11 +141,14 @@ mod tests {
             }
         };
         let pairs = [0.0, 0.7, 2.9].map(pair);
-        let learned = Offsets::learn(pairs[..2].iter());
+        let learned = Offsets::learn(pairs[..2].iter()).unwrap();
         assert!(learned.by.iter().all(|o| o.distance(by) < 1e-12));
-        let found = Distances::new(&pairs[2..], &learned);
-        assert!(found.mapped < 1e-12 && (found.named - by.length()).abs() < 1e-12);
+        let found = Distances::new(&pairs[2..], Some(&learned));
+        assert!(found.mapped.unwrap()[0] < 1e-12 && (found.named - by.length()).abs() < 1e-12);
         // One offset for all moves the body as a whole.
         assert!(found.named_aligned < 1e-9 && (found.limbs - by.length()).abs() < 1e-12);
+        // Where nobody is to learn from, nothing is known of them.
+        assert_eq!(Offsets::learn(pairs[..0].iter()), None);
+        assert_eq!(Distances::new(&pairs, None).mapped, None);
     }
 }

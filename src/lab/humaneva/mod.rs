@@ -13,7 +13,7 @@ mod report;
 mod tables;
 mod trial;
 
-pub use archive::{HumanEva, HumanEvaError, Piece};
+pub use archive::{FILES, HumanEva, HumanEvaError, Piece};
 pub use cameras::{FittedCamera, resect};
 pub use report::{CameraLine, HumanEvaTables, Line, Spread};
 pub use tables::{HumanEvaOptions, tables};

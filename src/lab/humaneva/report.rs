@@ -14,15 +14,18 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of so many values.
-    pub fn new(values: &[f64]) -> Self {
-        let n = values.len().max(1) as f64;
+    /// Of so many values; `None` without any.
+    pub fn new(values: &[f64]) -> Option<Self> {
+        if values.is_empty() {
+            return None;
+        }
+        let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Self {
+        Some(Self {
             mean,
             error: (square / (n - 1.0).max(1.0) / n).sqrt(),
-        }
+        })
     }
 }
 
@@ -35,7 +38,7 @@ pub struct CameraLine {
     pub rms_px: f64,
 }
 
-/// One experiment; lengths in metres.
+/// One experiment; lengths in metres, none where there is nothing to measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
     /// Whether 2D is a detector's; else it is exact.
@@ -51,15 +54,15 @@ pub struct Line {
     /// Share of these with a body.
     pub found: f64,
     /// Mean distance of the 15 joints as they are named, in the world.
-    pub named: Spread,
+    pub named: Option<Spread>,
     /// The same of elbows, wrists, knees and ankles.
-    pub limbs: Spread,
+    pub limbs: Option<Spread>,
     /// Of the 15 after every frame's body is moved, turned and scaled onto the truth.
-    pub named_aligned: Spread,
-    /// Of the 15 with offsets learned from the other people, in the world.
-    pub mapped: Spread,
+    pub named_aligned: Option<Spread>,
+    /// Of the 15 with offsets learned from the other people, in the world; none where there are no others.
+    pub mapped: Option<Spread>,
     /// The same, aligned.
-    pub mapped_aligned: Spread,
+    pub mapped_aligned: Option<Spread>,
 }
 
 /// Everything.
@@ -92,7 +95,11 @@ impl Display for HumanEvaTables {
             "| 2D | views | DCT | pieces | frames | found | named | limbs | named, aligned | mapped | mapped, aligned |"
         )?;
         writeln!(f, "|---|---|---|---|---|---|---|---|---|---|---|")?;
-        let mm = |s: Spread| format!("{:.1} ± {:.1}", 1e3 * s.mean, 1e3 * s.error);
+        let mm = |s: Option<Spread>| {
+            s.map_or("–".to_owned(), |s| {
+                format!("{:.1} ± {:.1}", 1e3 * s.mean, 1e3 * s.error)
+            })
+        };
         for l in &self.lines {
             writeln!(
                 f,

@@ -24,6 +24,17 @@ pub struct HumanEvaOptions {
     pub most: usize,
 }
 
+impl HumanEvaOptions {
+    /// Of so many frames a piece at most: whoever asks for few gets pieces of as few.
+    pub fn of_frames(most: usize) -> Self {
+        let whole = Self::default();
+        Self {
+            least: whole.least.min(most),
+            most,
+        }
+    }
+}
+
 impl Default for HumanEvaOptions {
     /// A window of stage two at least, whole pieces.
     fn default() -> Self {
@@ -45,13 +56,12 @@ struct Outcome {
 /// Finds the cameras and runs all experiments. `progress` hears of every fit that is done, out of how many.
 ///
 /// # Errors
-/// When points do not tell a camera.
+/// When no piece is long enough, or points do not tell a camera.
 pub fn tables(
     data: &HumanEva,
     options: HumanEvaOptions,
     progress: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<HumanEvaTables, HumanEvaError> {
-    let cameras = cameras::all(data)?;
     let lifter = lifter();
     let chosen = |source: Source| -> Vec<(usize, &Piece)> {
         let all = data.pieces.iter().enumerate();
@@ -60,6 +70,10 @@ pub fn tables(
     };
     let sources = [Source::Exact, Source::Detected].map(|s| (s, chosen(s)));
     let count: usize = sources.iter().map(|(_, pieces)| pieces.len()).sum();
+    if count == 0 {
+        return Err(HumanEvaError::Short(options.least));
+    }
+    let cameras = cameras::all(data)?;
     let (done, total) = (Mutex::new(0), (2 * SETS.len() * count) as u64);
     let mut lines = Vec::new();
     for (source, pieces) in &sources {
@@ -124,13 +138,14 @@ fn line(source: Source, views: usize, paths: bool, sets: &[Vec<Outcome>]) -> Lin
         for result in set.iter().filter(|r| !r.pairs.is_empty()) {
             let others = set.iter().filter(|r| r.subject != result.subject);
             let offsets = Offsets::learn(others.flat_map(|r| &r.pairs));
-            all.push((result.piece, Distances::new(&result.pairs, &offsets)));
+            let distances = Distances::new(&result.pairs, offsets.as_ref());
+            all.push((result.piece, distances));
         }
     }
-    let spread = |of: &dyn Fn(&Distances) -> f64| {
+    let spread = |of: &dyn Fn(&Distances) -> Option<f64>| {
         let of_piece = |p: &usize| {
             let own = all.iter().filter(|(k, _)| k == p);
-            let own: Vec<f64> = own.map(|(_, d)| of(d)).collect();
+            let own: Vec<f64> = own.filter_map(|(_, d)| of(d)).collect();
             (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
         };
         Spread::new(&pieces.iter().filter_map(of_piece).collect::<Vec<f64>>())
@@ -144,10 +159,10 @@ fn line(source: Source, views: usize, paths: bool, sets: &[Vec<Outcome>]) -> Lin
         pieces: pieces.len(),
         frames: wanted / sets.len().max(1),
         found: met as f64 / wanted.max(1) as f64,
-        named: spread(&|d| d.named),
-        limbs: spread(&|d| d.limbs),
-        named_aligned: spread(&|d| d.named_aligned),
-        mapped: spread(&|d| d.mapped),
-        mapped_aligned: spread(&|d| d.mapped_aligned),
+        named: spread(&|d| Some(d.named)),
+        limbs: spread(&|d| Some(d.limbs)),
+        named_aligned: spread(&|d| Some(d.named_aligned)),
+        mapped: spread(&|d| d.mapped.map(|m| m[0])),
+        mapped_aligned: spread(&|d| d.mapped.map(|m| m[1])),
     }
 }

@@ -269,7 +269,7 @@ fn errors(pairs: &[(Figure, [DVec3; BODY_JOINTS])]) -> (Option<f64>, Option<f64>
     let Some(size) = median(sizes.collect()) else {
         return (None, None);
     };
-    let (mut sums, mut joints) = ([0.0; 2], 0.0);
+    let (mut sums, mut joints) = ([0.0; 2], [0.0; 2]);
     for (figure, person) in pairs {
         let (Some(r), Some(l)) = (figure[8], figure[11]) else {
             continue;
@@ -285,15 +285,13 @@ fn errors(pairs: &[(Figure, [DVec3; BODY_JOINTS])]) -> (Option<f64>, Option<f64>
         if let Some(errors) = PoseErrors::new(&truth, &claimed) {
             sums[0] += errors.aligned.iter().sum::<f64>();
             sums[1] += errors.procrustes.iter().sum::<f64>();
-            // The root itself is no joint whose error counts.
-            joints += (errors.aligned.len() - 1) as f64;
+            // The root itself is no joint whose error counts, but where it is aligned like any other.
+            joints[0] += (errors.aligned.len() - 1) as f64;
+            joints[1] += errors.procrustes.len() as f64;
         }
     }
-    if joints > 0.0 {
-        (Some(sums[0] / joints), Some(sums[1] / joints))
-    } else {
-        (None, None)
-    }
+    let mean = |k: usize| (joints[k] > 0.0).then(|| sums[k] / joints[k]);
+    (mean(0), mean(1))
 }
 
 impl Display for MultiviewReport {
@@ -327,5 +325,45 @@ impl Display for MultiviewReport {
             )?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use edgecap_client::joints::PELVIS;
+
+    use super::*;
+    use crate::lab::eval::align_similarity;
+
+    #[test]
+    fn errors_after_procrustes_are_the_mean_over_all_aligned_joints() {
+        let figure: Figure = std::array::from_fn(|j| {
+            let x = j as f64;
+            Some(DVec3::new((2.0 * x).sin(), 0.1 * x, (3.0 * x).cos()))
+        });
+        let mut person = [DVec3::ZERO; BODY_JOINTS];
+        for (at, truth) in person.iter_mut().zip(figure.iter().flatten()) {
+            *at = *truth;
+        }
+        // The head's top is at the end of none of the bones that make the size.
+        person[0] += DVec3::new(0.2, 0.0, 0.1);
+        let hips = |p: &[DVec3]| p[8].midpoint(p[11]);
+        let known: Vec<DVec3> = figure.iter().flatten().copied().collect();
+        let with_root = |p: &[DVec3]| {
+            let joints = p[..EVIDENCE_JOINTS].iter().copied();
+            let joints = joints.chain([hips(p)]);
+            joints.map(|p| p.to_array()).collect::<Vec<_>>()
+        };
+        let (own, truth) = (with_root(&person), with_root(&known));
+        assert_eq!(truth.len(), EVIDENCE_JOINTS + 1);
+        assert_eq!(PELVIS, EVIDENCE_JOINTS);
+        let aligned = align_similarity(&own, &truth);
+        let off = aligned.iter().zip(&truth);
+        let off = off.map(|(a, b)| DVec3::from(*a).distance(DVec3::from(*b)));
+        let expected = off.sum::<f64>() / truth.len() as f64;
+        let (mpjpe, pa_mpjpe) = errors(&[(figure, person)]);
+        let off = DVec3::new(0.2, 0.0, 0.1).length() / EVIDENCE_JOINTS as f64;
+        assert!((mpjpe.unwrap() - off).abs() < 1e-9, "{mpjpe:?}");
+        assert!((pa_mpjpe.unwrap() - expected).abs() < 1e-9, "{pa_mpjpe:?}");
     }
 }

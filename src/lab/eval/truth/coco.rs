@@ -19,6 +19,10 @@ pub(super) struct File {
 struct Image {
     id: u64,
     file_name: String,
+    #[serde(default)]
+    width: f64,
+    #[serde(default)]
+    height: f64,
 }
 
 #[derive(Deserialize)]
@@ -76,21 +80,47 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     }
     let mut people: BTreeMap<u64, Vec<TruthPerson>> = BTreeMap::new();
     for a in file.annotations {
-        let names = keypoints.get(&a.category_id).map_or(&[][..], |k| &k[..]);
+        // Things and animals have no keypoints.
+        let named = keypoints.get(&a.category_id).filter(|k| !k.is_empty());
+        let Some(names) = named else { continue };
+        let at = || format!("{name}, image {}", a.image_id);
+        // Who is not labelled at all may have none.
+        if !a.keypoints.is_empty() && a.keypoints.len() != 3 * names.len() {
+            return Err(EvalError::format(
+                at(),
+                format!("{} numbers of {} keypoints", 3 * names.len(), names.len()),
+                format!("{}; write the file again", a.keypoints.len()),
+            ));
+        }
+        let area = a.area.unwrap_or(AREA_OF_BOX * a.bbox[2] * a.bbox[3]);
+        let is_labelled = a.keypoints.chunks_exact(3).any(|p| p[2] > 0.0);
+        let is_asked = is_labelled && a.iscrowd == 0;
+        // Similarity is relative to it.
+        if area < 0.0 || (is_asked && area <= 0.0) {
+            return Err(EvalError::format(
+                at(),
+                "people with an area above 0",
+                format!("{area}; write the file again"),
+            ));
+        }
         let points = names
             .iter()
-            .zip(a.keypoints.chunks_exact(3))
-            .map(|(&(joint, sigma), p)| Keypoint {
-                joint,
-                u: p[0],
-                v: p[1],
-                visibility: p[2] as u8,
-                sigma,
+            .enumerate()
+            .map(|(k, &(joint, sigma))| {
+                let p = a.keypoints.get(3 * k..).unwrap_or_default();
+                let of = |i: usize| p.get(i).copied().unwrap_or_default();
+                Keypoint {
+                    joint,
+                    u: of(0),
+                    v: of(1),
+                    visibility: of(2) as u8,
+                    sigma,
+                }
             })
             .collect();
         people.entry(a.image_id).or_default().push(TruthPerson {
             points,
-            area: a.area.unwrap_or(AREA_OF_BOX * a.bbox[2] * a.bbox[3]),
+            area,
             bbox: a.bbox,
             crowd: a.iscrowd != 0,
             ..TruthPerson::default()
@@ -98,6 +128,7 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     }
     let frame = |i: Image| TruthFrame {
         people: people.remove(&i.id).unwrap_or_default(),
+        size: (i.width > 0.0 && i.height > 0.0).then_some([i.width, i.height]),
         source: i.file_name,
         ..TruthFrame::default()
     };

@@ -63,6 +63,10 @@ pub struct TruthFrame {
     pub frame: Option<u64>,
     /// Recording it belongs to; empty where the format does not tell recordings apart.
     pub sequence: String,
+    /// Width and height of the picture, pixels, where the truth tells.
+    pub size: Option<[f64; 2]>,
+    /// Some of the people in it are labelled, others may be there: who is reported beside them proves nothing.
+    pub partial: bool,
     /// The people.
     pub people: Vec<TruthPerson>,
 }
@@ -80,6 +84,9 @@ pub struct TruthPerson {
     pub bbox: [f64; 4],
     /// A group that is not labelled one by one, or a person not to be asked for.
     pub crowd: bool,
+    /// x, y, width, height, pixels, of somebody of whom no joint is in the picture: a hand or a head may be, and whoever
+    /// is reported with the middle in it is neither right nor wrong.
+    pub beyond: Option<[f64; 4]>,
     /// Body joints in camera space, metres.
     pub joints3d: Option<[Option<[f64; 3]>; BODY_JOINTS]>,
     /// Height, metres.
@@ -216,9 +223,16 @@ impl TruthSet {
                 e.to_string(),
             )
         };
+        if split.is_some() && format != Format::People2d {
+            return Err(EvalError::format(
+                name,
+                "truth that has parts with --split, a NumPy archive or a list with 'split'",
+                format!("format {format:?}, which has none; leave it out"),
+            ));
+        }
         match format {
             Format::Coco => coco::read(serde_json::from_value(value).map_err(unread)?, name),
-            Format::Mpii => Ok(mpii::read(serde_json::from_value(value).map_err(unread)?)),
+            Format::Mpii => mpii::read(serde_json::from_value(value).map_err(unread)?, name),
             Format::People2d => Ok(annotations::people2d(
                 serde_json::from_value(value).map_err(unread)?,
                 split,
@@ -232,7 +246,7 @@ impl TruthSet {
                 "text; name another --format",
             )),
             Format::Synth | Format::Auto => {
-                Ok(synth::read(serde_json::from_value(value).map_err(unread)?))
+                synth::read(serde_json::from_value(value).map_err(unread)?, name)
             }
         }
     }

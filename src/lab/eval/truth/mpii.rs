@@ -1,11 +1,12 @@
-//! MPII people as JSON, the way public toolboxes convert them: one entry per person, 16 joints.
+//! MPII people as JSON, the way public toolboxes convert them: one entry per person, 16 joints. They keep the people
+//! who stand well apart, so that others in a picture may have no label.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
 use super::{TruthFrame, TruthPerson, TruthSet};
-use crate::lab::eval::Keypoint;
+use crate::lab::eval::{EvalError, Keypoint};
 
 /// Evidence joint of each of MPII's 16: ankles to hips, pelvis, thorax, upper neck, head top, then the arms. The
 /// evidence neck lies between MPII's thorax and upper neck, nearer the thorax.
@@ -35,9 +36,17 @@ pub(super) struct Entry {
     joints_vis: Vec<f64>,
 }
 
-pub(super) fn read(entries: Vec<Entry>) -> TruthSet {
+pub(super) fn read(entries: Vec<Entry>, name: &str) -> Result<TruthSet, EvalError> {
     let mut people: BTreeMap<String, Vec<TruthPerson>> = BTreeMap::new();
     for e in entries {
+        let counts = [e.joints.len(), e.joints_vis.len()];
+        if counts != [JOINTS.len(); 2] {
+            return Err(EvalError::format(
+                format!("{name}, {}", e.image),
+                "16 joints and as many joints_vis",
+                format!("{} and {}; write the file again", counts[0], counts[1]),
+            ));
+        }
         let labels = JOINTS.iter().zip(e.joints.iter().zip(&e.joints_vis));
         let points = labels
             .filter_map(|(joint, (p, seen))| {
@@ -53,10 +62,11 @@ pub(super) fn read(entries: Vec<Entry>) -> TruthSet {
     let frame = |(source, people)| TruthFrame {
         source,
         people,
+        partial: true,
         ..TruthFrame::default()
     };
-    TruthSet {
+    Ok(TruthSet {
         frames: people.into_iter().map(frame).collect(),
         ..TruthSet::default()
-    }
+    })
 }

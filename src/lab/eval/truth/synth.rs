@@ -4,7 +4,7 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use serde::Deserialize;
 
 use super::{TruthFrame, TruthPerson, TruthSet};
-use crate::lab::eval::{Keypoint, bounding_box};
+use crate::lab::eval::{EvalError, Keypoint, bounding_box};
 
 const VISIBLE: u8 = 1;
 /// Hidden by another part of the same body.
@@ -15,6 +15,10 @@ const OCCLUDED: u8 = 3;
 #[derive(Deserialize)]
 pub(super) struct File {
     fps: f64,
+    #[serde(default)]
+    width: f64,
+    #[serde(default)]
+    height: f64,
     #[serde(default)]
     clip: Option<String>,
     frames: Vec<Frame>,
@@ -36,12 +40,27 @@ struct Person {
     joints2d: [[f64; 2]; BODY_JOINTS],
     /// 0 outside the picture, 1 visible, 2 hidden by the own body, 3 hidden by another person or a thing.
     visibility: [u8; BODY_JOINTS],
+    /// u0, v0, u1, v1 of the whole body, also where it is not in the picture; none where part of it is behind the
+    /// camera.
+    #[serde(default, rename = "box")]
+    bounds: Option<[f64; 4]>,
 }
 
 /// Fewest evidence joints that can be seen of a person who is asked for; of others less shows than a detector needs.
 const LEAST_JOINTS: usize = 4;
 
-pub(super) fn read(file: File) -> TruthSet {
+/// Joints nearer to the camera than this, metres, are seen anywhere.
+const NEAR: f64 = 0.1;
+
+pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
+    let mut people = file.frames.iter().flat_map(|f| &f.people);
+    if let Some(p) = people.find(|p| p.stature <= 0.0) {
+        return Err(EvalError::format(
+            name,
+            "people with a stature above 0",
+            format!("{} of person {}; write the file again", p.stature, p.id),
+        ));
+    }
     let person = |p: Person| {
         let labelled = (0..EVIDENCE_JOINTS)
             .filter(|&j| matches!(p.visibility[j], VISIBLE | SELF_OCCLUDED))
@@ -61,31 +80,44 @@ pub(super) fn read(file: File) -> TruthSet {
                 _ => point(j, 0),
             })
             .collect();
-        // The size is that of the whole person, hidden parts included: a leg behind a table makes nobody smaller.
-        let inside = (0..EVIDENCE_JOINTS).filter(|&j| p.visibility[j] > 0);
-        let all: Vec<Keypoint> = inside.map(|j| point(j, 2)).collect();
-        let bbox = bounding_box(&all);
+        let box_of = |joints: &dyn Fn(&usize) -> bool| {
+            let joints = (0..EVIDENCE_JOINTS).filter(joints);
+            bounding_box(&joints.map(|j| point(j, 2)).collect::<Vec<_>>())
+        };
+        let inside = |j: &usize| p.visibility[*j] > 0;
+        let bbox = box_of(&inside);
+        // The area is that of the whole person, parts included that are hidden or outside of the picture: neither a leg
+        // behind a table nor one below the picture makes anybody smaller.
+        let before = (0..EVIDENCE_JOINTS).all(|j| p.joints3d[j][2] > NEAR);
+        let whole = if before { box_of(&|_| true) } else { bbox };
+        let is_beyond = !(0..EVIDENCE_JOINTS).any(|j| inside(&j));
         TruthPerson {
             id: Some(p.id),
-            area: super::AREA_OF_BOX * bbox[2] * bbox[3],
+            area: super::AREA_OF_BOX * whole[2] * whole[3],
             bbox,
             crowd: hidden,
+            beyond: p
+                .bounds
+                .filter(|_| is_beyond)
+                .map(|[u0, v0, u1, v1]| [u0, v0, u1 - u0, v1 - v0]),
             points,
             joints3d: Some(p.joints3d.map(Some)),
             stature: Some(p.stature),
         }
     };
     let video = file.fps > 0.0;
+    let size = (file.width > 0.0 && file.height > 0.0).then_some([file.width, file.height]);
     let clip = file.clip.unwrap_or_default();
     let frame = |f: Frame| TruthFrame {
         source: f.file.unwrap_or_else(|| clip.clone()),
         frame: video.then_some(f.frame),
+        size,
         people: f.people.into_iter().map(person).collect(),
         ..TruthFrame::default()
     };
-    TruthSet {
+    Ok(TruthSet {
         frames: file.frames.into_iter().map(frame).collect(),
         single: false,
         video,
-    }
+    })
 }

@@ -8,7 +8,7 @@
 //! | `S` or `positions_3d` | [N, J, 3], [N, P, J, 3] | joints in camera axes (x right, y down, z forward) |
 //! | `part` or `positions_2d` | [N, J, 2], [N, P, J, 2] | joints in the picture, pixels; else projected with `camera_matrix` |
 //! | `imgname` | [N], strings | picture of every row; rows of one picture are people in it |
-//! | `frames` | [N] | without `imgname`: index in a video; else 0, 1, 2, … |
+//! | `frames` | [N] | without `imgname`: index in the video of its sequence; else 0, 1, 2, … in each |
 //! | `valid` | [N], [N, P] | 0: nobody there |
 //! | `sequence` | [1], [N], strings | recording of every row; else the folder of `imgname` |
 //! | `joint_order` | string | `h36m` or `mpi_inf_3dhp`; needed for 17 joints |
@@ -17,7 +17,8 @@
 //! | `camera_pose` | [3, 4], [N, 3, 4] | world to camera; then the 3D joints are in world axes |
 //!
 //! A last column more (4 in 3D, 3 in 2D) is a flag, 0 where a joint is not known; so is NaN. In a video a person keeps
-//! its place along P: it is the identity.
+//! its place along P: it is the identity. Of several videos (`sequence` without `imgname`) one is read, as `--split`
+//! says: predictions name none.
 
 mod camera;
 mod check;
@@ -97,8 +98,16 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
     let sequences = per_row(&mut source, "sequence", rows)?;
     let frames = match pictures {
         Some(_) => None,
-        None => Some(frame_numbers(&mut source, rows)?),
+        None => Some(frame_numbers(&mut source, rows, sequences.as_deref())?),
     };
+    if let (None, None, Some(all)) = (&pictures, &options.split, &sequences)
+        && let Some(other) = all.iter().find(|s| **s != all[0])
+    {
+        return Err(source.wrong(
+            "--split with the name of a sequence, as there are several videos",
+            format!("'{}', '{other}' and no 'imgname'; name one", all[0]),
+        ));
+    }
 
     let mut set = TruthSet {
         video: pictures.is_none(),
@@ -138,6 +147,7 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
                     frame: frames.as_ref().map(|f| f[row]),
                     sequence: sequence.to_owned(),
                     people: found,
+                    ..TruthFrame::default()
                 });
             }
         }
@@ -235,18 +245,34 @@ fn valid(source: &mut Source<'_>, rows: usize, people: usize) -> Result<Vec<bool
     Ok((0..rows * people).map(of).collect())
 }
 
-/// Index of every row in its video.
-fn frame_numbers(source: &mut Source<'_>, rows: usize) -> Result<Vec<u64>, EvalError> {
-    let Some(numbers) = source.numbers("frames")? else {
-        return Ok((0..rows as u64).collect());
-    };
-    let whole = |x: &f64| *x >= 0.0 && x.fract() == 0.0;
-    let rising = numbers.data.windows(2).all(|w| w[0] < w[1]);
-    if numbers.data.len() != rows || !rising || !numbers.data.iter().all(whole) {
-        return Err(source.wrong(
-            format!("'frames' to be {rows} rising indices from 0"),
-            format!("{} values of another kind", numbers.data.len()),
-        ));
+/// Index of every row in its video, which its sequence tells.
+fn frame_numbers(
+    source: &mut Source<'_>,
+    rows: usize,
+    sequences: Option<&[String]>,
+) -> Result<Vec<u64>, EvalError> {
+    let of = |row: usize| sequences.map_or("", |all| &all[row]);
+    let numbers = source.numbers("frames")?;
+    let mut next: HashMap<&str, u64> = HashMap::new();
+    let mut out = Vec::with_capacity(rows);
+    for row in 0..rows {
+        let least = next.entry(of(row)).or_default();
+        let index = match &numbers {
+            None => Some(*least),
+            Some(n) if n.data.len() != rows => None,
+            Some(n) => Some(n.data[row])
+                .filter(|x| x.fract() == 0.0 && *x >= *least as f64)
+                .map(|x| x as u64),
+        };
+        let Some(index) = index else {
+            let count = numbers.map_or(0, |n| n.data.len());
+            return Err(source.wrong(
+                format!("'frames' to be {rows} indices from 0 that rise in every sequence"),
+                format!("{count} values of another kind"),
+            ));
+        };
+        *least = index.saturating_add(1);
+        out.push(index);
     }
-    Ok(numbers.data.iter().map(|&x| x as u64).collect())
+    Ok(out)
 }

@@ -1,0 +1,120 @@
+//! Paths of pictures in the truth and in predictions go in, which is which comes out: the longest common end tells.
+
+use std::collections::{BTreeMap, HashSet};
+
+use super::EvalError;
+
+/// The number of the prediction of every picture of the truth. A prediction is of one picture only, the one with which
+/// most of the path is common. Where pictures of the truth share a name, as much of the path has to be common as tells
+/// them apart: `img_000000.jpg` of another folder is another picture.
+///
+/// # Errors
+/// When two are as good as each other.
+pub(super) fn claims(truth: &[&str], predicted: &[&str]) -> Result<Vec<Option<usize>>, EvalError> {
+    let mut groups: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
+    for (k, path) in truth.iter().enumerate().filter(|(_, p)| !p.is_empty()) {
+        groups.entry(last(path)).or_default()[0].push(k);
+    }
+    for (k, path) in predicted.iter().enumerate() {
+        if let Some(group) = groups.get_mut(last(path)) {
+            group[1].push(k);
+        }
+    }
+    let mut claimed = vec![None; truth.len()];
+    for [of_truth, of_predicted] in groups.values() {
+        let mut common = Vec::new();
+        for &t in of_truth {
+            let least = telling(truth, of_truth, t);
+            let each = of_predicted.iter();
+            let each = each.map(|&p| (common_end(truth[t], predicted[p]), t, p));
+            common.extend(each.filter(|c| c.0 >= least));
+        }
+        common.sort_by_key(|c| std::cmp::Reverse(c.0));
+        let mut taken = HashSet::new();
+        for equal in common.chunk_by(|a, b| a.0 == b.0) {
+            let free = equal.iter();
+            let free = free.filter(|(_, t, p)| claimed[*t].is_none() && !taken.contains(p));
+            let free: Vec<(usize, usize)> = free.map(|&(_, t, p)| (t, p)).collect();
+            for &(t, p) in &free {
+                if let Some((u, q)) = free.iter().find(|(u, q)| (*u == t) != (*q == p)) {
+                    let found = match *u == t {
+                        true => [predicted[p], predicted[*q], truth[t]],
+                        false => [truth[t], truth[*u], predicted[p]],
+                    };
+                    return Err(EvalError::Ambiguous {
+                        both: [found[0].to_owned(), found[1].to_owned()],
+                        one: found[2].to_owned(),
+                    });
+                }
+            }
+            for (t, p) in free {
+                claimed[t] = Some(p);
+                taken.insert(p);
+            }
+        }
+    }
+    Ok(claimed)
+}
+
+/// How many parts of a path, from its end, tell it from the others of its name; all where it is the end of another one.
+fn telling(truth: &[&str], others: &[usize], t: usize) -> usize {
+    let others = others.iter().filter(|o| **o != t);
+    let shared = others.map(|&o| common_end(truth[t], truth[o])).max();
+    (shared.unwrap_or(0) + 1).min(parts(truth[t]).count())
+}
+
+/// The name of a file without its folders.
+pub(super) fn last(path: &str) -> &str {
+    parts(path).next().unwrap_or(path)
+}
+
+/// The parts of a path, from its end.
+fn parts(path: &str) -> impl Iterator<Item = &str> {
+    path.rsplit(['/', '\\'])
+}
+
+/// Number of equal parts from the end.
+fn common_end(a: &str, b: &str) -> usize {
+    let both = parts(a).zip(parts(b));
+    both.take_while(|(a, b)| a == b).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_one_name_are_told_by_their_folders() {
+        let truth = ["TS1/a.jpg", "TS2/a.jpg", "TS3/a.jpg"];
+        let found = claims(&truth, &["photos/TS2/a.jpg"]).unwrap();
+        assert_eq!(found, [None, Some(0), None]);
+        // Without a folder it may be any of them.
+        assert_eq!(claims(&truth, &["a.jpg"]).unwrap(), [None; 3]);
+        // One that is alone with its name needs none.
+        assert_eq!(claims(&["TS1/a.jpg"], &["a.jpg"]).unwrap(), [Some(0)]);
+        let deep = ["a/x/1.jpg", "b/x/1.jpg"];
+        assert_eq!(claims(&deep, &["b/x/1.jpg"]).unwrap(), [None, Some(0)]);
+    }
+
+    #[test]
+    fn a_prediction_is_of_one_picture() {
+        let truth = ["a.jpg", "x/a.jpg"];
+        assert_eq!(claims(&truth, &["x/a.jpg"]).unwrap(), [None, Some(0)]);
+        let both = claims(&truth, &["y/a.jpg", "x/a.jpg"]).unwrap();
+        assert_eq!(both, [Some(0), Some(1)]);
+    }
+
+    #[test]
+    fn what_is_as_good_as_another_is_refused() {
+        for (truth, predicted) in [
+            (&["a.jpg"][..], &["x/a.jpg", "y/a.jpg"][..]),
+            (&["x/a.jpg", "x/a.jpg"], &["x/a.jpg"]),
+        ] {
+            let said = claims(truth, predicted).unwrap_err().to_string();
+            assert!(
+                said.contains("x/a.jpg") && said.contains("folder"),
+                "{said}"
+            );
+        }
+    }
+}
