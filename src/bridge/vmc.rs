@@ -3,6 +3,8 @@
 //! Axes are Unity's: left-handed, x right, y up, z forward, metres; an avatar without rotation faces forward in a
 //! T-pose. Somebody who stands and faces the camera is without rotation. Hips are where the pelvis is on the floor, or
 //! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera.
+//!
+//! Who listens at a port whose person has gone, and at every port in use at the end, gets `/VMC/Ext/OK` 0.
 
 use std::io;
 use std::net::SocketAddr;
@@ -10,12 +12,12 @@ use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use rosc::OscType::{Float, Int, String as Text};
-use rosc::{OscMessage, OscType};
+use rosc::{OscMessage, OscTime, OscType};
 
 use super::udp::{Outlet, message, time_of};
 use crate::body::skeleton::{Skeleton, TPose};
 use crate::joints::PELVIS;
-use crate::message::{Body, BodyFrame, HUMANOID_BONE_COUNT, HUMANOID_BONES};
+use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, HUMANOID_BONE_COUNT, HUMANOID_BONES};
 use crate::sink::{Packet, Sink, SinkError};
 
 /// People at a time: ports from the first on.
@@ -47,9 +49,9 @@ impl VmcBridge {
 
     fn send(&mut self, frame: &BodyFrame) {
         let (now, time) = (Instant::now(), time_of(frame.pose_ns, frame.flags));
-        for port in &mut self.ports {
-            if port.is_some_and(|(_, seen)| now - seen > KEPT) {
-                *port = None;
+        for port in 0..MOST_PEOPLE {
+            if self.ports[port].is_some_and(|(_, seen)| now - seen > KEPT) {
+                self.free(port, time);
             }
         }
         for body in frame.bodies() {
@@ -66,6 +68,17 @@ impl VmcBridge {
             messages.extend(bones(frame, body));
             self.outlet.send(port as u16, time, messages);
         }
+    }
+
+    /// Lets a port go, and tells who listens there that nobody is sent any more.
+    fn free(&mut self, port: usize, time: OscTime) {
+        self.ports[port] = None;
+        let clock = self.began.elapsed().as_secs_f32();
+        let gone = vec![
+            message("/VMC/Ext/OK", vec![Int(0)]),
+            message("/VMC/Ext/T", vec![Float(clock)]),
+        ];
+        self.outlet.send(port as u16, time, gone);
     }
 
     /// The port of somebody, or a free one.
@@ -124,6 +137,17 @@ fn unity_name(bone: &str) -> String {
 impl Sink<BodyFrame> for VmcBridge {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
         self.send(packet.message);
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), SinkError> {
+        // As of now, whatever clock the frames had.
+        let time = time_of(0, FLAG_FILE_TIME);
+        for port in 0..MOST_PEOPLE {
+            if self.ports[port].is_some() {
+                self.free(port, time);
+            }
+        }
         Ok(())
     }
 

@@ -80,17 +80,18 @@ impl EventRelay {
 /// From a camera's stream of pictures to a page that shows them.
 pub struct PictureRelay {
     pictures: Subscriber<PictureFrame>,
-    camera: String,
+    name: String,
     hub: Hub,
 }
 
 impl PictureRelay {
-    /// To a page; `None` where it shows no pictures.
+    /// To a page, under a name of its own; `None` where it shows no pictures.
     ///
     /// # Errors
     /// Shared memory's.
     pub fn to_page(
         camera: &str,
+        name: &str,
         page: Option<&Hub>,
         priority: Priority,
     ) -> Result<Option<Self>, LinkError> {
@@ -99,7 +100,7 @@ impl PictureRelay {
         };
         Ok(Some(Self {
             pictures: Subscriber::open_with(camera, priority)?,
-            camera: camera.to_owned(),
+            name: name.to_owned(),
             hub: hub.clone(),
         }))
     }
@@ -110,7 +111,7 @@ impl PictureRelay {
     /// Shared memory's.
     pub fn look(&self) -> Result<(), LinkError> {
         if let Some(picture) = self.pictures.newest(Duration::ZERO)? {
-            self.hub.show(&self.camera, &picture);
+            self.hub.show(&self.name, &picture);
         }
         Ok(())
     }

@@ -133,7 +133,7 @@ fn joined(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {
 fn follow(camera: &str, hub: &Hub, stop: &Stop) -> anyhow::Result<()> {
     let bodies = Subscriber::<BodyFrame>::open(camera)?;
     let mut events = EventRelay::to_page(camera, hub)?;
-    let pictures = PictureRelay::to_page(camera, Some(hub), Priority::Reader)?;
+    let pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
     let mut told = false;
     let mut cleaned = Instant::now();
     while !stop.requested() {

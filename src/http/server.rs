@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use rustix::net::sockopt;
+
 use super::Request;
 
 /// How long a connection may take to ask, and to take what is written at once.
@@ -17,6 +19,11 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Connections at a time, streams among them. Who comes then is told to come later.
 const MOST: usize = 32;
+/// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far apart.
+/// A machine that fell asleep or lost its network would keep its place for ever.
+const ASKED_AFTER: Duration = Duration::from_secs(20);
+const ASKED_EVERY: Duration = Duration::from_secs(5);
+const ASKED: u32 = 4;
 
 /// What a request gets.
 pub enum Answer {
@@ -175,11 +182,24 @@ fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) 
     };
     match answer {
         Answer::Stream(talk) => {
+            keep_asking(&stream)?;
             talk(stream, ends);
             Ok(())
         }
         body => write(&mut stream, &body),
     }
+}
+
+/// Has the kernel end a connection whose other end is silent.
+fn keep_asking(stream: &TcpStream) -> io::Result<()> {
+    sockopt::set_tcp_keepidle(stream, ASKED_AFTER)?;
+    sockopt::set_tcp_keepintvl(stream, ASKED_EVERY)?;
+    sockopt::set_tcp_keepcnt(stream, ASKED)?;
+    sockopt::set_socket_keepalive(stream, true)?;
+    // The same patience with an end that does not say that it has got what was sent.
+    let patience = ASKED_AFTER + ASKED * ASKED_EVERY;
+    sockopt::set_tcp_user_timeout(stream, patience.as_millis() as u32)?;
+    Ok(())
 }
 
 fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
@@ -203,4 +223,29 @@ fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
     );
     stream.write_all(head.as_bytes())?;
     stream.write_all(body)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+
+    #[test]
+    fn the_kernel_asks_whether_who_has_a_stream_is_still_there() {
+        let (tell, told) = mpsc::channel();
+        let server = Server::start(([127, 0, 0, 1], 0).into(), move |_| {
+            let tell = tell.clone();
+            Answer::Stream(Box::new(move |stream, _| {
+                let asks = sockopt::socket_keepalive(&stream).unwrap();
+                let after = sockopt::tcp_keepidle(&stream).unwrap();
+                let patience = sockopt::tcp_user_timeout(&stream).unwrap();
+                tell.send((asks, after, patience)).unwrap();
+            }))
+        });
+        let server = server.unwrap();
+        let mut client = TcpStream::connect(server.address()).unwrap();
+        client.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
+        assert_eq!(told.recv().unwrap(), (true, ASKED_AFTER, 40_000));
+    }
 }

@@ -355,6 +355,30 @@ fn vmc_poses_an_avatar_as_the_body_is_posed() {
     assert!(front.x.abs() > 0.999, "{front}");
     let height = published.world.point(published.bodies[0].joints3d[PELVIS])[1];
     assert!((place.y - f64::from(height)).abs() < 1e-5);
+
+    // Nobody is there for longer than a port is kept: it is told once.
+    let ok = |messages: &[Osc]| {
+        let ok = messages.iter().find(|m| m.address == "/VMC/Ext/OK");
+        ok.map(|m| m.numbers[0])
+    };
+    let mut empty = frame(4);
+    empty.count = 0;
+    let next = |publisher: &mut Publisher<BodyFrame>, frame: &BodyFrame, wanted: f32| {
+        eventually("a word about the avatar", || {
+            publisher.publish(frame).unwrap();
+            let (_, messages) = receive(&socket)?;
+            (ok(&messages) == Some(wanted)).then_some(())
+        });
+    };
+    next(&mut publisher, &empty, 0.0);
+    publisher.publish(&empty).unwrap();
+    assert!(receive(&socket).is_none(), "it is told once");
+    // And at the end, at once.
+    next(&mut publisher, &frame(5), 1.0);
+    let mut end = frame(5);
+    end.count = 0;
+    end.flags |= FLAG_END_OF_STREAM;
+    next(&mut publisher, &end, 0.0);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! `edgecap fit --cameras` and `edgecap run --calibration`: several cameras that see the same people.
 
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -350,7 +352,15 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     let checked = crate::program::output(&["config", "check", "--config", file]);
     assert!(checked.status.success(), "{}", stderr(&checked));
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
-    let run = Running::start(&["run", "--config", file]);
+    let args = [
+        "run",
+        "--config",
+        file,
+        "--view",
+        "127.0.0.1:0",
+        "--show-picture",
+    ];
+    let mut run = Running::start(&args);
     // One camera is not there yet: the others do not wait for it.
     let mut seen = 0;
     eventually("bodies of the room", || {
@@ -360,6 +370,26 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
         (seen > 5).then_some(())
     });
     assert_eq!(verbs(&name), ["fit", "infer", "infer", "infer"]);
+    // Beside the room's bodies the page shows what its first camera sees.
+    let mut said = BufReader::new(run.0.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("the page: http://") {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0, "no page");
+    }
+    run.0.stderr = Some(said.into_inner());
+    let (_, url) = line.trim_end().split_once("http://").unwrap();
+    let host = url.trim_end_matches('/');
+    let socket = TcpStream::connect(host).unwrap();
+    socket
+        .set_read_timeout(Some(Duration::from_secs(60)))
+        .unwrap();
+    let of_room = format!("ws://{host}/pictures?camera={name}");
+    let (mut client, _) = tungstenite::client(of_room, socket).unwrap();
+    let picture = client.read().unwrap().into_data();
+    assert_eq!(&picture[..4], b"PICT");
+    assert_eq!(picture[36..36 + name.len()], *name.as_bytes());
+    drop(client);
     cameras[2].plug_in();
     let third = Subscriber::<ObservationFrame>::open(&named[2].name).unwrap();
     eventually("the third camera", || {

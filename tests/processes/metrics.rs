@@ -218,8 +218,20 @@ fn two_cameras_of_one_run_are_counted_and_a_restart_is_seen() {
             figures.get(&format!("edgecap_{series}{{camera=\"{name}\"}}"));
         }
     }
-    let missing = request(address, "GET / HTTP/1.1\r\n\r\n").unwrap();
-    assert!(missing.starts_with("HTTP/1.1 404"), "{missing}");
+    // A name that somebody else may have lead here is none of this machine's.
+    for (host, path, status) in [
+        ("127.0.0.1", "/metrics", "200"),
+        ("127.0.0.1", "/", "404"),
+        ("evil.example", "/metrics", "403"),
+    ] {
+        let asked = format!(
+            "GET {path} HTTP/1.1\r\nHost: {host}:{}\r\n\r\n",
+            address.port()
+        );
+        let answer = request(address, &asked).unwrap();
+        let begin = format!("HTTP/1.1 {status} ");
+        assert!(answer.starts_with(&begin), "{host}{path}: {answer}");
+    }
     // Who connects and says nothing keeps nobody else out for long.
     let _silent: Vec<TcpStream> = (0..3)
         .map(|_| TcpStream::connect(address).unwrap())

@@ -203,6 +203,7 @@ fn a_record_is_there_from_its_first_frame_to_its_last() {
     assert!(head.contains(" 200 "), "{head}");
     let features: Value = serde_json::from_slice(&body).unwrap();
     assert_eq!(features["recorded"], true);
+    assert_eq!(features["server"].as_str().unwrap().len(), 16);
     assert!(features["seconds"].as_u64().unwrap() > 1_000_000);
     let mut client = view.connect("?format=binary&history=1");
     for sequence in 0..240_u64 {
@@ -506,4 +507,156 @@ fn shows(scene: &Value, frame: &BodyFrame) {
         let pelvis = joints[PELVIS];
         assert!((pelvis[1] - wanted.position[1]).abs() < 1e-3);
     }
+}
+
+/// A frame every 10 ms of somebody who runs at 6 m/s, as a record.
+fn recorded(path: &std::path::Path, frames: u64) {
+    let mut writer = RecordWriter::<BodiesRow>::create(path, Format::Binary).unwrap();
+    for sequence in 0..frames {
+        let mut frame = crowd(1, sequence);
+        frame.publish_ns = 5_000_000_000 + sequence * 10_000_000;
+        for joint in &mut frame.bodies[0].joints3d {
+            joint[0] += 0.06 * sequence as f32;
+        }
+        writer.write(&frame, "").unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_goes_through_a_record_by_keys() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (take, other) = (folder.path().join("take"), folder.path().join("other"));
+    recorded(&take, 1200);
+    recorded(&other, 30);
+    let (take, other) = (take.to_str().unwrap(), other.to_str().unwrap());
+    let view = View::of(
+        "take",
+        &["view", "--record", take, "--listen", "127.0.0.1:0"],
+    );
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.scene().sequence === 1199");
+    // The way of ten seconds, however many frames they have: each is a line further.
+    let trail = browser.value("edgecap.scene().trailPoints");
+    assert!(trail.as_u64().unwrap() > 1900, "{trail} points");
+
+    browser.value(
+        "window.press = (key, more, at = document.body) => at.dispatchEvent(new KeyboardEvent('keydown', \
+         { key, code: key, bubbles: true, cancelable: true, ...more }))",
+    );
+    // Quicker one after the other than the tables are written: in the end they are those of the frame that is shown.
+    browser.value("for (const ms of [0, 40, 80]) setTimeout(() => press('ArrowLeft'), ms)");
+    browser.until("edgecap.scene().sequence === 1196");
+    browser.until("document.querySelector('#times').textContent.includes('frame1196')");
+    // What the browser itself does by a key, and who chooses a camera, moves nothing.
+    browser.value("press('ArrowLeft', { altKey: true }); press('ArrowLeft', { ctrlKey: true })");
+    browser.value("press('ArrowLeft', {}, document.getElementById('camera'))");
+    // Nor does who turns the view.
+    let turned = browser.value("edgecap.scene().turned").as_f64().unwrap();
+    let canvas = "document.getElementById('space')";
+    assert_eq!(browser.value(&format!("{canvas}.tabIndex")), 0);
+    browser.value(&format!(
+        "press('ArrowLeft', {{ shiftKey: true }}, {canvas})"
+    ));
+    let after = browser.value("edgecap.scene().turned").as_f64().unwrap();
+    assert!((after - turned).abs() > 0.05, "{turned} and {after}");
+    browser.value("press('ArrowLeft')");
+    browser.until("edgecap.scene().sequence === 1195");
+    // The slider goes along though it was used before.
+    browser.value("document.getElementById('scrub').focus()");
+    browser.value("press('ArrowLeft', {}, document.activeElement)");
+    browser.until("Math.abs(document.getElementById('scrub').valueAsNumber + 0.05) < 0.002");
+
+    // Another record at the same address is shown without anybody's doing.
+    let host = view.host().to_owned();
+    drop(view);
+    let _view = View::of("other", &["view", "--record", other, "--listen", &host]);
+    browser.until("window.edgecap && edgecap.scene().camera === 'other'");
+    assert_eq!(browser.value("edgecap.frames().length"), 30);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let second = stream("second");
+    let view = View::start("first", &["--camera", &second]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut other = Publisher::<BodyFrame>::open(&second).unwrap();
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let shown = |browser: &mut Browser, publisher: &mut Publisher<BodyFrame>, frame: &BodyFrame| {
+        let name = format!("{:?}", view.camera);
+        let wanted = format!(
+            "edgecap.scene().camera === {name} && edgecap.scene().sequence === {}",
+            frame.sequence
+        );
+        eventually("a frame on the page", || {
+            publisher.publish(frame).unwrap();
+            (browser.value(&wanted) == Value::Bool(true)).then_some(())
+        });
+    };
+    // The view goes along with the floor when it becomes known.
+    let mut floorless = crowd(2, 0);
+    floorless.world = World::default();
+    shown(&mut browser, &mut publisher, &floorless);
+    let scene = browser.value("edgecap.scene()");
+    assert!(scene["floor"].as_f64().unwrap() < -0.5, "{scene}");
+    shown(&mut browser, &mut publisher, &crowd(2, 1));
+    let scene = browser.value("edgecap.scene()");
+    assert_eq!(scene["floor"], 0, "{scene}");
+    let height = scene["looksAt"][1].as_f64().unwrap();
+    assert!((height - 0.9).abs() < 0.01, "{scene}");
+
+    // Paused for longer than a minute: the frame stays.
+    for sequence in 2..60 {
+        shown(&mut browser, &mut publisher, &crowd(2, sequence));
+    }
+    browser.value("edgecap.seek(-1.0)");
+    browser.until("edgecap.scene().sequence < 59");
+    let paused = browser.value("edgecap.scene().sequence");
+    for late in 1..=40 {
+        let mut frame = crowd(2, 60 * late);
+        frame.sequence = 1000 + late;
+        publisher.publish(&frame).unwrap();
+        browser.until(&format!("edgecap.frames().at(-1) === {}", 1000 + late));
+    }
+    browser.until("!edgecap.frames().includes(59)");
+    assert_eq!(browser.value("edgecap.scene().sequence"), paused);
+    let frames = browser.value("edgecap.frames()");
+    assert!(
+        frames.as_array().unwrap().contains(&paused),
+        "{frames}: without {paused}"
+    );
+    browser.value("edgecap.seek(0)");
+    browser.until("edgecap.scene().sequence === 1040");
+
+    // One is gone without a word, another goes on.
+    let mut sequence = 0;
+    eventually("that no frames come", || {
+        sequence += 1;
+        other.publish(&crowd(1, sequence)).unwrap();
+        let said = browser.value("edgecap.scene().state");
+        (said == format!("{}: no frames come", view.camera)).then_some(())
+    });
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+
+    browser.before(
+        "const get = HTMLCanvasElement.prototype.getContext; \
+         HTMLCanvasElement.prototype.getContext = function (kind, ...more) { \
+         return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); };",
+    );
+    browser.open(&view.url);
+    browser.until("document.getElementById('say')?.textContent.includes('has no WebGL')");
 }

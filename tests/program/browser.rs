@@ -75,6 +75,12 @@ impl Browser {
         assert!(went.get("errorText").is_none(), "{url}: {went}");
     }
 
+    /// Has pages that are opened from now on run a script first.
+    pub fn before(&mut self, script: &str) {
+        let source = json!({ "source": script });
+        self.call("Page.addScriptToEvaluateOnNewDocument", source);
+    }
+
     /// The value of an expression on the page.
     pub fn value(&mut self, expression: &str) -> Value {
         let wanted = json!({ "expression": expression, "returnByValue": true });

@@ -12,12 +12,13 @@ int main(int argc, char **argv) {
         got = edgecap_bodies_next(reader, 1000, &frame);
         if (got < 1)
             continue;
-        for (uint32_t i = 0; i < frame->count; i++) {
+        for (uint32_t i = 0; i < frame->count && i < EDGECAP_MAX_PEOPLE; i++) {
             const float *wrist = frame->bodies[i].joints3d[EDGECAP_R_WRIST];
             printf("%llu #%u %.2f %.2f %.2f m\n", (unsigned long long)frame->sequence, frame->bodies[i].id, wrist[0], wrist[1], wrist[2]);
         }
         fflush(stdout);
-        if (frame->flags & EDGECAP_END_OF_STREAM)
+        /* A camera's run that has stopped may come back; a file does not. */
+        if ((frame->flags & EDGECAP_END_OF_FILE) == EDGECAP_END_OF_FILE)
             break;
     }
     if (got < 0)

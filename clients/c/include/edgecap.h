@@ -53,7 +53,8 @@ enum edgecap_joint {
 /* Bits of the flags of every frame. */
 enum edgecap_flag {
     EDGECAP_END_OF_STREAM = 1, /* the input has ended, this frame holds nobody new */
-    EDGECAP_FILE_TIME = 2      /* times are a file's presentation times, not CLOCK_MONOTONIC */
+    EDGECAP_FILE_TIME = 2,     /* times are a file's presentation times, not CLOCK_MONOTONIC */
+    EDGECAP_END_OF_FILE = 3    /* both: a file has ended, and nothing follows; a camera's run may come back */
 };
 
 /* edgecap_body.state */

@@ -46,8 +46,10 @@ inline Entries<Observation> people(const edgecap_observation_frame &frame) {
 }
 inline Entries<Event> events(const edgecap_event_frame &frame) { return {frame.events, frame.count, EDGECAP_MAX_EVENTS}; }
 
-// Whether the input has ended: this frame holds nothing new, and none follows.
-template <typename Frame> bool is_last(const Frame &frame) { return (frame.flags & EDGECAP_END_OF_STREAM) != 0; }
+// Whether a file has ended: this frame holds nothing new, and none follows. A camera's run that stops may come back.
+template <typename Frame> bool is_last(const Frame &frame) {
+    return (frame.flags & EDGECAP_END_OF_FILE) == EDGECAP_END_OF_FILE;
+}
 
 // Takes a body of a frame to the floor-aligned world; false, and nothing written, while no floor is known.
 inline bool in_world(const edgecap_body_frame &frame, const Body &body, WorldBody &there) {

@@ -135,8 +135,13 @@ def open_in(folder: str, kind: Kind) -> Ring | None:
     except OSError as e:
         raise EdgecapError(f"{path}: {e.strerror}; `edgecap doctor` looks closer") from e
     about, header = os.fstat(fd), _read_header(fd)
-    is_owners = stat.S_ISREG(about.st_mode) and about.st_uid == owner.st_uid and not about.st_mode & 0o022
-    if not is_owners or header is None or (header.version, header.size) != (kind.version, kind.message_size):
+    if not stat.S_ISREG(about.st_mode) or about.st_uid != owner.st_uid or about.st_mode & 0o022:
+        os.close(fd)
+        raise AccessError(
+            f"{path}: expected a file of user {owner.st_uid} that nobody else may write; remove it, or name another "
+            "folder in EDGECAP_RUNTIME_DIR"
+        )
+    if header is None or (header.version, header.size) != (kind.version, kind.message_size):
         os.close(fd)
         return None
     return Ring(fd, path, header)

@@ -105,13 +105,10 @@ class Stream(Generic[M]):
 
     def close(self) -> None:
         """Lets go of everything; a stream that is let go of does it itself."""
-        if self._ring:
-            self._ring.close()
-            self._ring = None
+        self._forget()
         if self._wake:
             self._wake.close()
             self._wake = None
-        self._alive = False
 
     def __enter__(self) -> Stream[M]:
         return self
@@ -164,7 +161,7 @@ class Stream(Generic[M]):
             if found and found.was_alive:
                 break
         if found is None:
-            if refused and self._ring is None:
+            if refused:
                 raise refused
         elif self._ring and found.life == self._ring.life:
             self._alive = found.was_alive
@@ -180,6 +177,13 @@ class Stream(Generic[M]):
         behind = 0 if not ring.was_alive else 1 if first else SLOTS - 1
         self._next = max(0, ring.first_count - behind)
         self._open_wake().watch(ring.path)
+
+    def _forget(self) -> None:
+        """Lets go of the file, and looks for one anew."""
+        if self._ring:
+            self._ring.close()
+            self._ring = None
+        self._alive = False
 
     def _skip(self) -> None:
         """Goes over to the newest message."""
@@ -198,7 +202,8 @@ class Stream(Generic[M]):
                     self._next += 1
                     return message
             except EOFError:
-                return None
+                # Somebody cut it short: as good as not there.
+                self._forget()
         return None
 
 

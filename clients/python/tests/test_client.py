@@ -157,6 +157,29 @@ class Streams(InPlace):
             edgecap.bodies()
         writer.close()
 
+    def test_who_has_read_once_is_told_of_messages_of_another_version_too(self) -> None:
+        writer = Writer(self.folder)
+        stream = edgecap.bodies()
+        writer.publish(frame(0))
+        self.assertEqual(stream.next(5).sequence, 0)
+        writer.close()
+        newer = Writer(self.folder, version=3)
+        with self.assertRaisesRegex(edgecap.VersionError, "expected messages of version 2, found version 3"):
+            stream.next(5)
+        newer.close()
+        # It reads on where the right ones come back.
+        writer = Writer(self.folder)
+        writer.publish(frame(1))
+        self.assertEqual(stream.next(5).sequence, 1)
+        writer.close()
+
+    def test_a_file_that_others_may_write_is_refused(self) -> None:
+        writer = Writer(self.folder)
+        writer.path.chmod(0o622)
+        with self.assertRaisesRegex(edgecap.AccessError, "bodies.v2: expected a file of user"):
+            edgecap.bodies()
+        writer.close()
+
     def test_a_folder_that_others_may_write_is_refused(self) -> None:
         self.folder.chmod(0o777)
         with self.assertRaisesRegex(edgecap.AccessError, "chmod 700"):
@@ -168,6 +191,18 @@ class Streams(InPlace):
         writer.publish(frame(0))
         os.truncate(writer.path, 1000)
         self.assertIsNone(stream.next(0.05))
+        writer.close()
+
+    def test_a_file_that_is_cut_short_and_whose_publisher_died_is_left(self) -> None:
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            writer.publish(frame(0))
+            os.truncate(writer.path, 1000)
+            writer.kill()
+            self.assertIsNone(stream.next(0.05))
+            writer = Writer(self.folder)
+            writer.publish(frame(1))
+            self.assertEqual(stream.next(5).sequence, 1)
         writer.close()
 
     def test_the_module_prints_a_line_a_frame(self) -> None:

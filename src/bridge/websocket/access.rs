@@ -47,7 +47,7 @@ impl Access {
             return refused("expected the name localhost or 127.0.0.1 of this machine");
         }
         match request.header("origin") {
-            Some(origin) if origin.strip_prefix("http://") != Some(host) => refused(
+            Some(origin) if !was_served_at(origin, host) => refused(
                 "this page was not served here: give a token at the start and in the address",
             ),
             _ => None,
@@ -62,7 +62,13 @@ fn is_this_machine(host: &str) -> bool {
         Err(_) => host.rsplit_once(':').map_or(host, |(name, _)| name),
     };
     let ip = host.parse::<IpAddr>();
-    name == "localhost" || ip.is_ok_and(|ip| ip.is_loopback())
+    name.eq_ignore_ascii_case("localhost") || ip.is_ok_and(|ip| ip.is_loopback())
+}
+
+/// Whether a page's `Origin` is the `Host` that is asked.
+fn was_served_at(origin: &str, host: &str) -> bool {
+    let served = origin.strip_prefix("http://");
+    served.is_some_and(|served| served.eq_ignore_ascii_case(host))
 }
 
 /// Takes as long for a near miss as for a far one.
@@ -82,8 +88,10 @@ mod tests {
             "127.0.0.1:9",
             "[::1]:9",
             "127.0.0.1",
+            "LocalHost:80",
         ] {
             assert!(is_this_machine(own), "{own}");
+            assert!(was_served_at(&format!("http://{own}").to_lowercase(), own));
         }
         for foreign in [
             "",
@@ -93,6 +101,7 @@ mod tests {
             "localhost.evil:1",
         ] {
             assert!(!is_this_machine(foreign), "{foreign}");
+            assert!(!was_served_at(&format!("http://{foreign}"), "localhost:80"));
         }
     }
 

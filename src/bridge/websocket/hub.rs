@@ -1,6 +1,7 @@
 //! Joins who publishes with the clients that are connected.
 
 use std::cell::OnceCell;
+use std::hash::{BuildHasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
@@ -52,6 +53,8 @@ struct Inner {
     /// Those of pictures; `None`: there are none to be had.
     viewers: Option<Vec<Place<Arc<Picture>>>>,
     history: History,
+    /// Another one is another server.
+    id: u64,
 }
 
 impl Hub {
@@ -63,6 +66,8 @@ impl Hub {
             listeners: Vec::new(),
             viewers: shows.then(Vec::new),
             history: History::new(keep),
+            // Keyed by the system's random numbers.
+            id: RandomState::new().hash_one(keep),
         })))
     }
 
@@ -175,14 +180,17 @@ impl Hub {
     fn features(&self) -> Answer {
         let pictures = self.shows_pictures();
         // Of a record, which is kept for ever, the page keeps all as well.
-        let keep = self.lock().history.keep();
+        let (keep, id) = {
+            let inner = self.lock();
+            (inner.history.keep(), inner.id)
+        };
         let (recorded, seconds) = (keep == Duration::MAX, keep.as_secs().min(u32::MAX.into()));
         Answer::Body {
             status: "200 OK",
             kind: "application/json",
             headers: &[("Cache-Control", "no-store")],
             body: format!(
-                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"seconds\":{seconds}}}\n"
+                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"seconds\":{seconds},\"server\":\"{id:016x}\"}}\n"
             )
             .into_bytes()
             .into(),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::RunArgs;
 use super::live::{self, Plan};
 use super::pulse::Pulse;
+use crate::bridge::websocket::Access;
 use crate::commands::exit::{self, Failure, told_again};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::say;
@@ -129,14 +130,20 @@ pub fn figures(run: Option<&RunArgs>, meters: &[Arc<Meter>]) -> anyhow::Result<O
 
 fn serve(address: Loopback, meters: &[Arc<Meter>]) -> anyhow::Result<Server> {
     let meters = meters.to_vec();
-    let server = Server::start(address.0, move |request| match &*request.path {
-        "/metrics" => Answer::Body {
-            status: "200 OK",
-            kind: "text/plain; version=0.0.4; charset=utf-8",
-            headers: &[],
-            body: exposition(crate::BUILD, &meters).into_bytes().into(),
-        },
-        _ => Answer::refusal("404 Not Found", "figures are at /metrics"),
+    let server = Server::start(address.0, move |request| {
+        // A page of the internet could have its own name lead here, and read along.
+        if let Some(refused) = Access::default().refuse(request) {
+            return refused;
+        }
+        match &*request.path {
+            "/metrics" => Answer::Body {
+                status: "200 OK",
+                kind: "text/plain; version=0.0.4; charset=utf-8",
+                headers: &[],
+                body: exposition(crate::BUILD, &meters).into_bytes().into(),
+            },
+            _ => Answer::refusal("404 Not Found", "figures are at /metrics"),
+        }
     });
     let server = server.map_err(|e| {
         Failure::unavailable(format!(

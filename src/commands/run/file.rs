@@ -80,7 +80,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         // The file's result does not need it.
         Err(e) => tracing::warn!("nobody can watch this run: {e}"),
     }
-    let pictures = PictureRelay::to_page(&chosen.name, hub, Priority::Reserved)?;
+    let pictures = PictureRelay::to_page(&chosen.name, &chosen.name, hub, Priority::Reserved)?;
     if !happened.is_empty() {
         sinks.push(EventSink::new(events, happened));
     }

@@ -89,7 +89,11 @@ pub fn run(
     let mut events = EventRelay::to_bridges(&args.bridges, &plan.name, page, priority)?;
     let mut pictures = Vec::new();
     for (camera, _) in &plan.infers {
-        pictures.extend(PictureRelay::to_page(camera, page, priority)?);
+        pictures.extend(PictureRelay::to_page(camera, camera, page, priority)?);
+    }
+    // The page shows the pictures of whose bodies it shows: a room's are those of its first camera.
+    if let Some((first, _)) = plan.infers.first().filter(|(first, _)| *first != plan.name) {
+        pictures.extend(PictureRelay::to_page(first, &plan.name, page, priority)?);
     }
     let stream = service_name::<BodyFrame>(&plan.name);
     table.say(&format!(

@@ -1,12 +1,15 @@
 // The last minute of every camera, or all of a record: what came, and which frame is shown.
 
 const KEEP_NS = 60e9;
+/** The way to a frame that is held. */
+const HELD_NS = 10e9;
 
 export class History {
   constructor() {
     this.cameras = new Map();
     /** How much of the past is kept, nanoseconds. */
     this.keepNs = KEEP_NS;
+    this.held = null;
   }
 
   /** Adds a frame. A camera that starts anew has no past. */
@@ -17,7 +20,18 @@ export class History {
     frames.push(frame);
     let old = 0;
     while (frame.publishNs - frames[old].publishNs > this.keepNs) old++;
-    if (old > 0) frames.splice(0, old);
+    const kept = frames.slice(0, old).filter((f) => this.holds(f));
+    if (old > kept.length) frames.splice(0, old, ...kept);
+  }
+
+  /** Keeps a frame, and what came shortly before it, however old it becomes; null: none. */
+  hold(frame) {
+    this.held = frame;
+  }
+
+  holds(frame) {
+    const ago = this.held?.camera === frame.camera ? this.held.publishNs - frame.publishNs : -1;
+    return ago >= 0 && ago <= HELD_NS;
   }
 
   frames(camera) {

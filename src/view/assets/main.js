@@ -11,12 +11,27 @@ const RETRY_MS = 1000;
 const QUIET_MS = 3000;
 const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
-const [history, space, panel] = [new History(), new Space(byId('space')), new Panel()];
+const [history, space, panel] = [new History(), openSpace(), new Panel()];
 const picture = new Picture(byId('picture'));
 const happened = new Happened(byId('events'));
 
-/** `at` is the time that is shown, nanoseconds; null: the newest frame. */
-const state = { camera: null, at: null, connected: false, heard: 0, ended: new Set(), changed: true };
+/**
+ * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came;
+ * `unwritten` says that the tables are those of an earlier frame.
+ */
+const state = {
+  camera: null, at: null, connected: false, heard: new Map(), ended: new Set(), changed: true, unwritten: false,
+  isDragged: false,
+};
+
+function openSpace() {
+  try {
+    return new Space(byId('space'));
+  } catch (e) {
+    say.textContent = 'this browser has no WebGL: switch graphics acceleration on, or open the page in another one';
+    throw e;
+  }
+}
 
 /** An address of this server, with the token that the page was opened with. */
 function url(kind, path, more = {}) {
@@ -29,7 +44,10 @@ function connect(first) {
   const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', ...(first && { history: '1' }) }));
   socket.binaryType = 'arraybuffer';
   let opened = false;
-  socket.onopen = () => { opened = state.connected = true; };
+  socket.onopen = () => {
+    opened = state.connected = true;
+    reloadIfAnother();
+  };
   socket.onmessage = ({ data }) => {
     const frame = data instanceof ArrayBuffer ? decode(data) : null;
     if (frame) take(frame);
@@ -40,8 +58,18 @@ function connect(first) {
   };
 }
 
+function readFeatures() {
+  return fetch(url('http', 'features')).then((answer) => answer.json()).catch(() => ({}));
+}
+
+/** Another server may show something else, by another page. */
+async function reloadIfAnother() {
+  const { server } = await readFeatures();
+  if (server && server !== features.server) location.reload();
+}
+
 function take(frame) {
-  state.heard = performance.now();
+  state.heard.set(frame.camera, performance.now());
   if (frame.ended) {
     state.ended.add(frame.camera);
     return;
@@ -68,6 +96,7 @@ function choose(camera) {
 function seek(publishNs) {
   state.at = publishNs;
   state.changed = true;
+  history.hold(publishNs === null ? null : history.frames(state.camera)[shownIndex()] ?? null);
   picture.choose(state.camera, publishNs === null);
   pause.textContent = publishNs === null ? 'pause' : newestIs();
 }
@@ -87,7 +116,7 @@ function shownIndex() {
 }
 
 function words() {
-  const quiet = performance.now() - state.heard > QUIET_MS;
+  const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > QUIET_MS;
   if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;
@@ -96,21 +125,26 @@ function words() {
   return quiet ? `${state.camera}: no frames come` : `${state.camera}: live`;
 }
 
+function show(frames, index) {
+  state.changed = false;
+  const frame = frames[index];
+  space.show(frame, frames, index);
+  happened.show(frame);
+  const ago = (frame.publishNs - newest().publishNs) / 1e9;
+  scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
+  if (!state.isDragged || state.at === null) scrub.value = ago;
+  when.textContent = state.at === null ? newestIs() : `${ago.toFixed(2)} s`;
+}
+
 function step(now) {
   requestAnimationFrame(step);
   const since = performance.now();
   const frames = history.frames(state.camera);
-  if ((state.changed || happened.changed) && frames.length > 0) {
-    state.changed = false;
+  const changed = state.changed || happened.changed;
+  if ((changed || state.unwritten) && frames.length > 0) {
     const index = shownIndex();
-    const frame = frames[index];
-    space.show(frame, frames.slice(Math.max(0, index - 600), index));
-    panel.show(frame, frames, index, now);
-    happened.show(frame);
-    const ago = (frame.publishNs - newest().publishNs) / 1e9;
-    scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
-    if (document.activeElement !== scrub || state.at === null) scrub.value = ago;
-    when.textContent = state.at === null ? newestIs() : `${ago.toFixed(2)} s`;
+    if (changed) show(frames, index);
+    state.unwritten = !panel.show(frames[index], frames, index, now);
   }
   const text = words();
   if (say.textContent !== text) say.textContent = text;
@@ -130,7 +164,11 @@ scrub.oninput = () => {
   const seconds = scrub.valueAsNumber;
   seek(seconds >= 0 || !newest() ? null : newest().publishNs + seconds * 1e9);
 };
+scrub.addEventListener('pointerdown', () => { state.isDragged = true; });
+for (const over of ['pointerup', 'pointercancel']) window.addEventListener(over, () => { state.isDragged = false; });
 window.addEventListener('keydown', (e) => {
+  // The browser's own, and those that choose among cameras.
+  if (e.altKey || e.ctrlKey || e.metaKey || e.target === select) return;
   if (e.code === 'Space') pause.onclick();
   else if (e.code === 'ArrowLeft') stepFrames(-1);
   else if (e.code === 'ArrowRight') stepFrames(1);
@@ -148,7 +186,7 @@ window.edgecap = {
   seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
 };
 
-const features = await fetch(url('http', 'features')).then((answer) => answer.json()).catch(() => ({}));
+const features = await readFeatures();
 if (features.seconds) history.keepNs = features.seconds * 1e9;
 connect(true);
 if (features.pictures) picture.connect(url);

@@ -1,6 +1,12 @@
-// Turning, moving and approaching by pointer and wheel.
+// Turning, moving and approaching by pointer, wheel and keys.
 
 import { Vector3 } from './three.min.js';
+
+/** What a key does: how far round, how far up, how much nearer. */
+const KEYS = {
+  ArrowLeft: [-0.1, 0, 1], ArrowRight: [0.1, 0, 1], ArrowUp: [0, -0.1, 1], ArrowDown: [0, 0.1, 1],
+  '+': [0, 0, 0.9], '-': [0, 0, 1.1],
+};
 
 export class Orbit {
   constructor(eye, canvas, changed) {
@@ -20,6 +26,29 @@ export class Orbit {
       e.preventDefault();
       this.approach(Math.exp(e.deltaY * 0.001));
     }, { passive: false });
+    canvas.addEventListener('keydown', (e) => this.press(e));
+    this.apply();
+  }
+
+  /** Arrows turn with Shift; without it they go from frame to frame. */
+  press(e) {
+    const key = KEYS[e.key];
+    if (!key || e.altKey || e.ctrlKey || e.metaKey || (e.key.startsWith('Arrow') && !e.shiftKey)) return;
+    const [round, up, nearer] = key;
+    this.turn(round, up);
+    this.approach(nearer);
+    e.preventDefault();
+    e.stopPropagation();
+  }
+
+  turn(round, up) {
+    this.azimuth += round;
+    this.polar = Math.min(1.57, Math.max(0.05, this.polar + up));
+  }
+
+  /** Looks so much higher. */
+  lift(metres) {
+    this.target.y += metres;
     this.apply();
   }
 
@@ -36,8 +65,7 @@ export class Orbit {
       this.eye.matrix.extractBasis(side, up, new Vector3());
       this.target.addScaledVector(side, -dx * metres).addScaledVector(up, dy * metres);
     } else {
-      this.azimuth -= (dx / height) * 3;
-      this.polar = Math.min(1.57, Math.max(0.05, this.polar - (dy / height) * 3));
+      this.turn(-(dx / height) * 3, -(dy / height) * 3);
     }
     this.apply();
   }

@@ -15,9 +15,9 @@ export class Panel {
     this.written = 0;
   }
 
-  /** Writes the tables, a few times a second: nobody reads faster. */
+  /** Writes the tables, a few times a second: nobody reads faster. Whether it has. */
   show(frame, frames, index, now) {
-    if (now - this.written < EVERY_MS) return;
+    if (now - this.written < EVERY_MS) return false;
     this.written = now;
     rows(this.people, frame.bodies.map((body) => {
       const joint = body.joints.subarray(3 * PELVIS, 3 * PELVIS + 3);
@@ -35,6 +35,7 @@ export class Panel {
     const height = frame.world.translation[1].toFixed(2);
     list.push([['floor'], [frame.world.known ? `${height} m below the camera` : 'not known yet']]);
     rows(this.times, list);
+    return true;
   }
 
   clear() {

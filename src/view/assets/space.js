@@ -39,11 +39,13 @@ export class Space {
     this.work = [];
   }
 
-  /** Shows a frame; `past` are the frames before it, the newest last, for the trails. */
-  show(frame, past) {
+  /** Shows one of `frames`, the newest last; those before it give the trails. */
+  show(frame, frames, index) {
+    const [wasKnown, before] = [this.shown?.world.known ?? frame.world.known, this.floor.position.y];
     this.shown = frame;
     place(this.axes, frame.world);
     this.floor.position.y = frame.world.known ? 0 : this.lowest(frame);
+    if (this.looked && wasKnown !== frame.world.known) this.orbit.lift(this.floor.position.y - before);
     let instance = 0;
     frame.bodies.slice(0, MOST_PEOPLE).forEach((body, n) => {
       instance = this.showBody(body, instance);
@@ -56,7 +58,7 @@ export class Space {
       if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
     }
     this.showFrustum(frame);
-    this.showTrails(frame, past);
+    this.showTrails(frame, frames, index);
     this.lookAtFirst(frame);
     this.stale = true;
   }
@@ -101,17 +103,17 @@ export class Space {
     setLine(this.frustum, points.flat());
   }
 
-  showTrails(frame, past) {
+  showTrails(frame, frames, index) {
     const positions = this.trails.geometry.attributes.position.array;
     const colours = this.trails.geometry.attributes.color.array;
     const last = new Map(frame.bodies.map((body) => [body.id, this.onFloor(frame, body)]));
     let n = 0;
-    for (let k = past.length - 1; k >= 0 && frame.publishNs - past[k].publishNs < TRAIL_NS; k--) {
-      const fresh = 1 - (frame.publishNs - past[k].publishNs) / TRAIL_NS;
-      for (const body of past[k].bodies) {
+    for (let k = index - 1; k >= 0 && frame.publishNs - frames[k].publishNs < TRAIL_NS; k--) {
+      const fresh = 1 - (frame.publishNs - frames[k].publishNs) / TRAIL_NS;
+      for (const body of frames[k].bodies) {
         const from = last.get(body.id);
         if (!from || n + 2 > TRAIL_POINTS) continue;
-        const to = this.onFloor(past[k], body);
+        const to = this.onFloor(frames[k], body);
         // A point every five centimetres: standing still leaves no heap.
         if (from.distanceToSquared(to) < 0.0025) continue;
         const colour = colourOf(body.id);
@@ -196,6 +198,8 @@ export class Space {
       frustum: corners,
       trailPoints: this.trails.geometry.drawRange.count,
       floor: this.floor.position.y,
+      looksAt: this.orbit.target.toArray(),
+      turned: this.orbit.azimuth,
       drawCalls: this.renderer.info.render.calls,
       workMs: work[work.length >> 1] ?? null,
     };

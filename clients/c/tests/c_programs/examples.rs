@@ -1,16 +1,18 @@
 //! The examples, built as their own comments say, and by users' build systems.
 
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use edgecap_client::Publisher;
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_PEOPLE};
 
 use crate::compile::{HERE, libraries, run};
 use crate::tools;
 
-/// What an example says of five frames of two people that are published while it runs.
+/// What an example says of frames that are published while it runs: five of two people, a camera's end, and one that says
+/// it holds more people than there can be.
 fn reads_every_frame_to_the_end(program: &Path, camera: &str) {
     let camera = format!("test-{camera}-{}", std::process::id());
     let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
@@ -42,6 +44,17 @@ fn reads_every_frame_to_the_end(program: &Path, camera: &str) {
     }
     frame.count = 0;
     frame.flags = FLAG_END_OF_STREAM;
+    publisher.publish(&frame).unwrap();
+    (frame.sequence, frame.count, frame.flags) = (5, 1000, FLAG_FILE_TIME);
+    for (i, body) in frame.bodies.iter_mut().enumerate() {
+        body.id = i as u32;
+        body.joints3d[4] = [1.0, 2.0, 3.0];
+        expected.push((5, body.id, [1.0, 2.0, 3.0]));
+    }
+    assert_eq!(frame.bodies.len(), MAX_PEOPLE);
+    publisher.publish(&frame).unwrap();
+    frame.count = 0;
+    frame.flags = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
     publisher.publish(&frame).unwrap();
     let out = reader.wait_with_output().unwrap();
     assert!(out.status.success(), "{out:?}");
@@ -107,6 +120,30 @@ fn installed(prefix: &Path) {
 }
 
 #[test]
+fn a_folder_for_builds_is_the_one_that_cargo_builds_in() {
+    let folder = tempfile::tempdir().unwrap();
+    // In cargo's place: puts what is built already where cargo would.
+    let tools = folder.path().join("tools");
+    std::fs::create_dir(&tools).unwrap();
+    let cargo = tools.join("cargo");
+    let built = libraries().display().to_string();
+    let script = format!(
+        "#!/bin/sh\nmkdir -p \"$CARGO_TARGET_DIR/release\"\ncp {built}/libedgecap_c.* \"$CARGO_TARGET_DIR/release\"\n"
+    );
+    std::fs::write(&cargo, script).unwrap();
+    std::fs::set_permissions(&cargo, PermissionsExt::from_mode(0o755)).unwrap();
+    let path = std::env::var("PATH").unwrap();
+    run(Command::new(format!("{HERE}/install"))
+        .arg("installed")
+        .current_dir(folder.path())
+        .env_remove("EDGECAP_LIBRARIES")
+        .env("PATH", format!("{}:{path}", tools.display()))
+        .env("CARGO_TARGET_DIR", "built"));
+    assert!(folder.path().join("installed/lib/libedgecap_c.so").exists());
+    assert!(folder.path().join("built/release").exists());
+}
+
+#[test]
 fn pkg_config_finds_what_is_installed() {
     if !tools::has("pkg-config") || !tools::has("cc") {
         return;
@@ -141,8 +178,12 @@ fn cmake_finds_what_is_installed() {
     let (source, build) = (folder.path().join("source"), folder.path().join("build"));
     std::fs::create_dir(&source).unwrap();
     let version = env!("CARGO_PKG_VERSION");
+    // Who names the major version alone takes any minor one.
+    let (major, _) = version.split_once('.').unwrap();
     let text = format!(
         "cmake_minimum_required(VERSION 3.13)\nproject(user C CXX)\nset(CMAKE_CXX_STANDARD 11)\n\
+         find_package(edgecap {major}.0.0 QUIET)\nif(edgecap_FOUND)\nmessage(FATAL_ERROR another)\nendif()\n\
+         find_package(edgecap {major} REQUIRED)\n\
          find_package(edgecap {version} REQUIRED)\n\
          add_executable(shared {HERE}/examples/bodies.cpp)\ntarget_link_libraries(shared PRIVATE edgecap::edgecap)\n\
          add_executable(alone {HERE}/examples/bodies.c)\ntarget_link_libraries(alone PRIVATE edgecap::static)\n"

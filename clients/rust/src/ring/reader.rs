@@ -20,6 +20,9 @@ use crate::stream::{Message, file_stem, ring_path, service_name, version_of};
 /// How often a reader looks for a ring that is not there yet.
 const SEARCH_EVERY: Duration = Duration::from_millis(20);
 
+/// How often it looks for a message where the kernel does not tell.
+const STEP: Duration = Duration::from_millis(5);
+
 /// Which message a reader begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Newest {
@@ -35,7 +38,8 @@ pub(crate) struct RingReader<M> {
     /// Folders to look in; the first one whose publisher is alive is taken.
     folders: Vec<PathBuf>,
     camera: String,
-    watch: OwnedFd,
+    /// Tells of messages. A user has so many of these (`/proc/sys/fs/inotify`): none where there is none left.
+    watch: Option<OwnedFd>,
     open: Option<Open>,
     looked: Instant,
     begin: Newest,
@@ -50,7 +54,8 @@ struct Open {
     life: u64,
     /// Number of the message that comes next.
     next: u64,
-    watched: i32,
+    /// Within the reader's `watch`; `None` where the kernel tells nothing of this file.
+    watched: Option<i32>,
     is_alive: bool,
 }
 
@@ -61,12 +66,10 @@ impl<M: Message> RingReader<M> {
     /// [`LinkError`], as its texts say.
     pub(crate) fn new(folders: Vec<PathBuf>, camera: &str) -> Result<Self, LinkError> {
         let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
-        let watch =
-            inotify::init(flags).map_err(|e| LinkError::failed(&service_name::<M>(camera), e))?;
         let mut reader = Self {
             folders,
             camera: camera.to_owned(),
-            watch,
+            watch: inotify::init(flags).ok(),
             open: None,
             looked: Instant::now(),
             begin: Newest::Last,
@@ -178,17 +181,21 @@ impl<M: Message> RingReader<M> {
 
     /// Waits for a message, for a publisher, or until it is time to look again; `false` where a signal ended the wait.
     pub(crate) fn wait(&self, timeout: Duration) -> bool {
-        let step = if self.open.is_some() {
-            LOOK_EVERY
-        } else {
-            SEARCH_EVERY
+        let step = match &self.open {
+            Some(open) if open.watched.is_none() => STEP,
+            Some(_) => LOOK_EVERY,
+            None => SEARCH_EVERY,
         };
         let step = step.min(timeout);
         let timeout = Timespec {
             tv_sec: step.as_secs() as i64,
             tv_nsec: i64::from(step.subsec_nanos()),
         };
-        let mut fds = [PollFd::new(&self.watch, PollFlags::IN)];
+        let watch = self.watch.as_ref();
+        let mut fds: Vec<_> = watch
+            .map(|watch| PollFd::new(watch, PollFlags::IN))
+            .into_iter()
+            .collect();
         let woken = rustix::event::poll(&mut fds, Some(&timeout));
         if matches!(woken, Ok(n) if n > 0) {
             self.forget_events();
@@ -198,13 +205,27 @@ impl<M: Message> RingReader<M> {
 
     /// The next wait waits for what comes after this.
     pub(crate) fn forget_events(&self) {
+        let Some(watch) = &self.watch else {
+            return;
+        };
         let mut events = [0_u8; 4096];
-        while rustix::io::read(&self.watch, &mut events).is_ok_and(|n| n > 0) {}
+        while rustix::io::read(watch, &mut events).is_ok_and(|n| n > 0) {}
     }
 
     fn close(&mut self) {
         if let Some(open) = self.open.take() {
-            let _ = inotify::remove_watch(&self.watch, open.watched);
+            self.unwatch(open.watched);
+        }
+    }
+
+    fn watch(&self, path: &Path) -> Option<i32> {
+        let watch = self.watch.as_ref()?;
+        inotify::add_watch(watch, path, inotify::WatchFlags::ATTRIB).ok()
+    }
+
+    fn unwatch(&self, watched: Option<i32>) {
+        if let (Some(watch), Some(watched)) = (&self.watch, watched) {
+            let _ = inotify::remove_watch(watch, watched);
         }
     }
 
@@ -217,7 +238,7 @@ impl<M: Message> RingReader<M> {
                 Ok(Some(open)) => {
                     let better = open.is_alive || found.is_none();
                     if better && let Some(old) = found.replace(open) {
-                        let _ = inotify::remove_watch(&self.watch, old.watched);
+                        self.unwatch(old.watched);
                     }
                 }
                 Ok(None) => {}
@@ -301,12 +322,9 @@ impl<M: Message> RingReader<M> {
         if header.version != M::VERSION {
             return Ok(None);
         }
-        let watched = inotify::add_watch(&self.watch, &path, inotify::WatchFlags::ATTRIB);
-        let Ok(watched) = watched else {
-            return Ok(None);
-        };
+        let watched = self.watch(&path);
         if !is_at(&file, &path) {
-            let _ = inotify::remove_watch(&self.watch, watched);
+            self.unwatch(watched);
             return Ok(None);
         }
         Ok(Some(Open {
@@ -363,5 +381,39 @@ fn alive(file: &File) -> bool {
             now().abs_diff(header.alive) < GONE_AFTER.as_nanos() as u64
         }
         _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::BodyFrame;
+    use crate::publisher::Publisher;
+
+    #[test]
+    fn a_user_who_has_no_inotify_left_reads_too() {
+        // None at all, and one that takes no file more.
+        let refuses = || OwnedFd::from(File::open("/dev/null").unwrap());
+        for watch in [None, Some(refuses())] {
+            let folder = tempfile::tempdir().unwrap();
+            let folders = vec![folder.path().to_owned()];
+            let mut reader = RingReader::<BodyFrame>::new(folders, "camera0").unwrap();
+            reader.watch = watch;
+            let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+            for sequence in 3..6 {
+                let message = BodyFrame {
+                    sequence,
+                    ..BodyFrame::default()
+                };
+                publisher.publish(&message).unwrap();
+                let read = (0..1000).find_map(|_| {
+                    reader.look_now().unwrap();
+                    reader.wait(STEP);
+                    reader.read().unwrap()
+                });
+                assert_eq!(read.map(|m| m.sequence), Some(sequence));
+            }
+            assert!(reader.is_alive());
+        }
     }
 }
