@@ -249,7 +249,7 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
 fn record_code(error: &RecordError) -> u8 {
     match error {
         RecordError::Io { .. } => IO,
-        RecordError::Other { .. } | RecordError::Line { .. } => DATA,
+        RecordError::Other { .. } | RecordError::Line { .. } | RecordError::Frame { .. } => DATA,
     }
 }
 
