@@ -364,7 +364,7 @@ fn a_film_that_ends_early_is_told_with_the_childs_own_words() {
         assert!(
             text.contains("film.mp4")
                 && text.contains("partial file")
-                && text.contains("1 pictures of 9"),
+                && text.contains("1 picture of 9"),
             "{text}"
         );
         assert!(source.next().unwrap().is_none());

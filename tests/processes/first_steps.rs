@@ -27,7 +27,7 @@ fn observations_of_a_file_have_a_place_and_a_line_says_where() {
         let said = stderr(&run);
         assert!(run.status.success(), "{said}");
         assert!(
-            said.contains("1 frames, 0 with people → edgecap-out/écran_甲.observations.jsonl"),
+            said.contains("1 frame, 0 with people → edgecap-out/écran_甲.observations.jsonl"),
             "{said}"
         );
     }

@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::capture::{AviWriter, Frame};
+use crate::counted::counted;
 use crate::output::{AtomicFile, suffixed};
 use crate::sink::SinkError;
 
@@ -155,8 +156,8 @@ impl Film {
         let names: Vec<String> = std::iter::once(self.path.display().to_string())
             .chain(more)
             .collect();
-        Ok((self.written > 0)
-            .then(|| format!("a film of {} pictures → {}", self.written, names.join(", "))))
+        let pictures = counted(self.written, "picture", "pictures");
+        Ok((self.written > 0).then(|| format!("a film of {pictures} → {}", names.join(", "))))
     }
 }
 
