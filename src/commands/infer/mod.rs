@@ -119,7 +119,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(
             path,
-            source.fps(),
+            source.rate(),
             source.is_stills(),
         )?);
     }
