@@ -272,3 +272,14 @@ fn status_tells_whoever_publishes() {
         "{json}"
     );
 }
+
+#[test]
+fn help_says_what_reads_a_record_of_bodies() {
+    let help = stdout(&output(&["run", "--help"]));
+    let words = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let record = words.split("--record").nth(1).unwrap();
+    assert!(
+        record.contains("of bodies (run, fit) 'export', 'replay' and 'view"),
+        "{record}"
+    );
+}
