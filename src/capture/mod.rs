@@ -27,6 +27,7 @@ mod raw;
 mod resize;
 mod source;
 mod spec;
+mod square;
 mod stand_in;
 mod stored;
 mod y4m;
