@@ -20,6 +20,12 @@ impl PixelShape {
         (across > 0 && down > 0).then(|| Self(across as f64 / down as f64))
     }
 
+    /// After a quarter turn.
+    #[cfg(feature = "mp4")]
+    pub fn turned(self) -> Self {
+        Self(1.0 / self.0)
+    }
+
     /// What a picture of so many pixels becomes. One side is stretched: no pixel is thrown away.
     fn size(self, width: u32, height: u32) -> (u64, u64) {
         let stretched = |side: u32, by: f64| (f64::from(side) * by.max(1.0)).round() as u64;

@@ -82,7 +82,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     if head.get(4..8) == Some(b"ftyp")
         && let Some(film) = super::mp4::Mp4Source::open(path)?
     {
-        return Ok(Box::new(film));
+        let shape = film.pixel_shape();
+        return Ok(square(film, shape));
     }
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }
