@@ -15,6 +15,7 @@ pub mod camera;
 pub mod capture;
 pub mod commands;
 pub mod config;
+pub mod counted;
 pub mod detect;
 pub mod engine;
 pub mod events;

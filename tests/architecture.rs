@@ -13,6 +13,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("board", &[]),
     ("bounded", &[]),
     ("config", &[]),
+    ("counted", &[]),
     ("http", &[]),
     ("machine", &[]),
     ("metrics", &[]),
@@ -23,7 +24,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("camera", &["bounded"]),
     ("body", &["npz"]),
     // Before shared memory: these see pictures.
-    ("capture", &["camera"]),
+    ("capture", &["camera", "counted"]),
     ("engine", &["bounded", "output"]),
     ("detect", &["assignment", "engine"]),
     ("lift", &["camera", "capture", "detect", "engine"]),
@@ -41,10 +42,12 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("record", &["output"]),
     (
         "sink",
-        &["camera", "capture", "events", "output", "overlay", "record"],
+        &[
+            "camera", "capture", "counted", "events", "output", "overlay", "record",
+        ],
     ),
     ("events", &[]),
-    ("export", &["body", "npz", "record"]),
+    ("export", &["body", "counted", "npz", "record"]),
     (
         "bridge",
         &["body", "camera", "events", "http", "record", "sink"],

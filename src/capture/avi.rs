@@ -1,7 +1,7 @@
 //! Motion-JPEG in an AVI container: bytes go in, frames come out, and the other way round.
 //!
 //! The container is RIFF: a chunk is a four-letter code, a little-endian u32 length, that many bytes, and one byte of
-//! padding after an odd length. A file is `RIFF("AVI " LIST("hdrl" avih LIST("strl" strh strf)) LIST("movi" 00dc…)
+//! padding after an odd length. A file is `RIFF("AVI " LIST("hdrl" avih LIST("strl" strh strf vprp)) LIST("movi" 00dc…)
 //! idx1)`; files over 1 GiB go on with `RIFF("AVIX" LIST("movi" …))` (OpenDML). Every `00dc` chunk is one whole JPEG
 //! picture. Any player opens what [`AviWriter`] writes; [`AviReader`] needs no other program.
 
@@ -16,6 +16,7 @@ use super::frame::Frame;
 use super::jpeg::JpegPicture;
 use super::raw::RawPicture;
 use super::source::Source;
+use super::square::PixelShape;
 
 /// Most bytes that one RIFF chunk of ours may hold: players that know no OpenDML stop here.
 const MAX_RIFF_BYTES: u64 = 1 << 30;
@@ -45,6 +46,8 @@ pub struct AviReader<R> {
     scale: u32,
     rate: u32,
     codec: [u8; 4],
+    /// As the stream's header has it.
+    shape: Option<PixelShape>,
     raw: RawPicture,
     jpeg: JpegPicture,
 }
@@ -65,6 +68,9 @@ struct Layout {
     video: Option<u32>,
     /// Inside that stream's header list.
     in_video: bool,
+    /// The stream header read last is that stream's: what follows its format belongs to it, too.
+    is_of_video: bool,
+    shape: Option<PixelShape>,
 }
 
 impl<R: Read + Seek> AviReader<R> {
@@ -114,6 +120,7 @@ impl<R: Read + Seek> AviReader<R> {
             scale,
             rate,
             codec,
+            shape: layout.shape,
             raw: RawPicture::default(),
             jpeg: JpegPicture::default(),
         })
@@ -122,6 +129,17 @@ impl<R: Read + Seek> AviReader<R> {
     /// The codec's four letters, upper case.
     pub fn codec(&self) -> [u8; 4] {
         self.codec.map(|c| c.to_ascii_uppercase())
+    }
+
+    /// How wide its pixels are: as the stream's header says, else the first picture.
+    pub(crate) fn pixel_shape(&mut self) -> Option<PixelShape> {
+        self.shape.or_else(|| {
+            let first = self.entries.iter().find(|e| e.length > 0)?;
+            let mut head = [0; JFIF_BYTES];
+            self.reader.seek(SeekFrom::Start(first.offset)).ok()?;
+            self.reader.read_exact(&mut head).ok()?;
+            jfif_shape(&head)
+        })
     }
 
     /// Whether the pictures are JPEGs, which is all that [`Source::next_into`] decodes here.
@@ -134,6 +152,30 @@ impl<R: Read + Seek> AviReader<R> {
 pub(crate) fn is_avi(head: &[u8]) -> bool {
     head.len() >= 12 && &head[..4] == b"RIFF" && &head[8..12] == b"AVI "
 }
+
+/// Bytes of a JPEG up to the end of the densities that its first block may hold.
+const JFIF_BYTES: usize = 18;
+
+/// The shape of a JPEG's pixels; `None` where its densities are those of paper.
+fn jfif_shape(head: &[u8; JFIF_BYTES]) -> Option<PixelShape> {
+    // Start of image, APP0, its length, the name, a version, the unit: 0 has densities be the pixel's width and height.
+    if head[..4] != [0xFF, 0xD8, 0xFF, 0xE0] || &head[6..11] != b"JFIF\0" || head[13] != 0 {
+        return None;
+    }
+    let word = |at: usize| u64::from(u16::from_be_bytes([head[at], head[at + 1]]));
+    PixelShape::new(word(14), word(16))
+}
+
+/// The shape of pixels in the header of a stream's video properties (OpenDML): the picture's aspect, x and y in 16 bits
+/// each, then its width and height in pixels.
+fn vprp_shape(header: &[u8; VPRP_BYTES]) -> Option<PixelShape> {
+    let (aspect, width, height) = (u32_at(header, 20), u32_at(header, 24), u32_at(header, 28));
+    let (x, y) = (u64::from(aspect >> 16), u64::from(aspect & 0xFFFF));
+    PixelShape::new(x * u64::from(height), y * u64::from(width))
+}
+
+/// Bytes of video properties that are read.
+const VPRP_BYTES: usize = 32;
 
 /// Walks the chunks in `start..end` of the file. Every step goes forward by at least 8 bytes, so it ends on any input.
 fn walk<R: Read + Seek>(
@@ -178,6 +220,7 @@ fn walk<R: Read + Seek>(
                 let mut bytes = [0; 28];
                 reader.read_exact(&mut bytes)?;
                 layout.in_video = &bytes[..4] == b"vids" && layout.video.is_none();
+                layout.is_of_video = layout.in_video;
                 if layout.in_video {
                     layout.video = Some(layout.streams);
                     layout.timing = Some((u32_at(&bytes, 20), u32_at(&bytes, 24)));
@@ -193,6 +236,11 @@ fn walk<R: Read + Seek>(
                     layout.codec = Some(codec);
                 }
                 layout.in_video = false;
+            }
+            b"vprp" if whole && length >= VPRP_BYTES as u64 && layout.is_of_video => {
+                let mut bytes = [0; VPRP_BYTES];
+                reader.read_exact(&mut bytes)?;
+                layout.shape = vprp_shape(&bytes);
             }
             [a, b, b'd', b'c' | b'b'] if is_stream(*a, *b, layout.video) => {
                 if whole {

@@ -15,6 +15,7 @@ use super::error::{CaptureError, name_of};
 use super::frame::Frame;
 use super::limits::check_size;
 use super::source::Source;
+use crate::counted::counted;
 
 /// Bytes read from the pipe at once: the size of a pipe that Linux grants everyone.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -149,8 +150,8 @@ impl FfmpegSource {
         Err(CaptureError::data(
             self.name.clone(),
             format!(
-                "the film ends after {} pictures{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
-                self.index,
+                "the film ends after {}{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
+                counted(self.index, "picture", "pictures"),
                 self.probe
                     .announced
                     .map(|n| format!(" of {n}"))

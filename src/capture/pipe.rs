@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::error::CaptureError;
 use super::frame::Frame;
+use super::rate::Rate;
 use super::source::Source;
 
 /// Longest that one step takes while nothing comes.
@@ -16,6 +17,8 @@ const AHEAD: usize = 2;
 /// process.
 pub struct PipeSource {
     name: String,
+    /// Known once the header was read.
+    rate: Rate,
     pictures: Receiver<Result<Frame, CaptureError>>,
     /// Buffers of pictures that were taken, to be filled again.
     used: SyncSender<Frame>,
@@ -29,9 +32,12 @@ impl PipeSource {
     {
         let (give, pictures) = sync_channel(AHEAD);
         let (used, returned) = sync_channel(AHEAD + 1);
-        std::thread::spawn(move || read(open, &give, &returned));
+        let rate = Rate::default();
+        let known = rate.clone();
+        std::thread::spawn(move || read(open, &known, &give, &returned));
         Self {
             name,
+            rate,
             pictures,
             used,
         }
@@ -39,8 +45,12 @@ impl PipeSource {
 }
 
 /// Reads until the source has ended or nobody wants more.
-fn read<O>(open: O, give: &SyncSender<Result<Frame, CaptureError>>, returned: &Receiver<Frame>)
-where
+fn read<O>(
+    open: O,
+    rate: &Rate,
+    give: &SyncSender<Result<Frame, CaptureError>>,
+    returned: &Receiver<Frame>,
+) where
     O: FnOnce() -> Result<Box<dyn Source>, CaptureError>,
 {
     let mut source = match open() {
@@ -50,6 +60,7 @@ where
             return;
         }
     };
+    rate.tell(source.fps());
     loop {
         let mut frame = returned.try_recv().unwrap_or_default();
         let (item, goes_on) = match source.next_into(&mut frame) {
@@ -83,7 +94,54 @@ impl Source for PipeSource {
         }
     }
 
+    fn fps(&self) -> Option<f64> {
+        self.rate.get()
+    }
+
+    fn rate(&self) -> Rate {
+        self.rate.clone()
+    }
+
     fn name(&self) -> &str {
         &self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Film;
+
+    impl Source for Film {
+        fn next_into(&mut self, _: &mut Frame) -> Result<bool, CaptureError> {
+            Ok(true)
+        }
+
+        fn fps(&self) -> Option<f64> {
+            Some(60.0)
+        }
+
+        fn name(&self) -> &str {
+            "film"
+        }
+    }
+
+    #[test]
+    fn who_asks_for_the_rate_before_the_header_has_come_knows_it_with_the_first_picture() {
+        let (begin, begins) = sync_channel::<()>(1);
+        let open = move || {
+            begins.recv().unwrap();
+            Ok(Box::new(Film) as Box<dyn Source>)
+        };
+        let mut pipe = PipeSource::start("pipe".to_owned(), open);
+        let rate = pipe.rate();
+        assert_eq!((rate.get(), pipe.fps()), (None, None));
+        begin.send(()).unwrap();
+        let mut frame = Frame::default();
+        while let Err(e) = pipe.next_into(&mut frame) {
+            assert!(matches!(e, CaptureError::NoPictureYet { .. }), "{e}");
+        }
+        assert_eq!((rate.get(), pipe.fps()), (Some(60.0), Some(60.0)));
     }
 }

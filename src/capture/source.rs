@@ -2,6 +2,7 @@
 
 use super::error::CaptureError;
 use super::frame::Frame;
+use super::rate::Rate;
 use super::raw::RawPicture;
 
 /// An input that gives pictures.
@@ -48,6 +49,11 @@ pub trait Source: Send {
     /// Pictures per second at which the input was taken, if it is a sequence in time.
     fn fps(&self) -> Option<f64> {
         None
+    }
+
+    /// [`fps`](Self::fps) for who asks before the first picture and needs it afterwards.
+    fn rate(&self) -> Rate {
+        self.fps().into()
     }
 
     /// Whether pictures are lost when nobody asks for them.

@@ -12,6 +12,7 @@ use super::camera::{CameraSource, ControlSetting, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::pipe::PipeSource;
 use super::source::Source;
+use super::square::square;
 use super::stand_in::StandIn;
 use super::stored::open_stored;
 use super::y4m::Y4mReader;
@@ -91,7 +92,9 @@ pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, 
         InputSpec::Stdin => {
             let open = || {
                 let stdin = BufReader::with_capacity(BUFFER_BYTES, std::io::stdin());
-                Ok(Box::new(Y4mReader::new(stdin, STDIN, None)?) as Box<dyn Source>)
+                let film = Y4mReader::new(stdin, STDIN, None)?;
+                let shape = film.pixel_shape();
+                Ok(square(film, shape))
             };
             Ok(Box::new(PipeSource::start(STDIN.to_owned(), open)))
         }
@@ -130,7 +133,9 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
             // Opening waits for the pipe's writer.
             let pipe = File::open(&path).map_err(|e| CaptureError::from_io(&path, e))?;
             let pipe = BufReader::with_capacity(BUFFER_BYTES, pipe);
-            Ok(Box::new(Y4mReader::new(pipe, name_of(&path), None)?) as Box<dyn Source>)
+            let film = Y4mReader::new(pipe, name_of(&path), None)?;
+            let shape = film.pixel_shape();
+            Ok(square(film, shape))
         };
         return Ok(Box::new(PipeSource::start(name, open)));
     }

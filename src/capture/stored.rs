@@ -10,6 +10,7 @@ use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
 use super::photo::{PhotoSource, is_jpeg, is_png};
 use super::source::Source;
+use super::square::square;
 use super::y4m::{self, Y4mReader};
 
 /// Bytes read at once.
@@ -59,17 +60,16 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     }
     if head.starts_with(y4m::MAGIC) {
         let reader = BufReader::with_capacity(BUFFER_BYTES, file);
-        return Ok(Box::new(Y4mReader::new(
-            reader,
-            name_of(path),
-            Some(length),
-        )?));
+        let film = Y4mReader::new(reader, name_of(path), Some(length))?;
+        let shape = film.pixel_shape();
+        return Ok(square(film, shape));
     }
     if is_avi(&head) {
         // Without a buffer, which would be filled for every chunk's eight bytes: pictures are read whole.
-        let film = AviReader::new(file, name_of(path))?;
+        let mut film = AviReader::new(file, name_of(path))?;
         if film.is_motion_jpeg() {
-            return Ok(Box::new(film));
+            let shape = film.pixel_shape();
+            return Ok(square(film, shape));
         }
     }
     if !is_film(&head, path) {
@@ -82,7 +82,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     if head.get(4..8) == Some(b"ftyp")
         && let Some(film) = super::mp4::Mp4Source::open(path)?
     {
-        return Ok(Box::new(film));
+        let shape = film.pixel_shape();
+        return Ok(square(film, shape));
     }
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }

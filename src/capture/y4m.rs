@@ -8,6 +8,7 @@ use super::error::CaptureError;
 use super::frame::Frame;
 use super::limits::check_size;
 use super::source::Source;
+use super::square::PixelShape;
 use super::yuv::{Matrix, Range, YuvToRgb};
 
 /// First bytes of every file.
@@ -16,20 +17,6 @@ pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2";
 const MAX_LINE: usize = 1024;
 /// Height from which untagged film is taken for BT.709, as players do.
 const HIGH_DEFINITION_LINES: u32 = 720;
-
-/// Says that pixels are not square where they are not: what is seen is then too wide or too narrow.
-fn warn_of_shape(name: &str, shape: &str) {
-    if let Some((across, down)) = shape.split_once(':')
-        && across != down
-        && across != "0"
-        && down != "0"
-    {
-        tracing::warn!(
-            "{name}: expected square pixels, found {}; people come out too wide or too narrow: scale the film before, with ffmpeg -vf \"scale=iw*sar:ih,setsar=1\"",
-            printable(shape)
-        );
-    }
-}
 
 /// Where a picture's colours lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +34,7 @@ pub struct Y4mReader<R> {
     height: u32,
     /// Frames per second as a fraction.
     rate: (u32, u32),
+    shape: Option<PixelShape>,
     planes: Planes,
     colours: YuvToRgb,
     bytes: Vec<u8>,
@@ -90,6 +78,7 @@ impl<R: Read> Y4mReader<R> {
         }
         let (mut width, mut height) = (0, 0);
         let mut rate = (25, 1);
+        let mut shape = None;
         let mut planes = Planes::Colour(1, 1);
         let mut range = Range::Limited;
         for word in words.filter(|w| !w.is_empty()) {
@@ -104,7 +93,13 @@ impl<R: Read> Y4mReader<R> {
                         rate = (n, d);
                     }
                 }
-                b'A' => warn_of_shape(&name, &text),
+                b'A' => {
+                    if let Some((across, down)) = text.split_once(':')
+                        && let (Ok(across), Ok(down)) = (across.parse::<u32>(), down.parse::<u32>())
+                    {
+                        shape = PixelShape::new(across.into(), down.into());
+                    }
+                }
                 b'C' => {
                     planes = match &*text {
                         "mono" => Planes::Grey,
@@ -144,6 +139,7 @@ impl<R: Read> Y4mReader<R> {
             width,
             height,
             rate,
+            shape,
             planes,
             colours: YuvToRgb::new(matrix, range),
             bytes: vec![0; frame_bytes],
@@ -152,6 +148,11 @@ impl<R: Read> Y4mReader<R> {
             index: 0,
             ended: false,
         })
+    }
+
+    /// How wide its pixels are, where the header says so.
+    pub(crate) fn pixel_shape(&self) -> Option<PixelShape> {
+        self.shape
     }
 
     /// Length of the header line.

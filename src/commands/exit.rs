@@ -5,6 +5,7 @@ use edgecap_client::LinkError;
 use crate::camera::CameraError;
 use crate::capture::CaptureError;
 use crate::config::Mistake;
+use crate::counted::counted;
 use crate::engine::{EngineError, ModelError, NetworkError};
 use crate::export::ExportError;
 use crate::record::RecordError;
@@ -117,7 +118,10 @@ impl Failure {
     pub fn stopped(frames: u64) -> Self {
         let message = match frames {
             0 => "stopped before the first frame; nothing was written".to_owned(),
-            n => format!("stopped after {n} frames; the results are of these alone"),
+            n => format!(
+                "stopped after {}; there are results of no more",
+                counted(n, "frame", "frames")
+            ),
         };
         Self {
             code: INTERRUPTED,
@@ -249,7 +253,7 @@ pub fn is_silent(error: &anyhow::Error) -> bool {
 fn record_code(error: &RecordError) -> u8 {
     match error {
         RecordError::Io { .. } => IO,
-        RecordError::Other { .. } | RecordError::Line { .. } => DATA,
+        RecordError::Other { .. } | RecordError::Line { .. } | RecordError::Frame { .. } => DATA,
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::apart::Apart;
 use super::exit::Failure;
 use super::say;
-use crate::export::{ExportError, Format, Take, encode};
+use crate::export::{ExportError, Exported, Format, Take, encode};
 use crate::message::BodyFrame;
 use crate::output::{self, AtomicFile};
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
@@ -106,9 +106,12 @@ fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
 /// Writes a take's files; what there is now, a line each.
 fn write(take: &Take, format: Format, to: &Path) -> anyhow::Result<Vec<String>> {
     let mut lines = Vec::new();
-    for (path, bytes) in encode(take, format, to)? {
+    for Exported { path, bytes, late } in encode(take, format, to)? {
         output::write(&path, &bytes).map_err(|e| Failure::output(&path, &e))?;
-        lines.push(format!("→ {}", path.display()));
+        let late = late.map_or(String::new(), |seconds| {
+            format!(" (begins {seconds:.3} s after the first of all)")
+        });
+        lines.push(format!("→ {}{late}", path.display()));
     }
     Ok(lines)
 }

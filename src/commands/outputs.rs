@@ -18,7 +18,8 @@ pub struct RecordArgs {
     /// Write one line of JSON per frame to this file; '-' for standard output
     #[arg(long, value_name = "FILE")]
     pub jsonl: Option<PathBuf>,
-    /// Write the same in binary, a third of the size; 'fit --input' and 'eval --predictions' read both
+    /// Write the same in binary, a third of the size; what reads one reads the other: of bodies (run, fit) 'export',
+    /// 'replay' and 'view --record', of observations (infer) 'fit --input'
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 }

@@ -11,6 +11,7 @@ use super::exit::Failure;
 use super::input::DEFAULT_NAME;
 use super::say;
 use super::stop::Stop;
+use crate::counted::counted;
 use crate::record::{BodiesRow, Format, GrowingRecord, ObservationsRow, Row, Times};
 use crate::sink::SinkError;
 
@@ -102,7 +103,8 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
         cause,
     })?;
     say::out(&format!(
-        "{frames} frames, {:.1} MB → {}",
+        "{}, {:.1} MB → {}",
+        counted(frames, "frame", "frames"),
         bytes as f64 / 1e6,
         args.to.display()
     ));

@@ -15,6 +15,7 @@ use super::say;
 use super::stop::Stop;
 use crate::camera::{DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
+use crate::counted::counted;
 use crate::events::EventConfig;
 use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
 use crate::sink::{EventSink, Packet, SharedMemorySink, Sinks, Streamed};
@@ -164,7 +165,7 @@ fn play<M: Streamed + Times>(
     let finished = sinks.finish().1;
     outcome?;
     finished?;
-    say::out(&format!("{frames} frames"));
+    say::out(&counted(frames, "frame", "frames"));
     Ok(())
 }
 

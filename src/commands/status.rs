@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
 use super::say;
+use crate::counted::counted;
 use crate::metrics::{Meter, Snapshot};
 
 const RENEW_EVERY: Duration = Duration::from_secs(1);
@@ -209,22 +210,26 @@ fn line(status: &Status, camera: &Snapshot) -> String {
         "NO BODIES"
     };
     let mut line = format!(
-        "{state:9} {} ({}), since {}: {:.1} fps, {} people",
+        "{state:9} {} ({}), since {}: {:.1} fps, {}",
         camera.name,
         camera.input,
         words((now() - camera.since as f64).max(0.0)),
         camera.fps,
-        camera.people
+        counted(camera.people, "person", "people")
     );
     if let (Some(median), Some(p99)) = (camera.latency_ms, camera.latency_p99_ms) {
         line += &format!(", capture to publish {median:.0} ms (1 in 100: {p99:.0})");
     }
-    line += &format!(", {} frames, {} left out", camera.frames, camera.dropped);
+    let frames = counted(camera.frames, "frame", "frames");
+    line += &format!(", {frames}, {} left out", camera.dropped);
     for (process, n) in camera.restarts.iter().filter(|(_, n)| *n > 0) {
-        line += &format!(", {process} restarted {n} times");
+        line += &format!(", {process} restarted {}", counted(*n, "time", "times"));
     }
     if camera.reconnects > 0 {
-        line += &format!(", camera back {} times", camera.reconnects);
+        line += &format!(
+            ", camera back {}",
+            counted(camera.reconnects, "time", "times")
+        );
     }
     if let (Some(error), Some(at)) = (&camera.last_error, camera.last_error_at) {
         let ago = words((now() - at as f64).max(0.0));

@@ -9,6 +9,7 @@ use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::{log, say};
+use crate::counted::counted;
 use crate::overlay::{Glyphs, Screen, characters};
 
 const REDRAW: Duration = Duration::from_millis(50);
@@ -121,8 +122,9 @@ impl Table {
                     .as_ref()
                     .map_or(String::new(), |n| format!("{n}: "));
                 say::err(&format!(
-                    "{name}frame {}: {} people, {figures}",
-                    frame.sequence, frame.count
+                    "{name}frame {}: {}, {figures}",
+                    frame.sequence,
+                    counted(frame.count, "person", "people")
                 ));
             }
         }
@@ -173,7 +175,7 @@ impl Table {
             );
         }
         if lost > 0 {
-            let _ = write!(s, " | {lost} frames lost");
+            let _ = write!(s, " | {} lost", counted(lost, "frame", "frames"));
         }
         s
     }

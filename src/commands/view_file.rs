@@ -10,6 +10,7 @@ use tempfile::NamedTempFile;
 use super::exit::Failure;
 use super::say;
 use crate::camera::DEFAULT_FOV;
+use crate::counted::counted;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 use crate::supervise::tie;
@@ -104,9 +105,9 @@ impl ViewFile {
         }
         if seen.frames.iter().all(Vec::is_empty) {
             return Err(Failure::data(format!(
-                "{name}: expected people in the view of camera {}, found nobody in {} frames; leave the view out",
+                "{name}: expected people in the view of camera {}, found nobody in {}; leave the view out",
                 camera,
-                seen.frames.len()
+                counted(seen.frames.len() as u64, "frame", "frames")
             ))
             .into());
         }
@@ -169,8 +170,9 @@ pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyho
         Some(0) => {
             if let Some((seen, told)) = missing(record)? {
                 say::err(&format!(
-                    "{}: expected {told} frames, as the film says, found {seen}; if it plays longer, copy it again",
-                    film.display()
+                    "{}: expected {}, as the film says, found {seen}; if it plays longer, copy it again",
+                    film.display(),
+                    counted(told, "frame", "frames")
                 ));
             }
             Ok(())
@@ -259,9 +261,15 @@ pub fn together(
     }
     if difference > 0 {
         notes.push(format!(
-            "camera {} has {difference} frames less than {}; these are left out",
+            "camera {} has {} less than {}; {} left out",
             name(least),
-            name(most)
+            counted(difference as u64, "frame", "frames"),
+            name(most),
+            if difference == 1 {
+                "it is"
+            } else {
+                "these are"
+            }
         ));
     }
     Ok((rate, lengths[least]))

@@ -12,19 +12,20 @@ const CM: f64 = 100.0;
 /// Decimals: a thousandth of a millimetre, a millionth of a degree.
 const PLACES: usize = 6;
 
-/// The file's text.
-pub fn encode(motion: &Motion) -> String {
+/// The file's text; the first pose is held for `held` steps before the motion.
+pub fn encode(motion: &Motion, held: usize) -> String {
     let mut out = "HIERARCHY\n".to_owned();
     let mut order = Vec::new();
     joint(motion, 0, 0, &mut order, &mut out);
     let _ = writeln!(
         out,
         "MOTION\nFrames: {}\nFrame Time: {:.9}",
-        motion.moments.len(),
+        held + motion.moments.len(),
         1.0 / motion.rate
     );
     let mut before = [DVec3::ZERO; HUMANOID_BONE_COUNT];
-    for moment in &motion.moments {
+    let first = motion.moments.iter().take(1).cycle().take(held);
+    for moment in first.chain(&motion.moments) {
         let p = moment.position * CM;
         let _ = write!(out, "{:.PLACES$} {:.PLACES$} {:.PLACES$}", p.x, p.y, p.z);
         for &bone in &order {

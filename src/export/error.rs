@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::counted::counted;
 use crate::record::RecordError;
 
 /// Why a record cannot be exported.
@@ -12,7 +13,8 @@ pub enum ExportError {
     Extension(PathBuf),
     /// There is nobody in the record.
     #[error(
-        "{name}: expected recorded bodies, found nobody in {frames} frames; record while people are in view"
+        "{name}: expected recorded bodies, found nobody in {}; record while people are in view",
+        counted(*.frames, "frame", "frames")
     )]
     Empty {
         /// The record.

@@ -65,16 +65,27 @@ impl Format {
     }
 }
 
+/// Longest that a first pose is held in a `.bvh`, seconds: of a week's visitors each would be a week long.
+const LONGEST_HELD: f64 = 600.0;
+
+/// A file of a take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exported {
+    /// Where it goes.
+    pub path: PathBuf,
+    /// What is in it.
+    pub bytes: Vec<u8>,
+    /// How long after the first of all people it begins, seconds, where it does not say so itself.
+    pub late: Option<f64>,
+}
+
 /// The files of a take, by name: `to`, or where a format holds one person only and there are several, `to` with each
-/// one's id before the extension.
+/// one's id before the extension. Those of `.bvh` begin together, so that people stay together in other programs: whoever
+/// comes later stands still until then. Who comes much later does not, and is told.
 ///
 /// # Errors
 /// [`ExportError::Format`] where the numbers do not fit the format.
-pub fn encode(
-    take: &Take,
-    format: Format,
-    to: &Path,
-) -> Result<Vec<(PathBuf, Vec<u8>)>, ExportError> {
+pub fn encode(take: &Take, format: Format, to: &Path) -> Result<Vec<Exported>, ExportError> {
     if !format.is_of_one() {
         let bytes = match format {
             Format::Glb => gltf::encode(take)?,
@@ -82,19 +93,33 @@ pub fn encode(
             Format::Npz => npz::encode(take)?,
             _ => csv::encode(take).into_bytes(),
         };
-        return Ok(vec![(to.to_owned(), bytes)]);
+        return Ok(vec![Exported {
+            path: to.to_owned(),
+            bytes,
+            late: None,
+        }]);
     }
     let is_alone = take.people.len() == 1;
+    let start = take.start();
     let files = Motion::all(take)?.map(|motion| {
         let path = match is_alone {
             true => to.to_owned(),
             false => with_id(to, motion.id),
         };
-        let text = match format {
-            Format::Bvh => bvh::encode(&motion),
-            _ => trc::encode(&motion, &path),
+        let late = motion.start - start;
+        let (text, late) = match format {
+            Format::Bvh if late > LONGEST_HELD => (bvh::encode(&motion, 0), Some(late)),
+            Format::Bvh => {
+                let held = (late * motion.rate).round() as usize;
+                (bvh::encode(&motion, held), None)
+            }
+            _ => (trc::encode(&motion, &path), None),
         };
-        (path, text.into_bytes())
+        Exported {
+            path,
+            bytes: text.into_bytes(),
+            late,
+        }
     });
     Ok(files.collect())
 }

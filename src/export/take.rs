@@ -139,6 +139,13 @@ impl Take {
         Ok(())
     }
 
+    /// When the first of its people is first there, seconds: where files begin.
+    pub fn start(&self) -> f64 {
+        let firsts = self.people.values().filter_map(|s| s.first());
+        let first = firsts.map(|s| s.frame).min();
+        first.map_or(0.0, |frame| self.frames[frame].time)
+    }
+
     /// Frames a second: of the median step.
     pub fn rate(&self) -> f64 {
         let steps = self.frames.windows(2).map(|w| w[1].time - w[0].time);

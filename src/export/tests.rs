@@ -153,3 +153,98 @@ fn what_cannot_be_held_is_refused_before_it_is_made() {
         refused(&long, name, ["steps of 0.020000 s", "fewer"]);
     }
 }
+
+/// The times of every animated property of a file, and the sizes where it is one.
+fn tracks(glb: &[u8]) -> Vec<(String, Vec<f32>, Vec<f32>)> {
+    use ::gltf::animation::util::ReadOutputs;
+    let gltf = ::gltf::Gltf::from_slice(glb).unwrap();
+    let blob = gltf.blob.as_deref().unwrap();
+    let animation = gltf.animations().next().unwrap();
+    let channels = animation.channels().map(|channel| {
+        let reader = channel.reader(|_| Some(blob));
+        let times: Vec<f32> = reader.read_inputs().unwrap().collect();
+        let outputs = reader.read_outputs().unwrap();
+        let (count, sizes) = match outputs {
+            ReadOutputs::Scales(all) => {
+                let sizes: Vec<f32> = all.map(|s| s[0]).collect();
+                (sizes.len(), sizes)
+            }
+            ReadOutputs::Translations(all) => (all.count(), Vec::new()),
+            ReadOutputs::Rotations(all) => (all.into_f32().count(), Vec::new()),
+            ReadOutputs::MorphTargetWeights(_) => panic!("faces"),
+        };
+        assert_eq!(count, times.len());
+        let name = channel.target().node().name().unwrap().to_owned();
+        (name, times, sizes)
+    });
+    channels.collect()
+}
+
+fn glb(take: &Take) -> Vec<(String, Vec<f32>, Vec<f32>)> {
+    let files = encode(take, Format::Glb, "a.glb".as_ref()).unwrap();
+    let tracks = tracks(&files[0].bytes);
+    for (name, times, _) in &tracks {
+        assert!(times.is_sorted_by(|a, b| a < b), "{name}: {times:?}");
+    }
+    tracks
+}
+
+const WEEK: u64 = 7 * 86_400 * SECOND;
+
+#[test]
+fn times_of_a_glb_begin_with_the_first_person_and_rise_after_a_week() {
+    let mut messages: Vec<Message<'_>> = vec![(0, 0, &[])];
+    messages.extend((1..=120).map(|k| {
+        let who: &[u32] = if k > 90 { &[1, 2] } else { &[1] };
+        (k, WEEK + (k - 1) * SECOND / 30, who)
+    }));
+    let tracks = glb(&take(&messages));
+    let (_, times, _) = tracks.iter().find(|(name, ..)| name == "hips").unwrap();
+    assert_eq!((times.len(), times[0]), (120, 0.0));
+    assert!((times[119] - 119.0 / 30.0).abs() < 1e-5, "{}", times[119]);
+    let sizes = |who: &str| {
+        let (_, times, sizes) = tracks.iter().find(|(name, ..)| name == who).unwrap();
+        (times.clone(), sizes.clone())
+    };
+    assert_eq!(sizes("person 1"), (vec![0.0, 4.0], vec![1.0, 0.0]));
+    let (times, there) = sizes("person 2");
+    assert_eq!(there, [0.0, 1.0, 0.0], "away, there, away again");
+    assert!((times[1] - 3.0).abs() < 1e-5, "{times:?}");
+}
+
+#[test]
+fn who_comes_a_week_after_the_first_has_times_that_rise() {
+    let mut messages: Vec<Message<'_>> = (0..30).map(|k| (k, k * SECOND / 30, &[1][..])).collect();
+    messages.extend((30..150).map(|k| (k, WEEK + k * SECOND / 30, &[2][..])));
+    messages.push((150, WEEK + 10 * SECOND, &[3]));
+    let tracks = glb(&take(&messages));
+    let last = |who: &str| {
+        let (_, _, sizes) = tracks.iter().find(|(name, ..)| name == who).unwrap();
+        sizes.clone()
+    };
+    for who in ["person 2", "person 3"] {
+        assert_eq!(last(who), [0.0, 1.0, 0.0], "{who}");
+    }
+}
+
+#[test]
+fn who_comes_much_later_does_not_stand_still_in_a_bvh_and_is_told() {
+    let mut messages: Vec<Message<'_>> = (0..30).map(|k| (k, k * SECOND / 30, &[1][..])).collect();
+    messages.extend((30..60).map(|k| (k, 5 * SECOND + k * SECOND / 30, &[2][..])));
+    messages.extend((60..90).map(|k| (k, 3600 * SECOND + k * SECOND / 30, &[3][..])));
+    let files = encode(&take(&messages), Format::Bvh, "a.bvh".as_ref()).unwrap();
+    let found = files.iter().map(|file| {
+        let text = std::str::from_utf8(&file.bytes).unwrap();
+        let frames = text.split("Frames: ").nth(1).unwrap();
+        let frames = frames.lines().next().unwrap().parse().unwrap();
+        assert_eq!(
+            text.lines().rev().take_while(|l| !l.contains(':')).count(),
+            frames
+        );
+        (frames, file.late)
+    });
+    let found: Vec<(usize, Option<f64>)> = found.collect();
+    assert_eq!(found[..2], [(30, None), (180 + 30, None)]);
+    assert_eq!(found[2].0, 30);
+    assert!((found[2].1.unwrap() - 3602.0).abs() < 1e-6, "{found:?}");
+}

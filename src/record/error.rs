@@ -39,4 +39,17 @@ pub enum RecordError {
         /// What is wrong with it.
         found: String,
     },
+    /// A frame of a binary record is none.
+    #[error(
+        "{name}, frame {frame}: expected a whole frame, found: {found}; the file is damaged there: copy it again, or \
+         record again"
+    )]
+    Frame {
+        /// The file.
+        name: String,
+        /// The offending frame.
+        frame: u64,
+        /// What is wrong with it.
+        found: String,
+    },
 }

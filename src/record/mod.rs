@@ -5,8 +5,8 @@
 //!   little-endian) and that many bytes of [postcard](https://postcard.jamesmunns.com/wire-format). A third of the
 //!   size.
 //!
-//! Readers tell the two apart by the first bytes. A file that was cut off plays to its last whole frame. Every finite
-//! number comes back with the same bits.
+//! Readers tell the two apart by the first bytes. A file that was cut off, or that ends in zeros as after a power cut,
+//! plays to its last whole frame. Every finite number comes back with the same bits.
 
 mod append;
 mod binary;

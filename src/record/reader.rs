@@ -108,10 +108,26 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
             }
             Ok(Piece::Frame) => {
                 self.line += 1;
-                let row = postcard::from_bytes(&self.buffer);
-                row.map(Some).map_err(|e| self.bad(e.to_string()))
+                match unpacked(&self.buffer) {
+                    Ok(row) => Ok(Some(row)),
+                    // No frame has no bytes: these are the zeros that some file systems leave after a power cut.
+                    Err(found) => self.cut_or(self.buffer.is_empty(), found),
+                }
             }
         }
+    }
+
+    /// The end, where nothing but zeros follows the piece read last, which was then cut off inside; else the error that
+    /// was found in it. The first piece is an error, unless it `may_be_first`: a file of another kind is none cut off.
+    fn cut_or(&mut self, may_be_first: bool, found: String) -> Result<Option<T>, RecordError> {
+        let is_last = (may_be_first || self.line > 1)
+            && only_zeros(&mut self.input).map_err(|e| self.io(self.line, e))?;
+        if !is_last {
+            return Err(self.bad(found));
+        }
+        self.line -= 1;
+        self.was_cut = true;
+        Ok(None)
     }
 
     fn read_line(&mut self) -> Result<Option<T>, RecordError> {
@@ -128,19 +144,24 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
             self.line += 1;
             if read as u64 == MAX_LINE && self.buffer.last() != Some(&b'\n') {
                 // What follows would be read as another line: it is not.
-                return Err(self.bad(format!("a line of more than {MAX_LINE} bytes")));
+                let found = format!("a line of more than {MAX_LINE} bytes");
+                return match self.buffer.last() {
+                    Some(0) => self.cut_or(false, found),
+                    _ => Err(self.bad(found)),
+                };
             }
             if !self.buffer.trim_ascii().is_empty() {
                 break;
             }
         }
-        match serde_json::from_slice(&self.buffer) {
-            Ok(row) => Ok(Some(row)),
-            // The writer was stopped inside this line.
-            Err(e) if e.is_eof() && self.line > 1 && self.buffer.last() != Some(&b'\n') => {
-                self.line -= 1;
-                self.was_cut = true;
-                Ok(None)
+        match serde_json::from_slice::<T>(&self.buffer) {
+            Ok(row) => match row.check() {
+                Ok(()) => Ok(Some(row)),
+                Err(found) => Err(self.bad(found)),
+            },
+            // The writer was stopped inside this line, or the file system put zeros where its end was to be.
+            Err(e) if !e.is_data() && self.buffer.last() != Some(&b'\n') => {
+                self.cut_or(false, complaint(&e))
             }
             Err(e) => {
                 let kind = Kind::of(&mut &self.buffer[..]);
@@ -166,11 +187,45 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
     }
 
     pub(super) fn bad(&self, found: String) -> RecordError {
-        RecordError::Line {
-            name: self.name.clone(),
-            line: self.line,
-            by: T::WRITTEN_BY,
-            found,
+        let (name, line) = (self.name.clone(), self.line);
+        match self.is_binary {
+            // Nobody repairs one of these by hand.
+            Some(true) => RecordError::Frame {
+                name,
+                frame: line,
+                found,
+            },
+            _ => RecordError::Line {
+                name,
+                line,
+                by: T::WRITTEN_BY,
+                found,
+            },
+        }
+    }
+}
+
+/// A frame of a binary record.
+fn unpacked<T: Row>(bytes: &[u8]) -> Result<T, String> {
+    let (row, rest) = postcard::take_from_bytes::<T>(bytes).map_err(|e| e.to_string())?;
+    // They read as a frame of nobody.
+    if !rest.is_empty() && rest.iter().all(|b| *b == 0) {
+        return Err("zeros in place of its bytes".to_owned());
+    }
+    row.check()?;
+    Ok(row)
+}
+
+/// Whether nothing but zeros is left; these are read. Up to where something else lies, little is.
+fn only_zeros(input: &mut impl BufRead) -> std::io::Result<bool> {
+    loop {
+        let bytes = input.fill_buf()?;
+        if bytes.iter().any(|b| *b != 0) {
+            return Ok(false);
+        }
+        match bytes.len() {
+            0 => return Ok(true),
+            n => input.consume(n),
         }
     }
 }

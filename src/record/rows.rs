@@ -10,6 +10,9 @@ use crate::message::{
     MAX_PEOPLE, Observation, ObservationFrame, StageTimes, World, WorldState,
 };
 
+/// How far the length of a quaternion may be from 1: some programs write few digits.
+const UNIT_WITHIN: f64 = 0.05;
+
 /// One frame of a record.
 pub trait Row: Serialize + DeserializeOwned {
     /// The message that it records.
@@ -21,6 +24,14 @@ pub trait Row: Serialize + DeserializeOwned {
 
     /// The row of a message that came of the picture or film `source`.
     fn new(message: &Self::Message, source: &str) -> Self;
+
+    /// Looks for numbers that no message holds; readers do so with every row.
+    ///
+    /// # Errors
+    /// What is wrong with the row.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 /// Everyone seen in one frame: an [`ObservationFrame`].
@@ -340,9 +351,28 @@ fn finite_rows<const N: usize>(what: &str, rows: &[[f32; 3]]) -> Result<[[f32; 3
     let rows: &[[f32; 3]; N] = rows
         .try_into()
         .map_err(|_| format!("{} rows in {what} instead of {N}", rows.len()))?;
-    match rows.iter().flatten().find(|v| !v.is_finite()) {
+    finite(what, rows.as_flattened())?;
+    Ok(*rows)
+}
+
+fn finite(what: &str, numbers: &[f32]) -> Result<(), String> {
+    match numbers.iter().find(|v| !v.is_finite()) {
         Some(v) => Err(format!("the value {v} in {what}")),
-        None => Ok(*rows),
+        None => Ok(()),
+    }
+}
+
+/// Whether quaternions turn: without a length there is no direction in them.
+fn rotations(what: &str, all: &[[f32; 4]]) -> Result<(), String> {
+    let length = |q: &[f32; 4]| q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+    match all
+        .iter()
+        .find(|q| !(length(q) - 1.0).abs().le(&UNIT_WITHIN))
+    {
+        Some(q) => Err(format!(
+            "{q:?} in {what}, a quaternion that is not of length 1"
+        )),
+        None => Ok(()),
     }
 }
 
@@ -378,6 +408,18 @@ impl Row for BodiesRow {
             flags: frame.flags,
             frame_total: frame.frame_total,
         }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if let Some(world) = &self.world {
+            finite("world.translation", &world.translation)?;
+            rotations("world.rotation", &[world.rotation])?;
+        }
+        for (index, person) in self.people.iter().enumerate() {
+            let checked = person.check();
+            checked.map_err(|found| format!("person {index}: {found}"))?;
+        }
+        Ok(())
     }
 }
 
@@ -466,6 +508,20 @@ impl From<&Body> for BodyRow {
 }
 
 impl BodyRow {
+    fn check(&self) -> Result<(), String> {
+        finite("position", &self.position)?;
+        finite("velocity", &self.velocity)?;
+        finite("angles", &self.angles)?;
+        finite("joints3d", self.joints3d.as_flattened())?;
+        finite("joints2d", self.joints2d.as_flattened())?;
+        finite("confidence", &[self.confidence])?;
+        finite("joint_confidence", &self.joint_confidence)?;
+        finite("height", &[self.height])?;
+        finite("bone_lengths", &self.bone_lengths)?;
+        rotations("orientation", &[self.orientation])?;
+        rotations("bone_rotations", &self.bone_rotations)
+    }
+
     fn message(&self) -> Body {
         Body {
             id: self.id,

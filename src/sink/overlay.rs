@@ -8,12 +8,9 @@ use std::path::Path;
 use self::film::Film;
 use self::pictures::Pictures;
 use super::{Packet, Sink, SinkError};
-use crate::capture::Frame;
+use crate::capture::{Frame, Rate};
 use crate::message::{BodyFrame, ObservationFrame};
 use crate::overlay::{Person, draw};
-
-/// How many pictures a second an input without a rate gets as a film.
-const USUAL_RATE: f64 = 30.0;
 
 /// What people call films and pictures that are not written.
 const OTHER_FILES: [&str; 11] = [
@@ -42,12 +39,12 @@ impl Target {
 }
 
 impl OverlaySink {
-    /// A film where `path` ends in `.avi`, with `rate` pictures a second; else a folder, which is made. Pictures in a
+    /// A film where `path` ends in `.avi`, with the `rate` that is known by its first picture; else a folder, which is made. Pictures in a
     /// folder are called like the photo that they are of, or by their number in a film (`is_stills` tells which).
     ///
     /// # Errors
     /// [`SinkError::Kind`] for names of other films and of pictures, [`SinkError::Create`].
-    pub fn create(path: &Path, rate: Option<f64>, is_stills: bool) -> Result<Self, SinkError> {
+    pub fn create(path: &Path, rate: Rate, is_stills: bool) -> Result<Self, SinkError> {
         let is = |kind: &str| {
             path.extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case(kind))
@@ -59,7 +56,7 @@ impl OverlaySink {
             });
         }
         let target = if is("avi") {
-            Target::Film(Box::new(Film::create(path, rate.unwrap_or(USUAL_RATE))?))
+            Target::Film(Box::new(Film::create(path, rate)?))
         } else {
             Target::Pictures(Pictures::create(path, is_stills)?)
         };

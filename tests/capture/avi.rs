@@ -295,3 +295,69 @@ proptest! {
         drain(&bytes);
     }
 }
+
+/// The clip in a file, as the program opens it: width and height of its pictures, after the same count of them.
+fn size_of(bytes: &[u8]) -> (u32, u32) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.avi");
+    std::fs::write(&path, bytes).unwrap();
+    let mut film = open(&InputSpec::Path(path), &OpenOptions::default()).unwrap();
+    assert_eq!(film.frame_count(), Some(2));
+    let (mut frame, mut size) = (Frame::default(), (0, 0));
+    for k in 0..2 {
+        assert!(film.next_into(&mut frame).unwrap());
+        assert_eq!(frame.sequence, k);
+        size = (frame.width, frame.height);
+        assert_eq!(frame.rgb.len(), (3 * size.0 * size.1) as usize);
+    }
+    assert!(!film.next_into(&mut frame).unwrap());
+    size
+}
+
+/// The clip with video properties behind the format of its stream: the picture's aspect, x and y.
+fn with_aspect(x: u32, y: u32) -> Vec<u8> {
+    let mut bytes = clip(2);
+    let after = bytes.windows(4).position(|w| w == b"strf").unwrap() + 8 + 40;
+    let mut properties = b"vprp".to_vec();
+    for word in [68, 0, 0, 25, WIDTH, HEIGHT, x << 16 | y, WIDTH, HEIGHT, 1] {
+        properties.extend_from_slice(&word.to_le_bytes());
+    }
+    properties.resize(8 + 68, 0);
+    // The lengths of what it lies in: the file, its headers, the stream's.
+    for at in [4, 16, 92] {
+        let length = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        let length = length + properties.len() as u32;
+        bytes[at..at + 4].copy_from_slice(&length.to_le_bytes());
+    }
+    bytes.splice(after..after, properties);
+    bytes
+}
+
+#[test]
+fn pixels_that_are_not_square_are_made_so() {
+    assert_eq!(size_of(&clip(2)), (WIDTH, HEIGHT));
+    for (x, y, size) in [
+        (3, 2, (48, 32)),
+        (16, 9, (57, 32)),
+        (1, 1, (48, 48)),
+        (0, 9, (48, 32)),
+    ] {
+        assert_eq!(size_of(&with_aspect(x, y)), size, "{x}:{y}");
+    }
+    // Without them the first picture tells: a unit of 0, then the pixel's width and height.
+    let with_density = |mut bytes: Vec<u8>, unit: u8| {
+        let places = bytes.windows(5).enumerate();
+        let places: Vec<usize> = places
+            .filter(|(_, w)| w == b"JFIF\0")
+            .map(|p| p.0)
+            .collect();
+        assert_eq!(places.len(), 2);
+        for at in places {
+            bytes[at + 7..at + 12].copy_from_slice(&[unit, 0, 64, 0, 45]);
+        }
+        bytes
+    };
+    assert_eq!(size_of(&with_density(clip(2), 0)), (68, 32));
+    assert_eq!(size_of(&with_density(clip(2), 1)), (48, 32));
+    assert_eq!(size_of(&with_density(with_aspect(3, 2), 0)), (48, 32));
+}

@@ -147,6 +147,42 @@ fn film(header: &str, plane_bytes: [usize; 3], frames: u8) -> Vec<u8> {
 }
 
 #[test]
+fn y4m_of_other_pixels_comes_out_with_square_ones_from_files_and_pipes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, pipe) = (folder.path().join("a.y4m"), folder.path().join("pipe"));
+    let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
+    assert!(made.success());
+    for (shape, size) in [
+        ("A64:45", (64, 36)),
+        ("A2:3", (45, 54)),
+        ("A1:1", (45, 36)),
+        ("A0:0", (45, 36)),
+        ("A", (45, 36)),
+    ] {
+        let bytes = film(&format!("W45 H36 F60:1 {shape} Cmono"), [45 * 36, 0, 0], 2);
+        std::fs::write(&file, &bytes).unwrap();
+        let to = pipe.clone();
+        let writing = std::thread::spawn(move || std::fs::write(to, bytes).unwrap());
+        for path in [&file, &pipe] {
+            let spec = InputSpec::Path(path.clone());
+            let mut source = open(&spec, &OpenOptions::default()).unwrap();
+            let (mut frame, mut count) = (Frame::default(), 0);
+            loop {
+                match source.next_into(&mut frame) {
+                    Ok(true) => count += 1,
+                    Ok(false) => break,
+                    Err(CaptureError::NoPictureYet { .. }) => continue,
+                    Err(e) => panic!("{e}"),
+                }
+                assert_eq!((frame.width, frame.height), size, "{shape}");
+            }
+            assert_eq!((count, source.fps()), (2, Some(60.0)), "{shape}");
+        }
+        writing.join().unwrap();
+    }
+}
+
+#[test]
 fn y4m_of_every_layout_is_played() {
     for (header, planes) in [
         ("W6 H4 F30:1 Ip A1:1 C420jpeg XYSCSS=420JPEG", [24, 6, 6]),
@@ -364,7 +400,7 @@ fn a_film_that_ends_early_is_told_with_the_childs_own_words() {
         assert!(
             text.contains("film.mp4")
                 && text.contains("partial file")
-                && text.contains("1 pictures of 9"),
+                && text.contains("1 picture of 9"),
             "{text}"
         );
         assert!(source.next().unwrap().is_none());

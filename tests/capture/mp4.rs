@@ -1,8 +1,11 @@
 //! H.264 without ffmpeg. Needs the feature `mp4`; the film itself comes from the folder in `EDGECAP_DATA`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use edgecap::capture::{Ffmpeg, FfmpegSource, Frame, Mp4Source, Source};
+use edgecap::capture::{
+    Ffmpeg, FfmpegSource, Frame, InputSpec, Mp4Source, OpenOptions, Source, open,
+};
 use proptest::prelude::*;
 
 /// The film of the outside data, or a printed line.
@@ -88,7 +91,7 @@ proptest! {
     }
 }
 
-/// 16 pictures of 64×48 pixels.
+/// Two pictures of 32×16 pixels.
 const TINY: &[u8] = include_bytes!("../../fuzz/seeds/tiny.mp4");
 
 fn opened(bytes: &[u8]) -> Result<Mp4Source, String> {
@@ -126,4 +129,98 @@ fn a_box_without_a_size_does_not_hang_and_billions_of_samples_need_no_memory() {
     many[place_of(b"stsz") + 8..][..8].copy_from_slice(&[0, 0, 0, 1, 255, 255, 255, 255]);
     let said = opened(&many).err().unwrap();
     assert!(said.contains("more samples than it can hold"), "{said}");
+}
+
+/// Number and time of every picture that can be seen.
+fn shown(bytes: &[u8]) -> Vec<(u64, u64)> {
+    let mut film = opened(bytes).unwrap();
+    let (mut frame, mut all) = (Frame::default(), Vec::new());
+    loop {
+        match film.next_into(&mut frame) {
+            Ok(true) => all.push((frame.sequence, frame.time_ns)),
+            Ok(false) => return all,
+            Err(e) => assert!(e.is_skippable(), "{e}"),
+        }
+    }
+}
+
+/// Where samples begin, and how long they are.
+type Places = Vec<(usize, usize)>;
+
+/// A film of 24 pictures that are decoded in another order than shown, and where its samples lie; `None` without an
+/// ffmpeg that makes such films.
+fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
+    let path = folder.join("reordered.mp4");
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-y", "-f", "lavfi", "-i"])
+        .arg("testsrc=size=160x96:rate=24:duration=1")
+        .args([
+            "-c:v", "libx264", "-bf", "2", "-g", "6", "-pix_fmt", "yuv420p",
+        ])
+        .arg(&path)
+        .status();
+    if !made.is_ok_and(|made| made.success()) {
+        println!("skipped: no ffmpeg with libx264");
+        return None;
+    }
+    let film = std::fs::read(&path).unwrap();
+    let place = |name: &[u8; 4]| film.windows(4).position(|w| w == name).unwrap();
+    assert!(
+        film.windows(4).any(|w| w == b"ctts"),
+        "pictures are reordered"
+    );
+    let word = |at: usize| u32::from_be_bytes(film[at..at + 4].try_into().unwrap()) as usize;
+    let (sizes, mut at) = (place(b"stsz") + 12, word(place(b"stco") + 12));
+    let all = (1..=word(sizes)).map(|k| {
+        let (start, size) = (at, word(sizes + 4 * k));
+        at += size;
+        (start, size)
+    });
+    let all = all.collect();
+    Some((film, all))
+}
+
+#[test]
+fn times_begin_with_0_and_a_picture_left_out_does_not_move_the_others() {
+    assert_eq!(shown(TINY)[0], (0, 0));
+    let folder = tempfile::tempdir().unwrap();
+    let Some((film, samples)) = reordered(folder.path()) else {
+        return;
+    };
+    let whole = shown(&film);
+    let wanted: Vec<(u64, u64)> = (0..24)
+        .map(|k| (k, (k * 1_000_000_000 + 12) / 24))
+        .collect();
+    assert_eq!(whole, wanted);
+    let mut alone = 0;
+    for &(start, size) in &samples[1..] {
+        let mut damaged = film.clone();
+        // The unit's own bytes; its length stays.
+        damaged[start + 4..start + size].fill(0xFF);
+        let seen = shown(&damaged);
+        for moment in &seen {
+            assert!(whole.contains(moment), "{moment:?}");
+        }
+        // Of others many more hang on it.
+        if seen.len() + 1 == whole.len() && start != samples[samples.len() - 1].0 {
+            assert_eq!(seen.last(), whole.last(), "sample at {start}: {seen:?}");
+            alone += 1;
+        }
+    }
+    assert!(alone > 0, "no picture was left out alone");
+}
+
+#[test]
+fn pixels_that_are_not_square_are_made_so() {
+    let folder = tempfile::tempdir().unwrap();
+    for (across, down, size) in [(1, 1, (32, 16)), (64, 45, (46, 16)), (3, 4, (32, 21))] {
+        let mut film = TINY.to_vec();
+        let shape = [across, down].map(u32::to_be_bytes).concat();
+        film[place_of(b"pasp") + 4..][..8].copy_from_slice(&shape);
+        let path = folder.path().join("film.mp4");
+        std::fs::write(&path, film).unwrap();
+        let mut film = open(&InputSpec::Path(path), &OpenOptions::default()).unwrap();
+        let frame = film.next().unwrap().unwrap();
+        assert_eq!((frame.width, frame.height), size, "{across}:{down}");
+    }
 }

@@ -27,7 +27,7 @@ fn observations_of_a_file_have_a_place_and_a_line_says_where() {
         let said = stderr(&run);
         assert!(run.status.success(), "{said}");
         assert!(
-            said.contains("1 frames, 0 with people → edgecap-out/écran_甲.observations.jsonl"),
+            said.contains("1 frame, 0 with people → edgecap-out/écran_甲.observations.jsonl"),
             "{said}"
         );
     }
@@ -270,5 +270,16 @@ fn status_tells_whoever_publishes() {
     assert!(
         json.contains("\"streams\"") && json.contains(&played),
         "{json}"
+    );
+}
+
+#[test]
+fn help_says_what_reads_a_record_of_bodies() {
+    let help = stdout(&output(&["run", "--help"]));
+    let words = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let record = words.split("--record").nth(1).unwrap();
+    assert!(
+        record.contains("of bodies (run, fit) 'export', 'replay' and 'view"),
+        "{record}"
     );
 }

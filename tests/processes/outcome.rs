@@ -355,8 +355,10 @@ fn a_film_that_is_not_seen_to_its_end_says_so() {
         stdout.read_to_string(&mut seen).unwrap();
         let out = child.wait_with_output().unwrap();
         assert_eq!(out.status.code(), Some(130), "{verb}: {}", stderr(&out));
-        let frames = seen.lines().count();
-        let said = format!("stopped after {frames} frames");
+        let said = match seen.lines().count() {
+            1 => "stopped after 1 frame;".to_owned(),
+            n => format!("stopped after {n} frames;"),
+        };
         assert!(stderr(&out).contains(&said), "{verb}: {}", stderr(&out));
     }
 }

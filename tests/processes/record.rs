@@ -16,6 +16,13 @@ use rand::{Rng, SeedableRng};
 const FOV: CameraSource<'static> = CameraSource::Recorded { fov_degrees: 60.0 };
 const FORMATS: [Format; 2] = [Format::Jsonl, Format::Binary];
 
+/// A rotation, with all its bits.
+fn rotation(rng: &mut SmallRng) -> [f32; 4] {
+    let q: [f32; 4] = std::array::from_fn(|_| rng.random_range(0.1f32..1.0));
+    let length = q.iter().map(|v| v * v).sum::<f32>().sqrt();
+    q.map(|v| v / length)
+}
+
 /// Numbers of every magnitude, with all their bits.
 fn number(rng: &mut SmallRng) -> f32 {
     rng.random_range(-1.0f32..1.0) * 10f32.powi(rng.random_range(-20..20))
@@ -78,7 +85,7 @@ fn bodies(rng: &mut SmallRng) -> BodyFrame {
     };
     if rng.random() {
         frame.world = World {
-            rotation: std::array::from_fn(|_| number(rng)),
+            rotation: rotation(rng),
             translation: std::array::from_fn(|_| number(rng)),
             state: [WorldState::ESTIMATED, WorldState::GIVEN][rng.random_range(0..2)],
         };
@@ -94,7 +101,7 @@ fn bodies(rng: &mut SmallRng) -> BodyFrame {
             state: [BodyState::TRACKED, BodyState::PREDICTED][rng.random_range(0..2)],
             score: number(rng),
             position: std::array::from_fn(|_| number(rng)),
-            orientation: std::array::from_fn(|_| number(rng)),
+            orientation: rotation(rng),
             velocity: std::array::from_fn(|_| number(rng)),
             angles: std::array::from_fn(|_| number(rng)),
             joints3d: std::array::from_fn(|_| std::array::from_fn(|_| number(rng))),
@@ -102,7 +109,7 @@ fn bodies(rng: &mut SmallRng) -> BodyFrame {
             confidence: std::array::from_fn(|_| number(rng)),
             height: number(rng),
             bone_lengths: std::array::from_fn(|_| number(rng)),
-            bone_rotations: std::array::from_fn(|_| std::array::from_fn(|_| number(rng))),
+            bone_rotations: std::array::from_fn(|_| rotation(rng)),
             joint_states: std::array::from_fn(|_| states[rng.random_range(0..3)]),
             reserved: [0; 3],
         };
@@ -172,6 +179,118 @@ fn a_cut_file_plays_to_its_last_whole_frame() {
             assert!(reader.was_cut());
         }
     }
+}
+
+/// The rows of a record and whether it was cut, or what is wrong with it.
+fn read_all<T: Row>(bytes: &[u8]) -> Result<(usize, bool), String> {
+    let mut reader = RowReader::<_, T>::new(bytes, "record");
+    let mut rows = 0;
+    while reader.read().map_err(|e| e.to_string())?.is_some() {
+        rows += 1;
+    }
+    assert_eq!(reader.line(), rows);
+    Ok((rows as usize, reader.was_cut()))
+}
+
+#[test]
+fn zeros_that_a_power_cut_leaves_are_no_frame_and_damage_before_the_end_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("record");
+    let mut rng = SmallRng::seed_from_u64(5);
+    let mut small = || {
+        let mut frame = bodies(&mut rng);
+        frame.count = 1;
+        frame
+    };
+    let fitted: Vec<_> = (0..3).map(|_| small()).collect();
+    for format in FORMATS {
+        let whole = written::<BodiesRow>(&fitted, "", format, &path);
+        let two = written::<BodiesRow>(&fitted[..2], "", format, &path).len();
+        for zeros in [1, 4, 4096, 100_001, 9 << 20] {
+            let padded = [&whole[..], &vec![0; zeros]].concat();
+            assert_eq!(read_all::<BodiesRow>(&padded), Ok((3, true)), "{format:?}");
+        }
+        // The file was made longer before the last frame's bytes had come.
+        let mut holed = whole.clone();
+        holed[two + 300..].fill(0);
+        holed.resize(holed.len() + 4096, 0);
+        assert_eq!(read_all::<BodiesRow>(&holed), Ok((2, true)), "{format:?}");
+
+        let one = written::<BodiesRow>(&fitted[..1], "", format, &path).len();
+        let mut damaged = whole;
+        let end = match format {
+            Format::Binary => two,
+            // Its line stays one.
+            Format::Jsonl => two - 1,
+        };
+        damaged[one + 4..end].fill(0);
+        let found = read_all::<BodiesRow>(&damaged).unwrap_err();
+        let words = match format {
+            Format::Binary => ["record, frame 2: expected a whole frame", "copy it again"],
+            Format::Jsonl => ["record, line 2: expected one frame", "remove the line"],
+        };
+        for word in words {
+            assert!(found.contains(word), "{found}");
+        }
+        assert!(
+            !found.contains("remove the line") || format == Format::Jsonl,
+            "{found}"
+        );
+    }
+    // What is no record from its first line on was not cut off.
+    for other in [&b"{\"x\": 1}"[..], b"\0\0\0\0", b"some words"] {
+        assert!(read_all::<BodiesRow>(other).unwrap_err().contains("line 1"));
+    }
+}
+
+#[test]
+fn bodies_with_numbers_that_no_message_holds_are_refused() {
+    let frame = BodyFrame {
+        count: 1,
+        world: World {
+            state: WorldState::GIVEN,
+            ..World::default()
+        },
+        ..BodyFrame::default()
+    };
+    let good = serde_json::to_value(BodiesRow::new(&frame, "")).unwrap();
+    assert_eq!(
+        read_all::<BodiesRow>(good.to_string().as_bytes()),
+        Ok((1, false))
+    );
+    let huge = serde_json::json!(1e39);
+    let none = serde_json::json!([0.0, 0.0, 0.0, 0.0]);
+    for (place, bad, expected) in [
+        (
+            "/people/0/orientation",
+            &none,
+            "in orientation, a quaternion",
+        ),
+        ("/people/0/bone_rotations/3", &none, "in bone_rotations"),
+        ("/world/rotation", &none, "in world.rotation"),
+        ("/world/translation/1", &huge, "inf in world.translation"),
+        ("/people/0/joints3d/4/1", &huge, "inf in joints3d"),
+        ("/people/0/joints2d/4/1", &huge, "inf in joints2d"),
+        ("/people/0/position/0", &huge, "inf in position"),
+        ("/people/0/height", &huge, "inf in height"),
+        ("/people/0/bone_lengths/7", &huge, "inf in bone_lengths"),
+    ] {
+        let mut row = good.clone();
+        *row.pointer_mut(place).unwrap() = bad.clone();
+        let found = read_all::<BodiesRow>(format!("{row}\n").as_bytes()).unwrap_err();
+        assert!(found.contains(expected), "{place}: {found}");
+    }
+    // Binary can hold what JSON has no word for.
+    let folder = tempfile::tempdir().unwrap();
+    let mut wrong = frame;
+    wrong.bodies[0].angles[3] = f32::NAN;
+    let path = folder.path().join("record");
+    let bytes = written::<BodiesRow>(&[wrong], "", Format::Binary, &path);
+    let found = read_all::<BodiesRow>(&bytes).unwrap_err();
+    assert!(
+        found.contains("frame 1") && found.contains("NaN in angles"),
+        "{found}"
+    );
 }
 
 #[test]

@@ -281,6 +281,22 @@ fn a_forged_file_that_changes_nothing_is_read() {
 }
 
 #[test]
+fn a_file_of_a_newer_version_is_called_newer_not_damaged() {
+    let newer = r#"\"version\":2,\"what_it_adds\":7,"#;
+    let e = Model::from_bytes(&forged(r#"\"version\":1,"#, newer)).unwrap_err();
+    let e = e.to_string();
+    assert!(
+        e.contains("found version 2")
+            && e.contains("a newer edgecap made it")
+            && !e.contains("damaged"),
+        "{e}"
+    );
+    let older = forged(r#"\"version\":1,"#, r#"\"version\":0,"#);
+    let e = Model::from_bytes(&older).unwrap_err().to_string();
+    assert!(e.contains("`version`: expected 1, found 0"), "{e}");
+}
+
+#[test]
 fn sizes_that_wrap_are_refused_although_the_digest_is_right() {
     for (from, to, said) in [
         // 4611686018427387905² is 1 modulo 2⁶⁴.

@@ -14,6 +14,8 @@ const CONTAINERS: [[u8; 4]; 8] = [
 const UNNEEDED: [[u8; 4]; 3] = [*b"meta", *b"udta", *b"emsg"];
 /// What readers pass over.
 const HIDDEN: [u8; 4] = *b"free";
+/// What stands in a format of pictures before the boxes in it.
+const PICTURE_FORMAT_BYTES: u64 = 78;
 /// Boxes inside boxes; a film needs five.
 const MAX_DEPTH: u32 = 8;
 /// Samples of all tracks: three days at 240 pictures a second.
@@ -27,6 +29,8 @@ pub struct Walk {
     samples: u64,
     fragments: bool,
     end: u64,
+    /// Width and height of the film's pixels, in any unit.
+    pixel: Option<(u32, u32)>,
 }
 
 /// A box: its name, where it stands, and where its content and it end.
@@ -66,6 +70,11 @@ impl Walk {
         self.end
     }
 
+    /// Width and height of the film's pixels, in any unit, where it says so.
+    pub fn pixel(&self) -> Option<(u32, u32)> {
+        self.pixel
+    }
+
     fn look(
         &mut self,
         file: &mut (impl Read + Seek),
@@ -88,6 +97,8 @@ impl Walk {
                     at = inner.end;
                 }
             }
+            // What is wrong inside it the library tells.
+            b"stsd" if self.pixel.is_none() => self.pixel = pixel(file, found).unwrap_or_default(),
             // Version and flags; the size of all samples, or 0; how many.
             b"stsz" => self.count(word(file, found.content + 8)?, file_bytes)?,
             b"trun" => self.count(word(file, found.content + 4)?, file_bytes)?,
@@ -138,6 +149,26 @@ fn shows(file: &mut (impl Read + Seek), track: &Boxed) -> io::Result<bool> {
     match child(file, &media, b"hdlr")? {
         Some(handler) => Ok(word(file, handler.content + 8)?.to_be_bytes() == *b"vide"),
         None => Ok(true),
+    }
+}
+
+/// Width and height of the pixels of H.264, from the table of a track's formats.
+fn pixel(file: &mut (impl Read + Seek), formats: &Boxed) -> io::Result<Option<(u32, u32)>> {
+    // Version and flags; how many.
+    let first = next(file, formats.content + 8, formats.end)?;
+    let Some(format) = first.filter(|f| [*b"avc1", *b"avc3"].contains(&f.name)) else {
+        return Ok(None);
+    };
+    let inside = Boxed {
+        content: format.content + PICTURE_FORMAT_BYTES,
+        ..format
+    };
+    match child(file, &inside, b"pasp")? {
+        Some(shape) => Ok(Some((
+            word(file, shape.content)?,
+            word(file, shape.content + 4)?,
+        ))),
+        None => Ok(None),
     }
 }
 
@@ -282,6 +313,35 @@ mod tests {
         assert!((1..=8).contains(&changed), "{changed} bytes");
         let names = |name: &[u8]| through.windows(4).filter(|w| *w == name).count();
         assert_eq!([names(b"free"), names(b"trak"), names(b"udta")], [2, 1, 0]);
+    }
+
+    #[test]
+    fn the_shape_of_pixels_is_found_behind_the_format_and_damage_there_is_none() {
+        let shape = boxed(b"pasp", &[64, 45].map(u32::to_be_bytes).concat());
+        let config = boxed(b"avcC", b"sets");
+        let film = |format: &[u8]| {
+            let formats = [&[0; 8][..], format].concat();
+            let tables = boxed(b"stbl", &boxed(b"stsd", &formats));
+            let handler = boxed(b"hdlr", &[&[0; 8], &b"vide"[..]].concat());
+            let media = [handler, boxed(b"minf", &tables)].concat();
+            boxed(b"moov", &boxed(b"trak", &boxed(b"mdia", &media)))
+        };
+        let avc = |inside: &[u8]| boxed(b"avc1", &[&[0; 78][..], inside].concat());
+        let found = |format: &[u8]| walk(&film(format)).unwrap().pixel();
+        assert_eq!(
+            found(&avc(&[config.clone(), shape.clone()].concat())),
+            Some((64, 45))
+        );
+        assert_eq!(found(&avc(&config)), None);
+        assert_eq!(found(&boxed(b"mp4a", &shape)), None);
+        for damaged in [
+            &b""[..],
+            b"avc1",
+            &boxed(b"avc1", &[0; 20]),
+            &avc(&shape[..10]),
+        ] {
+            assert_eq!(found(damaged), None);
+        }
     }
 
     #[test]

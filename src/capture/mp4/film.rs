@@ -18,6 +18,7 @@ use crate::capture::exif::Orientation;
 use crate::capture::frame::Frame;
 use crate::capture::limits::check_size;
 use crate::capture::source::Source;
+use crate::capture::square::PixelShape;
 use crate::capture::yuv::{Matrix, Range, YuvToRgb};
 
 /// Height from which untagged film is taken for BT.709, as players do.
@@ -32,8 +33,11 @@ pub struct Mp4Source {
     file_bytes: u64,
     /// In the order of decoding.
     samples: Vec<Sample>,
-    /// Times of the pictures in the order in which they are shown, nanoseconds.
-    times: Vec<u64>,
+    /// When pictures are shown, in that order; those that were given or left out are gone.
+    moments: VecDeque<Moment>,
+    /// The moment that was given last.
+    last: Moment,
+    shape: Option<PixelShape>,
     fps: Option<f64>,
     /// Bytes of the length before each unit.
     length_bytes: usize,
@@ -41,13 +45,37 @@ pub struct Mp4Source {
     decoder: Decoder,
     /// Next sample to decode.
     position: usize,
-    /// Next picture to show.
-    index: usize,
     /// Pictures that were still in the decoder after the last sample.
     rest: VecDeque<Frame>,
     ended: bool,
     sample: Vec<u8>,
     stream: Vec<u8>,
+}
+
+/// When a picture is shown.
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    /// Nanoseconds after the first picture.
+    time_ns: u64,
+    /// How many are shown before it.
+    sequence: u64,
+    /// The sample that it comes of.
+    sample: usize,
+}
+
+/// When the pictures of samples are shown, which lie in the order of decoding; `tick`: nanoseconds.
+fn moments(samples: &[Sample], tick: f64) -> VecDeque<Moment> {
+    let stamps = samples.iter().map(|s| s.composition_timestamp);
+    let mut stamps: Vec<(i64, usize)> = stamps.zip(0..).collect();
+    stamps.sort_unstable();
+    let first = stamps.first().map_or(0, |(stamp, _)| *stamp);
+    let shown = stamps.into_iter().zip(0..);
+    let moment = |((stamp, sample), sequence): ((i64, usize), u64)| Moment {
+        time_ns: (stamp.saturating_sub(first) as f64 * tick).round() as u64,
+        sequence,
+        sample,
+    };
+    shown.map(moment).collect()
 }
 
 impl Mp4Source {
@@ -69,10 +97,10 @@ impl Mp4Source {
             )
         };
         let mut reader = BufReader::new(file.try_clone().map_err(io)?);
-        let (reader, end) = Walk::through(&mut reader, file_bytes)
+        let (reader, end, pixel) = Walk::through(&mut reader, file_bytes)
             .and_then(|walk| {
-                let end = walk.end();
-                Ok((Guarded::new(reader, walk, file_bytes)?, end))
+                let (end, pixel) = (walk.end(), walk.pixel());
+                Ok((Guarded::new(reader, walk, file_bytes)?, end, pixel))
             })
             .map_err(|e| damaged(&format!("found damage ({e})")))?;
         let mp4 = quietly(move || Mp4::read(reader, end))
@@ -101,32 +129,43 @@ impl Mp4Source {
         decoder
             .decode_with_options(&stream, no_flush())
             .map_err(|e| damaged(&format!("found damage ({e})")))?;
-        let scale = 1e9 / track.timescale as f64;
-        let mut times: Vec<u64> = track
-            .samples
-            .iter()
-            .map(|s| (s.composition_timestamp.max(0) as f64 * scale).round() as u64)
-            .collect();
-        times.sort_unstable();
-        let seconds = (times[times.len() - 1] - times[0]) as f64 / 1e9;
+        let moments = moments(&track.samples, 1e9 / track.timescale as f64);
+        let seconds = moments.back().map_or(0, |last| last.time_ns) as f64 / 1e9;
         let matrix = &trak.tkhd.matrix;
+        let orientation = orientation([matrix.a, matrix.b, matrix.c, matrix.d]);
+        let shape = pixel.and_then(|(across, down)| PixelShape::new(across.into(), down.into()));
         Ok(Some(Self {
-            fps: (seconds > 0.0).then(|| (times.len() - 1) as f64 / seconds),
+            fps: (seconds > 0.0).then(|| (moments.len() - 1) as f64 / seconds),
             length_bytes: usize::from(config.length_size_minus_one & 3) + 1,
-            orientation: orientation([matrix.a, matrix.b, matrix.c, matrix.d]),
+            shape: match orientation {
+                Orientation::QuarterClockwise | Orientation::QuarterCounterClockwise => {
+                    shape.map(PixelShape::turned)
+                }
+                _ => shape,
+            },
+            orientation,
             samples: track.samples.clone(),
-            times,
+            last: Moment {
+                time_ns: 0,
+                sequence: 0,
+                sample: 0,
+            },
+            moments,
             name,
             file,
             file_bytes,
             decoder,
             position: 0,
-            index: 0,
             rest: VecDeque::new(),
             ended: false,
             sample: Vec::new(),
             stream,
         }))
+    }
+
+    /// How wide the pixels of its pictures are, where it says so.
+    pub(crate) fn pixel_shape(&self) -> Option<PixelShape> {
+        self.shape
     }
 
     /// Reads the next sample and rewrites its lengths as start codes.
@@ -166,9 +205,16 @@ impl Mp4Source {
     /// Gives a picture its place in time and turns it upright.
     fn finish(&mut self, frame: &mut Frame) {
         self.orientation.apply(frame);
-        frame.sequence = self.index as u64;
-        frame.time_ns = self.times[self.index.min(self.times.len() - 1)];
-        self.index += 1;
+        if let Some(moment) = self.moments.pop_front() {
+            self.last = moment;
+        }
+        (frame.sequence, frame.time_ns) = (self.last.sequence, self.last.time_ns);
+    }
+
+    /// Leaves out the picture of the sample that was decoded last: those after it keep their times.
+    fn leave_out(&mut self) {
+        let sample = self.position - 1;
+        self.moments.retain(|moment| moment.sample != sample);
     }
 }
 
@@ -176,18 +222,24 @@ impl Source for Mp4Source {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
         while !self.ended && self.position < self.samples.len() {
             self.read_sample()?;
+            let name = format!("{}, picture {}", self.name, self.position - 1);
             let picture = |reason| CaptureError::Picture {
-                input: format!("{}, picture {}", self.name, self.position - 1),
+                input: name,
                 reason,
             };
-            let decoded = self
-                .decoder
-                .decode_with_options(&self.stream, no_flush())
-                .map_err(|e| picture(format!("the picture is damaged ({e}); it is left out")))?;
-            if let Some(yuv) = decoded {
-                to_rgb(&yuv, frame).map_err(picture)?;
-                self.finish(frame);
-                return Ok(true);
+            match self.decoder.decode_with_options(&self.stream, no_flush()) {
+                Ok(None) => {}
+                Ok(Some(yuv)) => {
+                    let drawn = to_rgb(&yuv, frame);
+                    self.finish(frame);
+                    return drawn.map(|()| true).map_err(picture);
+                }
+                Err(e) => {
+                    self.leave_out();
+                    return Err(picture(format!(
+                        "the picture is damaged ({e}); it is left out"
+                    )));
+                }
             }
         }
         if !self.ended {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME, ObservationFrame};
 
 use crate::camera::monotonic_ns;
+use crate::counted::counted;
 
 /// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated
 /// further.
@@ -27,7 +28,8 @@ impl Fresh {
         }
         if self.stale > 0 {
             let stale = std::mem::take(&mut self.stale);
-            tracing::warn!("{stale} observations of more than {STALE:?} ago left out");
+            let stale = counted(stale, "observation", "observations");
+            tracing::warn!("{stale} of more than {STALE:?} ago left out");
         }
         true
     }

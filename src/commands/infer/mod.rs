@@ -29,6 +29,7 @@ use super::result;
 use super::say;
 use super::stop::Stop;
 use crate::capture::{InputSpec, camera, list_cameras};
+use crate::counted::counted;
 use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
 use crate::supervise::Beat;
@@ -121,7 +122,11 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let has_end = chosen.has_end();
     args.record.add_to::<ObservationsRow>(has_end, &mut sinks)?;
     if let Some(path) = &args.overlay {
-        sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
+        sinks.push(OverlaySink::create(
+            path,
+            source.rate(),
+            source.is_stills(),
+        )?);
     }
     if is_published {
         sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);
@@ -187,7 +192,8 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     // Whoever names a stream reads it, among them the verbs that have a film looked at.
     if !is_supervised && task.input.name.is_none() {
         let words = words.join("; ");
-        say::err(format!("{observed} frames, {inhabited} with people {words}").trim_end());
+        let frames = counted(observed, "frame", "frames");
+        say::err(format!("{frames}, {inhabited} with people {words}").trim_end());
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
-use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
+use crate::export::{Axes, Exported, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
@@ -106,7 +106,7 @@ pub fn run(
     let lines = lines(body, scene, fit, report)?;
     put("bodies.jsonl", &lines)?;
     let take = Take::read(&lines[..], "bodies.jsonl")?;
-    for (path, bytes) in encode(&take, Format::Trc, Path::new("joints.trc"))? {
+    for Exported { path, bytes, .. } in encode(&take, Format::Trc, Path::new("joints.trc"))? {
         put(&path.display().to_string(), &bytes)?;
     }
     put("meshes.glb", &meshes(body, scene, fit, &take)?)?;

@@ -11,6 +11,7 @@ use crate::commands::say;
 use crate::commands::settings::{ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs};
 use crate::commands::table::TableArgs;
 use crate::commands::tally::Tally;
+use crate::counted::counted;
 
 /// Options of `edgecap run`. Without a place for a file's bodies they go to edgecap-out/<name>.bodies.jsonl.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -85,9 +86,9 @@ impl RunArgs {
     /// Says what there is now.
     pub(super) fn conclude(&self, tally: &Tally, words: &[String]) {
         let line = format!(
-            "{} frames, {} people {}",
-            tally.frames,
-            tally.ids.len(),
+            "{}, {} {}",
+            counted(tally.frames, "frame", "frames"),
+            counted(tally.ids.len() as u64, "person", "people"),
             words.join("; ")
         );
         let say = if self.record.takes_stdout() {

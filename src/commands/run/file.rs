@@ -55,7 +55,11 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let hub = page.as_ref().map(|p| p.hub());
     args.bridges.add_to(&mut sinks, &chosen.name, hub)?;
     if let Some(path) = &args.overlay {
-        sinks.push(OverlaySink::create(path, source.fps(), source.is_stills())?);
+        sinks.push(OverlaySink::create(
+            path,
+            source.rate(),
+            source.is_stills(),
+        )?);
     }
     let mut happened = Sinks::default();
     let events = events::config(args.fitting.events.as_ref())?;

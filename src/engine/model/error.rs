@@ -31,6 +31,16 @@ pub enum ModelError {
         /// Computed.
         found: String,
     },
+    /// The layout is one that this program does not know yet.
+    #[error(
+        "expected a model file of version {expected}, found version {found}: a newer edgecap made it; take that edgecap, or a model of this one"
+    )]
+    Newer {
+        /// The version that this program reads.
+        expected: u32,
+        /// The file's.
+        found: u64,
+    },
     /// A tensor is missing.
     #[error("expected a tensor `{0}`, found none; was the right --arch given?")]
     Missing(String),

@@ -22,6 +22,13 @@ const NUMERICS: &str = "i8 weights per channel, u7 activations";
 /// In place of the digest while it is computed.
 const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
+/// What every version of the header has: the rest may be others' keys.
+#[derive(Debug, Deserialize)]
+struct Kind {
+    format: String,
+    version: u64,
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
@@ -133,7 +140,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let json = t
         .metadata(KEY)
         .ok_or_else(|| ModelError::Damaged("the file has no `edgecap` metadata".into()))?;
-    let header: Header = serde_json::from_str(json).map_err(ModelError::damaged)?;
+    let kind: Kind = serde_json::from_str(json).map_err(ModelError::damaged)?;
     let known = |key: &str, expected: String, found: String| {
         if expected == found {
             return Ok(());
@@ -144,8 +151,15 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
             found,
         })
     };
-    known("format", FORMAT.into(), header.format)?;
-    known("version", VERSION.to_string(), header.version.to_string())?;
+    known("format", FORMAT.into(), kind.format)?;
+    if kind.version > VERSION.into() {
+        return Err(ModelError::Newer {
+            expected: VERSION,
+            found: kind.version,
+        });
+    }
+    known("version", VERSION.to_string(), kind.version.to_string())?;
+    let header: Header = serde_json::from_str(json).map_err(ModelError::damaged)?;
     known("numerics", NUMERICS.into(), header.numerics)?;
     check_digest(bytes, &header.blake3)?;
 

@@ -42,7 +42,7 @@ pub struct Figure {
     pub bones: Vec<Bone>,
     /// The mesh on it.
     pub skin: FigureSkin,
-    /// Moments, rising seconds.
+    /// Moments, rising seconds; of those that are the same as numbers the first is kept.
     pub times: Vec<f32>,
     /// Where the first bone is at each, metres.
     pub places: Vec<Vec3>,
@@ -142,14 +142,17 @@ impl Document {
     }
 
     fn animate(&mut self, figure: &Figure, person: usize) {
-        let times = self.floats("SCALAR", 1, &figure.times, None, true);
-        let places: Vec<f32> = figure.places.iter().flat_map(Vec3::to_array).collect();
+        let kept = told_apart(&figure.times);
+        let times: Vec<f32> = kept.iter().map(|&k| figure.times[k]).collect();
+        let times = self.floats("SCALAR", 1, &times, None, true);
+        let places = kept.iter().flat_map(|&k| figure.places[k].to_array());
+        let places: Vec<f32> = places.collect();
         let places = self.floats("VEC3", 3, &places, None, false);
         self.channel(times, places, "LINEAR", person + 1, "translation");
         for (bone, turns) in figure.turns.iter().enumerate() {
             let mut before = Quat::IDENTITY;
-            let turns = turns.iter().flat_map(|q| {
-                let q = q.as_quat().normalize();
+            let turns = kept.iter().flat_map(|&k| {
+                let q = turns[k].as_quat().normalize();
                 // The nearer of the two signs: between two moments numbers are blended.
                 before = if q.dot(before) < 0.0 { -q } else { q };
                 before.to_array()
@@ -178,17 +181,33 @@ fn colour(id: u32) -> [f32; 4] {
     [part(0.0), part(4.0), part(2.0), 1.0]
 }
 
+/// Indices of the moments that are later than all before: the format wants times that rise, and days after the file's
+/// first moment single floats are further apart than pictures.
+fn told_apart(times: &[f32]) -> Vec<usize> {
+    let mut latest = f32::NEG_INFINITY;
+    let rises = |&k: &usize| {
+        let later = times[k] > latest;
+        latest = latest.max(times[k]);
+        later
+    };
+    (0..times.len()).filter(rises).collect()
+}
+
 /// Joins moments at which somebody is or is not there to changes. `end`: when the last one is over.
 pub fn presence(moments: impl Iterator<Item = (f32, bool)>, end: f32) -> Vec<(f32, bool)> {
     let mut changes: Vec<(f32, bool)> = Vec::new();
+    let after = |changes: &[(f32, bool)], time: f32| {
+        let last = changes.last().map_or(f32::NEG_INFINITY, |(last, _)| *last);
+        time.max(last.next_up())
+    };
     for (time, there) in moments {
         if changes.is_empty() && time > 0.0 {
             changes.push((0.0, false));
         }
         if changes.last().is_none_or(|(_, last)| *last != there) {
-            changes.push((time, there));
+            changes.push((after(&changes, time), there));
         }
     }
-    changes.push((end, false));
+    changes.push((after(&changes, end), false));
     changes
 }

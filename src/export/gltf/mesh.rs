@@ -34,13 +34,16 @@ pub fn encode_meshes(
     rate: f64,
 ) -> Result<Vec<u8>, ExportError> {
     let mut document = Document::default();
+    let firsts = tracks.iter().filter_map(|t| t.poses.first());
+    let start = firsts.map(|(t, _)| *t).fold(f64::INFINITY, f64::min);
     for track in tracks.iter().filter(|t| !t.poses.is_empty()) {
-        document.figure(&figure(body, track, axes, rate));
+        document.figure(&figure(body, track, axes, rate, start));
     }
     document.finish()
 }
 
-fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64) -> Figure {
+/// `start`: the record's time that is the file's 0, seconds.
+fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64, start: f64) -> Figure {
     let joints = track.person.joints();
     let bones = NAMES.into_iter().enumerate().map(|(j, name)| Bone {
         name,
@@ -56,8 +59,8 @@ fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64) -> Fig
     let there = poses.iter().enumerate().flat_map(|(k, (time, _))| {
         let next = poses.get(k + 1).map(|(t, _)| *t);
         let pauses = next.is_some_and(|t| t - time > 1.5 * frame);
-        let left = pauses.then_some(((time + frame) as f32, false));
-        std::iter::once((*time as f32, true)).chain(left)
+        let left = pauses.then_some(((time + frame - start) as f32, false));
+        std::iter::once(((time - start) as f32, true)).chain(left)
     });
     let last = poses.last().map_or(0.0, |(t, _)| *t);
     Figure {
@@ -65,7 +68,7 @@ fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64) -> Fig
         what: "body",
         bones: bones.collect(),
         skin: skin(body, track.person),
-        times: poses.iter().map(|(t, _)| *t as f32).collect(),
+        times: poses.iter().map(|(t, _)| (t - start) as f32).collect(),
         places: poses
             .iter()
             .map(|(_, p)| axes.placed(p.pelvis).as_vec3())
@@ -73,7 +76,7 @@ fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64) -> Fig
         turns: (0..JOINTS)
             .map(|j| poses.iter().map(|(_, p)| turn(j, p)).collect())
             .collect(),
-        presence: presence(there, (last + frame) as f32),
+        presence: presence(there, (last + frame - start) as f32),
     }
 }
 

@@ -1,5 +1,5 @@
 //! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size
-//! 0.
+//! 0. Times begin with the first of them: the format has single floats, which cannot tell pictures of a week's end apart.
 
 mod document;
 mod figure;
@@ -21,16 +21,18 @@ use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
 /// [`ExportError::Format`] beyond 4 GiB.
 pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
     let mut document = Document::default();
+    let start = take.start();
     for motion in Motion::all(take)? {
         let samples = take.people[&motion.id].iter();
         let heights = samples.map(|s| f64::from(s.body.height));
         let height = heights.fold(0.0, f64::max).clamp(0.5, 2.5);
-        document.figure(&mannequin(&motion, height));
+        document.figure(&mannequin(&motion, height, start));
     }
     document.finish()
 }
 
-fn mannequin(motion: &Motion, height: f64) -> Figure {
+/// `start`: the record's time that is the file's 0, seconds.
+fn mannequin(motion: &Motion, height: f64, start: f64) -> Figure {
     let rest = &motion.rest;
     let bones = HUMANOID_BONES.into_iter().zip(starts(rest)).enumerate();
     let bones = bones.map(|(bone, (name, start))| Bone {
@@ -39,7 +41,7 @@ fn mannequin(motion: &Motion, height: f64) -> Figure {
         start: start.as_vec3(),
     });
     let skin = Mannequin::new(rest, height);
-    let time = |step: usize| (motion.start + step as f64 / motion.rate) as f32;
+    let time = |step: usize| (motion.start - start + step as f64 / motion.rate) as f32;
     let moments = &motion.moments;
     let there = moments.iter().enumerate();
     let there = there.map(|(step, moment)| (time(step), moment.is_there));

@@ -4,12 +4,15 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::capture::{AviWriter, Frame};
+use crate::capture::{AviWriter, Frame, Rate};
+use crate::counted::counted;
 use crate::output::{AtomicFile, suffixed};
 use crate::sink::SinkError;
 
 /// Fine enough that lines of skeletons stay sharp.
 const QUALITY: u8 = 85;
+/// How many pictures a second an input without a rate gets.
+const USUAL_RATE: f64 = 30.0;
 /// Rates are kept as so many parts of a frame a second.
 const PARTS: u32 = 1000;
 
@@ -17,7 +20,7 @@ const PARTS: u32 = 1000;
 #[derive(Debug)]
 pub struct Film {
     path: PathBuf,
-    rate: f64,
+    rate: Rate,
     part: Part,
     /// Of the file that is being written.
     number: u32,
@@ -39,11 +42,11 @@ enum Part {
 }
 
 impl Film {
-    /// Starts a film of `rate` pictures a second.
+    /// Starts a film with the rate that is known when its first picture comes.
     ///
     /// # Errors
     /// [`SinkError::Create`].
-    pub fn create(path: &Path, rate: f64) -> Result<Self, SinkError> {
+    pub fn create(path: &Path, rate: Rate) -> Result<Self, SinkError> {
         let file = AtomicFile::create(path).map_err(|cause| SinkError::Create {
             path: path.to_owned(),
             cause,
@@ -90,7 +93,8 @@ impl Film {
         if let Part::Waiting(_) = self.part
             && let Part::Waiting(file) = std::mem::replace(&mut self.part, Part::None)
         {
-            let rate = (self.rate * f64::from(PARTS)).round().max(1.0) as u32;
+            let rate = self.rate.get().unwrap_or(USUAL_RATE);
+            let rate = (rate * f64::from(PARTS)).round().max(1.0) as u32;
             self.part = Part::Open(AviWriter::new(file, width, height, (rate, PARTS))?);
         }
         let Part::Open(film) = &mut self.part else {
@@ -155,8 +159,8 @@ impl Film {
         let names: Vec<String> = std::iter::once(self.path.display().to_string())
             .chain(more)
             .collect();
-        Ok((self.written > 0)
-            .then(|| format!("a film of {} pictures → {}", self.written, names.join(", "))))
+        let pictures = counted(self.written, "picture", "pictures");
+        Ok((self.written > 0).then(|| format!("a film of {pictures} → {}", names.join(", "))))
     }
 }
 
@@ -178,7 +182,10 @@ mod tests {
     fn a_film_plays_with_its_rate_and_has_one_size() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.avi");
-        let mut film = Film::create(&path, 29.97).unwrap();
+        let rate = Rate::default();
+        let mut film = Film::create(&path, rate.clone()).unwrap();
+        // As a pipe does, whose header comes later.
+        rate.tell(Some(29.97));
         for _ in 0..5 {
             film.write(&picture(64, 48)).unwrap();
         }
@@ -202,7 +209,7 @@ mod tests {
     fn a_full_file_is_followed_by_another_and_an_empty_one_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.avi");
-        let mut film = Film::create(&path, 30.0).unwrap();
+        let mut film = Film::create(&path, Rate::default()).unwrap();
         film.write(&picture(64, 48)).unwrap();
         film.next_part().unwrap();
         film.write(&picture(64, 48)).unwrap();
@@ -219,7 +226,13 @@ mod tests {
         assert!(!said.contains("film-3.avi"), "{said}");
         assert_eq!(fs::read(&another).unwrap(), b"another film");
         let none = folder.path().join("none.avi");
-        assert_eq!(Film::create(&none, 30.0).unwrap().finish().unwrap(), None);
+        assert_eq!(
+            Film::create(&none, Rate::default())
+                .unwrap()
+                .finish()
+                .unwrap(),
+            None
+        );
         assert!(!none.exists());
     }
 }

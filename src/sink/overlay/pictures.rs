@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use crate::capture::Frame;
+use crate::counted::counted;
 use crate::overlay::write_png;
 use crate::sink::SinkError;
 
@@ -65,7 +66,8 @@ impl Pictures {
 
     /// What there is.
     pub fn words(&self) -> String {
-        format!("{} pictures → {}", self.written, self.folder.display())
+        let pictures = counted(self.written, "picture", "pictures");
+        format!("{pictures} → {}", self.folder.display())
     }
 }
 

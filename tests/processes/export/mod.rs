@@ -175,10 +175,11 @@ fn bvh_has_every_joint_within_a_millimetre_of_the_skeleton_s_own_kinematics() {
     for (id, when) in PEOPLE {
         let text = std::fs::read_to_string(folder.path().join(format!("two.{id}.bvh"))).unwrap();
         let bvh = Bvh::read(&text);
-        assert_eq!(bvh.rows.len(), when.len());
+        // Files begin together: whoever comes later stands still until then.
+        assert_eq!(bvh.rows.len(), when.end);
         assert!((bvh.step - 1.0 / 30.0).abs() < 1e-6, "{}", bvh.step);
-        for (row, frame) in when.enumerate() {
-            near(&bvh.places(row), id, frame);
+        for frame in 0..when.end {
+            near(&bvh.places(frame), id, frame.max(when.start));
         }
         // Programs blend between frames: no number jumps by most of a turn.
         for (a, b) in bvh.rows.iter().zip(&bvh.rows[1..]) {
@@ -188,11 +189,13 @@ fn bvh_has_every_joint_within_a_millimetre_of_the_skeleton_s_own_kinematics() {
     }
     let one = folder.path().join("one.bvh");
     export(&record, &one, &["--person", "7"]);
-    let (one, seven) = (
-        std::fs::read(one),
-        std::fs::read(folder.path().join("two.7.bvh")),
+    let read = |path: PathBuf| Bvh::read(&std::fs::read_to_string(path).unwrap()).rows;
+    let (one, seven) = (read(one), read(folder.path().join("two.7.bvh")));
+    assert_eq!(
+        one,
+        seven[PEOPLE[1].1.start..],
+        "alone from their first frame on"
     );
-    assert_eq!(one.unwrap(), seven.unwrap());
 }
 
 /// A node's place in a moment, by the animation's own samples.
