@@ -28,9 +28,9 @@ pub struct Finding {
 
 /// Finds people at an OKS of at least `least`, matching each picture so that the total OKS is greatest.
 ///
-/// Every picture comes with its scale to network input pixels, where its size is known. `counts` (person, scale) says which people are asked
-/// for; the others may be found but are not missed, and a prediction on one of them (or on a person to be ignored) is
-/// neither right nor wrong.
+/// Every picture comes with its scale to network input pixels, where its size is known. `counts` (person, scale) says
+/// which people are asked for; the others may be found but are not missed, and a prediction on one of them (or on a
+/// person to be ignored) is neither right nor wrong.
 pub fn find_people<'a>(
     images: impl Iterator<Item = (&'a ImageOks, &'a [TruthPerson], Option<f64>)>,
     least: f64,
