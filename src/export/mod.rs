@@ -80,8 +80,8 @@ pub struct Exported {
 }
 
 /// The files of a take, by name: `to`, or where a format holds one person only and there are several, `to` with each
-/// one's id before the extension. Those of `.bvh` begin together, so that people stay together in other programs: whoever
-/// comes later stands still until then. Who comes much later does not, and is told.
+/// one's id before the extension. Those of `.bvh` begin together, so that people stay together in other programs:
+/// whoever comes later stands still until then. Who comes much later does not, and is told.
 ///
 /// # Errors
 /// [`ExportError::Format`] where the numbers do not fit the format.

@@ -19,8 +19,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Connections at a time, streams among them. Who comes then is told to come later.
 const MOST: usize = 32;
-/// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far apart.
-/// A machine that fell asleep or lost its network would keep its place for ever.
+/// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far
+/// apart. A machine that fell asleep or lost its network would keep its place for ever.
 const ASKED_AFTER: Duration = Duration::from_secs(20);
 const ASKED_EVERY: Duration = Duration::from_secs(5);
 const ASKED: u32 = 4;

@@ -39,8 +39,9 @@ impl Target {
 }
 
 impl OverlaySink {
-    /// A film where `path` ends in `.avi`, with the `rate` that is known by its first picture; else a folder, which is made. Pictures in a
-    /// folder are called like the photo that they are of, or by their number in a film (`is_stills` tells which).
+    /// A film where `path` ends in `.avi`, with the `rate` that is known by its first picture; else a folder, which is
+    /// made. Pictures in a folder are called like the photo that they are of, or by their number in a film (`is_stills`
+    /// tells which).
     ///
     /// # Errors
     /// [`SinkError::Kind`] for names of other films and of pictures, [`SinkError::Create`].

@@ -1,5 +1,6 @@
 //! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size
-//! 0. Times begin with the first of them: the format has single floats, which cannot tell pictures of a week's end apart.
+//! 0. Times begin with the first of them: the format has single floats, which cannot tell pictures of a week's end
+//! apart.
 
 mod document;
 mod figure;

@@ -11,8 +11,8 @@ use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX
 use crate::compile::{HERE, libraries, run};
 use crate::tools;
 
-/// What an example says of frames that are published while it runs: five of two people, a camera's end, and one that says
-/// it holds more people than there can be.
+/// What an example says of frames that are published while it runs: five of two people, a camera's end, and one that
+/// says it holds more people than there can be.
 fn reads_every_frame_to_the_end(program: &Path, camera: &str) {
     let camera = format!("test-{camera}-{}", std::process::id());
     let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();

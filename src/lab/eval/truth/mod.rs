@@ -84,8 +84,8 @@ pub struct TruthPerson {
     pub bbox: [f64; 4],
     /// A group that is not labelled one by one, or a person not to be asked for.
     pub crowd: bool,
-    /// x, y, width, height, pixels, of somebody of whom no joint is in the picture: a hand or a head may be, and whoever
-    /// is reported with the middle in it is neither right nor wrong.
+    /// x, y, width, height, pixels, of somebody of whom no joint is in the picture: a hand or a head may be, and
+    /// whoever is reported with the middle in it is neither right nor wrong.
     pub beyond: Option<[f64; 4]>,
     /// Body joints in camera space, metres.
     pub joints3d: Option<[Option<[f64; 3]>; BODY_JOINTS]>,
