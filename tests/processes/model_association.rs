@@ -3,7 +3,7 @@
 use edgecap::detect::AssociationConfig;
 use edgecap::engine::Model;
 
-use crate::program::{assert_fails, output, stderr, stdout};
+use crate::program::{assert_fails, output, people_in, stdout};
 
 /// A model file with the shipped weights and these settings.
 fn model(folder: &tempfile::TempDir, settings: &str) -> String {
@@ -23,24 +23,12 @@ fn settings(change: impl FnOnce(&mut AssociationConfig)) -> String {
 #[test]
 fn a_model_is_asked_by_its_own_settings() {
     let folder = tempfile::tempdir().unwrap();
-    let people = |model: &[&str], quality: &str| {
-        let args = [
-            "infer",
-            "--input",
-            "docs/demo.jpg",
-            "--jsonl",
-            "/dev/stdout",
-            "--quality",
-        ];
-        let run = output(&[&args[..], &[quality], model].concat());
-        assert!(run.status.success(), "{}", stderr(&run));
-        let row: serde_json::Value = serde_json::from_str(stdout(&run).trim()).unwrap();
-        row["people"].as_array().unwrap().len()
-    };
-    assert!(people(&[], "fast") > 0);
+    let people = |options: &[&str]| people_in("docs/demo.jpg", options);
+    assert!(people(&["--quality", "fast"]) > 0);
     let strict = model(&folder, &settings(|s| s.min_score = 0.999));
-    assert_eq!(people(&["--model", &strict], "fast"), 0);
-    assert_eq!(people(&["--model", &strict], "best"), 0);
+    for quality in ["fast", "best"] {
+        assert_eq!(people(&["--model", &strict, "--quality", quality]), 0);
+    }
     let said = stdout(&output(&["model", "info", &strict]));
     assert!(said.contains("association  its own settings"), "{said}");
     assert!(output(&["model", "verify", &strict]).status.success());

@@ -2,7 +2,7 @@
 
 use edgecap::engine::Model;
 
-use crate::program::{output, stderr, stdout};
+use crate::program::people_in;
 
 const MODEL: &str = "models/open/edgecap-open.ecm";
 
@@ -24,18 +24,6 @@ fn say_that_they_are_open_and_carry_their_own_settings() {
 
 #[test]
 fn find_the_people_of_a_photo() {
-    let args = [
-        "infer",
-        "--input",
-        "docs/demo.jpg",
-        "--jsonl",
-        "/dev/stdout",
-        "--model",
-        MODEL,
-    ];
-    let run = output(&args);
-    assert!(run.status.success(), "{}", stderr(&run));
-    let row: serde_json::Value = serde_json::from_str(stdout(&run).trim()).unwrap();
-    let found = row["people"].as_array().unwrap().len();
+    let found = people_in("docs/demo.jpg", &["--model", MODEL]);
     assert!((3..=5).contains(&found), "{found} people, of four or five");
 }

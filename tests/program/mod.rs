@@ -43,6 +43,15 @@ pub fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
+/// How many people `infer` finds in a photo.
+pub fn people_in(photo: &str, options: &[&str]) -> usize {
+    let infer = ["infer", "--input", photo, "--jsonl", "/dev/stdout"];
+    let run = output(&[&infer[..], options].concat());
+    assert!(run.status.success(), "{}", stderr(&run));
+    let row: serde_json::Value = serde_json::from_str(stdout(&run).trim()).unwrap();
+    row["people"].as_array().unwrap().len()
+}
+
 /// Asserts one clear line and the exit code.
 pub fn assert_fails(args: &[&str], code: i32, words: &[&str]) {
     let out = output(args);
