@@ -37,8 +37,8 @@ TRAINED_ON_STAGE2 = (
 )
 OPEN_STAGE1 = (
     terms.OPEN + "photos of Open Images (CC BY 2.0), OpenStax's books (CC BY 4.0), public sites (CC0, CC BY) and free-exercise-db (public domain), "
-    "named in attribution.txt, labelled by YOLOX, PP-TinyPose and MoveNet, with depth by BlazePose where depth.npz lay beside them (all Apache-2.0), scenes of `edgecap synth`; from random weights "
-    "(train.py --open)"
+    "named in attribution.txt, labelled by YOLOX, PP-TinyPose and MoveNet, with depth by BlazePose where depth.npz lay beside them (all "
+    "Apache-2.0), scenes of `edgecap synth`; from random weights (train.py --open)"
 )
 OPEN_STAGE2 = (
     terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`, where mistakes were given what open weights say of "

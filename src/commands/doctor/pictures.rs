@@ -81,7 +81,10 @@ pub fn films() -> Finding {
     if answers("ffmpeg") && answers("ffprobe") {
         return Finding::new(FILMS, State::Fine, "ffmpeg plays whatever it can read");
     }
-    let text = "Motion-JPEG AVI and y4m only: install ffmpeg for mp4 and others";
+    let text = match cfg!(feature = "mp4") {
+        true => "H.264 in mp4, Motion-JPEG AVI and y4m only: install ffmpeg for others",
+        false => "Motion-JPEG AVI and y4m only: install ffmpeg for mp4 and others",
+    };
     Finding::new(FILMS, State::Note, text)
 }
 

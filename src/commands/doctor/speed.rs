@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use super::finding::{Finding, State};
 use crate::capture::{self, Frame, demo};
 use crate::commands::exit;
-use crate::commands::infer::{DEFAULT_SIZE, EngineArgs};
-use crate::commands::pipeline::{Pipeline, PipelineOptions, SCALAR_ONLY};
+use crate::commands::infer::{EngineArgs, Pipelines};
+use crate::commands::pipeline::SCALAR_ONLY;
 use crate::engine::{Algorithms, Isa};
 use crate::machine::Machine;
 
@@ -66,12 +66,9 @@ fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
     Finding::new(PROCESSOR, state, text)
 }
 
-/// The bundled clip through every stage of `infer`.
+/// The bundled clip through every stage of `infer`, at the size and quality of the settings.
 pub fn speed(engine: &EngineArgs) -> Finding {
-    let threads = engine.threads.map_or_else(
-        || std::thread::available_parallelism().map_or(1, usize::from),
-        usize::from,
-    );
+    let threads = engine.most_threads();
     match measured(engine, threads) {
         Ok((seconds, people)) => judged(seconds, people, threads),
         Err(e) => Finding::failed(SPEED, e),
@@ -80,15 +77,13 @@ pub fn speed(engine: &EngineArgs) -> Finding {
 
 /// Seconds a picture, and people in it.
 fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(f64, f64)> {
-    let (width, height) = DEFAULT_SIZE;
-    let mut pipeline = Pipeline::new(&PipelineOptions {
-        model: engine.model.as_deref(),
-        stage2: engine.stage2.as_deref(),
-        width,
-        height,
-        threads,
-        flip_test: false,
-    })?;
+    // All of them from the first picture on: with fewer it would be tried first what is faster.
+    let threads = u16::try_from(threads).unwrap_or(u16::MAX);
+    let engine = EngineArgs {
+        threads: Some(threads),
+        ..engine.clone()
+    };
+    let mut pipelines = Pipelines::new(&engine, true, None)?;
     let camera = demo::camera();
     let mut clip = capture::open_bytes("demo", demo::CLIP)?;
     let mut frame = Frame::default();
@@ -102,7 +97,7 @@ fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(f64, f64)> {
         let lens = camera.for_frame(frame.width, frame.height);
         let lens = lens.map_err(anyhow::Error::msg)?;
         let start = Instant::now();
-        let seen = pipeline.process(&frame, &lens)?;
+        let seen = pipelines.process(&frame, &lens)?;
         people += seen.people.len();
         times.push(start.elapsed().as_secs_f64());
     }
@@ -155,6 +150,17 @@ mod tests {
         assert!(told(Isa::Avx2, Algorithms::Direct));
         assert!(!told(Isa::Amx, Algorithms::Direct));
         assert!(!told(Isa::Avx2, Algorithms::Portable));
+    }
+
+    #[test]
+    fn what_the_settings_say_of_the_network_is_measured() {
+        let engine = EngineArgs {
+            size: Some("64x64".parse().unwrap()),
+            ..EngineArgs::default()
+        };
+        let found = speed(&engine).text;
+        // An input as small as that shows nobody of the clip.
+        assert!(found.contains("ms a picture of 0.0 people"), "{found}");
     }
 
     #[test]

@@ -37,9 +37,7 @@ pub(super) use engine_args::{EngineArgs, parse_size};
 pub(super) use observer::{Observer, Step};
 pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;
-
-/// Network input for landscape pictures, pixels, where it does not follow the people in view.
-pub(super) const DEFAULT_SIZE: (usize, usize) = zoom::INPUTS[0];
+pub(super) use pipelines::Pipelines;
 
 /// Options of `edgecap infer`. Without a place for a file's observations they go to
 /// edgecap-out/<name>.observations.jsonl.
