@@ -385,6 +385,12 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
                         column += 8;
                     }
                 }
+                if C::D::MAX_MR == 6 {
+                    while column + 6 <= columns {
+                        self.tile::<6, NV>(oy, column);
+                        column += 6;
+                    }
+                }
                 while column + 4 <= columns {
                     self.tile::<4, NV>(oy, column);
                     column += 4;

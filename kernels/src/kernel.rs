@@ -143,7 +143,11 @@ pub(crate) enum DotProduct {
     },
     /// For weights that can be cut into i16 segments.
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-    Segmented(&'static Direct<SegmentedPacked>),
+    Segmented {
+        kernel: &'static Direct<SegmentedPacked>,
+        /// For the same weights where their segments are short: widens every group.
+        short: Option<&'static Direct<Packed>>,
+    },
 }
 
 /// The kernels of one tier.
@@ -171,7 +175,7 @@ impl Tier {
     pub fn is_available(&self) -> bool {
         let dot: &dyn Kernel = match &self.dot {
             DotProduct::Plain { kernel, .. } | DotProduct::Choice { kernel, .. } => *kernel,
-            DotProduct::Segmented(kernel) => *kernel,
+            DotProduct::Segmented { kernel, .. } => *kernel,
         };
         let others: [&dyn Kernel; 6] = [
             self.widening,

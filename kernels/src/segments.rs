@@ -48,6 +48,12 @@ impl SegmentedPacked {
             panels,
         })
     }
+
+    /// Mean length of the segments, in 32-bit groups of input channels; 0 without any.
+    pub fn mean_length(&self) -> f64 {
+        let groups: usize = self.lengths.iter().map(|&length| usize::from(length)).sum();
+        groups as f64 / self.lengths.len().max(1) as f64
+    }
 }
 
 impl Panels for SegmentedPacked {

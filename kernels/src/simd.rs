@@ -63,7 +63,7 @@ pub(crate) unsafe trait Dot: Copy + 'static {
     type V: Copy;
     /// Most vectors of output channels in a tile.
     const MAX_NV: usize;
-    /// Pixels in a full tile: 4 or 8.
+    /// Pixels in a full tile: 4, 6 or 8; not 6 for Winograd.
     const MAX_MR: usize;
     /// Numbers in a 32-bit group.
     const PACK: usize;

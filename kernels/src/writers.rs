@@ -53,14 +53,18 @@ unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
             }
             let (at, step) = place.index(self.layout);
             let at = self.output.add(at);
-            if self.narrow && place.n == S::LANES && M.is_multiple_of(4) {
-                for m in (0..M).step_by(4) {
-                    let four = [values[m], values[m + 1], values[m + 2], values[m + 3]];
-                    S::store_u7_4(four, at.add(m * step), step);
+            if self.narrow {
+                let mut m = 0;
+                if place.n == S::LANES {
+                    while m + 4 <= M {
+                        let four = [values[m], values[m + 1], values[m + 2], values[m + 3]];
+                        S::store_u7_4(four, at.add(m * step), step);
+                        m += 4;
+                    }
                 }
-            } else if self.narrow {
-                for m in 0..M {
+                while m < M {
                     S::store_u7_part(values[m], at.add(m * step), place.n);
+                    m += 1;
                 }
             } else {
                 let (least, most) = (S::splat_f(0.0), S::splat_f(self.max));

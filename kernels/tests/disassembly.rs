@@ -124,6 +124,7 @@ const KERNELS: &[&str] = &[
     "WINOGRAD_SSE41",
     "F32_SSE41",
     "DIRECT_AVX2",
+    "PAIRS_AVX2",
     "WIDE_AVX2",
     "WINOGRAD_AVX2",
     "F32_AVX2",

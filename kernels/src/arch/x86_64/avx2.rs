@@ -50,8 +50,11 @@ unsafe impl Simd for Avx2 {
     ops! {
         fn splat_f(value: f32) -> __m256 = _mm256_set1_ps(value);
         fn load_f(at: *const f32) -> __m256 = _mm256_loadu_ps(at);
-        fn load_f_part(at: *const f32, n: usize) -> __m256 = _mm256_maskload_ps(at, lane_mask(n));
-        fn store_f_part(value: __m256, at: *mut f32, n: usize) = _mm256_maskstore_ps(at, lane_mask(n), value);
+        fn load_f_part(at: *const f32, n: usize) -> __m256 =
+            if n == 8 { _mm256_loadu_ps(at) } else { _mm256_maskload_ps(at, lane_mask(n)) };
+        // AMD's CPUs take a masked store apart into dozens of operations.
+        fn store_f_part(value: __m256, at: *mut f32, n: usize) =
+            if n == 8 { _mm256_storeu_ps(at, value) } else { _mm256_maskstore_ps(at, lane_mask(n), value) };
         fn add_f(a: __m256, b: __m256) -> __m256 = _mm256_add_ps(a, b);
         fn mul_f(a: __m256, b: __m256) -> __m256 = _mm256_mul_ps(a, b);
         fn max_f(a: __m256, b: __m256) -> __m256 = _mm256_max_ps(a, b);
@@ -91,8 +94,10 @@ unsafe impl Simd for Avx2 {
             _mm_storel_epi64(at.add(2 * step).cast(), high);
             _mm_storel_epi64(at.add(3 * step).cast(), _mm_unpackhi_epi64(high, high));
         };
-        fn load_u8_part(at: *const u8, n: usize) -> __m256 =
-            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(load_bytes(at, n)));
+        fn load_u8_part(at: *const u8, n: usize) -> __m256 = {
+            let bytes = if n == 8 { _mm_loadl_epi64(at.cast()) } else { load_bytes(at, n) };
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+        };
         fn load_i(at: *const i32) -> __m256i = _mm256_loadu_si256(at.cast());
         fn store_i(value: __m256i, at: *mut i32) = _mm256_storeu_si256(at.cast(), value);
         fn add_i(a: __m256i, b: __m256i) -> __m256i = _mm256_add_epi32(a, b);
@@ -117,9 +122,10 @@ unsafe impl Dot for F32 {
     type S = Avx2;
     type Acc = __m256;
     type V = __m256;
-    // With a third vector the compiler keeps an accumulator on the stack.
+    // 12 accumulators, 2 weights, an input. With a third vector of weights the compiler keeps an accumulator on the
+    // stack.
     const MAX_NV: usize = 2;
-    const MAX_MR: usize = 4;
+    const MAX_MR: usize = 6;
     const PACK: usize = 1;
 
     ops! {
@@ -231,6 +237,28 @@ unsafe impl SegmentedDot for U8Segmented {
             _mm256_add_epi16(sum, _mm256_maddubs_epi16(x, w));
         fn spill(acc: __m256i, sum: __m256i) -> __m256i =
             _mm256_add_epi32(acc, _mm256_madd_epi16(sum, _mm256_set1_epi16(1)));
+    }
+}
+
+/// Four u8 · i8 products with `vpmaddubsw`, each group widened at once: for weights whose segments would be short.
+#[derive(Clone, Copy)]
+pub(crate) struct U8Pairs;
+
+// SAFETY: loads 32 bytes of weights and 4 of input.
+unsafe impl Dot for U8Pairs {
+    type S = Avx2;
+    type Acc = __m256i;
+    type V = __m256i;
+    const MAX_NV: usize = 2;
+    const MAX_MR: usize = 6;
+    const PACK: usize = 4;
+
+    ops! {
+        fn load_acc(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
+        fn weights(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
+        fn splat(at: *const u8) -> __m256i = _mm256_set1_epi32(at.cast::<i32>().read_unaligned());
+        fn dot(acc: __m256i, x: __m256i, w: __m256i) -> __m256i =
+            _mm256_add_epi32(acc, _mm256_madd_epi16(_mm256_maddubs_epi16(x, w), _mm256_set1_epi16(1)));
     }
 }
 

@@ -49,7 +49,8 @@ unsafe impl Simd for Sse41 {
     ops! {
         fn splat_f(value: f32) -> __m128 = _mm_set1_ps(value);
         fn load_f(at: *const f32) -> __m128 = _mm_loadu_ps(at);
-        fn load_f_part(at: *const f32, n: usize) -> __m128 = _mm_loadu_ps(load_part::<f32, 4>(at, n).as_ptr());
+        fn load_f_part(at: *const f32, n: usize) -> __m128 =
+            if n == 4 { _mm_loadu_ps(at) } else { _mm_loadu_ps(load_part::<f32, 4>(at, n).as_ptr()) };
         fn store_f_part(value: __m128, at: *mut f32, n: usize) = {
             if n == 4 {
                 _mm_storeu_ps(at, value);
@@ -85,7 +86,11 @@ unsafe impl Simd for Sse41 {
             at.add(3 * step).cast::<i32>().write_unaligned(_mm_extract_epi32::<3>(bytes));
         };
         fn load_u8_part(at: *const u8, n: usize) -> __m128 = {
-            let bytes = i32::from_le_bytes(load_part::<u8, 4>(at, n));
+            let bytes = if n == 4 {
+                at.cast::<i32>().read_unaligned()
+            } else {
+                i32::from_le_bytes(load_part::<u8, 4>(at, n))
+            };
             _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(bytes)))
         };
         fn load_i(at: *const i32) -> __m128i = _mm_loadu_si128(at.cast());
