@@ -54,7 +54,7 @@ impl OverFrames<'_> {
                 fits
             }
         };
-        // From here on every body itself tells how far away they are whom one view alone saw. Not from its neighbour: that
+        // From here on the body itself tells how far away they are whom one view alone saw, not its neighbour: that one
         // is not kept.
         for ((_, moment), placed) in moments.iter_mut().zip(&fits) {
             if let Some((fitted, _)) = placed {

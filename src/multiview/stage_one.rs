@@ -46,7 +46,8 @@ impl StageOne {
     }
 
     /// Fits one frame from its joints in space, or from `near`, a body of another frame, whichever ends better. `None`
-    /// where neither is known. Where no joint is known in space, `near` tells how far away the person is, and how large.
+    /// where neither is known. Where no joint is known in space, `near` tells how far away the person is, and how
+    /// large.
     pub fn fit(
         &mut self,
         body: &MeshBody,

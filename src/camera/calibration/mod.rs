@@ -95,8 +95,8 @@ pub fn read(path: &Path) -> Result<Calibration, CameraError> {
     of_file(path, Want::Places)
 }
 
-/// Reads the lenses of any of these files, or of files that tell nothing but lenses: OpenCV's of one camera, EasyMocap's
-/// `intri.yml`. Places and directions of the views say nothing.
+/// Reads the lenses of any of these files, or of files that tell nothing but lenses: OpenCV's of one camera,
+/// EasyMocap's `intri.yml`. Places and directions of the views say nothing.
 ///
 /// # Errors
 /// [`CameraError`]: what was expected, what was found.

@@ -79,8 +79,8 @@ fn infer_task(run: &RunArgs, chosen: &NamedInput, view: &View) -> InferTask {
     task
 }
 
-/// The lens of a view. Where its calibration does not say for pictures of which size it is, how wide it sees is all that
-/// can be told.
+/// The lens of a view. Where its calibration does not say for pictures of which size it is, how wide it sees is all
+/// that can be told.
 fn lens(view: &View) -> CameraFile {
     if view.size == [0; 2] {
         return CameraFile::Fov {
