@@ -11,20 +11,12 @@ pub trait BodyModel {
     /// What forward kinematics makes of both.
     type Posed;
 
-    /// Joints.
-    fn joints(&self) -> usize;
-    /// The joint in which the bone that ends in `joint` starts; `None` for the root.
-    fn parent(&self, joint: usize) -> Option<usize>;
-    /// Degrees of freedom of a pose: length of a step.
-    fn degrees_of_freedom(&self) -> usize;
     /// The pose with all angles 0, upright at the origin.
     fn rest_pose(&self) -> Self::Pose;
     /// `pose` moved by a step: metres and radians, rotations of the root as a rotation vector in camera axes.
     fn moved(&self, pose: &Self::Pose, step: &[f64]) -> Self::Pose;
     /// Forward kinematics.
     fn kinematics(&self, pose: &Self::Pose, shape: &Self::Shape, out: &mut Self::Posed);
-    /// A joint of a posed body, metres.
-    fn joint(&self, posed: &Self::Posed, joint: usize) -> DVec3;
     /// Calls `column` with every degree of freedom that moves a joint, in rising order, and the joint's derivative by
     /// it: metres per metre or radian.
     fn jacobian(&self, posed: &Self::Posed, joint: usize, column: impl FnMut(usize, DVec3));

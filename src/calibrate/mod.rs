@@ -23,7 +23,7 @@ use crate::multiview::{Detections, Moment, Sight, Track, distance, track, triang
 use bundle::{Seen, bundle};
 use pose::Pose;
 
-/// Every so many moments one is kept apart, to measure by.
+/// Every so many frames one is kept apart, to measure by.
 const HELD_OUT: usize = 5;
 /// How far a view may be off before it counts little, metres at the person, from round to round.
 const SIGMAS: [f64; 4] = [0.15, 0.1, 0.06, 0.06];
@@ -33,6 +33,8 @@ const FAR: f64 = 0.2;
 const CLOSE: f64 = 0.05;
 /// Frames in which two views saw somebody, at least.
 const LEAST_FRAMES: usize = 20;
+/// So many of these are left when some are kept apart.
+const LEAST_USED: usize = LEAST_FRAMES - LEAST_FRAMES / HELD_OUT;
 
 /// What gives the room its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +54,7 @@ pub struct ViewQuality {
     pub sights: usize,
     /// Root mean square of what joints are off, pixels; frames that were used.
     pub rms_px: f64,
-    /// The same in frames that were not used.
+    /// The same in every fifth frame, by which cameras were not placed to each other.
     pub held_out_rms_px: f64,
     /// Joints left out of both because they were further off than 0.2 m at the person, %.
     pub far_percent: f64,
@@ -87,6 +89,11 @@ pub enum CalibrateError {
         "expected two views whose sights of a person go together, found none; check that the files are of one moment and the lenses theirs"
     )]
     NoPair,
+    /// The views that agree look from one side, or into each other.
+    #[error(
+        "expected two cameras that see people from directions 30 to 150 degrees apart, found {0} and {1} {2:.0} degrees apart, which tells no distances; move one of them, or add another"
+    )]
+    NoAngle(String, String, f64),
     /// A view cannot be placed.
     #[error(
         "expected camera {0} to see somebody whom two placed cameras see at the same time, found too little; leave the view out, or record again"
@@ -115,23 +122,31 @@ pub fn calibrate(
     rate: f64,
     scale: Scale,
 ) -> Result<Room, CalibrateError> {
+    let shared = frames
+        .iter()
+        .filter(|f| f.iter().filter(|all| !all.is_empty()).count() > 1)
+        .count();
+    if shared < LEAST_FRAMES {
+        return Err(CalibrateError::Nobody(shared));
+    }
+    let used = without_every_fifth(frames);
     let settle = |mut cameras: Vec<Pose>| {
         for sigma in SIGMAS {
-            let tracks = people(lenses, &cameras, frames, rate)?;
+            let tracks = people(lenses, &cameras, &used, rate)?;
             refine(&mut cameras, &tracks, sigma);
             let size = size(lenses, &cameras, &tracks)?;
             rescale(&mut cameras, 1.0 / size);
         }
-        let tracks = people(lenses, &cameras, frames, rate)?;
+        let tracks = people(lenses, &cameras, &used, rate)?;
         let joints = tracks.iter().flat_map(|t| joints(lenses, &cameras, t));
         let solid = world::solidity(&joints.collect::<Vec<_>>());
         let views = placed(lenses, &cameras);
         let worth = agreement(&views, &tracks) * solid * alike(&views, &tracks);
-        Ok((worth, cameras, tracks))
+        Ok((worth, cameras))
     };
     let mut failure = None;
     let mut answers = Vec::new();
-    for start in rig::assemble(lenses, frames, rate)? {
+    for start in rig::assemble(lenses, &used, rate)? {
         match settle(start) {
             Ok(answer) => answers.push(answer),
             Err(e) => failure = Some(e),
@@ -140,8 +155,8 @@ pub fn calibrate(
     answers.sort_by(|a, b| b.0.total_cmp(&a.0));
     // An answer that stands on its head is none, however well rays meet.
     let mut first = failure;
-    for (k, (_, cameras, tracks)) in answers.into_iter().enumerate() {
-        match stand(lenses, cameras, &tracks, scale) {
+    for (k, (_, cameras)) in answers.into_iter().enumerate() {
+        match stand(lenses, cameras, frames, rate, scale) {
             Ok(room) => return Ok(room),
             Err(e) if k == 0 => first = Some(e),
             Err(_) => {}
@@ -150,13 +165,27 @@ pub fn calibrate(
     Err(first.unwrap_or(CalibrateError::NoPair))
 }
 
-/// Brings cameras to the floor and to the room's size.
+/// Frames of which those that are kept apart are empty, so that times stay what they are.
+fn without_every_fifth(frames: &[Vec<Detections>]) -> Vec<Vec<Detections>> {
+    let mut used = frames.to_vec();
+    for frame in used.iter_mut().step_by(HELD_OUT) {
+        frame.iter_mut().for_each(Vec::clear);
+    }
+    used
+}
+
+/// Brings cameras to the floor and to the room's size, of which all frames tell: where joints are seen by cameras that
+/// are moved, turned and scaled together does not change.
 fn stand(
     lenses: &[View],
     mut cameras: Vec<Pose>,
-    tracks: &[Track],
+    frames: &[Vec<Detections>],
+    rate: f64,
     scale: Scale,
 ) -> Result<Room, CalibrateError> {
+    let tracks = people(lenses, &cameras, frames, rate)?;
+    let size = size(lenses, &cameras, &tracks)?;
+    rescale(&mut cameras, 1.0 / size);
     let factor = match scale {
         Scale::Stature(s) => s / f64::from(CANONICAL_STATURE),
         Scale::Distance(a, b, apart) => {
@@ -175,10 +204,9 @@ fn stand(
     if let Some(v) = views.iter().find(|v| v.position.z < 0.0) {
         return Err(CalibrateError::UnderFloor(v.name.clone(), -v.position.z));
     }
-    let quality = quality(&views, tracks);
     Ok(Room {
+        quality: quality(&views, &tracks),
         views,
-        quality,
         stature,
         floor_by_feet: floor.by_feet,
     })
@@ -229,7 +257,7 @@ fn people(
     let mut tracks = track(&views, &frames, rate);
     tracks.sort_by_key(|t| std::cmp::Reverse(t.moments.len()));
     let seen: usize = tracks.iter().map(|t| t.moments.len()).sum();
-    if seen < LEAST_FRAMES {
+    if seen < LEAST_USED {
         return Err(CalibrateError::Nobody(seen));
     }
     Ok(tracks)
@@ -263,8 +291,7 @@ fn rescale(cameras: &mut [Pose], factor: f64) {
 /// Moves the cameras so that views agree on everyone's joints.
 fn refine(cameras: &mut Vec<Pose>, tracks: &[Track], sigma: f64) {
     let (mut seen, mut points) = (Vec::new(), Vec::new());
-    let moments = tracks.iter().flat_map(|t| t.moments.iter().enumerate());
-    for (_, (_, moment)) in moments.filter(|(k, _)| k % HELD_OUT != 0) {
+    for (_, moment) in tracks.iter().flat_map(|t| &t.moments) {
         for j in 0..EVIDENCE_JOINTS {
             let rays = moment.sights.iter().enumerate();
             let of_joint = rays.filter_map(|(camera, s)| {
@@ -326,7 +353,7 @@ fn alike(views: &[View], tracks: &[Track]) -> f64 {
 fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
     let mut sums = vec![[(0.0, 0.0); 2]; views.len()];
     let (mut far, mut sights) = (vec![0.0; views.len()], vec![0; views.len()]);
-    for (k, (_, moment)) in tracks.iter().flat_map(|t| t.moments.iter().enumerate()) {
+    for (frame, moment) in tracks.iter().flat_map(|t| &t.moments) {
         let turned = seen_by(views, moment);
         let found = triangulate(views, &refs(&turned));
         for (v, (view, sight)) in views.iter().zip(&turned).enumerate() {
@@ -343,7 +370,7 @@ fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
                 if off * view.to_camera(point).z / view.focal.y > FAR {
                     far[v] += 1.0;
                 } else {
-                    let (sum, count) = &mut sums[v][usize::from(k % HELD_OUT == 0)];
+                    let (sum, count) = &mut sums[v][usize::from(frame.is_multiple_of(HELD_OUT))];
                     *sum += off * off;
                     *count += 1.0;
                 }

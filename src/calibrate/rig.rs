@@ -8,7 +8,7 @@ use super::pose::Pose;
 use super::relative::{Pair, Relative, off, relative, turned};
 use super::resect::{Seen, resect};
 use super::turn::{Lifted, turns};
-use super::{CalibrateError, LEAST_FRAMES, people, refine, rescale, size, world};
+use super::{CalibrateError, people, refine, rescale, size, world};
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 use crate::multiview::{Detections, Sight, Track};
@@ -23,6 +23,8 @@ const ANGLES: std::ops::RangeInclusive<f64> = 0.15..=2.95;
 const MOST_STARTS: usize = 8;
 /// Share of a figure's joints that agree where two figures are one person.
 const SAME: f64 = 0.6;
+/// Share of all joints that agree where two views surely saw the same people.
+const SURE: f64 = 0.6;
 /// Joints by which a view is placed, at least.
 const LEAST_SHARED: usize = 60;
 /// How far a view may be off while the room takes shape, metres at the person.
@@ -35,13 +37,6 @@ pub fn assemble(
     frames: &[Vec<Detections>],
     rate: f64,
 ) -> Result<Vec<Vec<Pose>>, CalibrateError> {
-    let shared = frames
-        .iter()
-        .filter(|f| f.iter().filter(|all| !all.is_empty()).count() > 1)
-        .count();
-    if shared < LEAST_FRAMES {
-        return Err(CalibrateError::Nobody(shared));
-    }
     let mut heights: Vec<f64> = frames
         .iter()
         .flatten()
@@ -80,9 +75,21 @@ pub fn assemble(
         }
     }
     if answers.is_empty() {
-        return Err(failure);
+        return Err(no_angle(lenses, &pairs).unwrap_or(failure));
     }
     Ok(answers)
+}
+
+/// What is wrong where the two views that agree best are too near to each other, or look into each other.
+fn no_angle(lenses: &[View], pairs: &[TwoViews]) -> Option<CalibrateError> {
+    let agreeing = |p: &&TwoViews| p.found.agreeing;
+    let best = pairs
+        .iter()
+        .max_by(|p, q| agreeing(p).total_cmp(&agreeing(q)))?;
+    let tells = best.found.agreeing < SURE || ANGLES.contains(&best.found.angle);
+    let name = |v: usize| lenses[v].name.clone();
+    (!tells)
+        .then(|| CalibrateError::NoAngle(name(best.a), name(best.b), best.found.angle.to_degrees()))
 }
 
 /// A figure's longer extent on the plane z = 1.

@@ -297,3 +297,59 @@ fn too_little_is_said() {
         CalibrateError::NotLinked("south".into())
     );
 }
+
+/// Every fifth frame is spoiled: cameras stand to each other as they do without, and the figures of these frames tell.
+#[test]
+fn frames_that_are_kept_apart_do_not_place_cameras() {
+    let views = room();
+    let of = |jitter: f64| {
+        let noise = Noise {
+            jitter,
+            exchanged: 0.0,
+            lifted: None,
+        };
+        film(&views, &[1.8], &noise)
+    };
+    let (exact, spoiled) = (of(0.0), of(30.0));
+    let mut mixed = exact.clone();
+    for k in (0..mixed.len()).step_by(HELD_OUT) {
+        mixed[k] = spoiled[k].clone();
+    }
+    let found = |frames: &[Vec<Detections>]| {
+        calibrate(&lenses(&views), frames, 10.0, Scale::Stature(1.8)).unwrap()
+    };
+    let (exact, mixed) = (found(&exact), found(&mixed));
+    // All frames tell the room's size and floor.
+    let apart = |room: &Room, v: usize| room.views[v].position.distance(room.views[0].position);
+    let size = apart(&mixed, 1) / apart(&exact, 1);
+    for v in 1..views.len() {
+        let turn = |room: &Room| room.views[v].rotation * room.views[0].rotation.transpose();
+        let off = (turn(&exact) - turn(&mixed)).to_cols_array();
+        assert!(off.iter().all(|o| o.abs() < 1e-9), "{off:?}");
+        assert!((apart(&mixed, v) / apart(&exact, v) / size - 1.0).abs() < 1e-9);
+    }
+    for (a, b) in exact.quality.iter().zip(&mixed.quality) {
+        assert!(b.rms_px < 1.0 + a.rms_px, "{b:?}");
+        assert!(b.held_out_rms_px > 10.0, "{b:?}");
+    }
+}
+
+#[test]
+fn cameras_beside_each_other_are_told_to_be_moved() {
+    let target = DVec3::new(0.0, 0.0, 0.9);
+    let views = [
+        looking("left", DVec3::new(0.0, 4.5, 1.8), target),
+        looking("right", DVec3::new(0.4, 4.5, 1.8), target),
+    ];
+    let noise = Noise {
+        jitter: 1.0,
+        exchanged: 0.0,
+        lifted: None,
+    };
+    let frames = film(&views, &[1.7], &noise);
+    let error = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.7)).unwrap_err();
+    let CalibrateError::NoAngle(_, _, degrees) = error else {
+        panic!("{error}");
+    };
+    assert!((2.0..9.0).contains(&degrees), "{degrees}");
+}

@@ -1,4 +1,4 @@
-//! All that is known of cameras: lens, distortion, place in the world, several of them, calibration files, clock.
+//! All that is known of cameras: lens, distortion, place in the world, calibration files, clock.
 //!
 //! Camera axes: x right, y down, z forward; metres; pixels with their centres on integers.
 
@@ -7,7 +7,6 @@ mod clock;
 mod distortion;
 mod error;
 mod file;
-mod rig;
 pub mod translation;
 mod view;
 
@@ -15,5 +14,4 @@ pub use clock::{Clock, SystemClock, monotonic_ns};
 pub use distortion::Brown;
 pub use error::CameraError;
 pub use file::{CameraFile, DEFAULT_FOV};
-pub use rig::triangulate;
 pub use view::View;

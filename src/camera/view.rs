@@ -19,15 +19,15 @@ pub struct View {
     pub name: String,
     /// Pixels across and down; 0x0 where the calibration does not say.
     pub size: [u32; 2],
-    /// Focal lengths and principal point.
+    /// Focal lengths across and down, pixels.
     pub focal: DVec2,
-    /// Principal point.
+    /// Principal point, pixels.
     pub centre: DVec2,
     /// What the lens does to the pinhole's picture.
     pub distortion: Brown,
     /// World axes to camera axes (x right, y down, z forward).
     pub rotation: DMat3,
-    /// Where the camera stands in the world.
+    /// Where the camera stands in the world, metres.
     pub position: DVec3,
 }
 
@@ -118,10 +118,10 @@ impl View {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    pub(in crate::camera) fn around(degrees: f64) -> View {
+    fn around(degrees: f64) -> View {
         // Three metres away, looking at the origin; the world's y points down here.
         let rotation = DMat3::from_rotation_y(degrees.to_radians());
         View {

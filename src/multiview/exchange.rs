@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::moment::Moment;
 use super::sight::{LIMB_PAIRS, Sight, distance};
-use super::triangulate::{Line, SIGMA, meet, robust};
+use super::triangulate::{Line, SIGMA, meet, passing, robust};
 use crate::camera::View;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
 
@@ -176,7 +176,9 @@ fn joint_cost(
             })
         })
         .collect();
-    meet(&lines).map_or(0.0, |(_, cost)| cost)
+    // Rays that tell no depth tell all the same how far they pass from each other: else the reading that makes them
+    // parallel would cost nothing.
+    meet(&lines).map_or_else(|| passing(&lines), |(_, cost)| cost)
 }
 
 /// Compares one view's limbs with a fitted body's joints and exchanges those that fit the other side much better.
@@ -201,4 +203,60 @@ pub fn follow(view: &View, sight: &mut Sight, body: &[DVec3; EVIDENCE_JOINTS]) -
         }
     }
     healed
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2};
+
+    use super::*;
+    use crate::message::Observation;
+
+    /// Level, 4.2 m from the origin along x, 1.4 m high, and looks along x to it; the world's y is up.
+    fn facing(x: f64) -> View {
+        let ahead = DVec3::new(-x.signum(), 0.0, 0.0);
+        let down = DVec3::NEG_Y;
+        View {
+            name: format!("{x}"),
+            size: [1280, 960],
+            focal: DVec2::splat(1000.0),
+            centre: DVec2::new(639.5, 479.5),
+            distortion: Default::default(),
+            rotation: DMat3::from_cols(down.cross(ahead), down, ahead).transpose(),
+            position: DVec3::new(x, 1.4, 0.0),
+        }
+    }
+
+    /// Arms at the height of the cameras, each as far to its side as the other: rays of left and right are parallel.
+    #[test]
+    fn a_reading_that_makes_rays_parallel_is_not_for_nothing() {
+        let views = [facing(-4.2), facing(4.2)];
+        let at = |height: f64, side: f64| DVec3::new(0.0, height, side);
+        let mut joints = [at(1.6, 0.0); EVIDENCE_JOINTS];
+        for (right, height, side) in [
+            (2, 1.4, 0.18),
+            (3, 1.4, 0.22),
+            (4, 1.4, 0.25),
+            (8, 0.9, 0.12),
+            (9, 0.5, 0.13),
+            (10, 0.1, 0.14),
+        ] {
+            joints[right] = at(height, side);
+            joints[MIRROR[right]] = at(height, -side);
+        }
+        // One camera sees everything 3 cm too high, the other too low.
+        let mut sights: Vec<Option<Sight>> = views
+            .iter()
+            .zip([0.03, -0.03])
+            .map(|(view, off)| {
+                let mut seen = Observation::default();
+                for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
+                    let pixel = view.project(joint + at(off, 0.0)).unwrap();
+                    *out = [pixel.x as f32, pixel.y as f32, 0.9];
+                }
+                Some(Sight::new(view, &seen))
+            })
+            .collect();
+        assert_eq!(agree(&views, &mut sights), [0, 0]);
+    }
 }

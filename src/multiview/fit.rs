@@ -108,7 +108,8 @@ pub fn fit_tracks(
     weights = weigh(body, views, &weights, &people);
     let bridged = (BRIDGED * options.rate).round() as usize;
     for person in &mut people {
-        let bodies: Vec<&Fitted> = person.frames.iter().map(|f| &f.body).collect();
+        let told = person.frames.iter().filter(|f| f.moment.tells_size());
+        let bodies: Vec<&Fitted> = told.map(|f| &f.body).collect();
         person.betas = median_shape(&bodies);
         let pieces = pieces(
             std::mem::take(&mut person.frames),
@@ -194,11 +195,12 @@ fn pieces(
 }
 
 /// Views that lie much further from the bodies than the others count less. From the bodies, not from where rays meet:
-/// a wrong view draws that to itself.
+/// a wrong view draws that to itself. Frames that one view alone saw tell nothing of how views agree.
 fn weigh(body: &MeshBody, views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
     let joints: Vec<_> = people
         .iter()
         .flat_map(|p| &p.frames)
+        .filter(|f| f.moment.tells_size())
         .map(|f| (&f.moment, points::evidence(body, &f.body.posed)))
         .collect();
     let median = |v: usize| -> Option<f64> {

@@ -2,8 +2,12 @@
 
 use glam::DVec3;
 
+use super::energy::Free;
+use super::fitted::Fitted;
+use super::points;
 use super::sight::Sight;
 use super::silhouette::Contour;
+use crate::body::mesh::MeshBody;
 use crate::camera::View;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
@@ -23,6 +27,28 @@ pub struct Moment {
 }
 
 impl Moment {
+    /// Whether more than one view tells what the person is like: one alone cannot tell somebody small from somebody far
+    /// away.
+    pub fn tells_size(&self) -> bool {
+        self.lifted.is_some() || self.sights.iter().flatten().count() > 1
+    }
+
+    /// What a solver may move of the person in this frame; without a word on their size the shape stays as it is.
+    pub(super) fn free(&self) -> Free {
+        if self.tells_size() {
+            Free::All
+        } else {
+            Free::Pose
+        }
+    }
+
+    /// Takes the joints of a body for those of a person of whom none is known in space.
+    pub(super) fn place_by(&mut self, body: &MeshBody, fitted: &Fitted) {
+        if self.joints.iter().all(Option::is_none) {
+            self.joints = points::evidence(body, &fitted.posed).map(Some);
+        }
+    }
+
     /// How far the person is from a view, metres.
     pub fn depth(&self, view: &View) -> Option<f64> {
         let known: Vec<DVec3> = self.joints.iter().flatten().copied().collect();

@@ -54,6 +54,13 @@ impl OverFrames<'_> {
                 fits
             }
         };
+        // From here on the body itself tells how far away they are whom one view alone saw, not its neighbour: that one
+        // is not kept.
+        for ((_, moment), placed) in moments.iter_mut().zip(&fits) {
+            if let Some((fitted, _)) = placed {
+                moment.place_by(self.body, fitted);
+            }
+        }
         if let Some(masks) = self.run.masks {
             self.outline(id, masks, &mut moments, &mut fits);
         }
@@ -62,7 +69,7 @@ impl OverFrames<'_> {
             .zip(fits)
             .filter_map(|((frame, mut moment), fitted)| {
                 let (fitted, _) = fitted?;
-                // Where one view alone saw them, the body tells how far away they are.
+                // The body tells where joints are that no two views saw.
                 let joints = points::evidence(self.body, &fitted.posed);
                 for (known, joint) in moment.joints.iter_mut().zip(joints) {
                     *known = known.or(Some(joint));
@@ -137,12 +144,14 @@ impl OverFrames<'_> {
                 continue;
             };
             if fits[k].as_ref().is_none_or(|(_, own)| *own > DOUBT * cost) {
-                let again = self.solve(&mut stage, &mut moments[k].1, Some(&near));
+                // Sides that the other body exchanges are those of the other body: both are taken, or neither.
+                let mut moment = moments[k].1.clone();
+                let again = self.solve(&mut stage, &mut moment, Some(&near));
                 if again
                     .as_ref()
                     .is_some_and(|(_, c)| fits[k].as_ref().is_none_or(|(_, own)| c < own))
                 {
-                    fits[k] = again;
+                    (moments[k].1, fits[k]) = (moment, again);
                 }
             }
         }
@@ -177,5 +186,77 @@ impl OverFrames<'_> {
                 self.keep(&part, moments, fits);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DQuat, DVec2, DVec3};
+
+    use super::*;
+    use crate::body::mesh::MeshPose;
+    use crate::joints::EVIDENCE_JOINTS;
+    use crate::message::Observation;
+    use crate::multiview::{PosePrior, Sight};
+
+    /// Level, at the origin, the world's y up.
+    fn camera() -> View {
+        View {
+            name: "one".into(),
+            size: [1280, 960],
+            focal: DVec2::splat(1000.0),
+            centre: DVec2::new(639.5, 479.5),
+            distortion: Default::default(),
+            rotation: DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
+            position: DVec3::Y,
+        }
+    }
+
+    /// The mean pose four metres before the camera, turned about y.
+    fn standing(turned: f64) -> Fitted {
+        let mut rotations = PosePrior::shipped().mean();
+        rotations[0] = DQuat::from_rotation_y(turned);
+        let pose = MeshPose {
+            pelvis: DVec3::new(0.0, 0.9, -4.0),
+            rotations,
+        };
+        Fitted::new(MeshBody::shipped(), pose, &[0.0; 10])
+    }
+
+    #[test]
+    fn a_try_that_ends_worse_leaves_sides_as_they_were() {
+        let (body, views) = (MeshBody::shipped(), [camera()]);
+        let (truth, back) = (standing(0.3), standing(0.3 + std::f64::consts::PI));
+        let mut seen = Observation::default();
+        for (out, joint) in seen
+            .joints2d
+            .iter_mut()
+            .zip(points::evidence(body, &truth.posed))
+        {
+            let pixel = views[0].project(joint).unwrap();
+            *out = [pixel.x as f32, pixel.y as f32, 0.9];
+        }
+        let sight = Sight::new(&views[0], &seen);
+        let moment = Moment {
+            sights: vec![Some(sight)],
+            joints: [None; EVIDENCE_JOINTS],
+            healed: 0,
+            lifted: None,
+            contours: Vec::new(),
+        };
+        let over = OverFrames {
+            body,
+            views: &views,
+            weights: &[1.0],
+            hierarchy: true,
+            run: Run::new(None, &|_| ()),
+        };
+        // Costs that no try comes under; the frame's own is so much higher that it is tried again from the other.
+        let mut moments = [(0, moment.clone()), (1, moment.clone())];
+        let mut fits = [Some((back, 1e-9)), Some((truth, 1e-6))];
+        over.take_from_neighbours(&mut moments, &mut fits);
+        let (_, after) = &moments[1];
+        assert_eq!((&after.sights, after.healed), (&moment.sights, 0));
+        assert_eq!(fits[1].as_ref().unwrap().1, 1e-6);
     }
 }

@@ -1,6 +1,6 @@
 //! Pose and shape of a body solved for with what masks show of it ([`silhouette`](super::silhouette)).
 
-use super::energy::{Energy, Free};
+use super::energy::Energy;
 use super::fitted::Fitted;
 use super::moment::Moment;
 use super::silhouette::{Contour, Masks, Outline, Rim};
@@ -90,7 +90,7 @@ pub fn refine(
             rims: &rims,
             prior,
             shape,
-            free: Free::All,
+            free: moment.free(),
         };
         let effort = Effort {
             iterations: STEPS,

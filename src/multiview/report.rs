@@ -59,7 +59,7 @@ pub struct ViewReport {
 pub struct PersonReport {
     /// Identity.
     pub id: u32,
-    /// First frame and last.
+    /// First frame.
     pub first: usize,
     /// Last frame.
     pub last: usize,

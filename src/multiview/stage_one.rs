@@ -46,7 +46,8 @@ impl StageOne {
     }
 
     /// Fits one frame from its joints in space, or from `near`, a body of another frame, whichever ends better. `None`
-    /// where neither is known.
+    /// where neither is known. Where no joint is known in space, `near` tells how far away the person is, and how
+    /// large.
     pub fn fit(
         &mut self,
         body: &MeshBody,
@@ -56,6 +57,10 @@ impl StageOne {
         near: Option<&Fitted>,
     ) -> Option<(Fitted, f64)> {
         let started = self.start(body, moment);
+        let told = moment.joints;
+        if let Some(near) = near {
+            moment.place_by(body, near);
+        }
         let mut best: Option<(Fitted, f64)> = None;
         for (coarse, start) in [(true, started), (false, near.cloned())] {
             let Some(mut fitted) = start else {
@@ -105,6 +110,7 @@ impl StageOne {
                 &mut fitted,
             );
         }
+        moment.joints = told;
         Some((fitted, cost))
     }
 
@@ -142,7 +148,7 @@ impl StageOne {
             rims: &[],
             prior,
             shape: SHAPE,
-            free: Free::All,
+            free: moment.free(),
         };
         let effort = Effort {
             iterations,

@@ -125,6 +125,11 @@ impl Refit<'_> {
         rims: &[Rim<'_>],
     ) {
         let seen = moment.seen(self.views, self.weights);
+        let is_told = !seen.is_empty() || !rims.is_empty() || moment.lifted.is_some();
+        // A frame of which nothing tells is where its neighbours put it: the priors alone would make a mean pose of it.
+        if !is_told && !self.paths {
+            return;
+        }
         let energy = Energy {
             body: self.body,
             seen: &seen,
@@ -174,4 +179,48 @@ fn project(body: &MeshBody, fits: &[Fitted]) -> Vec<Targets> {
         }
     }
     targets
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::body::mesh::{JOINTS, MeshPose};
+    use crate::joints::EVIDENCE_JOINTS;
+    use crate::multiview::PosePrior;
+
+    #[test]
+    fn without_paths_a_frame_of_which_nothing_tells_stays_as_it_is() {
+        let body = MeshBody::shipped();
+        let mut rotations: [DQuat; JOINTS] = PosePrior::shipped().mean();
+        // Both arms up, as nobody of the prior holds them.
+        rotations[16] = DQuat::from_rotation_z(1.3) * rotations[16];
+        rotations[17] = DQuat::from_rotation_z(-1.3) * rotations[17];
+        let pose = MeshPose {
+            pelvis: DVec3::Y,
+            rotations,
+        };
+        let start = Fitted::new(body, pose, &[0.0; 10]);
+        let mut moments = [Moment {
+            sights: vec![None],
+            joints: points::evidence(body, &start.posed).map(Some),
+            healed: 0,
+            lifted: None,
+            contours: Vec::new(),
+        }];
+        let mut fits = [start.clone()];
+        let refit = Refit {
+            body,
+            views: &[],
+            weights: &[],
+            paths: false,
+            run: Run::new(None, &|_| ()),
+        };
+        refit.fit("paths", &mut moments, &mut fits);
+        let [was, is] = [&start, &fits[0]].map(|f| points::evidence(body, &f.posed));
+        for j in 0..EVIDENCE_JOINTS {
+            assert!(was[j].distance(is[j]) < 1e-9, "joint {j}");
+        }
+    }
 }

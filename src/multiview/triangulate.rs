@@ -8,8 +8,10 @@ use crate::joints::EVIDENCE_JOINTS;
 
 /// Ray distance beyond which a view counts little, metres.
 pub const SIGMA: f64 = 0.08;
-/// Rays that meet under less than this angle (sine squared) tell no depth.
+/// Rays that meet under less than this angle tell no depth: twice the squared sine, of 2.2 degrees.
 const LEAST_ANGLE: f64 = 3e-3;
+/// Below this squared sine of their angle rays are parallel to what numbers hold.
+const PARALLEL: f64 = 1e-9;
 const REFINEMENTS: usize = 6;
 
 /// A ray with the place of its camera, and how much it counts.
@@ -71,6 +73,36 @@ pub fn meet(lines: &[Line]) -> Option<(DVec3, f64)> {
         }
     }
     Some((point, least))
+}
+
+/// Robust cost of lines that hardly differ in direction, as if every two of them met halfway where they are nearest: as
+/// [`meet`] has it of two. 0 for fewer than two.
+pub fn passing(lines: &[Line]) -> f64 {
+    let mut sum = 0.0;
+    for (k, a) in lines.iter().enumerate() {
+        for b in &lines[..k] {
+            sum += (a.weight + b.weight) * robust((gap(a, b) / 2.0).powi(2), SIGMA);
+        }
+    }
+    // Every line is in as many pairs as there are others.
+    sum / lines.len().saturating_sub(1).max(1) as f64
+}
+
+/// Shortest distance between two rays, neither going on behind its camera.
+fn gap(a: &Line, b: &Line) -> f64 {
+    let (w, c) = (b.origin - a.origin, a.direction.dot(b.direction));
+    let scale = 1.0 - c * c;
+    let along = [
+        (w.dot(a.direction) - c * w.dot(b.direction)) / scale,
+        (c * w.dot(a.direction) - w.dot(b.direction)) / scale,
+    ];
+    // Parallel rays are as near at a camera as anywhere.
+    if scale > PARALLEL && along.iter().all(|t| *t > 0.0) {
+        let [p, q] = [(a, along[0]), (b, along[1])].map(|(l, t)| l.origin + t * l.direction);
+        return p.distance(q);
+    }
+    let from = |a: &Line, b: &Line| distance(b.origin, b.direction, a.origin);
+    from(a, b).min(from(b, a))
 }
 
 fn nearest<'a>(lines: impl Iterator<Item = (&'a Line, f64)>) -> Option<DVec3> {
@@ -147,5 +179,31 @@ mod tests {
         assert!((found - point).length() < 0.01, "{found}");
         assert!(meet(&lines[..1]).is_none());
         assert!(meet(&[lines[0], lines[0]]).is_none());
+    }
+
+    #[test]
+    fn rays_that_tell_no_depth_tell_how_far_they_pass() {
+        let line = |origin: DVec3, to: DVec3| Line {
+            origin,
+            direction: (to - origin).normalize(),
+            weight: 1.0,
+        };
+        let (a, b) = (DVec3::new(-4.0, 1.0, 0.0), DVec3::new(4.0, 1.0, 0.0));
+        // Two cameras face each other; their rays miss by so much in the middle.
+        for off in [0.0, 0.01, 0.1] {
+            let miss = DVec3::new(0.0, off / 2.0, 0.0);
+            let rays = [line(a, DVec3::Y + miss), line(b, DVec3::Y - miss)];
+            assert!(meet(&rays).is_none());
+            let expected = 2.0 * robust(off * off / 4.0, SIGMA);
+            assert!((passing(&rays) - expected).abs() < 1e-6, "{off}");
+        }
+        // A camera beside another: the rays meet behind them, or before.
+        let beside = a + DVec3::new(0.0, 0.0, 0.1);
+        let apart = [line(a, DVec3::Y), line(beside, DVec3::new(0.0, 1.0, 0.15))];
+        let expected = 2.0 * robust(0.05 * 0.05, SIGMA);
+        assert!((passing(&apart) - expected).abs() < 1e-6);
+        let towards = [line(a, DVec3::Y), line(beside, DVec3::new(0.0, 1.0, 0.05))];
+        assert!(passing(&towards) < 1e-12);
+        assert_eq!(passing(&towards[..1]), 0.0);
     }
 }

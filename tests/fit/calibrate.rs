@@ -100,6 +100,17 @@ fn what_cannot_be_calibrated_is_said() {
         64,
         &["one of the cameras", "north"],
     );
+    // OpenCV's calibration of a webcam by itself is a lens.
+    let alone = at("webcam.yml");
+    let text = "%YAML:1.0\n---\nimage_width: 1080\nimage_height: 1080\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+                cols: 3\n   dt: d\n   data: [ 1150., 0., 540., 0., 1150., 540., 0., 0., 1. ]\n";
+    std::fs::write(&alone, text).unwrap();
+    let of_one = format!("0={alone}");
+    refused(
+        &["--view", &second, "--lens", &lens, "--lens", &of_one],
+        65,
+        &["at least 20 frames"],
+    );
     let nowhere = at("nowhere.toml");
     refused(
         &["--view", &second, "--lens", &nowhere],

@@ -16,6 +16,7 @@ mod many_views;
 mod meshes;
 mod multiview;
 mod noise;
+mod one_of_two;
 mod one_view;
 mod place;
 mod printed;

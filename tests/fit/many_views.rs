@@ -492,6 +492,48 @@ fn lenses_in_which_nobody_is_found_are_read_the_other_way() {
     );
 }
 
+/// With one view, and live, rays do not tell which reading is right.
+#[test]
+fn a_second_reading_of_lenses_is_said_where_it_cannot_be_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut views = files(folder.path(), 3, 12);
+    let (calibration, millimetres) = (at("all.qca.txt"), at("mm.toml"));
+    std::fs::write(&calibration, qualisys(&views, -64.0 * 0.1)).unwrap();
+    views.iter_mut().for_each(|v| v.position *= 1e3);
+    std::fs::write(&millimetres, write_pose2sim(&views)).unwrap();
+    let live = [
+        "fit",
+        "--cameras",
+        "0,nowhere",
+        "--calibration",
+        &calibration,
+    ];
+    let live = output(&live);
+    assert_eq!(live.status.code(), Some(64), "{}", stderr(&live));
+    let of_one = |calibration: &str, run: &str| {
+        let (first, out) = (at("0.jsonl"), at(run));
+        let args = [
+            "--view",
+            &first,
+            "--calibration",
+            calibration,
+            "--out",
+            &out,
+        ];
+        output(&[&["multiview"][..], &args].concat())
+    };
+    let one = of_one(&calibration, "run");
+    for said in [&live, &one].map(stderr) {
+        assert!(
+            said.contains("all.qca.txt") && said.contains("distortion divided by 64"),
+            "{said}"
+        );
+    }
+    let said = stderr(&of_one(&millimetres, "other"));
+    assert!(said.contains("taken for millimetres"), "{said}");
+}
+
 /// A camera that was moved far after its calibration: none of its sights is anybody's.
 #[test]
 fn a_view_that_sees_nobody_of_the_others_people_is_named() {

@@ -1,12 +1,13 @@
 //! One view alone: `edgecap multiview` with one `--view`, against Stage III on the same observations.
 
+use edgecap::camera::calibration::write_pose2sim;
 use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
-use edgecap::message::{BodyFrame, ObservationFrame};
-use edgecap::multiview::stage_three;
+use edgecap::message::{BodyFrame, Intrinsics, ObservationFrame};
+use edgecap::multiview::{stage_three, to_view};
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 
@@ -68,6 +69,59 @@ fn a_body_is_as_right_as_stage_three() {
         ours < 1.02 * theirs,
         "mesh body {ours} m, Stage III {theirs} m"
     );
+}
+
+/// Somebody far from the middle, recorded by the right lens and by the one that a usual webcam has.
+#[test]
+fn joints_in_space_are_those_of_the_calibrated_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let view = views(1).remove(0);
+    let calibration = at("Calib.toml");
+    std::fs::write(&calibration, write_pose2sim(std::slice::from_ref(&view))).unwrap();
+    let place = people::walk(0.0, 1.0, &[(-2.5, 4.4), (-2.5, 4.4)]);
+    let person = [Person::new(2, place, Activity::Wave)];
+    let narrow = Intrinsics::from_horizontal_fov(view.size[0], view.size[1], 40.0);
+    let [width, height] = [narrow.fx, narrow.fy].map(f64::from);
+    let usual = View {
+        focal: DVec2::new(width, height),
+        centre: DVec2::new(narrow.cx.into(), narrow.cy.into()),
+        distortion: Brown::default(),
+        ..view.clone()
+    };
+    let names = ["right", "usual"];
+    let joints = names.map(|name| {
+        let record = at(&format!("{name}.jsonl"));
+        let mut file =
+            RecordWriter::<ObservationsRow>::create(record.as_ref(), Format::Jsonl).unwrap();
+        let mut rng = SmallRng::seed_from_u64(1);
+        for k in 0..30 {
+            let t = f64::from(k) / 30.0;
+            let mut frame = observe(&view, &person, t, Spoil::default(), &mut rng);
+            if name == "usual" {
+                to_view(&usual, &view.intrinsics(), &mut frame.people[..1]);
+                frame.intrinsics = narrow;
+            }
+            file.write(&frame, "").unwrap();
+        }
+        file.finish().unwrap();
+        let (camera, out) = (format!("{}={record}", view.name), at(name));
+        let args = ["multiview", "--calibration", &calibration];
+        let done = output(&[&args[..], &["--view", &camera, "--out", &out]].concat());
+        assert!(done.status.success(), "{}", stderr(&done));
+        let lines = std::fs::File::open(at(&format!("{name}/bodies.jsonl"))).unwrap();
+        let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+        let mut all: Vec<Vec3> = Vec::new();
+        while let Some(row) = rows.read().unwrap() {
+            all.extend(row.people.iter().flat_map(|b| b.joints3d.map(Vec3::from)));
+        }
+        all
+    });
+    let [right, usual] = &joints;
+    assert!(right.len() == usual.len() && right.len() > 20 * BODY_JOINTS);
+    let apart = right.iter().zip(usual).map(|(a, b)| a.distance(*b));
+    let apart = apart.fold(0.0, f32::max);
+    assert!(apart < 0.005, "{apart} m");
 }
 
 /// When bodies are of somebody who was seen at these times, nanoseconds.

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{FREEDOM, JOINTS, MeshBody, PARENTS, REPORTED};
+use super::{JOINTS, MeshBody, PARENTS, REPORTED};
 use crate::body::model::{BodyModel, Elimination};
 
 /// The joint that carries each of edgecap's joints along: a head top moves with the head, a hand with the wrist's
@@ -213,18 +213,6 @@ impl BodyModel for MeshBody {
     type Shape = Person;
     type Posed = PosedTree;
 
-    fn joints(&self) -> usize {
-        JOINTS
-    }
-
-    fn parent(&self, joint: usize) -> Option<usize> {
-        (joint != 0).then(|| PARENTS[joint])
-    }
-
-    fn degrees_of_freedom(&self) -> usize {
-        FREEDOM
-    }
-
     /// In camera axes: y down, the face towards the camera.
     fn rest_pose(&self) -> MeshPose {
         let mut rotations = [DQuat::IDENTITY; JOINTS];
@@ -257,10 +245,6 @@ impl BodyModel for MeshBody {
                 out.reported[k] = out.place[carrier] + out.turn[carrier] * person.reported[k];
             }
         }
-    }
-
-    fn joint(&self, posed: &PosedTree, joint: usize) -> DVec3 {
-        posed.place[joint]
     }
 
     fn jacobian(&self, posed: &PosedTree, joint: usize, mut column: impl FnMut(usize, DVec3)) {

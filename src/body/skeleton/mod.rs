@@ -264,18 +264,6 @@ impl BodyModel for Skeleton {
     type Shape = BoneLengths;
     type Posed = Posed;
 
-    fn joints(&self) -> usize {
-        BODY_JOINTS
-    }
-
-    fn parent(&self, joint: usize) -> Option<usize> {
-        (joint != PELVIS).then(|| PARENTS[joint])
-    }
-
-    fn degrees_of_freedom(&self) -> usize {
-        DOF
-    }
-
     fn rest_pose(&self) -> Pose {
         Pose {
             position: DVec3::ZERO,
@@ -292,10 +280,6 @@ impl BodyModel for Skeleton {
 
     fn kinematics(&self, pose: &Pose, shape: &BoneLengths, out: &mut Posed) {
         self.pose(pose, shape, out);
-    }
-
-    fn joint(&self, posed: &Posed, joint: usize) -> DVec3 {
-        posed.joints[joint]
     }
 
     fn jacobian(&self, posed: &Posed, joint: usize, mut column: impl FnMut(usize, DVec3)) {

@@ -67,8 +67,9 @@ pub struct Shots {
 pub struct BoardQuality {
     /// Pictures that were used.
     pub used: usize,
-    /// Moments of pictures that were put aside, and how far their corners are off, pixels.
-    pub aside: Vec<(usize, f64)>,
+    /// Moments of pictures that were put aside, and how far their corners are from where the other pictures have them,
+    /// pixels; `None` where no place of the board explains them.
+    pub aside: Vec<(usize, Option<f64>)>,
     /// Root mean square of what corners are off, pixels; pictures that were used.
     pub rms_px: f64,
     /// The same in pictures that were not used, the cameras as they are.
@@ -135,6 +136,7 @@ pub fn calibrate_by_board(
         sights,
         radial: singles.iter().map(|s| s.radial).collect(),
         uncertain: singles.iter().map(|s| s.uncertain).collect(),
+        strays: BTreeMap::new(),
     };
     if cameras.len() > 1 {
         rig.agree(floor)?;
@@ -220,6 +222,8 @@ struct Whole<'a> {
     /// How many of k1, k2, k3 are free; `None` for a lens that was given.
     radial: Vec<Option<usize>>,
     uncertain: Vec<f64>,
+    /// By camera and moment, how far corners of pictures are off, pixels, that contradict other cameras.
+    strays: BTreeMap<(usize, usize), f64>,
 }
 
 impl Whole<'_> {
@@ -283,8 +287,9 @@ impl Whole<'_> {
         }
         let strays = off.iter().filter(|o| o.2 > far && Some(o.1) != floor);
         let mut aside = false;
-        for (camera, moment, _) in strays {
+        for (camera, moment, px) in strays {
             self.sights[*camera][*moment] = None;
+            self.strays.insert((*camera, *moment), *px);
             aside = true;
         }
         if aside {
@@ -351,11 +356,15 @@ impl Whole<'_> {
             let tried = camera.shots.iter().filter(|s| !apart[s.moment]);
             let off = tried.zip(&singles[c].off);
             let aside = off.filter(|(s, _)| self.sights[c][s.moment].is_none());
+            let aside = aside.map(|(s, alone)| {
+                let px = self.strays.get(&(c, s.moment)).unwrap_or(alone);
+                (s.moment, Some(*px).filter(|px| px.is_finite()))
+            });
             let focal = self.scene.cameras[c].lens.focal.x;
             let free = camera.lens.is_none();
             BoardQuality {
                 used: used.count(),
-                aside: aside.map(|(s, off)| (s.moment, *off)).collect(),
+                aside: aside.collect(),
                 rms_px: rms(own.map(|s| self.scene.off(s).length_squared())),
                 held_out_rms_px: held[c],
                 focal_error_px: free.then(|| self.uncertain[c] * focal),

@@ -148,6 +148,11 @@ fn a_picture_of_another_board_is_put_aside() {
     let rig = calibrate_by_board(&cameras, &moments, SQUARE, Some(0)).unwrap();
     let aside = |c: usize| rig.quality[c].aside.iter().map(|a| a.0).collect::<Vec<_>>();
     assert_eq!([aside(0), aside(1), aside(2)], [vec![], vec![3], vec![2]]);
+    // Both fit a place of the board by their own camera, and none of those by the others.
+    for c in [1, 2] {
+        let off = rig.quality[c].aside[0].1.unwrap();
+        assert!(off > 1.0, "{off} px");
+    }
     for (found, truth) in rig.views.iter().zip(room()) {
         let off = found.position.distance(truth.position);
         assert!(off < 0.005, "{}: {off} m", found.name);

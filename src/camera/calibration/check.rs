@@ -8,6 +8,41 @@ const MILLIMETRES: f64 = 1000.0;
 /// Median distance between cameras that no room has.
 const FAR: f64 = 150.0;
 
+/// Checks views of one file of which only the lenses are wanted.
+///
+/// # Errors
+/// [`CameraError::Calibration`] for cameras of one name, or turned against their pictures.
+pub fn check_lenses(name: &str, views: Vec<View>) -> Result<Calibration, CameraError> {
+    lenses(name, &views)?;
+    Ok(Calibration {
+        views,
+        notes: Vec::new(),
+        alternative: None,
+    })
+}
+
+fn lenses(name: &str, views: &[View]) -> Result<(), CameraError> {
+    let wrong = |expected, found| {
+        Err(CameraError::Calibration {
+            file: name.to_owned(),
+            expected,
+            found,
+        })
+    };
+    if views.is_empty() {
+        return wrong("cameras", "none".into());
+    }
+    if let Some(found) = views.iter().find_map(turned) {
+        return wrong("principal points near the middle of the pictures", found);
+    }
+    for (k, a) in views.iter().enumerate() {
+        if views[..k].iter().any(|b| a.name == b.name) {
+            return wrong("every camera once", format!("two called {}", a.name));
+        }
+    }
+    Ok(())
+}
+
 /// Checks views of one file and brings them to metres.
 ///
 /// # Errors
@@ -21,9 +56,7 @@ pub fn check(name: &str, mut views: Vec<View>) -> Result<Calibration, CameraErro
             found,
         })
     };
-    if views.is_empty() {
-        return wrong("cameras", "none".into());
-    }
+    lenses(name, &views)?;
     for view in &views {
         if !(view.position.is_finite() && view.rotation.is_finite()) {
             return wrong(
@@ -31,15 +64,9 @@ pub fn check(name: &str, mut views: Vec<View>) -> Result<Calibration, CameraErro
                 format!("a camera {} somewhere that is no place", view.name),
             );
         }
-        if let Some(found) = turned(view) {
-            return wrong("principal points near the middle of the pictures", found);
-        }
     }
     for (k, a) in views.iter().enumerate() {
         for b in &views[..k] {
-            if a.name == b.name {
-                return wrong("every camera once", format!("two called {}", a.name));
-            }
             let apart = (a.position - b.position).length();
             let reach = 1e-6 * (1.0 + a.position.length());
             let same = apart <= reach
@@ -65,9 +92,9 @@ pub fn check(name: &str, mut views: Vec<View>) -> Result<Calibration, CameraErro
         ));
     } else if apart > FAR {
         let found = format!(
-            "cameras {apart:.0} apart; divide translations by 100 if these are centimetres"
+            "cameras {apart:.0} apart; divide translations by 1000 if these are millimetres, by 100 if centimetres"
         );
-        return wrong("translations in metres or millimetres", found);
+        return wrong("translations in metres", found);
     }
     Ok(Calibration {
         views,

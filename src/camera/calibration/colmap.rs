@@ -116,20 +116,27 @@ fn lens(line: &str) -> Result<(&str, Lens), String> {
     Ok((id, lens))
 }
 
+/// The nine words before an image's name: number, rotation, translation, camera; and the name, which may hold spaces.
+fn split(line: &str) -> Option<([&str; 9], &str)> {
+    let mut rest = line.trim();
+    let mut words = [""; 9];
+    for word in &mut words {
+        let (first, after) = rest.split_once(char::is_whitespace)?;
+        (*word, rest) = (first, after.trim_start());
+    }
+    (!rest.is_empty()).then_some((words, rest))
+}
+
 fn view(line: &str, lenses: &HashMap<&str, Lens>) -> Result<View, String> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let [_, rest @ ..] = &words[..] else {
-        return Err(format!("the line '{line}' in images.txt"));
+    let unknown = || format!("the line '{line}' in images.txt");
+    let (words, name) = split(line).ok_or_else(unknown)?;
+    let [_, numbers @ .., camera] = words;
+    let numbers: Vec<f64> = numbers.iter().map_while(|w| w.parse().ok()).collect();
+    let &[w, x, y, z, tx, ty, tz] = &numbers[..] else {
+        return Err(unknown());
     };
-    let numbers: Vec<f64> = rest.iter().map_while(|w| w.parse().ok()).take(7).collect();
-    let (&[w, x, y, z, tx, ty, tz], Some(camera), Some(image)) =
-        (&numbers[..], rest.get(7), rest.get(8))
-    else {
-        return Err(format!("the line '{line}' in images.txt"));
-    };
-    let name = *image;
     let lens = lenses
-        .get(*camera)
+        .get(camera)
         .ok_or_else(|| format!("image {name} of a camera {camera} that cameras.txt has not"))?;
     let turn = DQuat::from_xyzw(x, y, z, w);
     if turn.is_nan() || (turn.length() - 1.0).abs() > 1e-3 {

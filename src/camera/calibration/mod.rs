@@ -12,10 +12,12 @@ mod qtm;
 mod storage;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use check::check;
+use check::check_lenses;
 pub use colmap::read_colmap;
+use opencv::{is_intri, read_intri, read_opencv_lens};
 pub use opencv::{read_easymocap, read_opencv};
 pub use pose2sim::{read_pose2sim, write_pose2sim};
 pub use qtm::read_qtm;
@@ -38,6 +40,51 @@ pub struct Calibration {
     pub alternative: Option<(Vec<View>, &'static str)>,
 }
 
+impl Calibration {
+    /// What there is to say of a file whose lenses have a second reading where nobody can tell which is meant, and they
+    /// are taken as they are written.
+    pub fn as_written(&self, file: &Path) -> Option<String> {
+        let (_, what) = self.alternative.as_ref()?;
+        Some(format!(
+            "{}: lenses may be meant with the {what}; they are taken as they are written: if nobody is found, or people are where they are not, change the file ('edgecap multiview' of several views tells which reading is right)",
+            file.display()
+        ))
+    }
+
+    /// The same with the other reading of its distortion where QTM's scale of 1/64 may have slipped in or out.
+    fn or_scaled(mut self, factor: f64) -> Self {
+        let first = |v: &View| v.distortion.radial[0].abs() * factor;
+        // A lens that moves a point at r = 0.5 by less than 0.1 %, or by more than a quarter, is nobody's.
+        if self
+            .views
+            .iter()
+            .all(|v| (0.004..1.0).contains(&first(v)) || (factor < 1.0 && first(v) > 0.0))
+        {
+            let scaled = self.views.iter().map(|v| {
+                let mut other = v.clone();
+                other.distortion = v.distortion.scaled(factor);
+                other
+            });
+            let what = if factor < 1.0 {
+                "distortion divided by 64"
+            } else {
+                "distortion times 64"
+            };
+            self.alternative = Some((scaled.collect(), what));
+        }
+        self
+    }
+}
+
+/// What is wanted of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Want {
+    /// Lenses and places.
+    Places,
+    /// Lenses alone: what the file says of places, if anything, is not looked at.
+    Lenses,
+}
+
 /// Reads a calibration of any of the formats: a file of Pose2Sim or Anipose (`.toml`), of QTM (`.xml`, `.qca.txt`), of
 /// OpenCV (`.yml`), or a folder with EasyMocap's `intri.yml` and `extri.yml`, COLMAP's `cameras.txt` and `images.txt`,
 /// or one OpenCV file a camera.
@@ -45,48 +92,71 @@ pub struct Calibration {
 /// # Errors
 /// [`CameraError`]: what was expected, what was found.
 pub fn read(path: &Path) -> Result<Calibration, CameraError> {
-    let text = |path: &Path| {
-        bounded::read_text(path, bounded::SETTINGS).map_err(|e| CameraError::read(path, e))
-    };
+    of_file(path, Want::Places)
+}
+
+/// Reads the lenses of any of these files, or of files that tell nothing but lenses: OpenCV's of one camera,
+/// EasyMocap's `intri.yml`. Places and directions of the views say nothing.
+///
+/// # Errors
+/// [`CameraError`]: what was expected, what was found.
+pub fn read_lenses(path: &Path) -> Result<Calibration, CameraError> {
+    of_file(path, Want::Lenses)
+}
+
+fn of_file(path: &Path, want: Want) -> Result<Calibration, CameraError> {
     let name = path.display().to_string();
+    let checked = |views| match want {
+        Want::Places => check(&name, views),
+        Want::Lenses => check_lenses(&name, views),
+    };
     if path.is_dir() {
         let (intri, extri) = (path.join("intri.yml"), path.join("extri.yml"));
         if intri.exists() {
-            return check(
-                &name,
-                read_easymocap(&text(&intri)?, &text(&extri)?, &name)?,
-            );
+            let inner = text(&intri)?;
+            return checked(match want {
+                Want::Places => read_easymocap(&inner, &text(&extri)?, &name)?,
+                Want::Lenses => read_intri(&inner, &name)?,
+            });
         }
         let (cameras, images) = (path.join("cameras.txt"), path.join("images.txt"));
         if cameras.exists() {
-            let views = read_colmap(&text(&cameras)?, &text(&images)?, &name)?;
-            return check(&name, views);
+            return checked(read_colmap(&text(&cameras)?, &text(&images)?, &name)?);
         }
-        return check(&name, read_folder(path, &name, text)?);
+        return checked(read_folder(path, &name, want)?);
     }
     let content = text(path)?;
     match format(&content) {
-        Format::Qtm => with_subpixels(&name, read_qtm(&content, &name)?, 1.0 / SUBPIXELS),
-        Format::Pose2Sim => with_subpixels(&name, read_pose2sim(&content, &name)?, SUBPIXELS),
-        Format::OpenCv => {
-            let stem = path
-                .file_stem()
-                .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-            check(&name, vec![read_opencv(&content, &stem, &name)?])
+        Format::Qtm => Ok(checked(read_qtm(&content, &name)?)?.or_scaled(1.0 / SUBPIXELS)),
+        Format::Pose2Sim => Ok(checked(read_pose2sim(&content, &name)?)?.or_scaled(SUBPIXELS)),
+        Format::OpenCv if want == Want::Lenses && is_intri(&content) => {
+            checked(read_intri(&content, &name)?)
         }
+        Format::OpenCv => checked(vec![one_camera(path, &content, want)?]),
+        Format::OtherStorage(kind) => Err(other_storage(&name, kind)),
     }
+}
+
+fn text(path: &Path) -> Result<String, CameraError> {
+    bounded::read_text(path, bounded::SETTINGS).map_err(|e| CameraError::read(path, e))
 }
 
 enum Format {
     Qtm,
     OpenCv,
     Pose2Sim,
+    /// What OpenCV's `FileStorage` writes beside YAML.
+    OtherStorage(&'static str),
 }
 
 fn format(text: &str) -> Format {
     let start = text.trim_start_matches('\u{feff}').trim_start();
-    if start.starts_with('<') {
+    if start.starts_with('<') && text.contains("<opencv_storage") {
+        Format::OtherStorage("XML")
+    } else if start.starts_with('<') {
         Format::Qtm
+    } else if start.starts_with('{') && text.contains("opencv-matrix") {
+        Format::OtherStorage("JSON")
     } else if start.starts_with("%YAML") || text.contains("!!opencv-matrix") {
         Format::OpenCv
     } else {
@@ -94,57 +164,51 @@ fn format(text: &str) -> Format {
     }
 }
 
+fn other_storage(file: &str, kind: &str) -> CameraError {
+    CameraError::Calibration {
+        file: file.to_owned(),
+        expected: "OpenCV's YAML (.yml)",
+        found: format!("its {kind}; write it with a FileStorage whose name ends in .yml"),
+    }
+}
+
+/// OpenCV's calibration of one camera, which is called like its file.
+fn one_camera(path: &Path, content: &str, want: Want) -> Result<View, CameraError> {
+    let stem = path
+        .file_stem()
+        .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let file = path.display().to_string();
+    match want {
+        Want::Places => read_opencv(content, &stem, &file),
+        Want::Lenses => read_opencv_lens(content, &stem, &file),
+    }
+}
+
 /// One OpenCV file a camera, by name.
-fn read_folder(
-    path: &Path,
-    name: &str,
-    text: impl Fn(&Path) -> Result<String, CameraError>,
-) -> Result<Vec<View>, CameraError> {
+fn read_folder(path: &Path, name: &str, want: Want) -> Result<Vec<View>, CameraError> {
     let entries = fs::read_dir(path).map_err(|e| CameraError::read(path, e))?;
-    let mut files: Vec<_> = entries
-        .filter_map(|e| Some(e.ok()?.path()))
-        .filter(|p| p.extension().is_some_and(|e| e == "yml" || e == "yaml"))
-        .collect();
-    files.sort();
+    let mut all: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    all.sort();
+    let ends = |path: &Path, ends: &[&str]| {
+        let own = path.extension().and_then(|e| e.to_str());
+        own.is_some_and(|e| ends.contains(&e))
+    };
+    let files: Vec<_> = all.iter().filter(|p| ends(p, &["yml", "yaml"])).collect();
     if files.is_empty() {
+        // OpenCV writes any of three formats, by the ending.
+        for file in all.iter().filter(|p| ends(p, &["xml", "json"])) {
+            if let Format::OtherStorage(kind) = format(&text(file)?) {
+                return Err(other_storage(&file.display().to_string(), kind));
+            }
+        }
         return Err(CameraError::Calibration {
             file: name.to_owned(),
             expected: "intri.yml and extri.yml, cameras.txt and images.txt, or one OpenCV .yml a camera",
             found: "a folder without any of them".into(),
         });
     }
-    let view = |file: &std::path::PathBuf| {
-        let stem = file
-            .file_stem()
-            .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-        read_opencv(&text(file)?, &stem, &file.display().to_string())
-    };
+    let view = |file: &&PathBuf| one_camera(file, &text(file)?, want);
     files.iter().map(view).collect()
-}
-
-/// Checks views, and gives the other reading of their distortion where QTM's scale of 1/64 may have slipped in or out.
-fn with_subpixels(name: &str, views: Vec<View>, factor: f64) -> Result<Calibration, CameraError> {
-    let mut calibration = check(name, views)?;
-    let first = |v: &View| v.distortion.radial[0].abs() * factor;
-    // A lens that moves a point at r = 0.5 by less than 0.1 %, or by more than a quarter, is nobody's.
-    if calibration
-        .views
-        .iter()
-        .all(|v| (0.004..1.0).contains(&first(v)) || (factor < 1.0 && first(v) > 0.0))
-    {
-        let scaled = calibration.views.iter().map(|v| {
-            let mut other = v.clone();
-            other.distortion = v.distortion.scaled(factor);
-            other
-        });
-        let what = if factor < 1.0 {
-            "distortion divided by 64"
-        } else {
-            "distortion times 64"
-        };
-        calibration.alternative = Some((scaled.collect(), what));
-    }
-    Ok(calibration)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! OpenCV's own files, one camera each, and EasyMocap's pair of them.
 
+use glam::{DMat3, DVec3};
+
 use super::parts::{Parts, pinhole, rotation, vector};
 use super::storage::Storage;
 use crate::camera::{CameraError, View};
@@ -12,14 +14,42 @@ use crate::camera::{CameraError, View};
 /// [`CameraError::Calibration`].
 pub fn read_opencv(text: &str, name: &str, file: &str) -> Result<View, CameraError> {
     let storage = Storage::parse(text);
-    one(&storage, name).map_err(|found| CameraError::Calibration {
+    let place = |storage: &Storage| -> Result<(DMat3, DVec3), String> {
+        let lacks = |what: &str| format!("camera {name} without {what}");
+        let turn = storage.numbers(&["R", "rvec", "rotation", "Rot"]);
+        let shift = storage.numbers(&["T", "tvec", "translation", "t"]);
+        Ok((
+            rotation(
+                turn.ok_or_else(|| lacks("R or rvec: where it stands in the world"))?,
+                name,
+            )?,
+            vector(shift.ok_or_else(|| lacks("T or tvec"))?, name)?,
+        ))
+    };
+    one(&storage, name, &place).map_err(|found| wrong(file, found))
+}
+
+/// Reads the lens of one camera's calibration, which need not tell a place.
+///
+/// # Errors
+/// [`CameraError::Calibration`].
+pub(super) fn read_opencv_lens(text: &str, name: &str, file: &str) -> Result<View, CameraError> {
+    let nowhere = |_: &Storage| Ok((DMat3::IDENTITY, DVec3::ZERO));
+    one(&Storage::parse(text), name, &nowhere).map_err(|found| wrong(file, found))
+}
+
+fn wrong(file: &str, found: String) -> CameraError {
+    CameraError::Calibration {
         file: file.to_owned(),
         expected: "a calibration of OpenCV",
         found,
-    })
+    }
 }
 
-fn one(storage: &Storage, name: &str) -> Result<View, String> {
+/// Where a camera stands: world axes to camera axes, and the world's origin in these.
+type Place<'a> = &'a dyn Fn(&Storage) -> Result<(DMat3, DVec3), String>;
+
+fn one(storage: &Storage, name: &str, place: Place<'_>) -> Result<View, String> {
     let lacks = |what: &str| format!("camera {name} without {what}");
     if storage.names().any(|n| n.contains("fisheye"))
         || storage
@@ -40,8 +70,7 @@ fn one(storage: &Storage, name: &str) -> Result<View, String> {
         (None, Some(&[w, h])) => [w, h],
         _ => return Err(lacks("image_width and image_height")),
     };
-    let turn = storage.numbers(&["R", "rvec", "rotation", "Rot"]);
-    let shift = storage.numbers(&["T", "tvec", "translation", "t"]);
+    let (rotation, translation) = place(storage)?;
     Parts {
         name,
         size,
@@ -50,13 +79,32 @@ fn one(storage: &Storage, name: &str) -> Result<View, String> {
         distortion: storage
             .numbers(&["distortion_coefficients", "distCoeffs", "dist", "D", "D1"])
             .unwrap_or(&[]),
-        rotation: rotation(
-            turn.ok_or_else(|| lacks("R or rvec: where it stands in the world"))?,
-            name,
-        )?,
-        translation: vector(shift.ok_or_else(|| lacks("T or tvec"))?, name)?,
+        rotation,
+        translation,
     }
     .view()
+}
+
+/// Whether a text is EasyMocap's `intri.yml`, which holds the lenses of several cameras.
+pub(super) fn is_intri(text: &str) -> bool {
+    Storage::parse(text).words("names").is_some()
+}
+
+/// Reads the lenses of EasyMocap's `intri.yml`; sizes as [`read_easymocap`] has them.
+///
+/// # Errors
+/// [`CameraError::Calibration`].
+pub(super) fn read_intri(intri: &str, file: &str) -> Result<Vec<View>, CameraError> {
+    let wrong = |found| CameraError::Calibration {
+        file: file.to_owned(),
+        expected: "EasyMocap's intri.yml",
+        found,
+    };
+    let inner = Storage::parse(intri);
+    let names = inner.words("names");
+    let names = names.ok_or_else(|| wrong("no list 'names'".into()))?;
+    let view = |name: &String| easymocap(&inner, name, &|| Ok((DMat3::IDENTITY, DVec3::ZERO)));
+    names.iter().map(|n| view(n).map_err(wrong)).collect()
 }
 
 /// Reads the texts of EasyMocap's `intri.yml` and `extri.yml`. Most do not tell the pictures' size; then it is 0x0.
@@ -75,36 +123,51 @@ pub fn read_easymocap(intri: &str, extri: &str, file: &str) -> Result<Vec<View>,
         .or_else(|| outer.words("names"))
         .ok_or_else(|| wrong("no list 'names'".into()))?;
     let view = |name: &String| -> Result<View, String> {
-        let key = |of: &str| format!("{of}_{name}");
-        let lacks = |what: &str| format!("camera {name} without {what}_{name}");
-        if inner.names().any(|n| n == key("xi") || n == key("fisheye")) {
-            return Err(fisheye(name));
-        }
-        let matrix = inner.numbers(&[&key("K")]).ok_or_else(|| lacks("K"))?;
-        let (focal, centre) = pinhole(matrix, name)?;
-        let side = |of: &str| inner.number(&[&key(of)]).filter(|s| *s > 0.0);
-        let told = side("W").zip(side("H"));
-        let size = told.map_or([1.0; 2], |(w, h)| [w, h]);
-        let turn = outer
-            .numbers(&[&key("Rot"), &key("R")])
-            .ok_or_else(|| lacks("R"))?;
-        let shift = outer.numbers(&[&key("T")]).ok_or_else(|| lacks("T"))?;
-        let mut view = Parts {
-            name,
-            size,
-            focal,
-            centre,
-            distortion: inner.numbers(&[&key("dist"), &key("D")]).unwrap_or(&[]),
-            rotation: rotation(turn, name)?,
-            translation: vector(shift, name)?,
-        }
-        .view()?;
-        if told.is_none() {
-            view.size = [0; 2];
-        }
-        Ok(view)
+        let place = || {
+            let key = |of: &str| format!("{of}_{name}");
+            let lacks = |what: &str| format!("camera {name} without {what}_{name}");
+            let turn = outer.numbers(&[&key("Rot"), &key("R")]);
+            let shift = outer.numbers(&[&key("T")]);
+            Ok((
+                rotation(turn.ok_or_else(|| lacks("R"))?, name)?,
+                vector(shift.ok_or_else(|| lacks("T"))?, name)?,
+            ))
+        };
+        easymocap(&inner, name, &place)
     };
     names.iter().map(|n| view(n).map_err(wrong)).collect()
+}
+
+/// One camera of EasyMocap's.
+fn easymocap(
+    inner: &Storage,
+    name: &str,
+    place: &dyn Fn() -> Result<(DMat3, DVec3), String>,
+) -> Result<View, String> {
+    let key = |of: &str| format!("{of}_{name}");
+    if inner.names().any(|n| n == key("xi") || n == key("fisheye")) {
+        return Err(fisheye(name));
+    }
+    let matrix = inner.numbers(&[&key("K")]);
+    let matrix = matrix.ok_or_else(|| format!("camera {name} without K_{name}"))?;
+    let (focal, centre) = pinhole(matrix, name)?;
+    let side = |of: &str| inner.number(&[&key(of)]).filter(|s| *s > 0.0);
+    let told = side("W").zip(side("H"));
+    let (rotation, translation) = place()?;
+    let mut view = Parts {
+        name,
+        size: told.map_or([1.0; 2], |(w, h)| [w, h]),
+        focal,
+        centre,
+        distortion: inner.numbers(&[&key("dist"), &key("D")]).unwrap_or(&[]),
+        rotation,
+        translation,
+    }
+    .view()?;
+    if told.is_none() {
+        view.size = [0; 2];
+    }
+    Ok(view)
 }
 
 fn fisheye(name: &str) -> String {

@@ -167,6 +167,10 @@ fn colmap_counts_pixels_from_their_corner() {
     let folders = folders.replace("cam01.jpg", "all/cam01/000000.jpg");
     let read = read_colmap(&cameras, &folders, "folder").unwrap();
     assert_eq!([&read[0].name, &read[1].name], ["cam00", "cam01"]);
+    // A name ends where the line does.
+    let spaced = images.replace("cam0", "cam 0");
+    let read = read_colmap(&cameras, &spaced, "folder").unwrap();
+    assert_eq!([&read[0].name, &read[1].name], ["cam 00", "cam 01"]);
     let fish = cameras.replace("OPENCV", "OPENCV_FISHEYE");
     let error = read_colmap(&fish, &images, "folder")
         .unwrap_err()
@@ -236,10 +240,16 @@ fn cameras_that_cannot_be_are_refused() {
     says(&|v| v[2].size = [1920, 1088], "turned by 90 degrees");
     says(&|v| v[2].size = [640, 360], "outside");
     says(&|v| v[0].position.x = f64::NAN, "no place");
-    says(
-        &|v| v.iter_mut().for_each(|v| v.position *= 100.0),
-        "centimetres",
-    );
+    let metres_apart = |v: &mut Vec<View>, apart: f64| {
+        let now = v[0].position.distance(v[1].position);
+        v.iter_mut().for_each(|v| v.position *= apart / now);
+    };
+    // Two webcams 0.6 m apart, in millimetres; cameras 4 m apart, in centimetres.
+    for apart in [600.0, 400.0] {
+        for unit in ["by 1000 if these are millimetres", "by 100 if centimetres"] {
+            says(&|v| metres_apart(v, apart), unit);
+        }
+    }
     says(&|v| v.clear(), "none");
 }
 
@@ -274,6 +284,84 @@ fn distortion_off_by_64_is_read_both_ways() {
     // An ordinary lens has one reading.
     fs::write(&path, write_pose2sim(&ring(2))).unwrap();
     assert_eq!(super::read(&path).unwrap().alternative, None);
+}
+
+/// What OpenCV writes of one webcam, which says nothing of where that stands.
+fn lens_alone(v: &View) -> String {
+    let (k, d) = lens(v);
+    format!(
+        "%YAML:1.0\n---\nimage_width: 1088\nimage_height: 1920\n{}{}",
+        matrix("camera_matrix", 3, &k),
+        matrix("distortion_coefficients", 5, &d)
+    )
+}
+
+#[test]
+fn lenses_are_read_where_a_file_tells_no_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let views = ring(2);
+    let same_lens = |found: &View, truth: &View| {
+        assert_eq!((&found.name, found.focal), (&truth.name, truth.focal));
+        assert_eq!(
+            (found.centre, found.distortion),
+            (truth.centre, truth.distortion)
+        );
+    };
+    // One camera, then a folder of several.
+    let mut intri = "%YAML:1.0\n---\nnames:\n".to_owned();
+    for v in &views {
+        let file = at(&format!("{}.yml", v.name));
+        fs::write(&file, lens_alone(v)).unwrap();
+        let error = read(&file).unwrap_err().to_string();
+        assert!(error.contains("without R or rvec"), "{error}");
+        let [found] = &read_lenses(&file).unwrap().views[..] else {
+            panic!("one camera")
+        };
+        same_lens(found, v);
+        intri += &format!("   - \"{}\"\n", v.name);
+    }
+    let all = read_lenses(folder.path()).unwrap().views;
+    all.iter().zip(&views).for_each(|(a, b)| same_lens(a, b));
+    // All of them in one place, as of cameras that nobody has placed.
+    for v in &views {
+        let here = matrix("R", 3, &rows(DMat3::IDENTITY)) + &matrix("T", 3, &[0.0; 3]);
+        fs::write(at(&format!("{}.yml", v.name)), lens_alone(v) + &here).unwrap();
+    }
+    let error = read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("one place"), "{error}");
+    assert_eq!(read_lenses(folder.path()).unwrap().views.len(), 2);
+    // EasyMocap's lenses without its places, by the file or the folder.
+    for v in &views {
+        let (k, d) = lens(v);
+        intri += &matrix(&format!("K_{}", v.name), 3, &k);
+        intri += &matrix(&format!("dist_{}", v.name), 1, &d);
+    }
+    fs::write(at("intri.yml"), intri).unwrap();
+    for path in [at("intri.yml"), folder.path().to_owned()] {
+        let all = read_lenses(&path).unwrap().views;
+        assert_eq!(all.len(), 2, "{}", path.display());
+        all.iter().zip(&views).for_each(|(a, b)| same_lens(a, b));
+    }
+}
+
+#[test]
+fn what_opencv_writes_beside_yaml_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let xml = "<?xml version=\"1.0\"?>\n<opencv_storage><camera_matrix type_id=\"opencv-matrix\"/></opencv_storage>";
+    let json = "{\n \"camera_matrix\": {\n \"type_id\": \"opencv-matrix\" } }";
+    for (name, text, kind) in [("cam.xml", xml, "its XML"), ("cam.json", json, "its JSON")] {
+        let file = folder.path().join(name);
+        fs::write(&file, text).unwrap();
+        for path in [file.as_path(), folder.path()] {
+            let error = read(path).unwrap_err().to_string();
+            assert!(
+                error.contains(name) && error.contains(kind) && error.contains(".yml"),
+                "{error}"
+            );
+        }
+        fs::remove_file(file).unwrap();
+    }
 }
 
 #[test]

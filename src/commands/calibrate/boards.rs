@@ -77,8 +77,16 @@ pub fn by_board(
         .map_err(|e| Failure::data(e.to_string()))?;
     for (view, quality) in rig.views.iter().zip(&rig.quality) {
         for (moment, px) in &quality.aside {
+            let why = match px {
+                Some(px) => {
+                    format!("corners are {px:.1} px from where the other pictures have them")
+                }
+                None => {
+                    "the board shows its corners so nowhere; they may be another board's".into()
+                }
+            };
             notes.push(format!(
-                "camera {}: not used: {}: corners are {px:.1} px from where the other pictures have them",
+                "camera {}: not used: {}: {why}",
                 view.name, moments[*moment]
             ));
         }

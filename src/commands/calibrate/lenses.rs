@@ -8,6 +8,7 @@ use crate::camera::calibration;
 use crate::camera::{CameraFile, DEFAULT_FOV, View};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::told;
+use crate::commands::say;
 use crate::message::Intrinsics;
 
 /// What is known of lenses.
@@ -46,8 +47,13 @@ impl Lenses {
             // A file that is no camera.toml may be another program's calibration.
             let lens = match CameraFile::read(&file) {
                 Ok(lens) => Lens::File(lens),
-                Err(own) => match calibration::read(&file) {
-                    Ok(calibration) => Lens::Calibrated(calibration.views, file),
+                Err(own) => match calibration::read_lenses(&file) {
+                    Ok(calibration) => {
+                        if let Some(note) = calibration.as_written(&file) {
+                            say::err(&note);
+                        }
+                        Lens::Calibrated(calibration.views, file)
+                    }
                     Err(_) if file.extension().is_some_and(|e| e == "toml") => {
                         return Err(own.into());
                     }

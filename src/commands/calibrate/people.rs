@@ -12,7 +12,7 @@ use crate::commands::exit::Failure;
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, together};
-use crate::multiview::{Detections, Sight};
+use crate::multiview::{Detections, Sight, to_view};
 use crate::output;
 use crate::record::CameraSource;
 
@@ -43,10 +43,16 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     let mut seen = Vec::new();
     let mut views = Vec::new();
     for (name, file) in files {
-        let lens = |w: u32, h: u32| Ok(lenses.of(name, [w, h])?.intrinsics());
         let fov = lenses.fov_degrees(name);
-        let read = ViewFile::read(name, CameraSource::Given(&lens), fov, file)?;
-        views.push(lenses.of(name, read.size).map_err(Failure::data)?);
+        let told = CameraSource::Recorded {
+            fov_degrees: fov as f32,
+        };
+        let mut read = ViewFile::read(name, told, fov, file)?;
+        let view = lenses.of(name, read.size).map_err(Failure::data)?;
+        for people in &mut read.frames {
+            to_view(&view, &read.intrinsics, people);
+        }
+        views.push(view);
         seen.push(read);
     }
     let (rate, count) = together(args.fps, &mut seen, &mut notes)?;

@@ -17,8 +17,8 @@ use crate::commands::multiview::{names, pictured};
 use crate::commands::outputs::finish;
 use crate::commands::say;
 use crate::commands::stop::Stop;
-use crate::multiview::MOST_VIEWS;
 use crate::multiview::live::{LiveFit, Synchroniser};
+use crate::multiview::{MOST_VIEWS, to_view};
 use crate::sink::{Packet, Sinks};
 use crate::supervise::{Beat, Heartbeat};
 
@@ -46,7 +46,11 @@ pub struct Chosen {
 /// Calibrations that cannot be read or hold one camera, cameras that are not in it, or come twice.
 pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
     let calibration = calibration::read(file)?;
-    for note in &calibration.notes {
+    for note in calibration
+        .notes
+        .iter()
+        .chain(&calibration.as_written(file))
+    {
         say::err(note);
     }
     let all = calibration.views;
@@ -209,8 +213,12 @@ fn fit_all(
         };
         let now = monotonic_ns();
         while let Some(came) = next {
-            let (camera, frame) = came?;
-            cameras.check(camera, &fit.views()[camera], &frame)?;
+            let (camera, mut frame) = came?;
+            let view = &fit.views()[camera];
+            cameras.check(camera, view, &frame)?;
+            // Who publishes observations need not know the calibrated lens.
+            let (lens, count) = (frame.intrinsics, frame.people().len());
+            to_view(view, &lens, &mut frame.people[..count]);
             together.push(camera, &frame, now);
             next = news.try_recv().ok();
         }

@@ -232,6 +232,13 @@ fn apart(args: &MultiviewArgs) -> Apart {
     apart
 }
 
+/// The greatest distance between two cameras, metres.
+fn farthest(views: &[View]) -> f64 {
+    let pairs = views.iter().enumerate();
+    let apart = pairs.flat_map(|(k, a)| views[..k].iter().map(|b| a.position.distance(b.position)));
+    apart.fold(0.0, f64::max)
+}
+
 /// Why there is nothing to write.
 fn nobody(views: &[View], frames: usize) -> anyhow::Error {
     let wanted = match views {
@@ -240,7 +247,8 @@ fn nobody(views: &[View], frames: usize) -> anyhow::Error {
             view.name
         ),
         _ => format!(
-            "expected somebody whom two cameras see in the same place, found nobody in {frames} frames; check that views are of one moment and the calibration is theirs"
+            "expected somebody whom two cameras see in the same place, found nobody in {frames} frames; check that views are of one moment, the calibration is theirs, and its unit the metre: by it cameras are up to {:.2} m apart",
+            farthest(views)
         ),
     };
     Failure::data(wanted).into()

@@ -9,7 +9,7 @@ use crate::camera::{Brown, View, calibration};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
 use crate::commands::view_file::{ViewFile, is_film, together};
-use crate::multiview::{Detections, Sight, Track, one_view, stage_three};
+use crate::multiview::{Detections, Sight, Track, one_view, stage_three, to_view};
 
 /// Reads the view, and finds everyone in it.
 ///
@@ -23,10 +23,14 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         .into());
     }
     let (name, path) = named(&args.view[0]);
+    let mut notes = Vec::new();
     let calibrated = match &args.calibration {
         None => None,
         Some(path) => {
-            let views = calibration::read(path)?.views;
+            let calibration = calibration::read(path)?;
+            let as_written = calibration.as_written(path);
+            notes.extend(calibration.notes.into_iter().chain(as_written));
+            let views = calibration.views;
             let own = views.iter().find(|v| v.name == name);
             let own = own.or(views.first().filter(|_| views.len() == 1));
             let view = own.ok_or_else(|| {
@@ -48,7 +52,9 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         None => camera_axes(&file),
         Some((view, from)) => pictured(view, file.size, &from.display().to_string())?,
     };
-    let mut notes = Vec::new();
+    for people in &mut file.frames {
+        to_view(&view, &file.intrinsics, people);
+    }
     let (rate, count) = together(args.fps, std::slice::from_mut(&mut file), &mut notes)?;
     let frames: Vec<Detections> = file
         .frames

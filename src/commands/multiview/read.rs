@@ -221,7 +221,7 @@ fn held_out(held: &[String], files: &[(usize, PathBuf)], views: &[View]) -> anyh
     Ok(())
 }
 
-/// What a camera saw, by the calibration's lens where there is one; the observations of a film are kept, and counted
+/// What a camera saw, joints in space by the lens that its file tells; the observations of a film are kept, and counted
 /// where they were `found`.
 pub fn view_file(
     camera: &str,
@@ -230,19 +230,13 @@ pub fn view_file(
     store: &Store,
     found: &mut usize,
 ) -> anyhow::Result<ViewFile> {
-    // Distances are told by the calibration, not by the record's lens.
-    let own = calibrated.map(View::intrinsics);
-    let given = |_: u32, _: u32| own.ok_or_else(String::new);
-    let lens = match own {
-        Some(_) => CameraSource::Given(&given),
-        None => CameraSource::Recorded {
-            fov_degrees: DEFAULT_FOV,
-        },
+    let fov = calibrated.map(View::fov_degrees);
+    let lens = CameraSource::Recorded {
+        fov_degrees: fov.map_or(DEFAULT_FOV, |degrees| degrees as f32),
     };
     if !is_film(file) {
         return ViewFile::of_record(camera, lens, file, file);
     }
-    let fov = calibrated.map(View::fov_degrees);
     let (record, was_there) = store.film(camera, fov, file)?;
     *found += usize::from(was_there);
     ViewFile::of_record(camera, lens, &record, file)

@@ -73,13 +73,52 @@ pub fn run(runs: &[RunArgs], calibration: &Path, stop: &Stop) -> anyhow::Result<
 /// What a camera sees, with the calibration's lens where none is given.
 fn infer_task(run: &RunArgs, chosen: &NamedInput, view: &View) -> InferTask {
     let mut task = run.infer_task(chosen);
-    task.input.lens.get_or_insert_with(|| {
-        Setting::Given(CameraFile::Calibrated {
-            intrinsics: view.intrinsics(),
-            width: view.size[0],
-            height: view.size[1],
-            distortion: view.distortion,
-        })
-    });
+    task.input
+        .lens
+        .get_or_insert_with(|| Setting::Given(lens(view)));
     task
+}
+
+/// The lens of a view. Where its calibration does not say for pictures of which size it is, how wide it sees is all
+/// that can be told.
+fn lens(view: &View) -> CameraFile {
+    if view.size == [0; 2] {
+        return CameraFile::Fov {
+            degrees: view.fov_degrees().clamp(1.0, 179.0) as f32,
+        };
+    }
+    CameraFile::Calibrated {
+        intrinsics: view.intrinsics(),
+        width: view.size[0],
+        height: view.size[1],
+        distortion: view.distortion,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2, DVec3};
+
+    use super::*;
+
+    /// Lenses go to the process that sees pictures as text, which it checks.
+    #[test]
+    fn lenses_of_any_calibration_arrive() {
+        for size in [[1280, 720], [0; 2]] {
+            let view = View {
+                name: "cam01".into(),
+                size,
+                focal: DVec2::splat(640.0),
+                centre: DVec2::new(639.5, 359.5),
+                distortion: Default::default(),
+                rotation: DMat3::IDENTITY,
+                position: DVec3::ZERO,
+            };
+            let sent = serde_json::to_string(&lens(&view)).unwrap();
+            let arrived: CameraFile = serde_json::from_str(&sent).unwrap();
+            assert!((arrived.fov_degrees() - 90.0).abs() < 0.2, "{arrived:?}");
+            let of_picture = arrived.for_frame(1280, 720).unwrap();
+            assert!((of_picture.fx - 640.0).abs() < 1.0, "{of_picture:?}");
+        }
+    }
 }

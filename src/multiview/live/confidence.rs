@@ -1,5 +1,6 @@
 //! In: how a joint was seen and fitted. Out: the probability that it is within 150 mm of the truth (relative to the
-//! pelvis, the 3DPCK criterion), from an error model whose numbers were measured on synthetic scenes.
+//! pelvis, the 3DPCK criterion), from an error model whose numbers were measured on synthetic scenes of one camera: a
+//! probability that is not calibrated.
 
 use crate::fit::confidence::{RADIUS, within};
 use crate::joints::BODY_JOINTS;
@@ -14,12 +15,14 @@ const OBSERVED: [f64; BODY_JOINTS] = [
 const OCCLUDED: f64 = 1.4;
 /// Growth of the error per second without being seen, metres.
 const GROWTH: f64 = 0.17;
-/// Share of the disagreement between fit and Stage II that is error of the fit.
+/// Share of the distance between the fit and where rays meet that is taken for error of the fit: as measured of the
+/// fit to one camera against Stage II, not of this distance.
 const DISAGREEMENT: f64 = 0.35;
 
 /// Confidence of one joint.
 ///
-/// `unseen`: seconds since the person was seen; `deviation`: recent distance between fit and Stage II, metres.
+/// `unseen`: seconds since the person was seen; `deviation`: recent distance between the fit and where rays meet,
+/// metres.
 pub fn confidence(joint: usize, state: JointState, unseen: f64, deviation: f64) -> f64 {
     let mut sigma = OBSERVED[joint];
     if state != JointState::OBSERVED {

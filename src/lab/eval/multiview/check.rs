@@ -6,7 +6,8 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, JOINT_NAMES};
 use edgecap_client::message::{BodyFrame, ObservationFrame};
 use glam::{DVec2, DVec3};
 
-use crate::camera::{View, triangulate};
+use super::triangulate::triangulate;
+use crate::camera::View;
 use crate::lab::eval::PoseErrors;
 
 /// Candidates of a view that are combined with those of the others: the best scores.

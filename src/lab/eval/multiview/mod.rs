@@ -4,5 +4,6 @@
 //! part in.
 
 mod check;
+mod triangulate;
 
 pub use check::{MultiviewCheck, MultiviewReport};
