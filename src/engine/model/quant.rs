@@ -91,10 +91,7 @@ pub(crate) fn quantise(
         unreachable!("only convolutions have weights");
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
-    let (gi, go) = (
-        shape.in_channels() / shape.groups(),
-        shape.out_channels() / shape.groups(),
-    );
+    let (gi, go) = (shape.group_in(), shape.group_out());
     let taps = shape.kernel() * shape.kernel();
     // Every output of a convolution sees all taps of its channel; those of a transposed one share them out among the
     // stride² outputs that an input makes.
@@ -102,6 +99,9 @@ pub(crate) fn quantise(
         true => (shape.stride() * shape.stride()) as f32,
         false => 1.0,
     };
+    // The zero points of the residual and of the output are added to the bias when kernels are packed.
+    let shifted = node.residual.iter().chain([&node.output]);
+    let shifted: Vec<&Scale> = shifted.filter_map(|&v| scales[v].as_ref()).collect();
     let mut q = QuantConv {
         weight: Vec::with_capacity(conv.weight.len()),
         scale: Vec::with_capacity(shape.out_channels()),
@@ -112,9 +112,12 @@ pub(crate) fn quantise(
         let input = |i: usize| first + i / taps;
         let scaled: Vec<f32> = (0..row.len()).map(|i| row[i] * inputs[input(i)]).collect();
         let max = scaled.iter().fold(0.0, |m: f32, w| m.max(w.abs()));
-        // The bias must fit the accumulator too: a channel with hardly any weight keeps a coarser step.
+        // What is added to the products must fit the accumulator too, and f32 after it, which has 24 bits: a channel
+        // with hardly any weight keeps a coarser step.
+        let zero = |s: &Scale| s.steps[o] * s.zero;
+        let added = conv.bias[o].abs() + shifted.iter().copied().map(zero).sum::<f32>();
         let step = (max / WEIGHT_MAX)
-            .max(conv.bias[o].abs() * 1e-9)
+            .max(added * (f32::EPSILON / 2.0))
             .max(f32::MIN_POSITIVE * 1e6);
         let mut shift = 0.0;
         for (i, &w) in scaled.iter().enumerate() {
@@ -136,10 +139,7 @@ pub(crate) fn dequantise(node: &Node, q: &QuantConv, scales: &[Option<Scale>]) -
         unreachable!("only convolutions have weights");
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
-    let (gi, go) = (
-        shape.in_channels() / shape.groups(),
-        shape.out_channels() / shape.groups(),
-    );
+    let (gi, go) = (shape.group_in(), shape.group_out());
     let taps = shape.kernel() * shape.kernel();
     let mut weight = Vec::with_capacity(q.weight.len());
     for (o, row) in q.weight.chunks_exact(gi * taps).enumerate() {
