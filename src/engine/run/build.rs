@@ -282,7 +282,7 @@ fn int8(
         let acc = acc.round();
         if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&acc) {
             return Err(KernelError::Value(format!(
-                "expected a bias within i32, found {acc:e} steps of the weights of output channel {o}; quantise the weights again"
+                "expected a bias within i32, found {acc:.2e} steps of the weights of output channel {o}; quantise the weights again"
             )));
         }
         bias.push(acc as i32);
