@@ -24,9 +24,8 @@ fn person(index: usize) -> Detection {
 fn lift(c: &mut Criterion) {
     let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
     let model = Model::shipped().expect("a build with weights");
-    let weights = model.stage2().expect("the shipped model has Stage II");
-    let weights = weights.try_into().expect("the layers fit");
-    let mut lifter = Lifter::new(&weights, Encodings::Read, isa).expect("the CPU has its tier");
+    let stage2 = model.stage2().expect("the shipped model has Stage II");
+    let mut lifter = Lifter::new(&stage2.layers, Encodings::Read, isa).expect("layers that fit");
     let letterbox = Letterbox {
         scale: 1.0,
         offset_u: 0.0,

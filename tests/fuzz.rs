@@ -1,5 +1,5 @@
 //! The fuzz targets on the stable compiler, without sanitizers: whole seeds, everything that fuzzing once found, and
-//! seeds damaged at random. `fuzz/README.md` says how the same targets run under libFuzzer.
+//! seeds damaged at random. `docs/fuzzing.md` says how the same targets run under libFuzzer.
 
 #[path = "../fuzz/src/seeds.rs"]
 mod seeds;
@@ -107,6 +107,7 @@ each!(
     model,
     safetensors,
     network,
+    association,
     avi,
     y4m,
     photo,
@@ -194,6 +195,8 @@ fn seeds_are_whole() {
             assert!(reader.read(&mut frame).unwrap());
         }
     }
+    let settings = seeds("association").remove(0);
+    edgecap::detect::AssociationConfig::parse(std::str::from_utf8(&settings).unwrap()).unwrap();
     let config = seeds("fit_config").remove(0);
     edgecap::fit::FitConfig::parse(std::str::from_utf8(&config).unwrap()).unwrap();
 }

@@ -82,6 +82,7 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "model" => vec![model()],
         "safetensors" => vec![stage1(), stage2()],
         "network" => vec![NETWORK.into(), MODULES.into()],
+        "association" => vec![include_bytes!("../../models/association.toml").to_vec()],
         "avi" => vec![avi()],
         "mp4" => vec![mp4()],
         "y4m" => vec![y4m("420jpeg", 24), y4m("444 XCOLORRANGE=FULL", 48)],

@@ -12,8 +12,13 @@ use edgecap::camera::calibration::{
     check, read_colmap, read_easymocap, read_opencv, read_pose2sim, read_qtm, write_pose2sim,
 };
 use edgecap::capture::{AviReader, Frame, PhotoDecoder, Source, Y4mReader};
-use edgecap::engine::{Engine, EngineOptions, Model, Network, Precision};
+use edgecap::detect::{AssociationConfig, Associator};
+use edgecap::engine::model::Calibration;
+use edgecap::engine::{
+    Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Network, Precision,
+};
 use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::EVIDENCE_JOINTS;
 use edgecap::message::{Body, BodyFrame, ObservationFrame};
 use edgecap::overlay::{Glyphs, Person, Screen, characters, draw};
 use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row};
@@ -28,6 +33,7 @@ pub const TARGETS: &[Target] = &[
     ("model", model),
     ("safetensors", safetensors),
     ("network", network),
+    ("association", association),
     ("avi", avi),
     #[cfg(feature = "mp4")]
     ("mp4", mp4),
@@ -56,8 +62,8 @@ pub fn model(data: &[u8]) {
     let mut bytes = data.to_vec();
     seeds::sign(&mut bytes);
     if let Ok(model) = Model::from_bytes(&bytes) {
-        run(&model, Precision::Int8);
-        run(&model, Precision::F32);
+        run_int8(&model);
+        run(&model, Precision::F32, None);
         let again = Model::from_bytes(&model.to_bytes().expect("an open model can be written"));
         assert_eq!(
             again.expect("what was written can be read").weights(),
@@ -70,30 +76,58 @@ pub fn model(data: &[u8]) {
 pub fn safetensors(data: &[u8]) {
     let network = Network::parse(seeds::NETWORK).expect("the seed is a network");
     if let Ok(model) = Model::from_safetensors(data, network.clone()) {
-        run(&model, Precision::F32);
+        run(&model, Precision::F32, None);
         if let Ok(model) = model.quantise(None) {
-            run(&model, Precision::Int8);
+            run_int8(&model);
         }
     }
     let _ = Model::random(network, 1).with_stage2(data);
 }
 
-/// A network table, with random weights.
+/// A network table, with random weights; what it does in f32 on one picture gives the ranges of int8.
 pub fn network(data: &[u8]) {
     let Ok(network) = Network::parse(&String::from_utf8_lossy(data)) else {
         return;
     };
-    if network.graph().parameters() <= MOST_NUMBERS {
-        run(&Model::random(network, 1), Precision::F32);
+    if network.graph().parameters() > MOST_NUMBERS {
+        return;
+    }
+    let model = Model::random(network, 1);
+    if run(&model, Precision::F32, None).is_none() {
+        return;
+    }
+    let side = smallest(model.network());
+    let options = CalibrationOptions {
+        size: (side, side),
+        ..CalibrationOptions::default()
+    };
+    let seen = Calibration::observe(&model, [picture(side)], options);
+    if let Ok(model) = seen.and_then(|seen| Ok(model.quantise(Some(&seen))?)) {
+        run_int8(&model);
     }
 }
 
-/// Runs a small network once on its smallest input.
-fn run(model: &Model, precision: Precision) {
+/// The fastest kernels compute what the plainest do, and refuse what they do.
+fn run_int8(model: &Model) {
+    let plain = run(model, Precision::Int8, Some(Isa::Scalar));
+    assert!(run(model, Precision::Int8, None) == plain, "tiers differ");
+}
+
+/// Side of the smallest input that a network takes, and that has a map.
+fn smallest(network: &Network) -> usize {
+    network.input().multiple.max(16)
+}
+
+fn picture(side: usize) -> Vec<u8> {
+    (0..3 * side * side).map(|i| (i * 37) as u8).collect()
+}
+
+/// Runs a small network once on its smallest input; `None` where it cannot be, or is not small.
+fn run(model: &Model, precision: Precision, isa: Option<Isa>) -> Option<Maps> {
     let graph = model.network().graph();
-    let side = model.network().input().multiple.max(16);
+    let side = smallest(model.network());
     if side > 64 || graph.macs(side, side) > MOST_MACS {
-        return;
+        return None;
     }
     let sizes = graph.sizes(side, side);
     let numbers = sizes
@@ -103,19 +137,42 @@ fn run(model: &Model, precision: Precision) {
             sum.saturating_add(h.saturating_mul(*w).saturating_mul(v.channels))
         });
     if numbers > MOST_NUMBERS {
-        return;
+        return None;
     }
     let options = EngineOptions {
         width: side,
         height: side,
         threads: 1,
-        isa: None,
-        algorithms: None,
+        isa,
+        // Those that are the fastest depend on the tier.
+        algorithms: Some(Algorithms::Portable),
         precision,
     };
-    if let Ok(mut engine) = Engine::new(model, options) {
-        let picture: Vec<u8> = (0..3 * side * side).map(|i| (i * 37) as u8).collect();
-        engine.run(&picture);
+    let mut engine = Engine::new(model, options).ok()?;
+    Some(engine.run(&picture(side)).clone())
+}
+
+/// The association's settings, and people looked for under them: in maps that are full everywhere, and in some of any
+/// numbers.
+pub fn association(data: &[u8]) {
+    let Ok(config) = AssociationConfig::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    let (most, fewest) = (config.max_people, config.min_joints);
+    let mut associator = Associator::new(config);
+    let mut maps = Maps::new(12, 8);
+    maps.head2d.fill(1.0);
+    for k in 0..2 {
+        let found = associator.associate(&maps);
+        assert!(found.len() <= most);
+        for person in found {
+            let seen = person.joints.iter().filter(|joint| joint[2] > 0.0).count();
+            assert!((fewest..=EVIDENCE_JOINTS).contains(&seen), "{seen} joints");
+            assert!(person.score.is_finite());
+        }
+        let number = |i: usize| (i * i * (7 + k) % 251) as f32 / 125.0 - 1.0;
+        let values = maps.head2d.iter_mut().enumerate();
+        values.for_each(|(i, v)| *v = number(i));
     }
 }
 

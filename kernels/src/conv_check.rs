@@ -19,10 +19,16 @@ pub(crate) fn check_params(
 
 /// Refuses a scratch with less than `needed` bytes.
 pub(crate) fn check_scratch(needed: usize, scratch: &Scratch) -> Result<(), KernelError> {
-    check_length("bytes of scratch", needed.max(scratch.len()), scratch.len())
+    if scratch.len() >= needed {
+        return Ok(());
+    }
+    Err(KernelError::Tensor(format!(
+        "expected {needed} bytes of scratch, found {}; make it with Scratch::new(scratch_bytes())",
+        scratch.len()
+    )))
 }
 
-/// Refuses arrays of the wrong length.
+/// Refuses arrays of parameters of the wrong length.
 pub(crate) fn check_length(
     what: &'static str,
     expected: usize,
@@ -77,4 +83,23 @@ pub(crate) fn check_tensors(
         .check(layout, len)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_remedy_is_that_of_what_is_wrong() {
+        let said = check_scratch(64, &Scratch::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            said.contains("64 bytes of scratch, found 0; make it with Scratch::new"),
+            "{said}"
+        );
+        assert!(check_scratch(0, &Scratch::default()).is_ok());
+        let said = check_length("biases", 3, 2).unwrap_err().to_string();
+        assert!(said.contains("one array per convolution"), "{said}");
+    }
 }

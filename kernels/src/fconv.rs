@@ -25,8 +25,7 @@ pub struct FConvParams<'a> {
 
 /// A packed f32 convolution for one instruction set: `relu(bias + Σ weight · input + residual)`.
 ///
-/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-6 · (|bias| + Σ|weight · input|)` times
-/// a small factor.
+/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-5 · (|bias| + Σ|weight · input|)`.
 #[derive(Debug, Clone)]
 pub struct FConv {
     shape: ConvShape,

@@ -1,6 +1,5 @@
 //! Fully connected f32 layer over a small batch: `y = relu(x Wᵀ + b)`.
 
-use crate::conv_check::check_length;
 use crate::{
     ConvDims, ConvShape, FConv, FConvParams, Isa, KernelError, Layout, Scratch, Tensor, TensorMut,
 };
@@ -67,19 +66,48 @@ impl Linear {
     /// # Errors
     /// When a slice has the wrong length.
     pub fn run(&self, batch: usize, input: &[f32], output: &mut [f32]) -> Result<(), KernelError> {
+        check_rows("input", batch, self.inputs(), input.len())?;
+        check_rows("output", batch, self.outputs(), output.len())?;
         if batch == 0 {
-            check_length("inputs", 0, input.len())?;
-            return check_length("outputs", 0, output.len());
+            return Ok(());
         }
         let from = Layout::dense(1, batch, self.inputs(), 0)?;
         let to = Layout::dense(1, batch, self.outputs(), 0)?;
-        check_length("inputs", from.buffer_len(), input.len())?;
-        check_length("outputs", to.buffer_len(), output.len())?;
         self.conv.run(
             Tensor::new(input, from),
             None,
             TensorMut::new(output, to),
             &mut Scratch::default(),
         )
+    }
+}
+
+/// Refuses a slice that is not `batch` rows of `width` numbers.
+fn check_rows(role: &str, batch: usize, width: usize, found: usize) -> Result<(), KernelError> {
+    if batch.checked_mul(width) == Some(found) {
+        return Ok(());
+    }
+    Err(KernelError::Tensor(format!(
+        "{role}: expected {batch} rows of {width} numbers, found {found} numbers; pass whole rows"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_are_not_whole_are_called_so() {
+        let layer = Linear::new(Isa::Scalar, 2, 1, &[1.0, 2.0], &[0.0], false).unwrap();
+        let mut output = [0.0; 2];
+        let said = layer.run(2, &[1.0; 3], &mut output).unwrap_err();
+        assert_eq!(
+            said.to_string(),
+            "input: expected 2 rows of 2 numbers, found 3 numbers; pass whole rows"
+        );
+        let said = layer.run(0, &[], &mut output).unwrap_err();
+        assert!(said.to_string().starts_with("output: expected 0 rows"));
+        assert!(layer.run(usize::MAX, &[1.0; 2], &mut output).is_err());
+        assert!(layer.run(0, &[], &mut []).is_ok());
     }
 }

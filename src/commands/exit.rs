@@ -197,11 +197,15 @@ pub fn code(error: &anyhow::Error) -> u8 {
             if let Some(e) = cause.downcast_ref::<CameraError>() {
                 return Some(e.exit_code());
             }
-            if let Some(
-                EngineError::Isa(_) | EngineError::Algorithms(_) | EngineError::Size { .. },
-            ) = cause.downcast_ref()
-            {
-                return Some(USAGE);
+            match cause.downcast_ref::<EngineError>() {
+                Some(
+                    EngineError::Isa(_) | EngineError::Algorithms(_) | EngineError::Size { .. },
+                ) => return Some(USAGE),
+                Some(EngineError::Model(e)) => return Some(model_code(e)),
+                Some(
+                    EngineError::Plan(_) | EngineError::Packed { .. } | EngineError::Kernel { .. },
+                ) => return Some(DATA),
+                _ => {}
             }
             if let Some(e) = cause.downcast_ref::<ModelError>() {
                 return Some(model_code(e));

@@ -232,5 +232,5 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
     } else {
         Encodings::Zero
     };
-    Ok(Lifter::new(&stage2.try_into()?, encodings, isa)?)
+    Ok(Lifter::new(&stage2.layers, encodings, isa)?)
 }

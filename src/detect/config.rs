@@ -60,7 +60,8 @@ impl AssociationConfig {
     /// Reads settings in the form of `models/association.toml`.
     ///
     /// # Errors
-    /// Keys that are unknown or missing, numbers that are not finite, counts that nothing here can hold.
+    /// Keys that are unknown or missing, numbers that are not finite, counts that nothing here can hold, thresholds
+    /// outside 0 to 1.
     pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
         let refused = |what: String| Err(toml::de::Error::custom(what));
         if let Some(key) = not_finite(&text.parse::<toml::Table>()?) {
@@ -74,6 +75,16 @@ impl AssociationConfig {
         ] {
             if !(1..=most).contains(&found) {
                 return refused(format!("expected '{key}' of 1 to {most}, found {found}"));
+            }
+        }
+        for (key, found) in [
+            ("neck_threshold", read.neck_threshold),
+            ("joint_threshold", read.joint_threshold),
+            ("limb_threshold", read.limb_threshold),
+            ("pass_ratio", read.pass_ratio),
+        ] {
+            if !(0.0..=1.0).contains(&found) {
+                return refused(format!("expected '{key}' of 0 to 1, found {found}"));
             }
         }
         Ok(read)
@@ -145,6 +156,15 @@ mod tests {
         assert!(with("max_peaks = 64", "max_peaks = 0").contains("found 0"));
         assert!(with("min_joints = 4", "min_joints = 15").contains("'min_joints' of 1 to 14"));
         assert!(with("pass_ratio = ", "pass_ratio = nan #").contains("'pass_ratio'"));
+        for (key, least) in [
+            ("neck_threshold", "neck_threshold = -0.1 #"),
+            ("joint_threshold", "joint_threshold = -0.01 #"),
+            ("limb_threshold", "limb_threshold = 1.5 #"),
+            ("pass_ratio", "pass_ratio = 1.01 #"),
+        ] {
+            let said = with(&format!("{key} = "), least);
+            assert!(said.contains(&format!("'{key}' of 0 to 1")), "{said}");
+        }
         assert!(with("found = ", "found = inf #").contains("'found'"));
         assert!(with("joint_squared = [", "joint_squared = [nan, ").contains("'joint_squared'"));
         assert!(with("bias = ", "biass = ").contains("biass"));

@@ -5,9 +5,10 @@ use edgecap_client::message::{Intrinsics, Observation};
 use edgecap_kernels::Isa;
 
 use super::weights::{INPUTS, OUTPUTS};
-use super::{LiftError, Stage2Weights, input, mlp::Mlp, torso_colours, unseen, view};
+use super::{LiftError, input, mlp::Mlp, torso_colours, unseen, view};
 use crate::capture::{Frame, Letterbox};
 use crate::detect::Detection;
+use crate::engine::model::Linear;
 
 /// What Stage II is fed at the places of the encodings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,13 +30,14 @@ pub struct Lifter {
 }
 
 impl Lifter {
-    /// A lifter with these weights, computing with the kernels of `isa`.
+    /// A lifter with these layers, as a model's Stage II has them, computing with the kernels of `isa`.
     ///
     /// # Errors
-    /// When the CPU lacks `isa`.
-    pub fn new(weights: &Stage2Weights, encodings: Encodings, isa: Isa) -> Result<Self, LiftError> {
+    /// When the layers do not fit each other or Stage II's input and output, a weight is not finite, or the CPU lacks
+    /// `isa`.
+    pub fn new(layers: &[Linear], encodings: Encodings, isa: Isa) -> Result<Self, LiftError> {
         Ok(Self {
-            mlp: Mlp::new(weights, isa)?,
+            mlp: Mlp::new(layers, isa)?,
             encodings,
             input: Vec::new(),
             observations: Vec::new(),

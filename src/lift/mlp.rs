@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use edgecap_kernels::{Isa, Linear};
 
-use super::{INPUTS, LiftError, LinearLayer, Stage2Weights};
+use super::{INPUTS, LiftError, weights};
+use crate::engine::model;
 
 /// Stage II's layers, packed for the CPU, with the buffers between them.
 ///
@@ -21,17 +22,18 @@ pub(crate) struct Mlp {
 }
 
 impl Mlp {
-    /// Packs the layers for `isa`.
-    pub fn new(weights: &Stage2Weights, isa: Isa) -> Result<Self, LiftError> {
-        let mut layers = weights.layers().to_vec();
-        // There is one: `Stage2Weights` starts at INPUTS and ends at OUTPUTS.
+    /// Checks the layers and packs them for `isa`.
+    pub fn new(layers: &[model::Linear], isa: Isa) -> Result<Self, LiftError> {
+        weights::check(layers)?;
+        // There is a first one: layers begin at INPUTS and end at OUTPUTS.
         let weighted = weighted_inputs(&layers[0]);
-        layers[0] = narrowed(&layers[0], &weighted);
+        let first = narrowed(&layers[0], &weighted);
+        let all = std::iter::once(&first).chain(&layers[1..]);
         let pack =
-            |l: &LinearLayer| Linear::new(isa, l.inputs, l.outputs, &l.weights, &l.bias, l.relu);
+            |l: &model::Linear| Linear::new(isa, l.inputs, l.outputs, &l.weight, &l.bias, l.relu);
         Ok(Self {
             weighted,
-            layers: layers.iter().map(pack).collect::<Result<_, _>>()?,
+            layers: all.map(pack).collect::<Result<_, _>>()?,
             from: Vec::new(),
             to: Vec::new(),
         })
@@ -53,9 +55,9 @@ impl Mlp {
 }
 
 /// The inputs that `layer` gives any weight; one at least.
-fn weighted_inputs(layer: &LinearLayer) -> Vec<usize> {
+fn weighted_inputs(layer: &model::Linear) -> Vec<usize> {
     let mut any = vec![false; layer.inputs];
-    for row in layer.weights.chunks_exact(layer.inputs) {
+    for row in layer.weight.chunks_exact(layer.inputs) {
         for (any, w) in any.iter_mut().zip(row) {
             *any |= *w != 0.0;
         }
@@ -68,14 +70,16 @@ fn weighted_inputs(layer: &LinearLayer) -> Vec<usize> {
 }
 
 /// `layer` with these inputs only.
-fn narrowed(layer: &LinearLayer, inputs: &[usize]) -> LinearLayer {
-    let rows = layer.weights.chunks_exact(layer.inputs);
-    LinearLayer {
+fn narrowed(layer: &model::Linear, inputs: &[usize]) -> model::Linear {
+    let rows = layer.weight.chunks_exact(layer.inputs);
+    model::Linear {
         inputs: inputs.len(),
-        weights: rows
+        outputs: layer.outputs,
+        weight: rows
             .flat_map(|row| inputs.iter().map(|&k| row[k]))
             .collect(),
-        ..layer.clone()
+        bias: layer.bias.clone(),
+        relu: layer.relu,
     }
 }
 
@@ -85,28 +89,28 @@ mod tests {
     use crate::lift::OUTPUTS;
 
     /// One layer that gives weight to every `every`-th input.
-    fn sparse(every: usize) -> Stage2Weights {
-        let weight = |k: usize| ((k * 7 % 11) as f32 - 5.5) * 0.01;
-        let weights = (0..INPUTS * OUTPUTS).map(|k| {
+    fn sparse(every: usize) -> model::Linear {
+        let number = |k: usize| ((k * 7 % 11) as f32 - 5.5) * 0.01;
+        let weight = (0..INPUTS * OUTPUTS).map(|k| {
             let counts = (k % INPUTS).is_multiple_of(every);
-            if counts { weight(k) } else { 0.0 }
+            if counts { number(k) } else { 0.0 }
         });
-        Stage2Weights::new(vec![LinearLayer {
+        model::Linear {
             inputs: INPUTS,
             outputs: OUTPUTS,
-            weights: weights.collect(),
+            weight: weight.collect(),
             bias: vec![0.25; OUTPUTS],
             relu: false,
-        }])
-        .expect("the layer fits")
+        }
     }
 
     #[test]
     fn inputs_without_weight_are_left_out() {
         let isa = Isa::detect().expect("a tier");
         for (every, counting) in [(1, INPUTS), (7, INPUTS / 7), (INPUTS, 1)] {
-            let weights = sparse(every);
-            let mut mlp = Mlp::new(&weights, isa).expect("a tier of this CPU");
+            let layer = sparse(every);
+            let layers = std::slice::from_ref(&layer);
+            let mut mlp = Mlp::new(layers, isa).expect("a layer that fits");
             assert_eq!(mlp.layers[0].inputs(), counting);
             let input: Vec<f32> = (0..2 * INPUTS)
                 .map(|k| {
@@ -115,7 +119,7 @@ mod tests {
                 })
                 .collect();
             let output = mlp.run(2, &input).expect("the lengths fit").to_vec();
-            let rows = weights.layers()[0].weights.chunks_exact(INPUTS);
+            let rows = layer.weight.chunks_exact(INPUTS);
             let rows: Vec<&[f32]> = rows.collect();
             for (person, x) in input.chunks_exact(INPUTS).enumerate() {
                 for (o, w) in rows.iter().enumerate() {
@@ -130,11 +134,10 @@ mod tests {
 
     #[test]
     fn a_layer_without_weights_gives_its_bias() {
-        let mut weights = sparse(1).layers().to_vec();
-        weights[0].weights.fill(0.0);
-        let weights = Stage2Weights::new(weights).expect("the layer fits");
+        let mut layer = sparse(1);
+        layer.weight.fill(0.0);
         let isa = Isa::detect().expect("a tier");
-        let mut mlp = Mlp::new(&weights, isa).expect("a tier of this CPU");
+        let mut mlp = Mlp::new(&[layer], isa).expect("a layer that fits");
         let output = mlp.run(1, &[1.0; INPUTS]).expect("the lengths fit");
         assert_eq!(output, [0.25; OUTPUTS]);
     }

@@ -11,4 +11,4 @@ mod weights;
 
 pub use error::LiftError;
 pub use lifter::{Encodings, Lifter};
-pub use weights::{INPUTS, JOINT_INPUTS, LinearLayer, OUTPUTS, Stage2Weights};
+pub use weights::{INPUTS, JOINT_INPUTS, OUTPUTS};

@@ -256,6 +256,29 @@ fn a_picture_beside_a_channel_of_a_layer_stays_whole() {
 }
 
 #[test]
+fn a_picture_that_is_added_keeps_its_channels() {
+    let layers = r#"
+      { kind = "bottlenecks", name = "res", width = 4, out = 3, blocks = 1, stride = 1 },
+      { kind = "conv", name = "a", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "c", out = 8, kernel = 3, stride = 2 },
+      { kind = "conv", name = "head3d.out", out = 63, kernel = 1, norm = false, relu = false },
+    "#;
+    let model = Model::random(network(layers), 5);
+    let Weights::Float(weights) = model.weights() else {
+        panic!("random weights are floats");
+    };
+    let picture = picture(SIZE, 4);
+    let expected = naive(model.network().graph(), weights, &picture, SIZE);
+    let int8 = quantised(&model);
+    for isa in Isa::available() {
+        let mut engine = engine(&int8, Precision::Int8, 1, Some(isa));
+        let e = error(&expected, engine.run(&picture));
+        assert!(e < 0.1, "{isa}: {e}");
+    }
+}
+
+#[test]
 fn profile_names_every_layer_and_counts_its_work() {
     let model = quantised(&Model::random(tiny(), 3));
     let mut engine = engine(&model, Precision::Int8, 1, None);

@@ -4,11 +4,9 @@ use edgecap::camera::translation::least_squares;
 use edgecap::capture::{Frame, Letterbox};
 use edgecap::detect::Detection;
 use edgecap::engine::HEAD3D_CHANNELS;
-use edgecap::engine::model::Stage2;
+use edgecap::engine::model::{Linear, Stage2};
 use edgecap::joints::{EVIDENCE_JOINTS, LIMBS, NECK};
-use edgecap::lift::{
-    Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, LinearLayer, OUTPUTS, Stage2Weights,
-};
+use edgecap::lift::{Encodings, INPUTS, JOINT_INPUTS, LiftError, Lifter, OUTPUTS};
 use edgecap::message::Intrinsics;
 use edgecap_kernels::Isa;
 use glam::{DVec2, DVec3};
@@ -17,13 +15,13 @@ use rand::{Rng, SeedableRng};
 
 const WIDTHS: [usize; 6] = Stage2::WIDTHS;
 
-fn random_layers(rng: &mut SmallRng) -> Vec<LinearLayer> {
+fn random_layers(rng: &mut SmallRng) -> Vec<Linear> {
     let layer = |(i, w): (usize, &[usize])| {
         let scale = (3.0 / w[0] as f32).sqrt();
-        LinearLayer {
+        Linear {
             inputs: w[0],
             outputs: w[1],
-            weights: (0..w[0] * w[1])
+            weight: (0..w[0] * w[1])
                 .map(|_| rng.random_range(-scale..scale))
                 .collect(),
             bias: (0..w[1]).map(|_| rng.random_range(-0.1..0.1)).collect(),
@@ -56,7 +54,7 @@ fn random_detection(rng: &mut SmallRng) -> Detection {
 }
 
 /// Stage II in double precision, written as the formula reads.
-fn plain(layers: &[LinearLayer], d: &Detection, encodings: bool) -> Vec<f64> {
+fn plain(layers: &[Linear], d: &Detection, encodings: bool) -> Vec<f64> {
     let seen: Vec<usize> = (0..EVIDENCE_JOINTS)
         .filter(|&j| d.joints[j][2] > 0.0)
         .collect();
@@ -80,7 +78,7 @@ fn plain(layers: &[LinearLayer], d: &Detection, encodings: bool) -> Vec<f64> {
     }
     for l in layers {
         let output = |o: usize| {
-            let row = &l.weights[o * l.inputs..(o + 1) * l.inputs];
+            let row = &l.weight[o * l.inputs..(o + 1) * l.inputs];
             let dot: f64 = row.iter().zip(&x).map(|(w, x)| f64::from(*w) * x).sum();
             let y = dot + f64::from(l.bias[o]);
             if l.relu { y.max(0.0) } else { y }
@@ -104,9 +102,8 @@ impl FillWith for [f32; HEAD3D_CHANNELS] {
 fn batches_of_any_size_match_the_plain_formula() {
     let mut rng = SmallRng::seed_from_u64(1);
     let layers = random_layers(&mut rng);
-    let weights = Stage2Weights::new(layers.clone()).unwrap();
     for encodings in [Encodings::Read, Encodings::Zero] {
-        let mut lifter = Lifter::new(&weights, encodings, Isa::Scalar).unwrap();
+        let mut lifter = Lifter::new(&layers, encodings, Isa::Scalar).unwrap();
         for count in [0, 1, 3, 4, 5, 8, 11] {
             let people: Vec<_> = (0..count).map(|_| random_detection(&mut rng)).collect();
             let lifted: Vec<_> = lifter.lift_aligned(&people).unwrap().collect();
@@ -124,13 +121,13 @@ fn batches_of_any_size_match_the_plain_formula() {
 #[test]
 fn size_and_place_in_the_network_input_do_not_matter() {
     let mut rng = SmallRng::seed_from_u64(2);
-    let weights = Stage2Weights::new(random_layers(&mut rng)).unwrap();
+    let layers = random_layers(&mut rng);
     let near = random_detection(&mut rng);
     let mut far = near.clone();
     for j in far.joints.iter_mut().filter(|j| j[2] > 0.0) {
         *j = [0.5 * j[0] + 31.0, 0.5 * j[1] - 7.0, j[2]];
     }
-    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
+    let mut lifter = Lifter::new(&layers, Encodings::Read, Isa::detect().unwrap()).unwrap();
     let lifted: Vec<_> = lifter.lift_aligned(&[near, far]).unwrap().collect();
     for (a, b) in lifted[0]
         .as_flattened()
@@ -144,8 +141,8 @@ fn size_and_place_in_the_network_input_do_not_matter() {
 #[test]
 fn observations_are_in_original_pixels_and_camera_axes() {
     let mut rng = SmallRng::seed_from_u64(3);
-    let weights = Stage2Weights::new(random_layers(&mut rng)).unwrap();
-    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
+    let layers = random_layers(&mut rng);
+    let mut lifter = Lifter::new(&layers, Encodings::Read, Isa::detect().unwrap()).unwrap();
     let d = random_detection(&mut rng);
     let aligned = lifter
         .lift_aligned(std::slice::from_ref(&d))
@@ -202,10 +199,10 @@ fn observations_are_in_original_pixels_and_camera_axes() {
 fn weights_that_do_not_fit_are_refused() {
     let mut rng = SmallRng::seed_from_u64(4);
     let good = random_layers(&mut rng);
-    let with = |change: &dyn Fn(&mut Vec<LinearLayer>)| {
+    let with = |change: &dyn Fn(&mut Vec<Linear>)| {
         let mut layers = good.clone();
         change(&mut layers);
-        let Err(error) = Stage2Weights::new(layers) else {
+        let Err(error) = Lifter::new(&layers, Encodings::Read, Isa::Scalar) else {
             panic!("layers that do not fit were taken")
         };
         error
@@ -215,7 +212,7 @@ fn weights_that_do_not_fit_are_refused() {
         LiftError::Layer { index: 4, .. }
     ));
     assert!(matches!(
-        with(&|l| l[2].weights.truncate(9)),
+        with(&|l| l[2].weight.truncate(9)),
         LiftError::Layer { index: 3, .. }
     ));
     assert_eq!(
@@ -249,20 +246,19 @@ fn pytorch_gives_the_same_joints() {
         let (values, _) = view.data().as_chunks::<4>();
         values.iter().map(|b| f32::from_le_bytes(*b)).collect()
     };
-    let layers = (1..WIDTHS.len())
+    let layers: Vec<Linear> = (1..WIDTHS.len())
         .map(|i| {
             let bias = floats(&format!("fc{i}.bias"));
-            let weights = floats(&format!("fc{i}.weight"));
-            LinearLayer {
-                inputs: weights.len() / bias.len(),
+            let weight = floats(&format!("fc{i}.weight"));
+            Linear {
+                inputs: weight.len() / bias.len(),
                 outputs: bias.len(),
-                weights,
+                weight,
                 bias,
                 relu: i + 1 < WIDTHS.len(),
             }
         })
         .collect();
-    let weights = Stage2Weights::new(layers).unwrap();
     let (uv, conf, enc) = (floats("uv"), floats("conf"), floats("enc"));
     let people: Vec<Detection> = (0..conf.len() / EVIDENCE_JOINTS)
         .map(|n| {
@@ -284,7 +280,7 @@ fn pytorch_gives_the_same_joints() {
         let d = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
         d.fold(0.0, f32::max)
     };
-    let mut lifter = Lifter::new(&weights, Encodings::Read, Isa::detect().unwrap()).unwrap();
+    let mut lifter = Lifter::new(&layers, Encodings::Read, Isa::detect().unwrap()).unwrap();
     let aligned = lifter
         .lift_aligned(&people)
         .unwrap()
@@ -292,7 +288,7 @@ fn pytorch_gives_the_same_joints() {
         .flatten()
         .collect();
     let error = worst(aligned, "aligned");
-    let mut blind = Lifter::new(&weights, Encodings::Zero, Isa::detect().unwrap()).unwrap();
+    let mut blind = Lifter::new(&layers, Encodings::Zero, Isa::detect().unwrap()).unwrap();
     let aligned = blind
         .lift_aligned(&people)
         .unwrap()

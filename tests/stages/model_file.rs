@@ -272,6 +272,74 @@ fn forged(from: &str, to: &str) -> Vec<u8> {
     bytes
 }
 
+/// Name, type, shape and bytes of a tensor.
+type Tensors = std::collections::BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)>;
+
+/// A model file of [`TINY`] with a layer `idle` that nobody reads, after `change` had its way with header and tensors,
+/// and the digest that belongs to it.
+fn changed(change: impl Fn(&mut serde_json::Value, &mut Tensors)) -> Result<Model, String> {
+    let a = r#"{ kind = "conv", name = "a""#;
+    let idle = r#"{ kind = "conv", name = "idle", out = 4, kernel = 1, norm = false },"#;
+    let network = Network::parse(&TINY.replace(a, &format!("{idle}\n{a}"))).unwrap();
+    let mut contract = contract();
+    contract["activation_max"]["idle.2"] = serde_json::json!(1.0);
+    let mut blobs = blobs();
+    blobs.push(("idle.weight", vec![4, 4, 1, 1], vec![0.5; 16]));
+    blobs.push(("idle.bias", vec![4], vec![0.5; 4]));
+    let float = Model::from_safetensors(&safetensors(&blobs, Some(&contract)), network);
+    let bytes = float.unwrap().quantise(None).unwrap().to_bytes().unwrap();
+
+    let (_, metadata) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    let header = &metadata.metadata().as_ref().unwrap()["edgecap"];
+    let mut header = serde_json::from_str(header).unwrap();
+    let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let tensor = |(name, t): (String, TensorView)| {
+        (name, (t.dtype(), t.shape().to_vec(), t.data().to_vec()))
+    };
+    let mut tensors = file.tensors().into_iter().map(tensor).collect();
+    change(&mut header, &mut tensors);
+    header["blake3"] = "0".repeat(64).into();
+    let write = |header: &serde_json::Value| {
+        let views = tensors.iter().map(|(name, (dtype, shape, data))| {
+            let view = TensorView::new(*dtype, shape.clone(), data).unwrap();
+            (name.as_str(), view)
+        });
+        let metadata = HashMap::from([("edgecap".into(), header.to_string())]);
+        safetensors::serialize(views, Some(metadata)).unwrap()
+    };
+    header["blake3"] = blake3::hash(&write(&header)).to_hex().as_str().into();
+    Model::from_bytes(&write(&header)).map_err(|e| e.to_string())
+}
+
+#[test]
+fn a_file_whose_scales_are_not_those_of_its_values_is_refused() {
+    changed(|_, _| {}).unwrap();
+    let refusal = |change: &dyn Fn(&mut serde_json::Value, &mut Tensors)| {
+        let said = changed(change).expect_err("must be refused");
+        assert!(!said.contains('\n'), "{said}");
+        said
+    };
+    // Steps of an output.
+    let steps = || 1.0_f32.to_le_bytes().repeat(40);
+    let said = refusal(&|header, tensors| {
+        header["zeros"]["a"] = 0.0.into();
+        tensors.insert("a.step".into(), (Dtype::F32, vec![40], steps()));
+    });
+    assert!(said.contains("zero point for the output `a`"), "{said}");
+    // None of a layer that is no output.
+    let said = refusal(&|header, tensors| {
+        header["zeros"].as_object_mut().unwrap().remove("idle");
+        tensors.remove("idle.step").unwrap();
+    });
+    assert!(said.contains("no zero point for `idle`"), "{said}");
+    // Halos of more than seven bits.
+    let said = refusal(&|header, _| header["zeros"]["stem"] = 200.0.into());
+    assert!(
+        said.contains("`stem.step`") && said.contains("zero point 200 is not in 0..=127"),
+        "{said}"
+    );
+}
+
 const POOL: &str = "kernel = 3, stride = 2 },\\\\n{ kind";
 
 #[test]

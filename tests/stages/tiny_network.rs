@@ -86,16 +86,19 @@ pub fn naive(
         let out = match &node.op {
             Op::MaxPool { shape } => planes(input.0.len(), size, |c, y, x| {
                 let (kernel, stride) = (shape.kernel(), shape.stride());
-                let window = (0..kernel * kernel).map(|t| {
-                    let y = (y * stride + t / kernel) as isize - shape.padding() as isize;
-                    let x = (x * stride + t % kernel) as isize - shape.padding() as isize;
-                    input.at(c, y, x)
+                let inside = |at: usize, tap: usize, len: usize| {
+                    let at = (at * stride + tap).checked_sub(shape.padding());
+                    at.filter(|&at| at < len)
+                };
+                let window = (0..kernel * kernel).filter_map(|t| {
+                    let (y, x) = (inside(y, t / kernel, h)?, inside(x, t % kernel, w)?);
+                    Some(input.0[c][y][x])
                 });
-                window.fold(0.0, f32::max)
+                window.fold(f32::NEG_INFINITY, f32::max)
             }),
             Op::Conv { shape: s, relu, .. } => {
                 let conv = conv.as_ref().unwrap();
-                let (gi, go) = (s.in_channels() / s.groups(), s.out_channels() / s.groups());
+                let (gi, go) = (s.group_in(), s.group_out());
                 let weight = |o: usize, i: usize, ky: usize, kx: usize| {
                     conv.weight[((o * gi + i) * s.kernel() + ky) * s.kernel() + kx]
                 };

@@ -100,20 +100,13 @@ impl ConvShape {
                 "transposed convolution: expected stride <= kernel and 2 * padding < kernel, found kernel {kernel}, stride {stride}, padding {padding}; correct the network file"
             )));
         }
-        // Packed panels pad the outputs of a group to whole vectors and blocks, and Winograd's weights take 8 bytes for
-        // one.
-        let packed_bytes = || {
-            let outs = (out_channels / groups).next_multiple_of(64);
-            (outs * groups)
-                .checked_mul(in_channels / groups)?
-                .checked_mul(kernel * kernel * 8)
-        };
-        if packed_bytes().is_none_or(|bytes| bytes > isize::MAX as usize) {
+        let shape = Self { dims };
+        if shape.most_packed_bytes() > isize::MAX as usize {
             return Err(KernelError::Shape(format!(
                 "expected weights that fit memory, found {in_channels} -> {out_channels} channels of {kernel}x{kernel}; correct the network file"
             )));
         }
-        Ok(Self { dims })
+        Ok(shape)
     }
 
     /// The numbers it was made of.
@@ -194,10 +187,29 @@ impl ConvShape {
             .saturating_mul(columns as u64)
     }
 
-    /// Weights: `[out_channels, in_channels / groups, kernel, kernel]`; a transposed convolution is stored the same way
-    /// (out-channel major), not in PyTorch's in-major order.
+    /// Shape of the weights: `[out_channels, in_channels / groups, kernel, kernel]`; a transposed convolution is stored
+    /// the same way (out-channel major), not in PyTorch's in-major order.
+    pub fn weight_shape(&self) -> [usize; 4] {
+        let ConvDims {
+            out_channels,
+            kernel,
+            ..
+        } = self.dims;
+        [out_channels, self.group_in(), kernel, kernel]
+    }
+
+    /// Weights there are.
     pub fn weight_len(&self) -> usize {
-        self.dims.out_channels * self.group_in() * self.dims.kernel * self.dims.kernel
+        self.weight_shape().iter().product()
+    }
+
+    /// No kernel's packed weights take more bytes. Outputs of a group are padded to whole vectors and blocks, so that
+    /// it can be many times [`weight_len`](Self::weight_len) where groups have few outputs.
+    pub fn most_packed_bytes(&self) -> usize {
+        // Winograd's weights take 8 bytes for one.
+        let bytes = self.dims.kernel * self.dims.kernel * 8;
+        let outs = self.group_out().next_multiple_of(64) * self.dims.groups;
+        outs.saturating_mul(self.group_in()).saturating_mul(bytes)
     }
 
     /// Padding pixels the input must have readable on every side.
@@ -280,6 +292,23 @@ mod tests {
         ] {
             assert!(ConvShape::new(bad).is_err(), "{bad:?}");
         }
+    }
+
+    #[test]
+    fn what_packing_may_take_grows_with_the_groups_of_few_outputs() {
+        let dims = ConvDims {
+            in_channels: 64,
+            out_channels: 64,
+            kernel: 3,
+            padding: 1,
+            ..ConvDims::default()
+        };
+        let bytes = |groups| {
+            let shape = ConvShape::new(ConvDims { groups, ..dims }).unwrap();
+            (shape.weight_len(), shape.most_packed_bytes())
+        };
+        assert_eq!(bytes(1), (64 * 64 * 9, 8 * 64 * 64 * 9));
+        assert_eq!(bytes(64), (64 * 9, 8 * 64 * 64 * 9));
     }
 
     #[test]

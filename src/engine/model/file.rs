@@ -8,7 +8,7 @@ use std::path::Path;
 use safetensors::{Dtype, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::contract::{Contract, Stage2Contract};
+use super::contract::{ACTIVATION_LEVELS, Contract, Stage2Contract};
 use super::tensors::Tensors;
 use super::{ModelError, QuantConv, Scale, Stage2, Weights};
 use crate::engine::Model;
@@ -88,12 +88,7 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
         let (Op::Conv { shape: s, .. }, Some(q)) = (&node.op, conv) else {
             continue;
         };
-        let shape = vec![
-            s.out_channels(),
-            s.in_channels() / s.groups(),
-            s.kernel(),
-            s.kernel(),
-        ];
+        let shape = s.weight_shape().to_vec();
         let weight = q.weight.iter().map(|&w| w as u8).collect();
         let n = &node.name;
         blobs.insert(format!("{n}.weight"), (Dtype::I8, shape, weight));
@@ -168,41 +163,47 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let graph = network.graph();
     let mut scales: Vec<Option<Scale>> = vec![None; graph.values.len()];
     scales[Graph::INPUT] = Some(Scale::picture());
-    for (value, scale) in graph.values.iter().zip(&mut scales).skip(1) {
-        let Some(&zero) = header.zeros.get(&value.name) else {
-            continue;
-        };
+    for (v, value) in graph.values.iter().enumerate().skip(1) {
         let name = format!("{}.step", value.name);
+        let is_output = graph.outputs.iter().any(|(_, o)| *o == v);
+        // The engine's steps rely on it: outputs are f32, all other values have a scale.
+        let zero = match (header.zeros.get(&value.name), is_output) {
+            (None, true) => continue,
+            (None, false) => {
+                let found = format!("the header has no zero point for `{}`", value.name);
+                return Err(ModelError::Damaged(found));
+            }
+            (Some(_), true) => {
+                let found = format!(
+                    "the header has a zero point for the output `{}`",
+                    value.name
+                );
+                return Err(ModelError::Damaged(found));
+            }
+            (Some(&zero), false) => zero,
+        };
         let steps = t.floats(&name, &[value.channels])?;
-        if steps.iter().any(|&s| s <= 0.0) || !(0.0..=255.0).contains(&zero) {
+        // Kernels take values of 7 bits, and halos hold the zero point.
+        if steps.iter().any(|&s| s <= 0.0) || !(0.0..=ACTIVATION_LEVELS as f32).contains(&zero) {
             return Err(ModelError::Values {
                 name,
-                found: format!("a step that is not positive, or the zero point {zero}"),
+                found: format!(
+                    "a step that is not positive, or the zero point {zero} is not in 0..={ACTIVATION_LEVELS}"
+                ),
             });
         }
-        *scale = Some(Scale { steps, zero });
+        scales[v] = Some(Scale { steps, zero });
     }
     let mut convs = Vec::new();
     for node in &graph.nodes {
-        for &v in node.inputs.iter().chain(&node.residual) {
-            if scales[v].is_none() {
-                return Err(ModelError::NoRange(graph.values[v].name.clone()));
-            }
-        }
         let Op::Conv { shape: s, .. } = &node.op else {
             convs.push(None);
             continue;
         };
         let n = &node.name;
         let out = [s.out_channels()];
-        let shape = [
-            s.out_channels(),
-            s.in_channels() / s.groups(),
-            s.kernel(),
-            s.kernel(),
-        ];
         let q = QuantConv {
-            weight: t.bytes(&format!("{n}.weight"), &shape)?,
+            weight: t.bytes(&format!("{n}.weight"), &s.weight_shape())?,
             scale: t.floats(&format!("{n}.scale"), &out)?,
             bias: t.floats(&format!("{n}.bias"), &out)?,
         };

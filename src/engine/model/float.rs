@@ -50,30 +50,38 @@ pub(crate) fn mismatches(tensors: &mut Tensors<'_>, network: &Network) -> Vec<Mo
             let parts = ["weight", "bias", "running_mean", "running_var"];
             wanted.extend(parts.map(|part| (format!("{norm}.{part}"), out.clone())));
         }
-        for (name, shape) in wanted {
-            match tensors.floats(&name, &shape) {
-                Ok(values) if name.ends_with(".running_var") => {
-                    all.extend(variances(&name, &values).err());
-                }
-                Ok(_) => {}
-                Err(e) => all.push(e),
-            }
-        }
+        all.extend(refused(tensors, &wanted));
     }
     all
 }
 
+/// What is wrong with tensors of these names and shapes.
+pub(super) fn refused(
+    tensors: &mut Tensors<'_>,
+    wanted: &[(String, Vec<usize>)],
+) -> Vec<ModelError> {
+    let mut wrong = |(name, shape): &(String, Vec<usize>)| {
+        let values = tensors.floats(name, shape);
+        let checked = values.and_then(|values| match name.ends_with(".running_var") {
+            true => variances(name, &values),
+            false => Ok(()),
+        });
+        checked.err()
+    };
+    wanted.iter().filter_map(&mut wrong).collect()
+}
+
 /// The shape of a convolution's weights in a PyTorch state dict.
 fn stored(s: &ConvShape) -> Vec<usize> {
-    let (k, out) = (s.kernel(), s.out_channels());
+    let k = s.kernel();
     match s.transposed() {
-        true => vec![s.in_channels(), out / s.groups(), k, k],
-        false => vec![out, s.in_channels() / s.groups(), k, k],
+        true => vec![s.in_channels(), s.group_out(), k, k],
+        false => s.weight_shape().to_vec(),
     }
 }
 
 /// Variances are not negative.
-fn variances(name: &str, values: &[f32]) -> Result<(), ModelError> {
+pub(super) fn variances(name: &str, values: &[f32]) -> Result<(), ModelError> {
     match values.iter().position(|&v| v < 0.0) {
         None => Ok(()),
         Some(o) => Err(ModelError::Values {
@@ -115,11 +123,7 @@ fn conv(
 
 /// PyTorch stores transposed convolutions `[in, out / groups, k, k]`; ours are `[out, in / groups, k, k]`.
 fn out_major(w: &[f32], s: &ConvShape) -> Vec<f32> {
-    let (gi, go, taps) = (
-        s.in_channels() / s.groups(),
-        s.out_channels() / s.groups(),
-        s.kernel() * s.kernel(),
-    );
+    let (gi, go, taps) = (s.group_in(), s.group_out(), s.kernel() * s.kernel());
     let mut to = Vec::with_capacity(w.len());
     for o in 0..s.out_channels() {
         let group = o / go;

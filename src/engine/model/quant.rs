@@ -79,8 +79,8 @@ pub(crate) fn input_scales<'a>(
     node.inputs.iter().filter_map(scale).flat_map(channels)
 }
 
-/// Rounds one convolution. `means`, the mean of every input channel, corrects the bias for what rounding the weights
-/// shifts.
+/// Rounds one convolution. `means`, the mean of every input channel in real units, corrects the bias for what rounding
+/// the weights shifts on average over the output.
 pub(crate) fn quantise(
     node: &Node,
     conv: &FloatConv,
@@ -91,11 +91,17 @@ pub(crate) fn quantise(
         unreachable!("only convolutions have weights");
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
-    let (gi, go) = (
-        shape.in_channels() / shape.groups(),
-        shape.out_channels() / shape.groups(),
-    );
+    let (gi, go) = (shape.group_in(), shape.group_out());
     let taps = shape.kernel() * shape.kernel();
+    // Every output of a convolution sees all taps of its channel; those of a transposed one share them out among the
+    // stride² outputs that an input makes.
+    let outputs = match shape.transposed() {
+        true => (shape.stride() * shape.stride()) as f32,
+        false => 1.0,
+    };
+    // The zero points of the residual and of the output are added to the bias when kernels are packed.
+    let shifted = node.residual.iter().chain([&node.output]);
+    let shifted: Vec<&Scale> = shifted.filter_map(|&v| scales[v].as_ref()).collect();
     let mut q = QuantConv {
         weight: Vec::with_capacity(conv.weight.len()),
         scale: Vec::with_capacity(shape.out_channels()),
@@ -106,9 +112,12 @@ pub(crate) fn quantise(
         let input = |i: usize| first + i / taps;
         let scaled: Vec<f32> = (0..row.len()).map(|i| row[i] * inputs[input(i)]).collect();
         let max = scaled.iter().fold(0.0, |m: f32, w| m.max(w.abs()));
-        // The bias must fit the accumulator too: a channel with hardly any weight keeps a coarser step.
+        // What is added to the products must fit the accumulator too, and f32 after it, which has 24 bits: a channel
+        // with hardly any weight keeps a coarser step.
+        let zero = |s: &Scale| s.steps[o] * s.zero;
+        let added = conv.bias[o].abs() + shifted.iter().copied().map(zero).sum::<f32>();
         let step = (max / WEIGHT_MAX)
-            .max(conv.bias[o].abs() * 1e-9)
+            .max(added * (f32::EPSILON / 2.0))
             .max(f32::MIN_POSITIVE * 1e6);
         let mut shift = 0.0;
         for (i, &w) in scaled.iter().enumerate() {
@@ -119,7 +128,7 @@ pub(crate) fn quantise(
             }
         }
         q.scale.push(step);
-        q.bias[o] += shift;
+        q.bias[o] += shift / outputs;
     }
     q
 }
@@ -130,10 +139,7 @@ pub(crate) fn dequantise(node: &Node, q: &QuantConv, scales: &[Option<Scale>]) -
         unreachable!("only convolutions have weights");
     };
     let inputs: Vec<f32> = input_scales(node, scales).map(|s| s.0).collect();
-    let (gi, go) = (
-        shape.in_channels() / shape.groups(),
-        shape.out_channels() / shape.groups(),
-    );
+    let (gi, go) = (shape.group_in(), shape.group_out());
     let taps = shape.kernel() * shape.kernel();
     let mut weight = Vec::with_capacity(q.weight.len());
     for (o, row) in q.weight.chunks_exact(gi * taps).enumerate() {
@@ -144,5 +150,85 @@ pub(crate) fn dequantise(node: &Node, q: &QuantConv, scales: &[Option<Scale>]) -
     FloatConv {
         weight,
         bias: q.bias.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::model::{Model, Weights};
+    use crate::engine::network::Network;
+
+    /// Mean of channel `o` over all outputs but those at the border, of an input that is `means` everywhere.
+    fn mean_output(node: &Node, conv: &FloatConv, means: &[f32], o: usize) -> f64 {
+        let shape = node.conv().expect("a convolution");
+        let (stride, kernel) = (shape.stride(), shape.kernel());
+        let (gi, go) = (shape.group_in(), shape.group_out());
+        // The outputs of a transposed convolution differ by which taps reach them.
+        let phases = if shape.transposed() { stride } else { 1 };
+        let mut sum = 0.0;
+        for phase in 0..phases * phases {
+            sum += f64::from(conv.bias[o]);
+            for (i, mean) in means[o / go * gi..][..gi].iter().enumerate() {
+                for tap in 0..kernel * kernel {
+                    let reaches = |at: usize, phase: usize| at % phases == phase;
+                    if reaches(tap / kernel, phase / phases)
+                        && reaches(tap % kernel, phase % phases)
+                    {
+                        let weight = conv.weight[(o * gi + i) * kernel * kernel + tap];
+                        sum += f64::from(weight) * f64::from(*mean);
+                    }
+                }
+            }
+        }
+        sum / (phases * phases) as f64
+    }
+
+    #[test]
+    fn corrected_biases_keep_the_mean_of_every_kind_of_layer() {
+        let network = Network::parse(
+            r#"
+            name = "tiny"
+            about = "layers of both kinds"
+            input = { channels = 3, multiple = 16 }
+            output = { a = "last" }
+            layers = [
+              { kind = "conv", name = "first", out = 16, kernel = 3, stride = 2 },
+              { kind = "conv", name = "grouped", out = 8, kernel = 3, groups = 2 },
+              { kind = "deconv", name = "up", out = 16, kernel = 4, stride = 2, groups = 2 },
+              { kind = "deconv", name = "uneven", out = 16, kernel = 5, stride = 3 },
+              { kind = "deconv", name = "level", out = 16, kernel = 3, stride = 1 },
+              { kind = "conv", name = "last", out = 4, kernel = 1 },
+            ]
+            "#,
+        );
+        let model = Model::random(network.unwrap(), 7);
+        let Weights::Float(convs) = &model.weights else {
+            panic!("random weights are floats");
+        };
+        let graph = model.network.graph();
+        let scale = |v: &crate::engine::network::Value| {
+            let ranges: Vec<f32> = (0..v.channels).map(|c| 1.0 + 0.1 * c as f32).collect();
+            Some(Scale::unsigned(&ranges))
+        };
+        let scales: Vec<_> = graph.values.iter().map(scale).collect();
+        for (node, conv) in graph.nodes.iter().zip(convs) {
+            let conv = conv.as_ref().unwrap();
+            let channels = graph.values[node.inputs[0]].channels;
+            let means: Vec<f32> = (0..channels).map(|c| 0.3 + 0.05 * c as f32).collect();
+            // Root mean square over channels.
+            let error = |corrected: bool| {
+                let q = quantise(node, conv, &scales, corrected.then_some(&means[..]));
+                let real = dequantise(node, &q, &scales);
+                let of = |o| {
+                    let expected = mean_output(node, conv, &means, o);
+                    (mean_output(node, &real, &means, o) - expected).powi(2)
+                };
+                let outs = graph.values[node.output].channels;
+                ((0..outs).map(of).sum::<f64>() / outs as f64).sqrt()
+            };
+            let (with, without) = (error(true), error(false));
+            assert!(with < 0.01 * without, "{}: {with} {without}", node.name);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Stage II's layers with batch norm folded in (XNect §4.2).
 
+use super::float::{refused, variances};
 use super::tensors::{Tensors, is_counter};
 use super::{ModelError, Stage2Contract};
 
@@ -44,11 +45,7 @@ pub(super) fn mismatches(t: &mut Tensors<'_>) -> Vec<ModelError> {
             let parts = ["weight", "bias", "running_mean", "running_var"];
             wanted.extend(parts.map(|part| (format!("{name}.1.{part}"), out.clone())));
         }
-        all.extend(
-            wanted
-                .iter()
-                .filter_map(|(n, shape)| t.floats(n, shape).err()),
-        );
+        all.extend(refused(t, &wanted));
     }
     all
 }
@@ -74,9 +71,10 @@ impl Stage2 {
                 let mut read = |what: &str| t.floats(&format!("{name}.1.{what}"), &[outputs]);
                 let (gamma, beta) = (read("weight")?, read("bias")?);
                 let (mean, var) = (read("running_mean")?, read("running_var")?);
+                variances(&format!("{name}.1.running_var"), &var)?;
                 let mut bias = beta;
                 for (o, row) in weight.chunks_exact_mut(inputs).enumerate() {
-                    let a = gamma[o] / (var[o].max(0.0) + contract.common.batchnorm_eps).sqrt();
+                    let a = gamma[o] / (var[o] + contract.common.batchnorm_eps).sqrt();
                     row.iter_mut().for_each(|w| *w *= a);
                     bias[o] -= mean[o] * a;
                 }
@@ -130,6 +128,7 @@ mod tests {
     use safetensors::tensor::{Dtype, TensorView};
 
     use super::*;
+    use crate::engine::Model;
 
     /// A file as the recipe writes it, all weights 0, with these hidden layers.
     fn file(hidden: [usize; 4]) -> Vec<u8> {
@@ -164,6 +163,25 @@ mod tests {
         };
         assert_eq!(widths([7, 5, 9, 3]), [7, 5, 9, 3, 63]);
         assert_eq!(widths([160, 256, 256, 128]), [160, 256, 256, 128, 63]);
+    }
+
+    #[test]
+    fn a_negative_variance_is_refused_as_in_stage_one() {
+        let mut bytes = file([7, 5, 9, 3]);
+        let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
+        let found = safetensors::SafeTensors::read_metadata(&bytes).unwrap().1;
+        let (from, _) = found.info("fc2.1.running_var").unwrap().data_offsets;
+        bytes[header + from + 4..][..4].copy_from_slice(&(-1.0_f32).to_le_bytes());
+        let said = Stage2::from_safetensors(&bytes).unwrap_err().to_string();
+        assert!(
+            said.contains("`fc2.1.running_var`") && said.contains("variance -1 of channel 1"),
+            "{said}"
+        );
+        let all = Model::stage2_mismatches(&bytes).unwrap();
+        assert!(
+            all.len() == 1 && all[0].to_string() == said,
+            "{all:?} instead of {said}"
+        );
     }
 
     #[test]

@@ -272,6 +272,15 @@ impl<'a> Builder<'a> {
                         "give it one input, kernel and stride of 1 to 64",
                     ));
                 };
+                if self.can_be_negative(input) {
+                    return Err(self.error(
+                        format!(
+                            "pooling `{name}` reads `{}`, which can be negative, while 0 lies around it",
+                            self.values[input].name
+                        ),
+                        "pool a layer that ends in ReLU",
+                    ));
+                }
                 let (op, channels) = (Op::MaxPool { shape }, self.values[input].channels);
                 self.last = self.push(name.clone(), op, inputs, None, channels)?;
                 self.name(name, self.last)
@@ -310,6 +319,17 @@ impl<'a> Builder<'a> {
                 self.last = x[0];
                 self.name(name, self.last)
             }
+        }
+    }
+
+    /// Whether a value may hold numbers below 0, as the picture does.
+    fn can_be_negative(&self, value: ValueId) -> bool {
+        let writer = self.nodes.iter().find(|n| n.output == value);
+        match writer.map(|n| &n.op) {
+            None => true,
+            Some(Op::Conv { relu, .. }) => !relu,
+            // Refused where its input can be.
+            Some(Op::MaxPool { .. }) => false,
         }
     }
 
@@ -362,12 +382,13 @@ impl<'a> Builder<'a> {
             conv.params.norm = Some(format!("{name}.bn{i}"));
             conv
         };
-        let shortcut = if stride == 1 && self.values[x[0]].channels == out {
-            x[0]
-        } else {
-            let mut conv = NewConv::sequential(format!("{name}.downsample"), out, 1, stride, 1);
-            conv.relu = false;
-            self.conv(conv, x.clone(), None)?
+        let shortcut = match x[..] {
+            [only] if stride == 1 && self.values[only].channels == out => only,
+            _ => {
+                let mut conv = NewConv::sequential(format!("{name}.downsample"), out, 1, stride, 1);
+                conv.relu = false;
+                self.conv(conv, x.clone(), None)?
+            }
         };
         let a = self.conv(c(1, width, 1, 1), x, None)?;
         let b = self.conv(c(2, width, 3, stride), vec![a], None)?;

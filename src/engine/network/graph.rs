@@ -37,7 +37,7 @@ pub enum Op {
         /// Parameter names.
         params: ParamNames,
     },
-    /// Maximum over a window; what lies outside the picture does not count.
+    /// Maximum over a window of a value that is nowhere negative; what lies outside the picture does not count.
     MaxPool {
         /// Geometry.
         shape: PoolShape,

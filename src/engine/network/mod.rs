@@ -186,6 +186,65 @@ mod tests {
         }
     }
 
+    fn with_layers(layers: &str) -> Result<Network, NetworkError> {
+        Network::parse(&format!(
+            r#"
+            name = "small"
+            about = "what a test wants"
+            input = {{ channels = 3, multiple = 16 }}
+            output = {{ out = "last" }}
+            layers = [{layers}
+              {{ kind = "conv", name = "last", out = 4, kernel = 1 }},
+            ]
+            "#
+        ))
+    }
+
+    #[test]
+    fn what_can_be_negative_is_not_pooled() {
+        let pooled = |before: &str| {
+            let pool = r#"{ kind = "maxpool", name = "pool", kernel = 3, stride = 2 },"#;
+            with_layers(&format!("{before} {pool}"))
+        };
+        let conv = |relu: bool| {
+            format!(r#"{{ kind = "conv", name = "a", out = 4, kernel = 3, relu = {relu} }},"#)
+        };
+        let first = r#"{ kind = "maxpool", name = "first", kernel = 3, stride = 2 },"#;
+        assert!(pooled(&conv(true)).is_ok());
+        assert!(pooled(&format!("{} {first}", conv(true))).is_ok());
+        for (before, pool, input) in [
+            (String::new(), "pool", "input"),
+            (conv(false), "pool", "a"),
+            (format!("{} {first}", conv(false)), "first", "a"),
+        ] {
+            let said = pooled(&before).unwrap_err().to_string();
+            let wanted = format!("pooling `{pool}` reads `{input}`, which can be negative");
+            assert!(said.contains(&wanted), "{said}");
+        }
+    }
+
+    #[test]
+    fn bottlenecks_that_read_two_layers_add_both() {
+        let graph = |from: &str| {
+            let network = with_layers(&format!(
+                r#"
+                {{ kind = "conv", name = "a", out = 8, kernel = 3 }},
+                {{ kind = "conv", name = "b", out = 8, kernel = 3 }},
+                {{ kind = "bottlenecks", name = "res", from = [{from}], width = 4, out = 8, blocks = 2, stride = 1 }},
+                "#
+            ));
+            network.unwrap().graph().clone()
+        };
+        let shortcut = |graph: &Graph, block: &str| {
+            let last = graph.nodes.iter().find(|n| n.name == block).unwrap();
+            graph.values[last.residual.unwrap()].name.clone()
+        };
+        let both = graph(r#""a", "b""#);
+        assert_eq!(shortcut(&both, "res.0.conv3"), "res.0.downsample");
+        assert_eq!(shortcut(&both, "res.1.conv3"), "res.0.conv3");
+        assert_eq!(shortcut(&graph(r#""a""#), "res.0.conv3"), "a");
+    }
+
     #[test]
     fn wrong_tables_say_where() {
         let text = Network::shipped("selecsls").unwrap().source().to_string();

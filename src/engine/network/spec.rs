@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `conv` | convolution, then batch norm and ReLU unless `norm = false`, `relu = false` |
 //! | `deconv` | transposed convolution, the same otherwise |
-//! | `maxpool` | maximum over a window |
+//! | `maxpool` | maximum over a window of a layer that ends in ReLU, or of another pool |
 //! | `selecsls` | a chain of SelecSLS modules `[in, skip, k, out, stride]` (XNect §6.1) |
 //! | `bottlenecks` | a chain of ResNet bottleneck blocks (He et al. 2016, §4.1) |
 //!
@@ -58,7 +58,7 @@ pub enum LayerSpec {
     Maxpool {
         /// Name.
         name: String,
-        /// Input layers.
+        /// The input layer, one that is nowhere negative.
         #[serde(default)]
         from: Vec<String>,
         /// Window side.

@@ -76,15 +76,19 @@ struct Needs {
 impl Plan {
     /// Slots begin at multiples of this many elements (a cache line of bytes).
     pub const ALIGN: usize = 64;
-    /// Most elements of the arena: what is larger is a mistake in a network file, not a network for a CPU.
-    const MAX_LEN: usize = 1 << 30;
+    /// Most bytes of the arena: what is larger is a mistake in a network file, not a network for a CPU.
+    const MAX_BYTES: usize = 1 << 30;
 
-    /// Places every value of `graph` for an input of `height` × `width`. `padding` is the stored number of real 0 of a
-    /// value.
+    /// Places every value of `graph` for an input of `height` × `width`, in elements of so many bytes. `padding` is the
+    /// stored number of real 0 of a value.
+    ///
+    /// # Errors
+    /// When the network's order does not allow it, or the buffers take more than 1 GiB together.
     pub fn new(
         graph: &Graph,
         height: usize,
         width: usize,
+        element: usize,
         padding: impl Fn(ValueId) -> u8,
     ) -> Result<Self, PlanError> {
         let sizes = graph.sizes(height, width);
@@ -126,8 +130,8 @@ impl Plan {
                 tenants: d.tenants,
             });
             len += layout.buffer_len().next_multiple_of(Self::ALIGN);
-            if len > Self::MAX_LEN {
-                let found = format!("buffers of more than {} elements", Self::MAX_LEN);
+            if len > Self::MAX_BYTES / element {
+                let found = format!("buffers of more than {} MB", Self::MAX_BYTES / 1_000_000);
                 return Err(PlanError::size(name, found));
             }
         }
@@ -247,7 +251,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// The map that a value is, unless an operation reads it too: then it needs a halo and a slot.
+    /// The map that a value is, if it is an output: no operation reads those.
     fn output(&self, v: ValueId) -> Option<usize> {
         self.graph.outputs.iter().position(|(_, o)| *o == v)
     }
@@ -341,7 +345,7 @@ mod tests {
 
     fn plan(name: &str) -> (Graph, Plan) {
         let graph = Network::shipped(name).unwrap().graph().clone();
-        let plan = Plan::new(&graph, 320, 512, |_| 0).unwrap();
+        let plan = Plan::new(&graph, 320, 512, 1, |_| 0).unwrap();
         (graph, plan)
     }
 
@@ -371,6 +375,15 @@ mod tests {
             .values
             .swap(value("features.1.conv3"), value("features.1.conv5"));
         assert!(wrong.prove(&graph).is_err());
+    }
+
+    #[test]
+    fn buffers_are_limited_by_their_bytes() {
+        let graph = Network::shipped("selecsls").unwrap().graph().clone();
+        let plan = |element| Plan::new(&graph, 4096, 4096, element, |_| 0);
+        assert!(plan(1).is_ok());
+        let said = plan(4).unwrap_err().to_string();
+        assert!(said.contains("more than 1073 MB"), "{said}");
     }
 
     #[test]

@@ -62,7 +62,12 @@ pub(super) const PICTURE_CHANNELS: usize = 4;
 pub(super) fn stored(graph: &Graph, source: &Source<'_>) -> Graph {
     let mut stored = graph.clone();
     let reads = |n: &&Node| n.inputs.contains(&Graph::INPUT);
-    if matches!(source, Source::Int8(..)) && graph.nodes.iter().filter(reads).all(takes_picture) {
+    let adds = |n: &Node| n.residual == Some(Graph::INPUT);
+    if matches!(source, Source::Int8(..))
+        && graph.nodes.iter().filter(reads).all(takes_picture)
+        // What it is added to has the channels of the network.
+        && !graph.nodes.iter().any(adds)
+    {
         stored.values[Graph::INPUT].channels = PICTURE_CHANNELS;
     }
     stored
@@ -91,12 +96,25 @@ pub(super) struct How {
     pub algorithms: Algorithms,
 }
 
+/// Most bytes of all packed weights, some times what the largest networks for poses can take (HRNet-W48: 0.7 GB). What
+/// is larger is a mistake in a network file, or a small file that asks for the memory of a large one.
+const MOST_PACKED: usize = 2 << 30;
+
 /// Packs every node's weights.
 pub(super) fn kernels(
     graph: &Graph,
     source: &Source<'_>,
     how: How,
 ) -> Result<Arc<[Kernel]>, EngineError> {
+    let convs = graph.nodes.iter().filter_map(Node::conv);
+    let bytes = convs.map(ConvShape::most_packed_bytes);
+    let bytes = bytes.fold(0, usize::saturating_add);
+    if bytes > MOST_PACKED {
+        return Err(EngineError::Packed {
+            most: MOST_PACKED / 1_000_000,
+            found: bytes / 1_000_000,
+        });
+    }
     let kernel = |i: usize| kernel(graph, source, how, i);
     // Packing is most of the start-up: every layer is packed on its own.
     (0..graph.nodes.len()).into_par_iter().map(kernel).collect()
@@ -249,10 +267,7 @@ fn int8(
     let zeros: Vec<f32> = input_scales(node, scales).map(|s| s.1).collect();
     let residual = node.residual.and_then(|v| scales[v].as_ref());
     let output = scales[node.output].as_ref();
-    let (gi, go) = (
-        shape.in_channels() / shape.groups(),
-        shape.out_channels() / shape.groups(),
-    );
+    let (gi, go) = (shape.group_in(), shape.group_out());
     let taps = shape.kernel() * shape.kernel();
     let mut bias = Vec::with_capacity(shape.out_channels());
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
@@ -264,7 +279,13 @@ fn int8(
             let real = s.map_or(0.0, |s| f64::from(s.steps[o]) * f64::from(s.zero));
             acc += sign * real / f64::from(conv.scale[o]);
         }
-        bias.push(acc.round() as i32);
+        let acc = acc.round();
+        if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&acc) {
+            return Err(KernelError::Value(format!(
+                "expected a bias within i32, found {acc:.2e} steps of the weights of output channel {o}; quantise the weights again"
+            )));
+        }
+        bias.push(acc as i32);
     }
     let epilogue = match output {
         None => Epilogue::F32 {
@@ -282,6 +303,7 @@ fn int8(
             residual_scale: residual.map(|r| r.steps[0] / out.steps[0]),
         },
     };
+    // The picture alone has whole bytes: nothing pools it, and kernels put out 7 bits.
     let picture = node.inputs.contains(&Graph::INPUT);
     let mut dims = shape.dims();
     let mut weights = std::borrow::Cow::from(&conv.weight);
@@ -314,3 +336,6 @@ fn int8(
         packed => packed,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,7 +13,7 @@ use super::step::{Kernel, Memory, Program, Target, Tensor};
 use super::team::{Team, Track};
 use crate::engine::maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 use crate::engine::model::{Model, Observed};
-use crate::engine::network::Graph;
+use crate::engine::network::{Graph, ValueId};
 use crate::engine::plan::{Place, Plan};
 
 /// Arithmetic of an engine.
@@ -165,7 +165,12 @@ impl Engine {
         options: EngineOptions,
     ) -> Result<Self, EngineError> {
         let EngineOptions { width, height, .. } = options;
-        let plan = Plan::new(&packed.stored, height, width, |v| packed.padding[v])?;
+        let element = match options.precision {
+            Precision::Int8 => size_of::<u8>(),
+            Precision::F32 => size_of::<f32>(),
+        };
+        let padding = |v: ValueId| packed.padding[v];
+        let plan = Plan::new(&packed.stored, height, width, element, padding)?;
         let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
         let order = outputs(&packed.graph, &plan, &maps)?;
         // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a

@@ -53,6 +53,16 @@ pub enum EngineError {
     /// Buffers cannot be placed.
     #[error(transparent)]
     Plan(#[from] PlanError),
+    /// The weights cannot be packed in reasonable memory.
+    #[error(
+        "expected a network whose packed weights take at most {most} MB, found up to {found} MB; give its layers fewer channels, or fewer groups"
+    )]
+    Packed {
+        /// Megabytes (10⁶ bytes) at most.
+        most: usize,
+        /// Megabytes that they could take.
+        found: usize,
+    },
     /// A kernel refuses a layer.
     #[error("layer `{layer}`: {source}")]
     Kernel {

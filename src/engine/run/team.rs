@@ -202,11 +202,19 @@ impl Team {
 
     /// Runs all steps of `track` once on this thread alone and calls `seen` after each.
     ///
+    /// # Panics
+    /// As [`run`](Self::run), and where `seen` does.
+    ///
     /// # Safety
     /// As [`run`](Self::run).
     pub unsafe fn run_alone<W: Work>(&mut self, track: &Track<W>, mut seen: impl FnMut(usize)) {
         self.check();
         track.begin();
+        // A frame that unwinds leaves the counters behind its number: no other may follow.
+        let mut end = FrameEnd {
+            shared: &self.shared,
+            finished: false,
+        };
         for (step, progress) in track.progress.iter().enumerate() {
             let parts = track.work.parts(step);
             for part in 0..parts {
@@ -220,6 +228,7 @@ impl Team {
             }
             seen(step);
         }
+        end.finished = true;
     }
 
     /// Threads that there are, the caller's included.
@@ -462,6 +471,44 @@ mod tests {
             assert!(text.contains("build the engine again"), "{text}");
             assert_eq!(track.work.second_step.load(Ordering::SeqCst), 0);
             assert_eq!(track.work.met.load(Ordering::SeqCst), 2);
+        }
+    }
+
+    /// Two steps of one part; the second fails.
+    struct Broken;
+
+    impl Work for Broken {
+        fn steps(&self) -> usize {
+            2
+        }
+
+        fn parts(&self, _step: usize) -> usize {
+            1
+        }
+
+        unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
+            if step == 1 {
+                std::panic::resume_unwind(Box::new("a kernel's failure"));
+            }
+        }
+    }
+
+    #[test]
+    fn no_frame_follows_one_that_failed_on_the_caller_alone() {
+        let track = Arc::new(Track::new(Broken));
+        let mut team = Team::new(0, 2).unwrap();
+        // SAFETY: this work shares nothing.
+        let alone = |team: &mut Team| unsafe { team.run_alone(&track, |_| {}) };
+        // SAFETY: as above.
+        let together = |team: &mut Team| unsafe { team.run(&track) };
+        let said = |run: &dyn Fn(&mut Team), team: &mut Team| {
+            let panic = catch_unwind(AssertUnwindSafe(|| run(team))).unwrap_err();
+            (*panic.downcast_ref::<&str>().unwrap()).to_owned()
+        };
+        assert_eq!(said(&alone, &mut team), "a kernel's failure");
+        for run in [&together as &dyn Fn(&mut Team), &alone] {
+            let text = said(run, &mut team);
+            assert!(text.contains("build the engine again"), "{text}");
         }
     }
 

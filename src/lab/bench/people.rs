@@ -9,8 +9,8 @@ use super::sample::Samples;
 use super::{BenchError, PeopleSpeed, crowd};
 use crate::detect::{AssociationConfig, Associator};
 use crate::engine::Model;
-use crate::engine::model::Stage2;
-use crate::lift::{Encodings, Lifter, LinearLayer, Stage2Weights};
+use crate::engine::model::{Linear, Stage2};
+use crate::lift::{Encodings, Lifter};
 
 /// Association, then Stage II, for `people` people in maps of `width` × `height` cells; `None` where some of them get
 /// lost, so that the time of finding them means nothing.
@@ -31,7 +31,7 @@ pub(super) fn speed(
         black_box(associator.associate(black_box(&maps)));
     });
     let detections = associator.associate(&maps).to_vec();
-    let mut lifter = Lifter::new(&weights()?, Encodings::Read, isa)?;
+    let mut lifter = Lifter::new(&layers(), Encodings::Read, isa)?;
     let mut stage2 = Samples::default();
     stage2.add(time, 10, || {
         let lifted = lifter.lift_aligned(black_box(&detections));
@@ -44,22 +44,22 @@ pub(super) fn speed(
     }))
 }
 
-/// The shipped weights, whose zeros save time; in a build without weights layers of the same widths in which every
-/// input counts.
-fn weights() -> Result<Stage2Weights, BenchError> {
-    if let Some(stage2) = Model::shipped().ok().as_ref().and_then(Model::stage2) {
-        return Ok(stage2.try_into()?);
+/// The shipped layers, whose zeros save time; in a build without weights layers of the same widths in which every input
+/// counts.
+fn layers() -> Vec<Linear> {
+    if let Some(stage2) = Model::shipped().ok().and_then(|model| model.stage2) {
+        return stage2.layers;
     }
     let widths = Stage2::WIDTHS.windows(2);
     let last = Stage2::WIDTHS.len() - 2;
-    let layer = |(i, w): (usize, &[usize])| LinearLayer {
+    let layer = |(i, w): (usize, &[usize])| Linear {
         inputs: w[0],
         outputs: w[1],
-        weights: vec![1.0 / w[0] as f32; w[0] * w[1]],
+        weight: vec![1.0 / w[0] as f32; w[0] * w[1]],
         bias: vec![0.01; w[1]],
         relu: i != last,
     };
-    Ok(Stage2Weights::new(widths.enumerate().map(layer).collect())?)
+    widths.enumerate().map(layer).collect()
 }
 
 #[cfg(test)]

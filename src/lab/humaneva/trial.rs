@@ -152,8 +152,8 @@ fn alone(
 /// Stage II from 2D alone, as there are no pictures; `None` in a build without weights.
 pub fn lifter() -> Option<Lifter> {
     let model = Model::shipped().ok()?;
-    let weights = model.stage2()?.try_into().ok()?;
-    Lifter::new(&weights, Encodings::Zero, Isa::detect().ok()?).ok()
+    let layers = &model.stage2()?.layers;
+    Lifter::new(layers, Encodings::Zero, Isa::detect().ok()?).ok()
 }
 
 fn lift(lifter: &mut Lifter, view: &View, seen: &mut Observation) {

@@ -49,8 +49,7 @@ unsafe impl Simd for Sse41 {
     ops! {
         fn splat_f(value: f32) -> __m128 = _mm_set1_ps(value);
         fn load_f(at: *const f32) -> __m128 = _mm_loadu_ps(at);
-        fn load_f_part(at: *const f32, n: usize) -> __m128 =
-            if n == 4 { _mm_loadu_ps(at) } else { _mm_loadu_ps(load_part::<f32, 4>(at, n).as_ptr()) };
+        fn load_f_part(at: *const f32, n: usize) -> __m128 = _mm_loadu_ps(load_part::<f32, 4>(at, n).as_ptr());
         fn store_f_part(value: __m128, at: *mut f32, n: usize) = {
             if n == 4 {
                 _mm_storeu_ps(at, value);
