@@ -435,7 +435,7 @@ fn avx2_sums_in_i16_where_many_groups_fit() {
     let name = |weight| kernel_of(Isa::Avx2, conv(64, 64, 1, 1, 1), weight);
     // Two weights of 64 are 128, of which 258 has room for two; two of 65 are 130, which has room for one.
     assert_eq!(name(64), "qs8_direct_4x16c4__avx2");
-    assert_eq!(name(65), "qs8_pairs_6x16c4__avx2");
+    assert_eq!(name(65), "qs8_pairs_4x16c4__avx2");
 }
 
 #[test]

@@ -250,7 +250,7 @@ unsafe impl Dot for U8Pairs {
     type Acc = __m256i;
     type V = __m256i;
     const MAX_NV: usize = 2;
-    const MAX_MR: usize = 6;
+    const MAX_MR: usize = 4;
     const PACK: usize = 4;
 
     ops! {
