@@ -1,5 +1,5 @@
-//! Views brought to one time by the times in their files: rows that are of one instant as they are, else what every view
-//! saw at instants of equal distance.
+//! Views brought to one time by the times in their files: rows that are of one instant as they are, else what every
+//! view saw at instants of equal distance.
 
 use super::exit::Failure;
 use super::view_file::ViewFile;

@@ -141,63 +141,66 @@ fn off(rows: &[BodiesRow], zero: u64, span: Range<f64>) -> f64 {
     each.iter().sum::<f64>() / each.len() as f64
 }
 
-#[test]
-fn frames_that_are_of_one_time_go_together() {
-    let hole = Camera {
-        lacks: 4.0..4.4,
-        ..camera(30.0, 0.0..8.0)
-    };
-    let usual = camera(30.0, 0.0..8.0);
-    for (what, cameras) in [
-        // 0.4 s apart by the end, were they paired by number.
-        (
-            "rates that differ by 0.7 %",
-            vec![camera(30.0, 0.0..60.0), camera(29.8, 0.0..60.0)],
-        ),
-        (
-            "a record that lacks frames",
-            vec![usual.clone(), hole.clone()],
-        ),
-        ("frames that the first one lacks", vec![hole, usual.clone()]),
-        ("another start", vec![usual.clone(), camera(30.0, 0.7..8.0)]),
-        (
-            "an earlier start",
-            vec![camera(30.0, 0.7..8.0), usual.clone()],
-        ),
-        (
-            "another rate and start",
-            vec![usual.clone(), camera(25.0, 0.7..8.7), usual],
-        ),
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        let end = cameras.iter().map(|c| c.runs.end).fold(f64::MAX, f64::min);
-        let files = record(folder.path(), &cameras, Times::Machine, &|_| vec![walker()]);
-        run(folder.path(), &files, &[]);
-        let rows = rows(folder.path());
-        let [first, last] = [1.0..2.0, end - 1.5..end - 0.2].map(|s| off(&rows, BEGIN, s));
-        println!("{what}: {first:.3} m, at the end {last:.3} m");
-        assert!(first < 0.06 && last < 0.06, "{what}: {first} m, {last} m");
+/// Half a minute, in which a quarter of a second is missing: so little that its rate says nothing.
+fn with_a_hole() -> Camera {
+    Camera {
+        lacks: 10.0..10.25,
+        ..camera(30.0, 0.0..30.0)
     }
+}
+
+/// Bodies are as right at the end as in the beginning.
+fn assert_right(cameras: &[Camera], times: Times, sync: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let end = cameras.iter().map(|c| c.runs.end).fold(f64::MAX, f64::min);
+    let files = record(folder.path(), cameras, times, &|_| vec![walker()]);
+    run(folder.path(), &files, &["--sync", sync]);
+    let rows = rows(folder.path());
+    let zero = if times == Times::Machine { BEGIN } else { 0 };
+    let [first, last] = [1.0..2.0, end - 1.5..end - 0.2].map(|s| off(&rows, zero, s));
+    println!("--sync {sync}: {first:.3} m, at the end {last:.3} m");
+    assert!(first < 0.04 && last < 0.04, "{first} m, {last} m");
+}
+
+#[test]
+fn cameras_that_start_one_after_the_other_go_by_their_clock() {
+    let usual = camera(30.0, 0.0..8.0);
+    let late = camera(30.0, 0.7..8.0);
+    let other = camera(25.0, 0.7..8.7);
+    assert_right(&[usual.clone(), late.clone()], Times::Machine, "auto");
+    assert_right(&[late, usual.clone()], Times::Machine, "auto");
+    assert_right(&[usual.clone(), other, usual], Times::Machine, "auto");
+}
+
+/// A quarter of a second apart by the end, were they paired by number.
+#[test]
+fn rates_that_differ_by_little_do_not_drift_apart() {
+    let cameras = [camera(30.0, 0.0..30.0), camera(29.75, 0.0..30.0)];
+    assert_right(&cameras, Times::Machine, "auto");
+}
+
+#[test]
+fn a_record_that_lacks_frames_goes_by_its_times() {
+    let usual = camera(30.0, 0.0..30.0);
+    assert_right(&[usual, with_a_hole()], Times::Machine, "auto");
+}
+
+#[test]
+fn frames_that_the_first_record_lacks_shift_nothing() {
+    let usual = camera(30.0, 0.0..30.0);
+    assert_right(&[with_a_hole(), usual], Times::Machine, "auto");
 }
 
 #[test]
 fn films_that_start_together_go_by_their_times() {
-    let hole = Camera {
-        lacks: 3.0..3.4,
-        ..camera(30.0, 0.0..8.0)
-    };
-    let cameras = [camera(30.0, 0.0..8.0), hole];
-    for (times, sync) in [
-        (Times::Film, "times"),
-        (Times::Film, "auto"),
-        (Times::Bare, "times"),
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        let files = record(folder.path(), &cameras, times, &|_| vec![walker()]);
-        run(folder.path(), &files, &["--sync", sync]);
-        let last = off(&rows(folder.path()), 0, 6.5..7.8);
-        assert!(last < 0.06, "--sync {sync}: {last} m");
-    }
+    let cameras = [camera(30.0, 0.0..30.0), with_a_hole()];
+    assert_right(&cameras, Times::Film, "times");
+}
+
+#[test]
+fn films_that_are_told_to_start_together_go_by_their_times() {
+    let cameras = [camera(30.0, 0.0..30.0), with_a_hole()];
+    assert_right(&cameras, Times::Film, "auto");
 }
 
 #[test]
@@ -348,8 +351,8 @@ fn live_cameras_are_calibrated_by_their_clock() {
         [(0, 1), (0, 2), (1, 2)].map(|(i, j)| at(i).distance(at(j)))
     };
     let distance = format!("cam0,cam1={:.6}", far(&truth)[0]);
-    let together = camera(30.0, 0.0..16.0);
-    let apart = camera(25.0, 0.4..16.0);
+    let together = camera(30.0, 0.0..12.0);
+    let apart = camera(25.0, 0.4..12.0);
     for second in [together.clone(), apart] {
         let folder = tempfile::tempdir().unwrap();
         let cameras = [together.clone(), second, together.clone()];

@@ -11,7 +11,8 @@ use crate::multiview::time::{MOST, Offset, Watched, offsets};
 /// How views are brought to one time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Sync {
-    /// Records of live cameras by their clock, others by what moves; as if they started together where that cannot be told
+    /// Records of live cameras by their clock, others by what moves; where that cannot be told as if they started
+    /// together
     Auto,
     /// By what moves in all views, to parts of a frame
     Motion,

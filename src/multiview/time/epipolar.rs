@@ -124,7 +124,7 @@ mod tests {
         };
         assert_eq!(begins(0.0), [500.0]);
         assert_eq!(begins(-3.5), [500.0]);
-        assert_eq!(begins(5.0), []);
+        assert!(begins(5.0).is_empty());
         assert_eq!(begins(8.0), [510.0]);
         assert_eq!(begins(-10.0), [490.0]);
     }
