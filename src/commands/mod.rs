@@ -11,6 +11,7 @@ mod bench;
 mod bridge;
 mod bridges;
 mod calibrate;
+mod common_time;
 mod config;
 mod doctor;
 mod eval;

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tempfile::NamedTempFile;
 
@@ -15,12 +16,10 @@ use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 use crate::supervise::tie;
 
-/// Seconds that views may differ in length: who stops cameras one after the other.
-const SPARE: f64 = 0.5;
-/// How much rates may differ.
-const RATE_TOLERANCE: f64 = 0.03;
-/// Rate of views whose files tell no times.
-const USUAL_RATE: f64 = 30.0;
+/// A time between frames counts as one without a frame missing, in usual ones.
+const USUAL: f64 = 1.75;
+/// Frames a second beyond which times say nothing.
+const MOST_RATE: f64 = 10_000.0;
 
 /// One view over time.
 pub struct ViewFile {
@@ -34,7 +33,7 @@ pub struct ViewFile {
     pub frames: Vec<Vec<Observation>>,
     /// When every frame was taken, nanoseconds.
     pub times: Vec<u64>,
-    /// Times are those of the machine's clock, not of a film.
+    /// Times are those of the machine's clock, which every frame of a live camera was published by; not of a film.
     pub of_machine: bool,
 }
 
@@ -55,7 +54,7 @@ impl ViewFile {
         }
         let folder = tempfile::tempdir()?;
         let record = folder.path().join("observations");
-        look(path, camera, Some(fov), &record)?;
+        look(path, Some(fov), &record)?;
         Self::of_record(camera, lens, &record, path)
     }
 
@@ -94,7 +93,9 @@ impl ViewFile {
             }
             seen.frames.push(frame.people().to_vec());
             seen.times.push(frame.capture_ns);
-            seen.of_machine &= frame.flags & FLAG_FILE_TIME == 0;
+            // Rows of other programs may tell neither flags nor when they were published.
+            let is_live = frame.flags & FLAG_FILE_TIME == 0;
+            seen.of_machine &= is_live && frame.publish_ns > frame.capture_ns;
         }
         if seen.frames.is_empty() {
             return Err(Failure::data(format!(
@@ -125,10 +126,31 @@ impl ViewFile {
         self.times = (0..self.times.len()).map(number).collect();
     }
 
-    /// Frames a second.
+    /// Whether it can be told when every frame was taken.
+    pub fn tells_times(&self) -> bool {
+        self.times.len() > 1 && self.is_in_order()
+    }
+
+    /// Frames a second while somebody is in view: live cameras look at empty places less often, and files lack frames.
     pub fn rate(&self) -> Option<f64> {
-        let span = self.times.last()?.checked_sub(*self.times.first()?)? as f64 * 1e-9;
-        (span > 0.0).then(|| (self.times.len() - 1) as f64 / span)
+        let steps = |people: bool| -> Vec<u64> {
+            let each = self.times.windows(2).zip(self.frames.windows(2));
+            let mut steps: Vec<u64> = each
+                .filter(|(_, seen)| !people || seen.iter().all(|s| !s.is_empty()))
+                .filter_map(|(t, _)| t[1].checked_sub(t[0]).filter(|step| *step > 0))
+                .collect();
+            steps.sort_unstable();
+            steps
+        };
+        let steps = match steps(true) {
+            none if none.is_empty() => steps(false),
+            some => some,
+        };
+        let median = *steps.get(steps.len() / 2)? as f64;
+        // The median alone would be as coarse as the file's clock, which often counts milliseconds.
+        let usual = steps.partition_point(|s| *s as f64 <= USUAL * median);
+        let sum: f64 = steps[..usual].iter().map(|s| *s as f64 * 1e-9).sum();
+        Some((usual as f64 / sum).min(MOST_RATE))
     }
 }
 
@@ -144,7 +166,7 @@ pub fn is_film(path: &Path) -> bool {
 ///
 /// # Errors
 /// When it fails; it has said why.
-pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyhow::Result<()> {
+pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<()> {
     let lens = fov.map(|degrees| lens_file(degrees, record)).transpose()?;
     let mut command = Command::new(std::env::current_exe()?);
     command
@@ -154,10 +176,11 @@ pub fn look(film: &Path, camera: &str, fov: Option<f64>, record: &Path) -> anyho
         .arg("--record")
         .arg(record)
         .args(["--quality", "best"]);
-    command.args([
-        "--name",
-        &format!("multiview-{camera}-{}", std::process::id()),
-    ]);
+    // Cameras are called like their files, streams may not be called like every file.
+    static LOOKED_AT: AtomicUsize = AtomicUsize::new(0);
+    let number = LOOKED_AT.fetch_add(1, Ordering::Relaxed);
+    let name = format!("multiview-{}-{number}", std::process::id());
+    command.args(["--name", &name]);
     if let Some(lens) = &lens {
         command.arg("--camera").arg(lens.path());
     }
@@ -213,66 +236,6 @@ fn lens_file(degrees: f64, record: &Path) -> anyhow::Result<NamedTempFile> {
     let mut file = NamedTempFile::new_in(folder)?;
     writeln!(file, "fov_degrees = {:?}", degrees.clamp(1.0, 179.0))?;
     Ok(file)
-}
-
-/// Rate and number of frames that all views have; `given` is the user's word for the rate. Views whose times are in no
-/// order get those of the rate.
-///
-/// # Errors
-/// When views differ in rate or length.
-pub fn together(
-    given: Option<f64>,
-    seen: &mut [ViewFile],
-    notes: &mut Vec<String>,
-) -> anyhow::Result<(f64, usize)> {
-    let rates: Vec<Option<f64>> = seen.iter().map(ViewFile::rate).collect();
-    let rate = given.or(rates[0]).unwrap_or(USUAL_RATE);
-    if given.is_none()
-        && let Some(k) = rates
-            .iter()
-            .position(|r| r.is_some_and(|r| (r / rate - 1.0).abs() > RATE_TOLERANCE))
-    {
-        return Err(Failure::data(format!(
-            "expected views of one rate, found {:.2} frames a second of camera {} and {:.2} of {}; bring them to one rate, or give --fps if they are",
-            rate,
-            seen[0].name,
-            rates[k].unwrap_or(rate),
-            seen[k].name
-        ))
-        .into());
-    }
-    for view in seen.iter_mut().filter(|view| !view.is_in_order()) {
-        view.at_rate(rate);
-    }
-    let name = |k: usize| &seen[k].name;
-    let lengths: Vec<usize> = seen.iter().map(|s| s.frames.len()).collect();
-    let least = (0..lengths.len()).min_by_key(|k| lengths[*k]).unwrap_or(0);
-    let most = (0..lengths.len()).max_by_key(|k| lengths[*k]).unwrap_or(0);
-    let difference = lengths[most] - lengths[least];
-    if difference as f64 > SPARE * rate {
-        return Err(Failure::data(format!(
-            "expected views of one length, found {} frames of camera {} and {} of {}; cut them to the same time",
-            lengths[most],
-            name(most),
-            lengths[least],
-            name(least)
-        ))
-        .into());
-    }
-    if difference > 0 {
-        notes.push(format!(
-            "camera {} has {} less than {}; {} left out",
-            name(least),
-            counted(difference as u64, "frame", "frames"),
-            name(most),
-            if difference == 1 {
-                "it is"
-            } else {
-                "these are"
-            }
-        ));
-    }
-    Ok((rate, lengths[least]))
 }
 
 #[cfg(test)]

@@ -10,12 +10,11 @@ use crate::fit::Fitter;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::message::{Body, BodyFrame, BodyState, MAX_PEOPLE, Observation, ObservationFrame};
 
-/// Stage III's bodies by frame, of what a view sees `rate` times a second; camera axes, metres.
+/// Stage III's bodies by frame, of when a view saw whom, nanoseconds, rising; camera axes, metres.
 pub fn stage_three<'a>(
     fitter: &mut Fitter,
     view: &View,
-    frames: impl Iterator<Item = &'a [Observation]>,
-    rate: f64,
+    frames: impl Iterator<Item = (u64, &'a [Observation])>,
 ) -> Vec<Vec<Body>> {
     let mut frame = Box::new(ObservationFrame {
         width: view.size[0],
@@ -24,10 +23,8 @@ pub fn stage_three<'a>(
         ..ObservationFrame::default()
     });
     let mut out = Box::new(BodyFrame::default());
-    let each = frames.enumerate().map(|(k, people)| {
-        frame.sequence = k as u64;
-        // Times in a file may be missing or out of order.
-        frame.capture_ns = (1e9 * k as f64 / rate).round() as u64;
+    let each = frames.zip(0..).map(|((time, people), number)| {
+        (frame.capture_ns, frame.sequence) = (time, number);
         frame.count = people.len().min(MAX_PEOPLE) as u32;
         for (own, seen) in frame.people.iter_mut().zip(people) {
             *own = by_pinhole(view, seen);

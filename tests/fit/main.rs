@@ -8,6 +8,7 @@ mod ablation;
 mod background;
 mod boards;
 mod calibrate;
+mod clocks;
 mod demo;
 mod exchanged_views;
 mod fitter;

@@ -189,7 +189,8 @@ fn a_lens_that_distorts_is_undone_for_stage_three() {
         });
         let frames: Vec<ObservationFrame> = frames.collect();
         let mut fitter = Fitter::new(FitConfig::default()).unwrap();
-        stage_three(&mut fitter, view, frames.iter().map(|f| f.people()), 30.0)
+        let frames = frames.iter().map(|f| (f.capture_ns, f.people()));
+        stage_three(&mut fitter, view, frames)
     };
     let [found, wanted] = [&lens, &pinhole].map(bodies);
     let pairs = found.iter().flatten().zip(wanted.iter().flatten());

@@ -8,10 +8,12 @@ use super::lenses::Lenses;
 use crate::calibrate::{CalibrateError, Room, Scale, ViewQuality, calibrate as find};
 use crate::camera::calibration::write_pose2sim;
 use crate::camera::{DEFAULT_FOV, View};
+use crate::commands::common_time::{Common, as_if_together, by_clock, by_number, by_times};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
-use crate::commands::view_file::{ViewFile, together};
+use crate::commands::view_file::ViewFile;
+use crate::message::Observation;
 use crate::multiview::{Detections, Sight, to_view};
 use crate::output;
 use crate::record::CameraSource;
@@ -55,13 +57,28 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         views.push(view);
         seen.push(read);
     }
-    let (rate, count) = together(args.fps, &mut seen, &mut notes)?;
     let scale = scale(args, &views, &mut notes)?;
-    let one = |k: usize, (view, file): (&View, &ViewFile)| -> Detections {
-        file.frames[k].iter().map(|o| Sight::new(view, o)).collect()
+    let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
+    let common = if !timed {
+        by_number(args.fps, seen, &mut notes)?
+    } else if seen.iter().all(|s| s.of_machine) {
+        let shifts = by_clock(&seen);
+        by_times(seen, &shifts, &mut notes)?
+    } else {
+        // Places are not known yet by which what moves would tell the time between films.
+        as_if_together(seen, &mut notes)?
     };
-    let frames: Vec<Vec<Detections>> = (0..count)
-        .map(|k| views.iter().zip(&seen).map(|pair| one(k, pair)).collect())
+    let Common {
+        people,
+        times,
+        rate,
+        ..
+    } = common;
+    let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| -> Detections {
+        people[k].iter().map(|o| Sight::new(view, o)).collect()
+    };
+    let frames: Vec<Vec<Detections>> = (0..times.len())
+        .map(|k| views.iter().zip(&people).map(|pair| one(k, pair)).collect())
         .collect();
     let room = find(&views, &frames, rate, scale).map_err(refused)?;
     if !room.floor_by_feet {

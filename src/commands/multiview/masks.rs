@@ -20,7 +20,7 @@ pub fn expect_in_step(scene: &Scene) -> anyhow::Result<()> {
         return Ok(());
     }
     Err(Failure::data(
-        "expected views that go frame by frame where there are --masks, found others; give --sync none if they started together",
+        "expected the files' own frames where there are --masks, found views that do not go frame by frame, or lack frames; give --sync none if they are of one rate and started together",
     )
     .into())
 }

@@ -3,12 +3,14 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
+use super::Sync;
 use super::read::{Scene, named, pictured, view_file};
 use super::store::Store;
 use crate::camera::{Brown, View, calibration};
+use crate::commands::common_time::{Common, by_number, by_times};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
-use crate::commands::view_file::{ViewFile, is_film, together};
+use crate::commands::view_file::{ViewFile, is_film};
 use crate::multiview::{Detections, Sight, Track, one_view, stage_three, to_view};
 
 /// Reads the view, and finds everyone in it.
@@ -55,23 +57,31 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
     for people in &mut file.frames {
         to_view(&view, &file.intrinsics, people);
     }
-    let (rate, count) = together(args.fps, std::slice::from_mut(&mut file), &mut notes)?;
-    let frames: Vec<Detections> = file
-        .frames
+    let Common {
+        mut people,
+        times,
+        rate,
+        in_step,
+    } = match args.sync != Sync::None && file.tells_times() {
+        true => by_times(vec![file], &[0.0], &mut notes)?,
+        false => by_number(args.fps, vec![file], &mut notes)?,
+    };
+    let people = people.swap_remove(0);
+    let frames: Vec<Detections> = people
         .iter()
         .map(|people| people.iter().map(|o| Sight::new(&view, o)).collect())
         .collect();
-    let people = file.frames.iter().map(Vec::as_slice);
-    let bodies = stage_three(&mut fitter(None, false)?, &view, people, rate);
+    let seen = times.iter().copied().zip(people.iter().map(Vec::as_slice));
+    let bodies = stage_three(&mut fitter(None, false)?, &view, seen);
     let tracks = one_view(&view, &bodies, &frames);
     let scene = Scene {
         views: vec![view],
         films: vec![is_film(&path).then_some(path)],
         frames: frames.into_iter().map(|f| vec![f]).collect(),
-        times: file.times[..count].to_vec(),
+        times,
         rate,
         offsets: vec![None],
-        in_step: true,
+        in_step,
         in_world: args.calibration.is_some(),
         notes,
     };

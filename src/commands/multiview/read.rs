@@ -8,6 +8,7 @@ use super::store::Store;
 use super::sync::{Together, bring_together};
 use crate::camera::calibration::Calibration;
 use crate::camera::{DEFAULT_FOV, View};
+use crate::commands::common_time::Common;
 use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
@@ -31,13 +32,13 @@ const CLEARLY_NEARER: f64 = 0.6;
 
 /// All views over time.
 pub struct Scene {
-    /// The cameras as their pictures show them, in the calibration's order.
+    /// The cameras as their pictures show them, in the calibration's order, as far as their time can be told.
     pub views: Vec<View>,
     /// The film of every view, where its file is one.
     pub films: Vec<Option<PathBuf>>,
     /// Per frame, per view, who is seen.
     pub frames: Vec<Vec<Detections>>,
-    /// When every frame was taken, nanoseconds, by the fastest view.
+    /// When every frame was taken, nanoseconds, on the first view's clock.
     pub times: Vec<u64>,
     /// Frames a second.
     pub rate: f64,
@@ -93,20 +94,26 @@ pub fn scene(
         ));
     }
     let sizes: Vec<[u32; 2]> = seen.iter().map(|s| s.size).collect();
-    let all_pictured = |all: &[View]| -> anyhow::Result<Vec<View>> {
-        let each = files.iter().zip(&sizes);
-        each.map(|((v, file), size)| pictured(&all[*v], *size, &file.display().to_string()))
-            .collect()
+    let one_pictured = |all: &[View], k: usize| -> anyhow::Result<View> {
+        let (v, file) = &files[k];
+        pictured(&all[*v], sizes[k], &file.display().to_string())
     };
-    let mut views = all_pictured(&views)?;
+    let every = (0..files.len()).map(|k| one_pictured(&views, k));
+    let every = every.collect::<anyhow::Result<Vec<View>>>()?;
     let how = (args.sync, args.fps);
     let Together {
+        used,
+        common,
+        offsets,
+    } = bring_together(how, &every, seen, &mut notes)?;
+    let Common {
         people,
         times,
         rate,
-        offsets,
         in_step,
-    } = bring_together(how, &views, seen, &mut notes)?;
+    } = common;
+    let mut views: Vec<View> = used.iter().map(|k| every[*k].clone()).collect();
+    expect_two_measured(&args.hold_out, &views)?;
     let frames = |views: &[View]| -> Vec<Vec<Detections>> {
         let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| {
             people[k].iter().map(|o| Sight::new(view, o)).collect()
@@ -117,7 +124,8 @@ pub fn scene(
     };
     let mut sights = frames(&views);
     if let Some((other, what)) = alternative {
-        let other = all_pictured(&other)?;
+        let other = used.iter().map(|k| one_pictured(&other, *k));
+        let other = other.collect::<anyhow::Result<Vec<View>>>()?;
         let theirs = frames(&other);
         let both = [
             agreement(&views, &sights, rate),
@@ -144,10 +152,10 @@ pub fn scene(
         }
     }
     expect_not_mirrored(&views, &sights, &frames, rate)?;
-    let film = |(_, file): &(usize, PathBuf)| is_film(file).then(|| file.clone());
+    let film = |k: &usize| Some(files[*k].1.clone()).filter(|file| is_film(file));
     Ok(Scene {
         views,
-        films: files.iter().map(film).collect(),
+        films: used.iter().map(film).collect(),
         frames: sights,
         times,
         rate,
@@ -221,6 +229,18 @@ fn held_out(held: &[String], files: &[(usize, PathBuf)], views: &[View]) -> anyh
     Ok(())
 }
 
+/// Refuses fewer than two views that are measured by, where the time of others could not be told.
+fn expect_two_measured(held: &[String], views: &[View]) -> anyhow::Result<()> {
+    let left = views.iter().filter(|v| !held.contains(&v.name)).count();
+    if left >= 2 {
+        return Ok(());
+    }
+    Err(Failure::data(format!(
+        "expected two views or more that are not held out and whose time can be told beside the others', found {left}; give --sync times or --sync none if they started together"
+    ))
+    .into())
+}
+
 /// What a camera saw, joints in space by the lens that its file tells; the observations of a film are kept, and counted
 /// where they were `found`.
 pub fn view_file(
@@ -237,7 +257,7 @@ pub fn view_file(
     if !is_film(file) {
         return ViewFile::of_record(camera, lens, file, file);
     }
-    let (record, was_there) = store.film(camera, fov, file)?;
+    let (record, was_there) = store.film(fov, file)?;
     *found += usize::from(was_there);
     ViewFile::of_record(camera, lens, &record, file)
 }

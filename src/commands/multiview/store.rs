@@ -139,12 +139,7 @@ impl Store {
     ///
     /// # Errors
     /// When they cannot be computed or written.
-    pub fn film(
-        &self,
-        camera: &str,
-        fov: Option<f64>,
-        path: &Path,
-    ) -> anyhow::Result<(PathBuf, bool)> {
+    pub fn film(&self, fov: Option<f64>, path: &Path) -> anyhow::Result<(PathBuf, bool)> {
         self.make()?;
         let inputs = film(path, fov);
         let name = format!("{FILM}{}", &blake3::hash(inputs.as_bytes()).to_hex()[..16]);
@@ -154,7 +149,7 @@ impl Store {
         }
         // Under another name until it is whole: one that is interrupted makes its record complete.
         let part = self.folder.join(format!("{name}.part"));
-        let looked = look(path, camera, fov, &part);
+        let looked = look(path, fov, &part);
         if looked.is_err() {
             let _ = fs::remove_file(&part);
         }

@@ -1,26 +1,18 @@
 //! Which frames of several views belong together: by number, by a clock that all had, or by what moves in them.
 
 use crate::camera::View;
+use crate::commands::common_time::{self, Common, IN_STEP};
 use crate::commands::exit::Failure;
-use crate::commands::view_file::{ViewFile, together};
+use crate::commands::view_file::ViewFile;
 use crate::message::Observation;
 use crate::multiview::Sight;
-use crate::multiview::between;
 use crate::multiview::time::{MOST, Offset, Watched, offsets};
-
-/// Offsets below this share of a frame need no interpolation.
-const IN_STEP: f64 = 0.25;
-/// How much rates of views in step may differ.
-const ONE_RATE: f64 = 0.01;
-/// Frames nearer than this are of one instant, seconds.
-const SAME: f64 = 1e-3;
-/// Longest time between two frames that is interpolated, in frames.
-const GAP: f64 = 4.0;
 
 /// How views are brought to one time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Sync {
-    /// Records of live cameras by their clock, others by what moves; frame by frame where that cannot be told
+    /// Records of live cameras by their clock, others by what moves; where that cannot be told as if they started
+    /// together
     Auto,
     /// By what moves in all views, to parts of a frame
     Motion,
@@ -30,18 +22,14 @@ pub enum Sync {
     None,
 }
 
-/// What all views saw, frame by frame.
+/// Views at one time.
 pub struct Together {
-    /// Per view, per frame.
-    pub people: Vec<Vec<Vec<Observation>>>,
-    /// When every frame was taken, nanoseconds, on the clock of the view that has most of them.
-    pub times: Vec<u64>,
-    /// Frames a second.
-    pub rate: f64,
-    /// By how many seconds each view started before the first one, where that was told.
+    /// The views that are, by number; others started when nobody can tell.
+    pub used: Vec<usize>,
+    /// What these saw.
+    pub common: Common,
+    /// By how many seconds each of these started before the first of them, where that was told.
     pub offsets: Vec<Option<f64>>,
-    /// Whether frames are the files' own, not made of those before and after.
-    pub in_step: bool,
 }
 
 /// Brings views to one time; one file a view.
@@ -59,80 +47,91 @@ pub fn bring_together(
             s.at_rate(fps);
         }
     }
-    let timed = seen.iter().all(|s| s.times.len() > 1 && s.is_in_order());
+    let timed = seen.iter().all(ViewFile::tells_times);
     let one_clock = fps.is_none() && seen.iter().all(|s| s.of_machine);
-    let name = |k: usize| views[k].name.as_str();
-    let starts: Vec<u64> = seen
-        .iter()
-        .map(|s| s.times.first().copied().unwrap_or(0))
-        .collect();
-    let told = match sync {
+    let everyone: Vec<usize> = (0..seen.len()).collect();
+    match sync {
         Sync::Times | Sync::Auto if timed && (one_clock || sync == Sync::Times) => {
-            let first = starts[0] as f64;
-            let each = starts.iter().map(|s| (first - *s as f64) * 1e-9);
-            Some(each.map(Offset::Told).collect::<Vec<_>>())
+            let shifts = common_time::by_clock(&seen);
+            Ok(Together {
+                used: everyone,
+                common: common_time::by_times(seen, &shifts, notes)?,
+                offsets: shifts.into_iter().map(Some).collect(),
+            })
         }
-        Sync::Auto | Sync::Motion if timed => {
-            let found = by_motion(views, &seen, &starts);
-            for (k, offset) in found.iter().enumerate().skip(1) {
-                notes.push(said(*offset, name(0), name(k)));
-                if sync == Sync::Motion && *offset == Offset::CannotTell {
-                    return Err(Failure::data(format!(
-                        "cannot tell the time between cameras {} and {}: expected somebody who moves and whom both see for some seconds, at most {MOST} s apart; give --sync times or --sync none if they started together",
-                        name(0),
-                        name(k)
-                    ))
-                    .into());
-                }
-            }
-            Some(found)
-        }
-        Sync::None | Sync::Auto => None,
-        Sync::Motion | Sync::Times => {
-            return Err(Failure::data(
-                "expected files that tell when each frame was taken, found none or unordered times; give --fps, or --sync none",
-            )
-            .into());
-        }
-    };
-    let in_step = told.as_ref().is_none_or(|told| {
-        let interval = |s: &ViewFile| 1.0 / s.rate().unwrap_or(1.0);
-        let first = interval(&seen[0]);
-        let near = told.iter().all(|o| o.seconds().abs() < IN_STEP * first);
-        near && seen
-            .iter()
-            .all(|s| (interval(s) / first - 1.0).abs() < ONE_RATE)
-    });
-    let offsets: Vec<Option<f64>> = match &told {
-        None => vec![None; seen.len()],
-        Some(told) => told
-            .iter()
-            .map(|o| (*o != Offset::CannotTell).then(|| o.seconds()))
-            .collect(),
-    };
-    // Where motion tells nothing of any view, frames stand for themselves as they come.
-    let nothing = sync == Sync::Auto && !one_clock && offsets.iter().skip(1).all(Option::is_none);
-    if in_step || nothing {
-        let (rate, count) = together(fps, &mut seen, notes)?;
-        let times = seen[0].times[..count].to_vec();
-        let people = seen.into_iter().map(|s| s.frames).collect();
-        return Ok(Together {
-            people,
-            times,
-            rate,
-            offsets,
-            in_step: true,
-        });
+        Sync::Auto | Sync::Motion if timed => in_motion(sync, views, seen, notes),
+        Sync::None | Sync::Auto => Ok(Together {
+            offsets: vec![None; seen.len()],
+            used: everyone,
+            common: common_time::by_number(fps, seen, notes)?,
+        }),
+        Sync::Motion | Sync::Times => Err(Failure::data(
+            "expected files that tell when each frame was taken, found none or unordered times; give --fps, or --sync none",
+        )
+        .into()),
     }
-    let shifts: Vec<f64> = offsets.iter().map(|o| o.unwrap_or(0.0)).collect();
-    sampled(&seen, &starts, &shifts, offsets)
 }
 
-fn by_motion(views: &[View], seen: &[ViewFile], starts: &[u64]) -> Vec<Offset> {
+/// Brings views to one time by what moves in them.
+fn in_motion(
+    sync: Sync,
+    views: &[View],
+    seen: Vec<ViewFile>,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Together> {
+    let found = by_motion(views, &seen);
+    let is_told = |k: &usize| found[*k] != Offset::CannotTell;
+    let told: Vec<usize> = (0..seen.len()).filter(is_told).collect();
+    let first = told[0];
+    let name = |k: usize| views[k].name.as_str();
+    let near = IN_STEP / seen[first].rate().unwrap_or(1.0);
+    let apart = found.iter().any(|o| o.seconds().abs() >= near);
+    for k in (0..seen.len()).filter(|k| *k != first) {
+        if sync == Sync::Motion && !is_told(&k) {
+            return Err(Failure::data(format!(
+                "cannot tell the time between cameras {} and {}: expected somebody who moves and whom both see for some seconds, at most {MOST} s apart; give --sync times or --sync none if they started together",
+                name(first),
+                name(k)
+            ))
+            .into());
+        }
+        notes.push(said(found[k], name(first), name(k), apart));
+    }
+    // Where the others did not start together, nothing speaks for one of which it cannot be told.
+    let used = if apart {
+        told.clone()
+    } else {
+        (0..seen.len()).collect()
+    };
+    let offset = |k: &usize| is_told(k).then(|| found[*k].seconds());
+    let offsets = match told.len() {
+        1 => vec![None; used.len()],
+        _ => used.iter().map(offset).collect(),
+    };
+    let shifts: Vec<f64> = used.iter().map(|k| found[*k].seconds()).collect();
+    let mut number = 0..;
+    let kept = seen
+        .into_iter()
+        .filter(|_| number.next().is_some_and(|k| used.contains(&k)))
+        .collect();
+    let common = match told.len() {
+        1 => common_time::as_if_together(kept, notes)?,
+        _ => common_time::by_times(kept, &shifts, notes)?,
+    };
+    Ok(Together {
+        used,
+        common,
+        offsets,
+    })
+}
+
+/// By how much each view started before the first one of which that can be told beside another; where it can be told of
+/// none, before the very first. At least one is told.
+fn by_motion(views: &[View], seen: &[ViewFile]) -> Vec<Offset> {
+    let since = |s: &ViewFile, t: &u64| (t - s.times[0]) as f64 * 1e-9;
     let times: Vec<Vec<f64>> = seen
         .iter()
-        .zip(starts)
-        .map(|(s, start)| s.times.iter().map(|t| (t - start) as f64 * 1e-9).collect())
+        .map(|s| s.times.iter().map(|t| since(s, t)).collect())
         .collect();
     let people: Vec<Vec<Vec<Sight>>> = seen
         .iter()
@@ -152,11 +151,19 @@ fn by_motion(views: &[View], seen: &[ViewFile], starts: &[u64]) -> Vec<Offset> {
             people,
         })
         .collect();
-    offsets(&watched)
+    for from in 0..views.len().saturating_sub(1) {
+        let found = offsets(&watched[from..]);
+        if found[1..].iter().any(|o| *o != Offset::CannotTell) {
+            return [vec![Offset::CannotTell; from], found].concat();
+        }
+    }
+    let mut nothing = vec![Offset::CannotTell; views.len()];
+    nothing[0] = Offset::Told(0.0);
+    nothing
 }
 
-/// What was found out, in words.
-fn said(offset: Offset, first: &str, camera: &str) -> String {
+/// What was found out, in words; whether the views are `apart` decides what becomes of one that is not told.
+fn said(offset: Offset, first: &str, camera: &str, apart: bool) -> String {
     let seconds = offset.seconds();
     let way = if seconds < 0.0 { "after" } else { "before" };
     let by = seconds.abs();
@@ -171,91 +178,11 @@ fn said(offset: Offset, first: &str, camera: &str) -> String {
             "camera {camera} started {by:.3} s {way} {first}, or at another time at which people moved in the same way: check it, or give --sync times or --sync none"
         ),
         Offset::CannotTell => format!(
-            "cannot tell when camera {camera} started beside {first}: nobody whom both see moves enough; taken as if together"
+            "cannot tell when camera {camera} started beside {first}: nobody whom both see moves enough; {}",
+            match apart {
+                true => "left out, as others did not start together",
+                false => "taken as if together",
+            }
         ),
-    }
-}
-
-/// What every view saw at the times of the view with most frames a second, while all of them ran.
-fn sampled(
-    seen: &[ViewFile],
-    starts: &[u64],
-    shifts: &[f64],
-    offsets: Vec<Option<f64>>,
-) -> anyhow::Result<Together> {
-    let rates: Vec<f64> = seen.iter().map(|s| s.rate().unwrap_or(0.0)).collect();
-    let lead = (0..seen.len())
-        .max_by(|a, b| rates[*a].total_cmp(&rates[*b]).then(b.cmp(a)))
-        .unwrap_or(0);
-    let seconds = |v: usize, ns: u64| (ns - starts[v]) as f64 * 1e-9;
-    let mut all = Together {
-        people: vec![Vec::new(); seen.len()],
-        times: Vec::new(),
-        rate: rates[lead],
-        offsets,
-        in_step: false,
-    };
-    for time in &seen[lead].times {
-        let common = seconds(lead, *time) - shifts[lead];
-        let now = |v: usize| common + shifts[v];
-        let runs = |v: usize| {
-            let last = seen[v].times.last().map_or(0.0, |t| seconds(v, *t));
-            (-SAME..=last + SAME).contains(&now(v))
-        };
-        if !(0..seen.len()).all(runs) {
-            continue;
-        }
-        all.times.push(*time);
-        for (v, people) in all.people.iter_mut().enumerate() {
-            let times = &seen[v].times;
-            let next = times.partition_point(|t| seconds(v, *t) <= now(v));
-            people.push(at(
-                &seen[v],
-                next,
-                now(v),
-                &|k| seconds(v, times[k]),
-                rates[v],
-            ));
-        }
-    }
-    if all.times.is_empty() {
-        return Err(Failure::data(
-            "expected views that ran at one time, found none in which all did; give --sync none if frames belong together by number",
-        )
-        .into());
-    }
-    Ok(all)
-}
-
-/// Who was seen at a time; `next` is the first frame after it.
-fn at(
-    seen: &ViewFile,
-    next: usize,
-    now: f64,
-    seconds: &dyn Fn(usize) -> f64,
-    rate: f64,
-) -> Vec<Observation> {
-    let before = next.checked_sub(1);
-    let after = (next < seen.frames.len()).then_some(next);
-    let off = |k: usize| (seconds(k) - now).abs();
-    if let Some(k) = [before, after]
-        .into_iter()
-        .flatten()
-        .find(|k| off(*k) < SAME)
-    {
-        return seen.frames[k].clone();
-    }
-    let (Some(b), Some(a)) = (before, after) else {
-        return Vec::new();
-    };
-    let step = seconds(a) - seconds(b);
-    if step > GAP / rate {
-        return Vec::new();
-    }
-    let share = off(b) / step;
-    if share < 0.5 {
-        between(&seen.frames[b], &seen.frames[a], share)
-    } else {
-        between(&seen.frames[a], &seen.frames[b], 1.0 - share)
     }
 }

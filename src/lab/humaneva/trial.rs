@@ -135,8 +135,10 @@ fn alone(
     }
     let views = std::slice::from_ref(view);
     let mut fitter = Fitter::new(FitConfig::default()).expect("the usual settings are valid");
-    let people = seen.iter().map(|f| f[0].as_slice());
-    let bodies = stage_three(&mut fitter, view, people, options.rate);
+    let time = |k: usize| (1e9 * k as f64 / options.rate).round() as u64;
+    let people = seen.iter().enumerate();
+    let people = people.map(|(k, views)| (time(k), views[0].as_slice()));
+    let bodies = stage_three(&mut fitter, view, people);
     let frames = seen.iter().map(|f| sights(views, f).swap_remove(0));
     let tracks = one_view(view, &bodies, &frames.collect::<Vec<_>>());
     fit_tracks(

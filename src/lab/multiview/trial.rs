@@ -104,8 +104,10 @@ impl Trial {
             return fit(body, &self.views, &used, &frames, options, run);
         };
         let mut fitter = Fitter::new(FitConfig::default()).expect("the usual settings are valid");
-        let people = self.seen.iter().map(|views| views[0].as_slice());
-        let bodies = stage_three(&mut fitter, view, people, self.rate);
+        let time = |k: usize| (1e9 * k as f64 / self.rate).round() as u64;
+        let people = self.seen.iter().enumerate();
+        let people = people.map(|(k, views)| (time(k), views[0].as_slice()));
+        let bodies = stage_three(&mut fitter, view, people);
         let seen: Vec<Detections> = frames.into_iter().map(|mut f| f.swap_remove(0)).collect();
         let tracks = one_view(view, &bodies, &seen);
         let weights = vec![1.0];

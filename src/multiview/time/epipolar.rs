@@ -54,9 +54,7 @@ pub fn agreement(a: &Followed<'_>, b: &Followed<'_>, offset: f64, times: usize) 
     for own in a.trails {
         let stride = own.times.len().div_ceil(times.clamp(1, MOST_TIMES));
         let looks = own.times.len().div_ceil(stride);
-        let best = b
-            .trails
-            .iter()
+        let best = at_one_time(own, b.trails, offset)
             .filter_map(|other| {
                 let (mut sum, mut joints, mut seen) = (0.0, 0, 0);
                 for k in (0..own.times.len()).step_by(stride) {
@@ -83,6 +81,15 @@ pub fn agreement(a: &Followed<'_>, b: &Followed<'_>, offset: f64, times: usize) 
     all
 }
 
+/// Those whom the second view saw while the first one saw `own`: a long film has many who came and went before.
+fn at_one_time<'a>(own: &Trail, all: &'a [Trail], offset: f64) -> impl Iterator<Item = &'a Trail> {
+    let [begin, end] = own.span().map(|t| t + offset);
+    all.iter().filter(move |other| {
+        let [first, last] = other.span();
+        first <= end && begin <= last
+    })
+}
+
 /// Sum of squared distances of the rays of two people's joints, sides exchanged where that is nearer, and how many they
 /// share.
 fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, usize)> {
@@ -101,4 +108,24 @@ fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, u
     let (told, other) = (of(false), of(true));
     let nearer = if other.0 < 0.5 * told.0 { other } else { told };
     (told.1 >= LEAST_JOINTS).then_some(nearer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_who_is_there_at_the_time_is_compared() {
+        let trail = |begin: f64| Trail::still([begin, begin + 4.0]);
+        let all: Vec<Trail> = (0..100).map(|k| trail(10.0 * f64::from(k))).collect();
+        let begins = |offset: f64| -> Vec<f64> {
+            let found = at_one_time(&all[50], &all, offset);
+            found.map(|other| other.span()[0]).collect()
+        };
+        assert_eq!(begins(0.0), [500.0]);
+        assert_eq!(begins(-3.5), [500.0]);
+        assert!(begins(5.0).is_empty());
+        assert_eq!(begins(8.0), [510.0]);
+        assert_eq!(begins(-10.0), [490.0]);
+    }
 }

@@ -46,9 +46,27 @@ pub struct Trail {
 }
 
 impl Trail {
+    /// Of nobody's joints at so many times, seconds.
+    #[cfg(test)]
+    pub fn still(times: [f64; 2]) -> Self {
+        Self {
+            times: times.into(),
+            joints: vec![[None; EVIDENCE_JOINTS]; 2],
+            speeds: vec![[None; EVIDENCE_JOINTS]; 2],
+            gap: 1.0,
+            size: 1.0,
+            moving: 0,
+        }
+    }
+
     /// Whether somebody moves, and no mere noise.
     pub fn moves(&self) -> bool {
         self.moving >= LEAST_MOVING
+    }
+
+    /// The first time and the last, seconds.
+    pub fn span(&self) -> [f64; 2] {
+        [self.times[0], self.times[self.times.len() - 1]]
     }
 
     /// Joints at a time, along straight lines between frames.

@@ -1,0 +1,309 @@
+//! Views brought to one time by the times in their files: rows that are of one instant as they are, else what every
+//! view saw at instants of equal distance.
+
+use super::exit::Failure;
+use super::view_file::ViewFile;
+use crate::counted::counted;
+use crate::message::Observation;
+use crate::multiview::between;
+
+/// Frames of two views nearer than this share of a frame's time need no interpolation.
+pub const IN_STEP: f64 = 0.25;
+/// A frame this near to a wanted instant is taken as it is, as a share of a frame's time.
+const OWN: f64 = 0.1;
+/// Frames nearer than this are of one instant, seconds.
+const SAME: f64 = 1e-3;
+/// Longest time between two frames that is interpolated, in frames.
+const GAP: f64 = 4.0;
+/// So long before and after anybody is seen there are instants, seconds; of longer pauses nothing is lost but their
+/// length, which the instants' times tell.
+const PAUSE: f64 = 1.0;
+/// Seconds that views may differ in length which are only taken to have started together.
+const SPARE: f64 = 0.5;
+/// How much rates of views may differ that go by number.
+const RATE_TOLERANCE: f64 = 0.03;
+/// Rate of views whose files tell no times.
+const USUAL_RATE: f64 = 30.0;
+
+/// What all views saw, instant by instant.
+pub struct Common {
+    /// Per view, per instant.
+    pub people: Vec<Vec<Vec<Observation>>>,
+    /// When every instant was, nanoseconds, rising, on the first view's clock.
+    pub times: Vec<u64>,
+    /// Instants a second, while anybody is in view.
+    pub rate: f64,
+    /// Whether instants are the files' own frames, not made of those before and after.
+    pub in_step: bool,
+}
+
+/// By how many seconds each view started before the first one, where all times are of one clock.
+pub fn by_clock(seen: &[ViewFile]) -> Vec<f64> {
+    let start = |s: &ViewFile| s.times.first().copied().unwrap_or(0);
+    let first = seen.first().map_or(0, start);
+    let apart = |s: &ViewFile| i128::from(first) - i128::from(start(s));
+    seen.iter().map(|s| apart(s) as f64 * 1e-9).collect()
+}
+
+/// Brings views to one time that started `shifts` seconds before the first one; every one tells its times
+/// ([`ViewFile::tells_times`]).
+///
+/// # Errors
+/// When there is no time at which all ran, or nobody was in view then.
+pub fn by_times(
+    seen: Vec<ViewFile>,
+    shifts: &[f64],
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Common> {
+    let each = seen.iter().zip(shifts);
+    let all: Vec<Timed<'_>> = each.map(|(file, shift)| Timed::new(file, *shift)).collect();
+    if !are_in_step(&all) {
+        return sampled(&all);
+    }
+    let rate = all[0].rate;
+    let count = note_lengths(&seen, notes);
+    let times = seen[0].times[..count].to_vec();
+    Ok(Common {
+        people: seen.into_iter().map(|s| s.frames).collect(),
+        times,
+        rate,
+        in_step: true,
+    })
+}
+
+/// Brings views to one time of which nothing tells that they did not start together; every one tells its times.
+///
+/// # Errors
+/// When they differ in length, which tells that they did not, and what [`by_times`] refuses.
+pub fn as_if_together(seen: Vec<ViewFile>, notes: &mut Vec<String>) -> anyhow::Result<Common> {
+    let seconds = |s: &ViewFile| {
+        let span = s.times[s.times.len() - 1] - s.times[0];
+        span as f64 * 1e-9
+    };
+    let by_length = |a: &&ViewFile, b: &&ViewFile| seconds(a).total_cmp(&seconds(b));
+    let ends = (seen.iter().min_by(by_length), seen.iter().max_by(by_length));
+    if let (Some(least), Some(most)) = ends
+        && seconds(most) - seconds(least) > SPARE
+    {
+        return Err(Failure::data(format!(
+            "expected views of one length, found {:.1} s of camera {} and {:.1} s of {}; cut them to the same time",
+            seconds(most),
+            most.name,
+            seconds(least),
+            least.name
+        ))
+        .into());
+    }
+    let shifts = vec![0.0; seen.len()];
+    by_times(seen, &shifts, notes)
+}
+
+/// Brings views together frame by frame; `given` is the user's word for the rate. Views whose times are in no order get
+/// those of the rate.
+///
+/// # Errors
+/// When views differ in rate or length.
+pub fn by_number(
+    given: Option<f64>,
+    mut seen: Vec<ViewFile>,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Common> {
+    let rates: Vec<Option<f64>> = seen.iter().map(ViewFile::rate).collect();
+    let rate = given.or(rates[0]).unwrap_or(USUAL_RATE);
+    let is_other = |r: &Option<f64>| r.is_some_and(|r| (r / rate - 1.0).abs() > RATE_TOLERANCE);
+    if given.is_none()
+        && let Some(k) = rates.iter().position(is_other)
+    {
+        return Err(Failure::data(format!(
+            "expected views of one rate, found {:.2} frames a second of camera {} and {:.2} of {}; bring them to one rate, or give --fps if they are",
+            rate,
+            seen[0].name,
+            rates[k].unwrap_or(rate),
+            seen[k].name
+        ))
+        .into());
+    }
+    for view in seen.iter_mut().filter(|view| !view.is_in_order()) {
+        view.at_rate(rate);
+    }
+    let (least, most) = shortest_and_longest(&seen);
+    let lengths = [most, least].map(|k| seen[k].frames.len());
+    if (lengths[0] - lengths[1]) as f64 > SPARE * rate {
+        return Err(Failure::data(format!(
+            "expected views of one length, found {} frames of camera {} and {} of {}; cut them to the same time",
+            lengths[0], seen[most].name, lengths[1], seen[least].name
+        ))
+        .into());
+    }
+    let count = note_lengths(&seen, notes);
+    let times = seen[0].times[..count].to_vec();
+    Ok(Common {
+        people: seen.into_iter().map(|s| s.frames).collect(),
+        times,
+        rate,
+        in_step: true,
+    })
+}
+
+fn shortest_and_longest(seen: &[ViewFile]) -> (usize, usize) {
+    let length = |k: &usize| seen[*k].frames.len();
+    let least = (0..seen.len()).min_by_key(length).unwrap_or(0);
+    let most = (0..seen.len()).max_by_key(length).unwrap_or(0);
+    (least, most)
+}
+
+/// Frames that all views have; what some have beyond is said.
+fn note_lengths(seen: &[ViewFile], notes: &mut Vec<String>) -> usize {
+    let (least, most) = shortest_and_longest(seen);
+    let count = seen[least].frames.len();
+    let difference = seen[most].frames.len() - count;
+    if difference > 0 {
+        notes.push(format!(
+            "camera {} has {} less than {}; {} left out",
+            seen[least].name,
+            counted(difference as u64, "frame", "frames"),
+            seen[most].name,
+            match difference {
+                1 => "it is",
+                _ => "these are",
+            }
+        ));
+    }
+    count
+}
+
+/// A view, and when its frames were on the clock of all.
+struct Timed<'a> {
+    file: &'a ViewFile,
+    /// Frames a second.
+    rate: f64,
+    /// When every frame was, seconds after the first view's start, rising.
+    seconds: Vec<f64>,
+}
+
+impl<'a> Timed<'a> {
+    fn new(file: &'a ViewFile, shift: f64) -> Self {
+        let seconds = |t: &u64| (t - file.times[0]) as f64 * 1e-9 - shift;
+        Self {
+            file,
+            rate: file.rate().unwrap_or(USUAL_RATE),
+            seconds: file.times.iter().map(seconds).collect(),
+        }
+    }
+
+    fn end(&self) -> f64 {
+        self.seconds[self.seconds.len() - 1]
+    }
+
+    /// The frame nearest to an instant.
+    fn nearest(&self, now: f64) -> usize {
+        let next = self.seconds.partition_point(|t| *t <= now);
+        let near = [next.saturating_sub(1), next.min(self.seconds.len() - 1)];
+        let off = |k: usize| (self.seconds[k] - now).abs();
+        if off(near[0]) <= off(near[1]) {
+            near[0]
+        } else {
+            near[1]
+        }
+    }
+
+    /// Who was seen at an instant; nobody where frames are too far from it.
+    fn at(&self, now: f64) -> Vec<Observation> {
+        let off = |k: usize| (self.seconds[k] - now).abs();
+        let nearest = self.nearest(now);
+        let frames = &self.file.frames;
+        if off(nearest) < SAME {
+            return frames[nearest].clone();
+        }
+        let next = self.seconds.partition_point(|t| *t <= now);
+        if next == 0 || next == frames.len() {
+            return Vec::new();
+        }
+        let step = self.seconds[next] - self.seconds[next - 1];
+        if step > GAP / self.rate {
+            return Vec::new();
+        }
+        let other = if nearest == next { next - 1 } else { next };
+        between(&frames[nearest], &frames[other], off(nearest) / step)
+    }
+}
+
+/// Whether frames of one number are of one instant, and follow each other evenly.
+fn are_in_step(all: &[Timed<'_>]) -> bool {
+    let first = &all[0];
+    let near = IN_STEP / first.rate;
+    let mut steps = first.seconds.windows(2);
+    steps.all(|w| (w[1] - w[0] - 1.0 / first.rate).abs() < near)
+        && all[1..].iter().all(|view| {
+            let mut pairs = view.seconds.iter().zip(&first.seconds);
+            pairs.all(|(own, other)| (own - other).abs() < near)
+        })
+}
+
+/// What every view saw at instants of equal distance, as many a second as the fastest view has frames, while all ran.
+fn sampled(all: &[Timed<'_>]) -> anyhow::Result<Common> {
+    let begin = all.iter().map(|v| v.seconds[0]).fold(f64::MIN, f64::max) - SAME;
+    let end = all.iter().map(Timed::end).fold(f64::MAX, f64::min) + SAME;
+    let lead = (0..all.len())
+        .max_by(|a, b| all[*a].rate.total_cmp(&all[*b].rate).then(b.cmp(a)))
+        .unwrap_or(0);
+    let lead = &all[lead];
+    let origin = lead.seconds.iter().copied().find(|t| *t >= begin);
+    let Some(origin) = origin.filter(|t| *t <= end) else {
+        return Err(Failure::data(
+            "expected views that ran at one time, found none in which all did; give --sync motion if they are of several clocks, --sync none if frames belong together by number",
+        )
+        .into());
+    };
+    let mut common = Common {
+        people: vec![Vec::new(); all.len()],
+        times: Vec::new(),
+        rate: lead.rate,
+        in_step: false,
+    };
+    for k in inhabited(all, origin, end, lead.rate) {
+        let even = origin + k as f64 / lead.rate;
+        let own = lead.seconds[lead.nearest(even)];
+        let now = if (own - even).abs() < OWN / lead.rate {
+            own
+        } else {
+            even
+        };
+        let after = (now.max(0.0) * 1e9).round() as u64;
+        common
+            .times
+            .push(all[0].file.times[0].saturating_add(after));
+        for (people, view) in common.people.iter_mut().zip(all) {
+            people.push(view.at(now));
+        }
+    }
+    if common.times.is_empty() {
+        return Err(Failure::data(
+            "expected somebody in view while all cameras ran, found nobody; check that views are of one time",
+        )
+        .into());
+    }
+    Ok(common)
+}
+
+/// Numbers of the instants, `rate` a second from `origin` to `end`, near which anybody is seen, rising.
+fn inhabited(all: &[Timed<'_>], origin: f64, end: f64, rate: f64) -> Vec<u64> {
+    let each = all
+        .iter()
+        .flat_map(|v| v.seconds.iter().zip(&v.file.frames));
+    let mut seen: Vec<f64> = each
+        .filter(|(_, people)| !people.is_empty())
+        .map(|(t, _)| *t)
+        .collect();
+    seen.sort_by(f64::total_cmp);
+    let (mut numbers, mut next) = (Vec::new(), 0_u64);
+    for t in seen {
+        let from = ((t - PAUSE - origin) * rate).ceil().max(0.0) as u64;
+        let last = ((t + PAUSE).min(end) - origin) * rate;
+        if last >= 0.0 {
+            numbers.extend(from.max(next)..=last as u64);
+            next = next.max(last as u64 + 1);
+        }
+    }
+    numbers
+}
