@@ -35,8 +35,7 @@ unsafe impl Simd for Neon {
     ops! {
         fn splat_f(value: f32) -> float32x4_t = vdupq_n_f32(value);
         fn load_f(at: *const f32) -> float32x4_t = vld1q_f32(at);
-        fn load_f_part(at: *const f32, n: usize) -> float32x4_t =
-            if n == 4 { vld1q_f32(at) } else { vld1q_f32(load_part::<f32, 4>(at, n).as_ptr()) };
+        fn load_f_part(at: *const f32, n: usize) -> float32x4_t = vld1q_f32(load_part::<f32, 4>(at, n).as_ptr());
         fn store_f_part(value: float32x4_t, at: *mut f32, n: usize) = {
             if n == 4 {
                 vst1q_f32(at, value);
