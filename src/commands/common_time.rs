@@ -61,14 +61,7 @@ pub fn by_times(
         return sampled(&all);
     }
     let rate = all[0].rate;
-    let count = note_lengths(&seen, notes);
-    let times = seen[0].times[..count].to_vec();
-    Ok(Common {
-        people: seen.into_iter().map(|s| s.frames).collect(),
-        times,
-        rate,
-        in_step: true,
-    })
+    Ok(row_by_row(seen, rate, notes))
 }
 
 /// Brings views to one time of which nothing tells that they did not start together; every one tells its times.
@@ -135,14 +128,20 @@ pub fn by_number(
         ))
         .into());
     }
+    Ok(row_by_row(seen, rate, notes))
+}
+
+/// Views that are in step: their rows of one number are of one time, that of the first view's; as many as the shortest
+/// has. `rate` is in frames per second.
+fn row_by_row(seen: Vec<ViewFile>, rate: f64, notes: &mut Vec<String>) -> Common {
     let count = note_lengths(&seen, notes);
     let times = seen[0].times[..count].to_vec();
-    Ok(Common {
+    Common {
         people: seen.into_iter().map(|s| s.frames).collect(),
         times,
         rate,
         in_step: true,
-    })
+    }
 }
 
 fn shortest_and_longest(seen: &[ViewFile]) -> (usize, usize) {
