@@ -17,8 +17,9 @@ use crate::board::Board;
 #[derive(Debug, Clone, clap::Args)]
 pub struct CalibrateArgs {
     /// What a camera saw of somebody who walked about: the JSON lines or record of 'infer', or a film; once for every
-    /// camera, of the same time: live cameras of one machine go by its clock, films must start together. With --board: a folder of photos, or a film; one camera for its lens, several for
-    /// their places too. A camera is called like its file or folder, or CAMERA=FILE says how
+    /// camera, of the same time: live cameras of one machine go by its clock, films must start together. With --board:
+    /// a folder of photos, or a film; one camera for its lens, several for their places too. A camera is called like
+    /// its file or folder, or CAMERA=FILE says how
     #[arg(long, value_name = "[CAMERA=]FILE", required = true)]
     pub view: Vec<String>,
     /// Calibrate by pictures of a board: a chessboard by its inner corners, as in 9x6, or a ChArUco board by its
