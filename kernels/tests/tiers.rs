@@ -100,7 +100,7 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
         Epilogue::U8 {
             scale,
             // Below 127 the narrowing instructions do not clamp by themselves.
-            max: if case.seed % 3 == 0 { 90 } else { 127 },
+            max: if case.seed.is_multiple_of(3) { 90 } else { 127 },
             residual_scale: case.residual.then_some(0.71),
         }
     };
