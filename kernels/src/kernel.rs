@@ -145,7 +145,7 @@ pub(crate) enum DotProduct {
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     Segmented {
         kernel: &'static Direct<SegmentedPacked>,
-        /// For the same weights where their segments are short: widens every group.
+        /// For the same weights, packed in the same way, where their segments are short: widens every group.
         short: Option<&'static Direct<Packed>>,
     },
 }

@@ -49,6 +49,11 @@ impl SegmentedPacked {
         })
     }
 
+    /// The weights alone.
+    pub fn into_packed(self) -> Packed {
+        self.packed
+    }
+
     /// Mean length of the segments, in 32-bit groups of input channels; 0 without any.
     pub fn mean_length(&self) -> f64 {
         let groups: usize = self.lengths.iter().map(|&length| usize::from(length)).sum();

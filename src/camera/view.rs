@@ -118,13 +118,11 @@ impl View {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn around(degrees: f64) -> View {
-        // Three metres away, looking at the origin; the world's y points down here.
+impl View {
+    /// Three metres from the origin, looking at it; the world's y points down.
+    pub(crate) fn around(degrees: f64) -> Self {
         let rotation = DMat3::from_rotation_y(degrees.to_radians());
-        View {
+        Self {
             name: format!("{degrees}"),
             size: [1080, 1920],
             focal: DVec2::new(1680.0, 1682.0),
@@ -137,12 +135,17 @@ mod tests {
             position: -3.0 * (rotation.transpose() * DVec3::Z),
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn pictures_may_lack_what_fills_the_last_macroblock() {
         let coded = View {
             size: [1088, 1920],
-            ..around(0.0)
+            ..View::around(0.0)
         };
         let shown = coded.for_pictures([1080, 1920]).unwrap();
         assert_eq!(shown.size, [1080, 1920]);
@@ -155,7 +158,7 @@ mod tests {
 
     #[test]
     fn in_flipped_pictures_everything_is_on_the_other_side() {
-        let (view, point) = (around(20.0), DVec3::new(0.3, -0.2, 0.4));
+        let (view, point) = (View::around(20.0), DVec3::new(0.3, -0.2, 0.4));
         let (seen, flipped) = (view.project(point).unwrap(), view.mirrored());
         let there = flipped.project(point).unwrap();
         assert!((there - DVec2::new(1079.0 - seen.x, seen.y)).length() < 1e-9);
@@ -166,7 +169,7 @@ mod tests {
     fn of_a_size_not_told_the_principal_point_is_near_the_middle() {
         let untold = View {
             size: [0; 2],
-            ..around(0.0)
+            ..View::around(0.0)
         };
         for size in [[1080, 1920], [1088, 1920]] {
             assert_eq!(untold.for_pictures(size).unwrap().size, size);

@@ -125,7 +125,7 @@ chain!(
 
 // AVX2 and FMA.
 direct_int8!(DIRECT_AVX2: SegmentedPacked = "qs8_direct_4x16c4__avx2", ["avx2", "fma"], Segmented<avx2::U8Segmented>);
-direct_int8!(PAIRS_AVX2: Packed = "qs8_pairs_4x16c4__avx2", ["avx2", "fma"], Plain<avx2::U8Pairs>);
+direct_int8!(PAIRS_AVX2: Packed = "qs8_pairs_4x16c4__avx2", ["avx2", "fma"], Plain<avx2::U8Segmented>);
 direct_int8!(WIDE_AVX2: Packed = "qs8_wide_4x8c4__avx2", ["avx2", "fma"], Plain<avx2::U8Wide>);
 winograd_int8!(
     WINOGRAD_AVX2 = "qs8_winograd4_4x16c2__avx2",

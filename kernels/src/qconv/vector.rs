@@ -88,7 +88,7 @@ impl Vector {
                 match SegmentedPacked::new(pack(kernel.blocking)?, params.input_max) {
                     Some(segmented) => match short.and_then(Ready::new) {
                         Some(kernel) if segmented.mean_length() < LEAST_SEGMENT => {
-                            Some(Method::Plain(kernel, pack(kernel.blocking)?))
+                            Some(Method::Plain(kernel, segmented.into_packed()))
                         }
                         _ => Some(Method::Segmented(kernel, segmented)),
                     },

@@ -86,6 +86,12 @@ where
     D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
     W: Write<D::S, <D::S as Simd>::I>,
 {
+    const {
+        assert!(
+            D::MAX_MR == 4 || D::MAX_MR == 8,
+            "`Chunk::run` has these tiles"
+        )
+    };
     let rows = &job.part.rows;
     if rows.is_empty() {
         return;

@@ -39,8 +39,9 @@ impl Subject {
         Self { model, weights }
     }
 
-    /// A shipped network with random weights, quantised by the same quantiser on one random picture. Speed depends on
-    /// the shapes, not on the values; results mean nothing.
+    /// A shipped network with random weights, quantised by the same quantiser on one random picture. Results mean
+    /// nothing. Speed depends on the shapes; on x86 CPUs without VNNI in int8 on the weights, too, and uniform ones are
+    /// the slowest.
     ///
     /// # Errors
     /// When there is no network of this name, or it cannot run at this size.

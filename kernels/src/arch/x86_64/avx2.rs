@@ -240,28 +240,6 @@ unsafe impl SegmentedDot for U8Segmented {
     }
 }
 
-/// Four u8 · i8 products with `vpmaddubsw`, each group widened at once: for weights whose segments would be short.
-#[derive(Clone, Copy)]
-pub(crate) struct U8Pairs;
-
-// SAFETY: loads 32 bytes of weights and 4 of input.
-unsafe impl Dot for U8Pairs {
-    type S = Avx2;
-    type Acc = __m256i;
-    type V = __m256i;
-    const MAX_NV: usize = 2;
-    const MAX_MR: usize = 4;
-    const PACK: usize = 4;
-
-    ops! {
-        fn load_acc(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
-        fn weights(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
-        fn splat(at: *const u8) -> __m256i = _mm256_set1_epi32(at.cast::<i32>().read_unaligned());
-        fn dot(acc: __m256i, x: __m256i, w: __m256i) -> __m256i =
-            _mm256_add_epi32(acc, _mm256_madd_epi16(_mm256_maddubs_epi16(x, w), _mm256_set1_epi16(1)));
-    }
-}
-
 /// Four u8 · i8 products by way of i16 halves: exact for every input, for layers whose pairs could leave i16.
 #[derive(Clone, Copy)]
 pub(crate) struct U8Wide;

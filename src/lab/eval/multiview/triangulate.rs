@@ -53,28 +53,10 @@ pub fn triangulate(seen: &[(&View, DVec2)], sigma: f64) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Brown;
-
-    /// Three metres from the origin, looking at it; the world's y points down.
-    fn around(degrees: f64) -> View {
-        let rotation = DMat3::from_rotation_y(degrees.to_radians());
-        View {
-            name: format!("{degrees}"),
-            size: [1080, 1920],
-            focal: DVec2::new(1680.0, 1682.0),
-            centre: DVec2::new(532.0, 948.0),
-            distortion: Brown {
-                radial: [-0.046, 0.14, 0.0],
-                tangential: [0.0006, -0.0007],
-            },
-            rotation,
-            position: -3.0 * (rotation.transpose() * DVec3::Z),
-        }
-    }
 
     #[test]
     fn rays_of_distorted_views_meet_in_the_point() {
-        let views = [0.0, 80.0, 170.0, 260.0].map(around);
+        let views = [0.0, 80.0, 170.0, 260.0].map(View::around);
         for point in [DVec3::ZERO, DVec3::new(0.3, -0.8, 0.2)] {
             let seen: Vec<_> = views
                 .iter()
