@@ -643,6 +643,7 @@ fn the_command_reads_archives_and_refuses_others_in_one_line() {
     put("good.npz", &good);
     put("short.npz", &good[..good.len() / 2]);
     put("annot.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64");
+    put("downtown.pkl", b"(dp1\nS'sequence'\n");
     put("noise", &[0xff, 0xfe, 0, 1]);
     let solid = FIGURE.to_vec();
     let flat: Vec<_> = (0..EVIDENCE_JOINTS).map(|j| seen(here[j])).collect();
@@ -667,6 +668,7 @@ fn the_command_reads_archives_and_refuses_others_in_one_line() {
         ("good.npz", "--joint-order"),
         ("short.npz", "cut short"),
         ("annot.mat", "mat_to_npz.py"),
+        ("downtown.pkl", "threedpw_to_npz.py"),
         ("noise", "neither"),
     ] {
         let failed = eval(truth, &[]).code(65);

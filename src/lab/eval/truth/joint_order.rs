@@ -13,6 +13,10 @@ pub enum JointOrder {
     #[value(name = "mpi-inf-3dhp", alias = "mpi_inf_3dhp")]
     #[serde(rename = "mpi_inf_3dhp")]
     MpiInf3dhp,
+    /// SMPL, and so 3DPW: 24 joints of the body model's skeleton, from the pelvis (index 0) to the hands.
+    #[value(name = "smpl")]
+    #[serde(rename = "smpl")]
+    Smpl,
 }
 
 /// pelvis, right leg, left leg, spine, thorax, nose, head top, left arm, right arm; the nose is none of ours.
@@ -72,6 +76,35 @@ const DHP_28: [Option<usize>; 28] = [
     Some(19),
 ];
 
+/// pelvis, hips, spine, knees, spine, ankles, spine, feet, neck, collarbones, head, shoulders, elbows, wrists, hands.
+/// SMPL's spine, head, feet and hands lie elsewhere than ours, and it has no head top.
+const SMPL_24: [Option<usize>; 24] = [
+    Some(14),
+    Some(11),
+    Some(8),
+    None,
+    Some(12),
+    Some(9),
+    None,
+    Some(13),
+    Some(10),
+    None,
+    None,
+    None,
+    Some(1),
+    None,
+    None,
+    None,
+    Some(5),
+    Some(2),
+    Some(6),
+    Some(3),
+    Some(7),
+    Some(4),
+    None,
+    None,
+];
+
 impl JointOrder {
     /// The body joint that each of `count` joints is, `None` for those that are none of ours; `None` when the order
     /// does not come with so many.
@@ -88,6 +121,7 @@ impl JointOrder {
             // The first 17 of ours are in this order.
             (Self::MpiInf3dhp, 17) => Some((0..17).map(Some).collect()),
             (Self::MpiInf3dhp, 28) => Some(DHP_28.to_vec()),
+            (Self::Smpl, 24) => Some(SMPL_24.to_vec()),
             _ => None,
         }
     }
@@ -95,6 +129,7 @@ impl JointOrder {
     /// The only order that comes with so many joints, if there is one.
     pub fn of_count(count: usize) -> Option<Self> {
         match count {
+            24 => Some(Self::Smpl),
             28 => Some(Self::MpiInf3dhp),
             32 => Some(Self::H36m),
             _ => None,
@@ -158,6 +193,45 @@ mod tests {
         let all = JointOrder::MpiInf3dhp.body_joints(28).unwrap();
         let chosen: Vec<_> = relevant.iter().map(|&k| all[k - 1]).collect();
         assert_eq!(JointOrder::MpiInf3dhp.body_joints(17), Some(chosen));
+    }
+
+    /// SMPL's own names of its joints, those that are ours in our words.
+    const SMPL_NAMES: [&str; 24] = [
+        "pelvis",
+        "l_hip",
+        "r_hip",
+        "spine1",
+        "l_knee",
+        "r_knee",
+        "spine2",
+        "l_ankle",
+        "r_ankle",
+        "spine3",
+        "l_foot",
+        "r_foot",
+        "neck",
+        "l_collar",
+        "r_collar",
+        "skull",
+        "l_shoulder",
+        "r_shoulder",
+        "l_elbow",
+        "r_elbow",
+        "l_wrist",
+        "r_wrist",
+        "l_palm",
+        "r_palm",
+    ];
+
+    #[test]
+    fn smpl_s_joints_go_by_their_names() {
+        let map = JointOrder::Smpl.body_joints(24).unwrap();
+        for (name, joint) in SMPL_NAMES.iter().zip(&map) {
+            let ours = JOINT_NAMES.iter().position(|n| n == name);
+            assert_eq!(*joint, ours, "{name}");
+        }
+        assert_eq!(map.iter().flatten().count(), 14);
+        assert_eq!(JointOrder::of_count(24), Some(JointOrder::Smpl));
     }
 
     #[test]

@@ -185,6 +185,14 @@ impl TruthSet {
                 "a MATLAB file; turn it into an archive with tests/reference/mat_to_npz.py",
             ));
         }
+        // Pickles of protocol 2 and later, and those of protocol 0, which 3DPW uses, begin so.
+        if bytes.starts_with(b"\x80") || bytes.starts_with(b"(dp") {
+            return Err(EvalError::format(
+                name,
+                "JSON or a NumPy archive (.npz)",
+                "a pickle, which is a program; turn 3DPW's into an archive with tests/reference/threedpw_to_npz.py",
+            ));
+        }
         if options.joint_order.is_some() || options.units.is_some() {
             return Err(EvalError::format(
                 name,

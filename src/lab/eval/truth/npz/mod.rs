@@ -11,7 +11,7 @@
 //! | `frames` | [N] | without `imgname`: index in the video of its sequence; else 0, 1, 2, … in each |
 //! | `valid` | [N], [N, P] | 0: nobody there |
 //! | `sequence` | [1], [N], strings | recording of every row; else the folder of `imgname` |
-//! | `joint_order` | string | `h36m` or `mpi_inf_3dhp`; needed for 17 joints |
+//! | `joint_order` | string | `h36m`, `mpi_inf_3dhp` or `smpl`; needed for 17 joints |
 //! | `units` | string | of the 3D joints: `m` (also when it is missing) or `mm` |
 //! | `camera_matrix` | [3, 3], [N, 3, 3] | intrinsics, pixels; lenses without distortion |
 //! | `camera_pose` | [3, 4], [N, 3, 4] | world to camera; then the 3D joints are in world axes |
@@ -63,7 +63,7 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
         return Err(source.wrong(
             "an array 'positions_3d' or 'S' of 3D joints",
             format!(
-                "{}; see the evaluation section of the README",
+                "{}; see \"Measure it yourself\" in docs/accuracy.md",
                 source.listed()
             ),
         ));
@@ -184,7 +184,7 @@ fn joint_order(
     };
     order.body_joints(joints).ok_or_else(|| {
         source.wrong(
-            "17 or 32 joints of Human3.6M, or 17 or 28 of MPI-INF-3DHP",
+            "17 or 32 joints of Human3.6M, 17 or 28 of MPI-INF-3DHP, or 24 of SMPL",
             format!("{joints} joints for {order:?}"),
         )
     })
