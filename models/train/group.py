@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from skeleton import LIMBS, NJ, STRIDE
+from skeleton import LIMBS, NECK, NJ, STRIDE
 
 
 def refine(h: np.ndarray, y: int, x: int) -> tuple[float, float]:
-    """Quadratic sub-cell position of a maximum."""
+    """Sub-cell position of a maximum, of the parabola through the logarithms, as in the program."""
 
     def off(a: float, b: float, c: float) -> float:
         d = a - 2 * b + c
         return float(np.clip(0.5 * (a - c) / d, -0.5, 0.5)) if d < -1e-6 else 0.0
 
+    def level(y: int, x: int) -> float:
+        return float(np.log(max(h[y, x], 0.01)))
+
     H, W = h.shape
-    dx = off(h[y, x - 1], h[y, x], h[y, x + 1]) if 0 < x < W - 1 else 0.0
-    dy = off(h[y - 1, x], h[y, x], h[y + 1, x]) if 0 < y < H - 1 else 0.0
+    dx = off(level(y, x - 1), level(y, x), level(y, x + 1)) if 0 < x < W - 1 else 0.0
+    dy = off(level(y - 1, x), level(y, x), level(y + 1, x)) if 0 < y < H - 1 else 0.0
     return x + dx, y + dy
 
 
@@ -33,11 +37,15 @@ def argmax_joints(hm: Tensor) -> np.ndarray:
     return out * STRIDE + (STRIDE - 1) / 2
 
 
-def people(maps: Tensor, thr: float = 0.5, paf_thr: float = 0.25, min_joints: int = 8) -> list[np.ndarray]:
-    """One picture's maps [40, h, w] -> people as [14, 3] (pixels, score; score 0 = absent).  People without a neck are dropped."""
+def people(maps: Tensor, thr: float = 0.5, paf_thr: float = 0.25, min_joints: int = 8, neck_thr: float | None = None) -> list[np.ndarray]:
+    """One picture's maps [40, h, w] -> people as [14, 3] (pixels, score; score 0 = absent).  People without a neck are dropped; `neck_thr` is its
+    threshold, where it has one of its own."""
     m = maps.float()
     top = F.max_pool2d(m[None, :NJ], 3, 1, 1)[0]
-    hm, paf, is_peak = m[:NJ].cpu().numpy(), m[NJ:].cpu().numpy(), ((m[:NJ] >= top) & (m[:NJ] > thr)).cpu().numpy()
+    least = torch.full((NJ, 1, 1), thr)
+    if neck_thr is not None:
+        least[NECK] = neck_thr
+    hm, paf, is_peak = m[:NJ].cpu().numpy(), m[NJ:].cpu().numpy(), ((m[:NJ] >= top) & (m[:NJ] > least.to(m.device))).cpu().numpy()
     H, W = hm.shape[1:]
     peaks = []
     for j in range(NJ):

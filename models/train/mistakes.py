@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import pathlib
 import sys
+import tomllib
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ from precision import bf16_pays
 from real import decode_all, load_set
 from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
+ASSOCIATION = pathlib.Path(__file__).resolve().parents[1] / "association.toml"
 NEAR = 0.15  # of the stature: a joint that counts for the match
 GROSS = 0.10  # farther off than this, an answer may be another joint's
 
@@ -87,6 +89,12 @@ class Seen:
 def bones(rel: Tensor) -> Tensor:
     """Joints [..., 21, 3] -> vectors from each one's parent."""
     return rel - rel[..., PARENTS21, :]
+
+
+def thresholds(path: pathlib.Path) -> evaluate.Group:
+    """Those of the program: Stage II is to learn of whomever it will be asked about, faint and half hidden people as well."""
+    t = tomllib.loads(path.read_text())
+    return dict(thr=t["joint_threshold"], neck_thr=t["neck_threshold"], paf_thr=t["limb_threshold"], min_joints=t["min_joints"])
 
 
 def is_open(path: pathlib.Path) -> bool:
@@ -214,9 +222,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--photos", type=int, default=1200, help="of LSP's; 0 with --open")
     ap.add_argument("--open", action="store_true", help="only open scenes, and what open weights say of them")
     ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
-    ap.add_argument("--thr", type=float, default=0.5)
-    ap.add_argument("--paf", type=float, default=0.25)
-    ap.add_argument("--joints", type=int, default=8)
+    ap.add_argument("--association", type=pathlib.Path, default=ASSOCIATION, help="toml with the thresholds that the program asks these weights by")
     ap.add_argument("--threads", type=int, default=1)
     ap.add_argument("--seed", type=int, default=1)
     a = ap.parse_args(argv)
@@ -228,7 +234,7 @@ def main(argv: list[str]) -> None:
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
-    group: evaluate.Group = dict(thr=a.thr, paf_thr=a.paf, min_joints=a.joints)
+    group = thresholds(a.association)
     m, known = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
     torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "open": a.open}, a.out)
     seen = m.conf > 0

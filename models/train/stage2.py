@@ -51,6 +51,11 @@ LIMB_CHAINS = [
 ]
 
 
+CLOSE = 0.3  # share of people who stand right before the camera
+NEAR = 400  # stature in pixels of those whom the report counts as close
+LEAST = 4  # joints in the picture, the neck among them: fewer are not reported
+
+
 class People3D:
     """Random posed people in front of random cameras: pixels and 3D joints, no pictures."""
 
@@ -62,8 +67,19 @@ class People3D:
         self.g = torch.Generator(device=device).manual_seed(seed)
 
     @torch.no_grad()
-    def sample(self, n: int) -> tuple[Tensor, Tensor, Tensor]:
-        """uv [n, 14, 2] in pixels of a 512 x 320 frame, rel3d [n, 21, 3], stature in pixels [n]."""
+    def sample(self, n: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """uv [n, 14, 2] in pixels of a 512 x 320 frame, rel3d [n, 21, 3], stature in pixels [n], joints in the picture bool [n, 14].
+
+        From 0.6 to a dozen metres away; of those who stand before a screen the picture shows what is left above hips or thighs. Whoever the
+        program would not report, without neck or with fewer than four joints in the picture, is drawn anew.
+        """
+        drawn = self._draw(n + n // 4 + 8)
+        inside = drawn[3]
+        kept = (inside[:, NECK] & (inside.sum(1) >= LEAST)).nonzero()[:, 0]
+        kept = kept[torch.arange(n, device=self.device) % len(kept)]
+        return tuple(t[kept] for t in drawn)  # type: ignore[return-value]
+
+    def _draw(self, n: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         d, g, b = self.device, self.g, self.body
 
         def rand(*s: int) -> Tensor:
@@ -77,10 +93,14 @@ class People3D:
             q = b.random_poses(self.clips, n, g)
         _, _, joints = b.kinematics(q, rest, (rand(n) * 2 - 1) * math.pi)
         f = 256 / torch.tan((35 + 55 * rand(n)) * math.pi / 360)
-        tall = 40 * 8 ** rand(n)
-        dist = (f * 1.68 / tall).clamp_min(1.5)
-        hc = 0.6 + 2.4 * rand(n)
-        pitch = (torch.atan2(hc - 0.9, dist) - torch.atan2((rand(n) - 0.5) * 120, f)).clamp(-0.44, 0.87)
+        close = rand(n) < CLOSE
+        tall = torch.where(close, 280 * (900 / 280) ** rand(n), 40 * 8 ** rand(n))
+        dist = torch.where(close, (f * 1.68 / tall).clamp_min(0.6), (f * 1.68 / tall).clamp_min(1.5))
+        hc = torch.where(close, 0.7 + 1.2 * rand(n), 0.6 + 2.4 * rand(n))
+        # What the camera looks at: hips of those far away, somewhere from hips to head of those close by, more or less in the middle.
+        aim = torch.where(close, 0.9 + 0.7 * rand(n), torch.full_like(hc, 0.9))
+        off = (rand(n) - 0.5) * torch.where(close, torch.full_like(f, 200.0), torch.full_like(f, 120.0))
+        pitch = (torch.atan2(hc - aim, dist) - torch.atan2(off, f)).clamp(-0.44, 0.87)
         roll = 0.06 * torch.randn(n, generator=g, device=d)
         x = (rand(n) - 0.5) * 512 / f * dist
         p = joints * torch.tensor([1.0, -1.0, -1.0], device=d) + torch.stack([x, hc, dist], 1)[:, None]
@@ -88,8 +108,12 @@ class People3D:
         tilt = rot.from_rotvec(torch.stack([torch.zeros_like(roll), torch.zeros_like(roll), roll], 1))
         R = rot.matrix(rot.qmul(tilt, turn))
         cam = p @ R.transpose(1, 2)
-        uv = cam[:, :NJ, :2] / cam[:, :NJ, 2:].clamp_min(0.2) * f[:, None, None]
-        return uv, canonical(cam, stature), f * stature / cam[:, ROOT, 2].clamp_min(0.3)
+        z = cam[:, :NJ, 2]
+        uv = cam[:, :NJ, :2] / z[..., None].clamp_min(0.2) * f[:, None, None]
+        half = torch.tensor([256.0, 160.0], device=d)
+        half = torch.where(rand(n, 1) < 0.2, half.flip(0), half)[:, None]  # upright pictures
+        inside = (uv.abs() <= half).all(-1) & (z > 0.2)
+        return uv, canonical(cam, stature), f * stature / cam[:, ROOT, 2].clamp_min(0.3), inside
 
 
 def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -104,7 +128,9 @@ def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[
 
     size = (uv - uv.mean(1, keepdim=True)).square().sum(-1).mean(1).sqrt()[:, None, None]
     level = rand(1, 1) * 1.5  # some people are seen well, some badly
-    noisy = uv + randn(NJ, 2) * size * 0.03 * level + randn(NJ, 2) * size * 0.5 * (rand(NJ, 1) < 0.012 * level)
+    conf = 0.2 + 0.8 * rand(NJ)
+    faint = 1 + 2 * (0.6 - conf).clamp_min(0)[..., None]  # what Stage I is less sure of lies farther off
+    noisy = uv + randn(NJ, 2) * size * 0.03 * level * faint + randn(NJ, 2) * size * 0.5 * (rand(NJ, 1) < 0.012 * level * faint)
     f14 = torch.tensor(FLIP14, device=d)
     swap = rand(2) < 0.025 * level[:, :, 0]  # arms or legs taken for each other
     arms = torch.tensor([j in (2, 3, 4, 5, 6, 7) for j in range(NJ)], device=d)
@@ -112,7 +138,6 @@ def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[
     sw = (swap[:, :1] & arms) | (swap[:, 1:] & legs)
     noisy = torch.where(sw[..., None], noisy[:, f14], noisy)
 
-    conf = 0.35 + 0.65 * rand(NJ)
     drop = rand(NJ) < (0.18 * rand(1) ** 2 * 2)
     for c in LIMB_CHAINS:
         m = torch.zeros(NJ, dtype=torch.bool, device=d)
@@ -142,7 +167,7 @@ def imitate(uv: Tensor, rel: Tensor, g: torch.Generator, mask: Tensor) -> tuple[
     enc[..., 2] = enc[..., 2] * sign[:, None]
     other = rand(NJ) < 0.03 * level[:, :, 0]  # another person's value at a contested cell
     enc = torch.where(other[..., None, None], enc.roll(1, 0), enc)
-    enc = torch.where(sw[..., None, None], enc[:, f14], enc)
+    enc = torch.where(sw[..., None, None], enc[:, f14][:, :, FLIP21], enc)  # what lies there, under the other side's name
     return noisy, conf, enc.flatten(2) * mask
 
 
@@ -250,7 +275,7 @@ def train(a: argparse.Namespace) -> None:
     mask = channel_mask(dev)
     data = People3D(a.pack, dev, a.seed)
     held = People3D(a.pack, dev, 4242, held=True)
-    uv, rel_t, size = held.sample(a.test)
+    uv, rel_t, size, there = held.sample(a.test)
     posed = Posed(a.posed, dev, a.seed + 5) if a.posed else None
     if posed:
         p_uv, p_rel, _, p_in = posed.held()
@@ -263,10 +288,12 @@ def train(a: argparse.Namespace) -> None:
         cut = len(whole_set.conf) // 7  # records that are only measured with
         wrong, kept = whole_set.take(slice(cut, None)), whole_set.take(slice(cut))
         real_uv, real_conf, real_enc = kept.apply(uv, size, rel_t, torch.Generator(device=dev).manual_seed(8))
+        real_conf = real_conf * there
         real_test = stage2_input(real_uv, real_conf, real_enc, mask)
         real_blind = stage2_input(real_uv, real_conf, torch.zeros_like(real_enc), mask)
     noisy, conf, enc = imitate(uv, rel_t, torch.Generator(device=dev).manual_seed(7), mask)
-    whole = torch.ones_like(conf)
+    conf = conf * there
+    whole = there.float()
     clean = stage2_input(uv, whole, bones(rel_t).flatten(1)[:, None].expand(-1, NJ, -1), mask)
     clean2d = stage2_input(uv, whole, torch.zeros(len(uv), NJ, 3 * NB, device=dev), mask)
     test = stage2_input(noisy, conf, enc, mask)
@@ -309,8 +336,7 @@ def train(a: argparse.Namespace) -> None:
         # posing people costs more than the network: use a batch of them with several corruptions
         if step % a.repeat == 0:
             n = round(a.batch * a.posed_share) if posed else 0
-            drawn = data.sample(a.batch - n)
-            fresh = [(*drawn, torch.ones(a.batch - n, NJ, dtype=torch.bool, device=dev))]
+            fresh = [data.sample(a.batch - n)]
             if posed:
                 fresh = [tuple(torch.cat(z) for z in zip(fresh[0], posed.sample(n)))]  # type: ignore[list-item]
         uv, rel, size, inside = fresh[0]
@@ -380,6 +406,9 @@ def train(a: argparse.Namespace) -> None:
             report["as Stage I sees people, mean of both"] = errors((avg(seen_test) + avg(seen_blind)) / 2, seen_rel)
         if posed:
             report["posed people, imitated"] = errors(avg(p_test), p_rel)
+        near = size > NEAR
+        report["imitated, close to the camera"] = errors(avg(test[near]), rel_t[near])
+        report["imitated, farther away"] = errors(avg(test[~near]), rel_t[~near])
         full = (conf > 0).all(1)
         report["imitated, all 14 joints seen"] = errors(avg(test[full]), rel_t[full])
         report["imitated, joints missing"] = errors(avg(test[~full]), rel_t[~full])

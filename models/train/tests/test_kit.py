@@ -46,8 +46,8 @@ from pool import Pool, Stored
 from posed import Posed
 from real import TRUST, arrange, mend
 from renorm import LIMITS, BatchRenorm2d
-from mistakes import Mistakes, Seen, encodings, match, record
-from stage2 import agreed, as_of_real_people, imitate, mirror, mirror3d, mirrored
+from mistakes import Mistakes, Seen, encodings, match, record, thresholds
+from stage2 import People3D, agreed, as_of_real_people, imitate, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
 from windows import most_seen, seen_through, window
 
@@ -154,6 +154,21 @@ class Clips(unittest.TestCase):
 
 
 class Grouping(unittest.TestCase):
+    def test_a_neck_has_a_threshold_of_its_own(self) -> None:
+        maps = torch.zeros(40, 20, 20)
+        maps[1, 10, 10] = 0.25
+        self.assertEqual(len(people(maps, thr=0.2, min_joints=1)), 1)
+        self.assertEqual(len(people(maps, thr=0.2, min_joints=1, neck_thr=0.3)), 0)
+
+    def test_mistakes_are_asked_for_by_the_program_s_thresholds(self) -> None:
+        self.assertEqual(thresholds(KIT.parent / "association.toml"), dict(thr=0.2, neck_thr=0.3, paf_thr=0.05, min_joints=4))
+
+    def test_a_gaussian_s_middle_is_found_exactly(self) -> None:
+        y, x = torch.meshgrid(torch.arange(16.0), torch.arange(16.0), indexing="ij")
+        hm = torch.exp(-0.5 * ((x - 7.3) ** 2 + (y - 8.4) ** 2) / 0.9**2)[None, None]
+        at = argmax_joints(hm.expand(-1, NJ, -1, -1))[0, 0]
+        np.testing.assert_allclose(at, [8 * 7.3 + 3.5, 8 * 8.4 + 3.5], atol=0.02)
+
     def test_people_come_back_from_their_own_maps(self) -> None:
         j = crowd((80, 60), (200, 90), (330, 40))
         hm, paf, _, _ = targets.maps(j, torch.ones(1, 3, NJ, dtype=torch.bool), torch.full((1, 3), 150.0), 40, 64)
@@ -595,6 +610,62 @@ class Lifting(unittest.TestCase):
         self.assertGreater(int(gone.sum()), 20)
         self.assertEqual(float(x[gone].abs().max()), 0.0)
         self.assertTrue(bool((conf[:, 1] > 0).all()))  # nobody is found without a neck
+
+
+    def test_limbs_taken_for_each_other_bring_each_other_s_encodings(self) -> None:
+        g = torch.Generator().manual_seed(3)
+        rel = torch.randn(1, 21, 3).expand(4000, -1, -1) * 0.3
+        uv = torch.randn(1, NJ, 2).expand(4000, -1, -1) * 40
+        noisy, conf, enc = imitate(uv, rel, g, channel_mask())
+        elbow, other = 3, 6
+        swapped = (noisy[:, elbow] - uv[:, other]).norm(dim=1) < 0.2 * (uv[:, elbow] - uv[:, other]).norm(dim=1)
+        swapped &= (noisy[:, other] - uv[:, elbow]).norm(dim=1) < 0.2 * (uv[:, elbow] - uv[:, other]).norm(dim=1)
+        self.assertGreater(int(swapped.sum()), 20)
+        bone = rel[0] - rel[0, PARENTS21]
+        said = enc.view(4000, NJ, NB, 3)[swapped][:, elbow, elbow].median(0).values
+        self.assertLess(float((said - bone[other]).norm()), float((said - bone[elbow]).norm()))
+
+
+class Upright:
+    """A body that stands: 21 joints in body space (x left, y up, z forward), of somebody 1.70 m tall, turned as asked."""
+
+    JOINTS = (
+        [[0, 1.68, 0], [0, 1.45, 0]]
+        + [[s * x, y, 0] for s in (-1, 1) for x, y in ((0.18, 1.4), (0.25, 1.12), (0.28, 0.87))]
+        + [[s * 0.1, y, 0] for s in (-1, 1) for y in (0.9, 0.48, 0.08)]
+        + [[0, 0.95, 0], [0, 1.15, 0], [0, 1.55, 0], [-0.28, 0.78, 0], [0.28, 0.78, 0], [-0.1, 0.02, 0.15], [0.1, 0.02, 0.15]]
+    )
+
+    def random_shapes(self, n: int, g: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+        return torch.zeros(n, 1), 1.5 + 0.4 * torch.rand(n, generator=g)
+
+    def shaped(self, w: torch.Tensor, stature: torch.Tensor, with_verts: bool = True) -> tuple[None, torch.Tensor]:
+        return None, torch.tensor(self.JOINTS) * (stature / 1.7)[:, None, None]
+
+    def random_poses(self, *_: object, **__: object) -> None:
+        return None
+
+    def kinematics(self, q: None, rest: torch.Tensor, yaw: torch.Tensor) -> tuple[None, None, torch.Tensor]:
+        c, s = yaw.cos()[:, None], yaw.sin()[:, None]
+        x, y, z = rest.unbind(-1)
+        return None, None, torch.stack([c * x + s * z, y, c * z - s * x], -1)
+
+
+class PeopleBeforeACamera(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.people = People3D.__new__(People3D)
+        cls.people.body, cls.people.device, cls.people.held = Upright(), torch.device("cpu"), True
+        cls.people.clips, cls.people.g = None, torch.Generator().manual_seed(1)
+
+    def test_some_stand_right_before_it_and_are_cut_off(self) -> None:
+        uv, rel, size, inside = self.people.sample(4000)
+        self.assertEqual([tuple(t.shape) for t in (uv, rel, size, inside)], [(4000, NJ, 2), (4000, NB, 3), (4000,), (4000, NJ)])
+        self.assertTrue(bool(inside[:, 1].all()) and int(inside.sum(1).min()) >= 4)
+        self.assertGreater(float((size > 400).float().mean()), 0.1)
+        close = inside[size > 400]
+        self.assertGreater(float((~close[:, 8:].any(1)).float().mean()), 0.1)
+        self.assertGreater(float(inside[size < 200].float().mean()), 0.95)
 
 
 class RenderedScenes(unittest.TestCase):
