@@ -275,7 +275,7 @@ def train(a: argparse.Namespace) -> None:
     mask = channel_mask(dev)
     data = People3D(a.pack, dev, a.seed)
     held = People3D(a.pack, dev, 4242, held=True)
-    uv, rel_t, size, there = held.sample(a.test)
+    uv, rel_t, tall, there = held.sample(a.test)
     posed = Posed(a.posed, dev, a.seed + 5) if a.posed else None
     if posed:
         p_uv, p_rel, _, p_in = posed.held()
@@ -287,7 +287,7 @@ def train(a: argparse.Namespace) -> None:
         whole_set, seen = load(a.mistakes, dev)
         cut = len(whole_set.conf) // 7  # records that are only measured with
         wrong, kept = whole_set.take(slice(cut, None)), whole_set.take(slice(cut))
-        real_uv, real_conf, real_enc = kept.apply(uv, size, rel_t, torch.Generator(device=dev).manual_seed(8))
+        real_uv, real_conf, real_enc = kept.apply(uv, tall, rel_t, torch.Generator(device=dev).manual_seed(8))
         real_conf = real_conf * there
         real_test = stage2_input(real_uv, real_conf, real_enc, mask)
         real_blind = stage2_input(real_uv, real_conf, torch.zeros_like(real_enc), mask)
@@ -406,7 +406,7 @@ def train(a: argparse.Namespace) -> None:
             report["as Stage I sees people, mean of both"] = errors((avg(seen_test) + avg(seen_blind)) / 2, seen_rel)
         if posed:
             report["posed people, imitated"] = errors(avg(p_test), p_rel)
-        near = size > NEAR
+        near = tall > NEAR
         report["imitated, close to the camera"] = errors(avg(test[near]), rel_t[near])
         report["imitated, farther away"] = errors(avg(test[~near]), rel_t[~near])
         full = (conf > 0).all(1)
