@@ -34,7 +34,7 @@ def decode(buf: bytes) -> np.ndarray:
 
         from PIL import Image
 
-        return np.asarray(Image.open(io.BytesIO(buf)).convert("RGB"))
+        return np.array(Image.open(io.BytesIO(buf)).convert("RGB"))  # a copy, which may be written to
 
 
 @dataclass

@@ -41,17 +41,17 @@ class BeyondScenes(unittest.TestCase):
         """A white spot 10 px above the lower edge, in tiles that are higher than the scene."""
         image = torch.full((3, 320, 512), 20, dtype=torch.uint8)
         image[:, 306:313, 250:257] = 255
-        tiles = scene(image, (253.0, 309.0)).draw(60, 512, 320, (0.95, 1.4)).image
+        tiles = scene(image, (253.0, 309.0)).draw(30, 512, 320, (0.95, 1.4)).image
         shown = 0
         for tile in tiles:
             y, x = torch.nonzero(tile.amin(0) > 0.8, as_tuple=True)
             if len(y):
                 shown += 1
                 self.assertLess(max(int(y.max() - y.min()), int(x.max() - x.min())), 16, "more than one spot")
-        self.assertGreater(shown, 40)
+        self.assertGreater(shown, 20)
 
     def test_beyond_it_is_one_grey(self) -> None:
-        tiles = scene(torch.full((3, 320, 512), 255, dtype=torch.uint8), (200.0, 200.0)).draw(60, 512, 320, (1.0, 1.0), roll=0.0).image
+        tiles = scene(torch.full((3, 320, 512), 255, dtype=torch.uint8), (200.0, 200.0)).draw(40, 512, 320, (1.0, 1.0), roll=0.0).image
         self.assertTrue(bool((tiles[:, :, 100:-100] > 0.999).all()))
         beyond = torch.cat([tiles[:, :, :90], tiles[:, :, -90:]], 2)
         self.assertTrue(torch.equal(beyond, beyond[:, :1, :1, :1].expand_as(beyond)))
@@ -61,8 +61,8 @@ class BeyondScenes(unittest.TestCase):
         pool = scene(torch.full((3, 320, 512), 255, dtype=torch.uint8), (200.0, 200.0))
         mixes = (m for phases in train.PHASES.values() for phase in phases for m in phase.mixes if not m.close)
         for H, W, zoom in sorted({(m.H, m.W, m.zoom) for m in mixes}):
-            grey = float((pool.draw(12, H, W, zoom).image[:, 0] < 0.9).float().mean())
-            self.assertLess(grey, 0.28, f"{W} x {H} at {zoom}")
+            grey = float((pool.draw(8, H, W, zoom[:1] * 2).image[:, 0] < 0.9).float().mean())
+            self.assertLess(grey, 0.38, f"{W} x {H} at {zoom[0]}, where a scene is smallest")
 
 
 class BeyondTiles(unittest.TestCase):
@@ -103,9 +103,9 @@ class BeyondTiles(unittest.TestCase):
 class Behind(unittest.TestCase):
     """Two people, the second pasted over a wrist of the first."""
 
-    def labels(self, hidden: bool) -> targets.Targets:
+    def labels(self, hidden: bool, at: tuple[float, float] = (172.0, 100.0)) -> targets.Targets:
         j = crowd((60, 60), (180, 60))
-        j[0, 0, ELBOW], j[0, 0, WRIST] = torch.tensor([120.0, 100.0]), torch.tensor([172.0, 100.0])
+        j[0, 0, ELBOW], j[0, 0, WRIST] = torch.tensor([120.0, 100.0]), torch.tensor(at)
         labelled, behind = torch.ones(1, 2, NJ, dtype=torch.bool), torch.zeros(1, 2, NJ, dtype=torch.bool)
         labelled[0, 0, WRIST], behind[0, 0, WRIST] = False, hidden
         box = torch.zeros(1, 2, 40, 64, dtype=torch.bool)
@@ -118,11 +118,16 @@ class Behind(unittest.TestCase):
         t = self.labels(True)
         self.assertEqual(float(t.weight[0, WRIST, y, x]), 0)
         self.assertEqual(float(t.weight[0, WRIST, y, 8]), 1, "where the person can be seen")
-        own = round((180 + PERSON[WRIST, 0] - 3.5) / STRIDE), round((60 + PERSON[WRIST, 1] - 3.5) / STRIDE)
-        self.assertEqual(float(t.weight[0, WRIST, own[1], own[0]]), 1, "the wrist of whoever stands in front")
         self.assertEqual(float(t.weight[0, FOREARM : FOREARM + 2, y, x - 2].max()), 0)
         self.assertEqual(float(t.weight[0, FOREARM : FOREARM + 2, 10, 8].min()), 1)
         self.assertTrue(torch.equal(t.maps, self.labels(False).maps))
+
+    def test_whoever_stands_in_front_counts_wherever_they_are(self) -> None:
+        own = PERSON[WRIST] + [180, 60]
+        t = self.labels(True, (float(own[0]) + 6, float(own[1]) - 6))
+        shown = t.maps[0, WRIST] > 0.05
+        self.assertTrue(bool(shown.any()) and bool((t.weight[0, WRIST][shown] == 1).all()))
+        self.assertEqual(float(t.weight[0, WRIST, 6:28, 19:28].min()), 0)
 
     def test_a_joint_without_a_label_is_left_open_where_the_person_can_be_seen(self) -> None:
         t = self.labels(False)
