@@ -4,7 +4,8 @@
     python carry.py unpack PARTS OUT      # as many of the parts as are there
 
 Photos are shrunk to `--side` and compressed once more, scenes compressed for the first time: a third of the bytes. Every part holds its share of
-the photos, of every folder of scenes and of a pack's pictures to train on, so that training can begin on the first one.
+the photos, of every folder of scenes and of a pack's pictures to train on, with what teacher.py knows of these, so that training can begin on the
+first one.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import pathlib
 import shutil
 import sys
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -21,6 +23,7 @@ import numpy as np
 import depth
 import terms
 from pool import FIELDS
+from real import TAUGHT, TEACHER
 
 PER_PHOTO = ("size", "weight", "stretched", "source")
 PER_PERSON = ("joints", "state", "box")
@@ -83,9 +86,7 @@ def scenes(folder: pathlib.Path, out: pathlib.Path, part: int, parts: int, quali
 
 
 def images(pack: pathlib.Path, out: pathlib.Path, part: int, parts: int, quality: int) -> None:
-    """Pictures of pack.py to train on."""
-    if (pack / "teacher.npz").exists():
-        raise SystemExit(f"expected a pack without teacher.npz, whose rows go by a whole pack's pictures, found one in {pack}: move it away")
+    """Pictures of pack.py to train on, and their rows of teacher.npz."""
     z = np.load(pack / "images.npz")
     raw, names = np.memmap(pack / "images.bin", np.uint8, "r"), z["set_names"]
     which = np.concatenate([np.nonzero(z["set"] == k)[0][part::parts] for k, name in enumerate(names) if not name.endswith("test")])
@@ -94,6 +95,18 @@ def images(pack: pathlib.Path, out: pathlib.Path, part: int, parts: int, quality
     (out / "images.bin").write_bytes(b"".join(files))
     rest = {k: z[k][which] for k in PER_IMAGE}
     np.savez_compressed(out / "images.npz", offset=np.cumsum([0, *map(len, files)]), set_names=names, **rest)
+    if (pack / TEACHER).exists():
+        told, ends = np.load(pack / TEACHER), np.cumsum(taught(z))
+        if len(told["ok"]) != ends[-1]:
+            raise SystemExit(f"expected {ends[-1]} rows in {pack / TEACHER}, found {len(told['ok'])}: run teacher.py on this pack again")
+        rows = np.concatenate([of_set[part::parts] for of_set in np.split(np.arange(ends[-1]), ends[:-1])])
+        np.savez_compressed(out / TEACHER, **{k: told[k][rows] for k in told})
+
+
+def taught(z: Mapping[str, np.ndarray]) -> list[int]:
+    """How many pictures of an images.npz are of each set that teacher.npz has rows of, which hold one set after the other."""
+    sets = z["set_names"][z["set"]]
+    return [int((sets == name).sum()) for name in TAUGHT]
 
 
 def unpack_images(parts: list[pathlib.Path], out: pathlib.Path) -> None:
@@ -102,6 +115,13 @@ def unpack_images(parts: list[pathlib.Path], out: pathlib.Path) -> None:
     (out / "images.bin").write_bytes(b"".join((p / "images.bin").read_bytes() for p in parts))
     offset = np.cumsum([0, *np.concatenate([np.diff(p["offset"]) for p in z])]).astype(np.int64)
     np.savez(out / "images.npz", offset=offset, set_names=z[0]["set_names"], **{k: np.concatenate([p[k] for p in z]) for k in PER_IMAGE})
+    (out / TEACHER).unlink(missing_ok=True)
+    if all((p / TEACHER).exists() for p in parts):
+        told = [dict(np.load(p / TEACHER)) for p in parts]
+        # first all parts' rows of one set, then of the next
+        cut = [np.cumsum(taught(p))[:-1] for p in z]
+        joined = {k: [np.split(t[k], c) for t, c in zip(told, cut)] for k in told[0]}
+        np.savez_compressed(out / TEACHER, **{k: np.concatenate([part[s] for s in range(len(TAUGHT)) for part in v]) for k, v in joined.items()})
 
 
 def pictures(folder: pathlib.Path, offset: np.ndarray) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 """Real people pasted together into whole frames, as pictures with truth: python composites.py PACK FOLDER [--n 700] [--seed 5] [--close 0.25].
 
 What training tiles are made of, written as `truth.json` of `edgecap synth`: pictures of several real people in which everybody is labelled, so
-that whatever else is found is nobody.  There is no 3D truth in them (zeros).
+that whatever else is found is nobody.  So photos are never shown whole: bystanders are not labelled in them.  There is no 3D truth (zeros).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def main(argv: list[str]) -> None:
     frames = []
     for i in range(0, a.n, 2):
         close = float(torch.rand((), generator=g)) < a.close
-        b = people.batch(2, HEIGHT, WIDTH, CLOSE_SIZE if close else SIZE, CLOSE_PEOPLE if close else PEOPLE, close)
+        b = people.batch(2, HEIGHT, WIDTH, CLOSE_SIZE if close else SIZE, CLOSE_PEOPLE if close else PEOPLE, close, whole=0.0)
         images = (photometric(b.image, g) * 255).round().to(torch.uint8).permute(0, 2, 3, 1).numpy()
         for k, image in enumerate(images):
             name = f"{i + k:06}.jpg"

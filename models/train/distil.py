@@ -1,6 +1,7 @@
 """What several networks say together, as labels: Stage I learns the mean that it would take `--flip-test` and several models to see.
 
 Labels say nothing of bystanders, of joints that nobody marked, or of the depth of most photos' people; the teachers answer everywhere.
+Their depth is too shallow, so they are silent about it where better is to be had (`leave_depth`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import pathlib
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor, nn
 
 import targets
@@ -16,6 +18,7 @@ from model import SelecSLSNet, channel_mask
 from skeleton import FLIP14, FLIP21, LIMBS, NB, NJ, NL
 
 SEEN = 0.3  # a joint map this high says that the encodings are to be read here
+ROUND = 2  # cells round those where labels lend encodings: teachers see a joint there, too
 
 
 def mirror_maps(y: Tensor) -> Tensor:
@@ -44,6 +47,17 @@ def fold(net: SelecSLSNet) -> SelecSLSNet:
             conv.weight, conv.bias = w, b
             block[1] = nn.Identity()
     return net
+
+
+def leave_depth(t: targets.Targets, labels: targets.Targets, lends: bool) -> None:
+    """Take out of the teachers' answers `t` what better labels say: every encoding of rendered tiles, which come after the real ones (those of
+    `labels`). Where people of real tiles lend depth (`lends`) the teachers are silent about the depth of all real people, since theirs is 0.35
+    to 0.6 of a bone's and would hold the others' back, and about all of a bone in and round the cells where labels lend it."""
+    n = len(labels.maps)
+    t.enc_weight[n:] = 0
+    if lends:
+        t.enc_weight[:n] *= 1 - F.max_pool2d(labels.enc_weight, 2 * ROUND + 1, 1, ROUND)
+        t.enc_weight[:n, 2::3] = 0
 
 
 class Teachers:

@@ -12,13 +12,13 @@ import torch.nn.functional as F
 from torch import Tensor
 
 import depth
+from augment import GREYS
 from coco17 import LABELLED, UNKNOWN
 from real import decode, each
 from skeleton import FLIP14, FLIP21, NJ
 
 ASPECT = (0.6, 1.7)  # of what was squeezed
 FRAME = (512, 320)  # pixels of the whole frame, longer side along the picture's
-GREYS = (0.0, 114 / 255, 128 / 255, 0.5)  # of what lies beyond the picture
 FILLED = 0.85  # of a tile's length, by a photo that is shrunk for small people: beyond it there is nothing to learn from
 SMALLEST = 32  # px of stature: smaller people are neither demanded nor forbidden
 HALVED = 0.55  # below this scale a photo is halved first, so that nothing between its pixels is missed

@@ -14,13 +14,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from augment import lying
+from augment import GREYS, lying
 from constants import constant
 from scenes import Generator, Scenes
 from skeleton import FLIP14, FLIP21, ROOT
 
 WIDTH = 512  # of a frame as the network takes it, pixels; scenes may be larger
 CPU = torch.device("cpu")
+REACH = 32  # px: no joint draws anything on a map that is further away
 FIELDS = [f.name for f in fields(Scenes) if f.name != "mask"]
 
 
@@ -30,7 +31,7 @@ class Tiles:
     joints2d: Tensor  # [B, P, 14, 2]
     visible: Tensor  # [B, P, 14]
     rel3d: Tensor  # [B, P, 21, 3]
-    size_px: Tensor  # [B, P]
+    size_px: Tensor  # [B, P], 0 = nobody of whom a joint is in the tile or at its edge
     depth: Tensor  # [B, P]
 
 
@@ -51,7 +52,7 @@ class Pool:
         self, B: int, h: int, w: int, zoom: tuple[float, float] = (0.8, 1.3), roll: float = 0.12, close: tuple[float, float] | None = None
     ) -> Tiles:
         """`zoom`: of a frame of at most 512 pixels across, to which larger ones are shrunk first; `close`: somebody has a stature of so many pixels, as far as `zoom` allows, and is placed
-        by head and neck three times of four."""
+        by head and neck three times of four. What lies beyond a scene is of one grey, as where a frame of another shape is padded."""
         d, g, W, H = self.device, self.g, self.W, self.H
         i = torch.randint(self.filled, (B,), generator=g, device=d)
         D = {k: v[i] for k, v in self.data.items() if k != "K"}
@@ -89,18 +90,20 @@ class Pool:
         )
         src = (px - half) @ Ai[:, None].transpose(-1, -2) + c[:, None, None]
         grid = (src * 2 + 1) / constant([W, H], d) - 1
-        img = F.grid_sample(D["image"].float(), grid, align_corners=False, padding_mode="reflection") / 255
+        # grey beyond the scene: mirrored people there would be taught as nobody
+        grey = constant(GREYS, d)[torch.randint(len(GREYS), (B,), generator=g, device=d)][:, None, None, None]
+        img = F.grid_sample(D["image"].float().sub_(255 * grey), grid, align_corners=False, padding_mode="zeros") / 255 + grey
         J = (D["joints2d"] - c[:, None, None]) @ A[:, None].transpose(-1, -2) + half
         f14, f21 = constant(FLIP14, d), constant(FLIP21, d)
         J = torch.where(fl[:, None, None, None], J[:, :, f14], J)
         vis = torch.where(fl[:, None, None], D["visible"][:, :, f14], D["visible"])
-        outside = (J[..., 0] < -0.5) | (J[..., 1] < -0.5) | (J[..., 0] > w - 0.5) | (J[..., 1] > h - 0.5)
-        vis = torch.where(outside, torch.zeros_like(vis), vis)
+        away = torch.maximum(-0.5 - J, J - constant([w - 0.5, h - 0.5], d)).amax(-1)  # pixels from the tile; below 0 inside
+        present = (vis.gt(0) & (away < REACH)).any(-1)
+        vis = torch.where(away > 0, torch.zeros_like(vis), vis)
         rel = D["rel3d"]
         rel = torch.where(fl[:, None, None, None], rel[:, :, f21] * constant([-1.0, 1.0, 1.0], d), rel)
         ca, sa = a.cos()[:, None, None], a.sin()[:, None, None]
         rel = torch.stack([rel[..., 0] * ca - rel[..., 1] * sa, rel[..., 0] * sa + rel[..., 1] * ca, rel[..., 2]], -1)
-        present = vis.gt(0).any(-1)
         return Tiles(img, J, vis, rel, torch.where(present, size * z[:, None], 0.0), D["joints3d"][:, :, ROOT, 2])
 
 

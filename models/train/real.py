@@ -15,7 +15,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from augment import lying
+from augment import GREYS, lying
+from constants import constant
 from skeleton import FLIP14, FLIP21, NB, NJ, limb_chain
 
 
@@ -33,7 +34,7 @@ def decode(buf: bytes) -> np.ndarray:
 
         from PIL import Image
 
-        return np.asarray(Image.open(io.BytesIO(buf)).convert("RGB"))
+        return np.array(Image.open(io.BytesIO(buf)).convert("RGB"))  # a copy, which may be written to
 
 
 @dataclass
@@ -106,6 +107,9 @@ def load_photos(
     return torch.cat(out).to(device)
 
 
+TEACHER = "teacher.npz"  # of a pack: teacher.py's answers
+TAUGHT = ("lspet_train", "lsp_train")  # sets that it has rows of, in this order
+WHOLE = 0.85  # share of the tiles of one person that show all of the photo
 TRUST = 0.7  # share of the teacher in a mended label: errors go as 0.10 to 0.13 of the torso (teacher) against 0.11 to 0.20 (LSP-Extended)
 CONFLICT = 0.5  # of the torso: beyond it teacher and label mean different things, and nobody knows who is right
 
@@ -159,6 +163,7 @@ class RealBatch:
     image: Tensor  # float 0..1 [B, 3, H, W]
     joints2d: Tensor  # [B, P, 14, 2]
     labelled: Tensor  # bool [B, P, 14]
+    hidden: Tensor  # bool [B, P, 14]: labelled in the photo, here behind somebody who was pasted later; not among `labelled`
     size_px: Tensor  # [B, P], 0 = nobody
     known: Tensor  # [B, h, w] at stride 8: 1 where the picture's content is labelled (boxes of people, background photos)
     box: Tensor  # bool [B, P, h, w]: inside the person's box (its unlabelled joints are ignored there)
@@ -184,14 +189,15 @@ class People:
         self.device, self.photos = device, photos
         self.photo_weight = torch.ones(len(photos), device=device)
         self.g = torch.Generator(device=device).manual_seed(seed)
-        sets = [load_set(pack, n, limit) for n in ("lspet_train", "lsp_train")]
+        sets = [load_set(pack, n, limit) for n in TAUGHT]
         files = [f for s in sets for f in s.files]
         size = np.concatenate([s.size for s in sets])
         joints = np.concatenate([s.joints for s in sets])
         lsp = np.repeat([0, 1], [len(s.files) for s in sets])
         S = int(size.max())
         self.S = S
-        joints, doubt = self._teacher(pack / "teacher.npz", joints, size, lsp > 0, limit)
+        joints, doubt = self._teacher(pack / TEACHER, joints, size, lsp > 0, limit)
+        self.lends = bool(self.lift.any())  # whether anybody lends depth
         stored = cache / f"people_{len(files)}_{S}.npy" if cache else None
         if stored is not None and stored.exists():
             self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
@@ -270,9 +276,11 @@ class People:
         self.photo_weight[photo] = old + 0.3 * ((0.1 + 4 * answer.to(old)) - old)
 
     @torch.no_grad()
-    def batch(self, B: int, H: int, W: int, size: tuple[float, float], people: list[float], close: bool = False) -> RealBatch:
+    def batch(
+        self, B: int, H: int, W: int, size: tuple[float, float], people: list[float], close: bool = False, whole: float = WHOLE
+    ) -> RealBatch:
         """`size`: range of statures in pixels; `people`: probabilities of 0, 1, 2, ... people; `close`: three of four are placed by head
-        and neck instead of their middle."""
+        and neck instead of their middle; `whole`: share of the tiles of one person that show all of the photo, bystanders included."""
         d, g = self.device, self.g
         P, h, w = len(people) - 1, H // 8, W // 8
 
@@ -296,7 +304,7 @@ class People:
         side, wide = torch.randint(4, (B, 1, 1), generator=g, device=d), (0.05 + 0.4 * rand(B))[:, None, None]
         along = torch.where(side < 2, gx[None], gy[None]) * torch.where(side % 2 == 0, 1.0, -1.0)
         bar = (along > 1 - 2 * wide) & (rand(B) < 0.12)[:, None, None]
-        shade = torch.tensor([0.0, 114 / 255, 128 / 255, 0.5], device=d)[torch.randint(4, (B,), generator=g, device=d)]
+        shade = constant(GREYS, d)[torch.randint(len(GREYS), (B,), generator=g, device=d)]
         canvas = torch.where(bar[:, None], shade[:, None, None, None], canvas)
 
         tall, cx, cy = arrange(n, P, size, g)
@@ -331,17 +339,18 @@ class People:
         bones = torch.where(fl[..., None, None], bones[:, :, self.flip21] * torch.tensor([-1.0, 1.0, 1.0], device=d), bones)
         ca, sa = a.cos()[..., None], a.sin()[..., None]
         bones = torch.stack([bones[..., 0] * ca - bones[..., 1] * sa, bones[..., 0] * sa + bones[..., 1] * ca, bones[..., 2]], -1)
-        whole = (n == 1) & (rand(B) < 0.85)
+        uncut = (n == 1) & (rand(B) < whole)
         # people cut out along the teacher's outline stand in the scene; the others bring a box of their own surroundings along
-        cut = self.cut[id_] & ~whole[:, None] & (rand(B, P) < 0.7)
+        cut = self.cut[id_] & ~uncut[:, None] & (rand(B, P) < 0.7)
         known = torch.ones(B, h, w, device=d)
+        hidden = torch.zeros_like(lab)
         boxes = torch.zeros(B, P, h, w, dtype=torch.bool, device=d)
         for p in range(P):
             # on a GPU all rows, with or without somebody to paste: to ask which would wait for it
             r = torch.arange(B, device=d) if d.type == "cuda" else used[:, p].nonzero()[:, 0]
             if not len(r):
                 break
-            who, scale, here, alone = id_[r, p], k[r, p], used[r, p, None, None], whole[r, None, None]
+            who, scale, here, alone = id_[r, p], k[r, p], used[r, p, None, None], uncut[r, None, None]
             outlined = cut[r, p, None, None]
 
             def src(pts: Tensor) -> Tensor:
@@ -381,6 +390,7 @@ class People:
                 ci = (J[r, :p] / 8).long()
                 x, y = ci[..., 0].clamp(0, w - 1), ci[..., 1].clamp(0, h - 1)
                 hid = hides.flatten(1).gather(1, (y * w + x).flatten(1)).view(len(r), p, NJ)
+                hidden[r, :p] = hidden[r, :p] | (lab[r, :p] & hid)
                 lab[r, :p] = lab[r, :p] & ~hid
             boxes[r, p] = inbox
-        return RealBatch(canvas, J, lab, torch.where(used, tall, 0.0), known, boxes, photo, n == 0, bones, self.lift[id_])
+        return RealBatch(canvas, J, lab, hidden, torch.where(used, tall, 0.0), known, boxes, photo, n == 0, bones, self.lift[id_])

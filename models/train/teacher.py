@@ -23,10 +23,9 @@ from multiprocessing import Pool as Processes
 
 import numpy as np
 
-from real import decode, load_set
+from real import TAUGHT, TEACHER, decode, load_set
 from skeleton import CANONICAL_STATURE_M, JOINTS21, NJ, ROOT
 
-SETS = ("lspet_train", "lsp_train")
 # Our evidence joints among BlazePose's 33 landmarks (head top and neck have none).
 LANDMARK = {2: 12, 3: 14, 4: 16, 5: 11, 6: 13, 7: 15, 8: 24, 9: 26, 10: 28, 11: 23, 12: 25, 13: 27}
 MISSING = np.zeros((33, 4), np.float32)
@@ -166,7 +165,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--limit", type=int, default=0, help="pictures of each set")
     a = ap.parse_args(argv)
     require_mediapipe()
-    sets = [load_set(a.pack, n, a.limit) for n in SETS]
+    sets = [load_set(a.pack, n, a.limit) for n in TAUGHT]
     files = [f for s in sets for f in s.files]
     labels = np.concatenate([s.joints for s in sets])
     side = int(np.concatenate([s.size for s in sets]).max())
@@ -192,7 +191,7 @@ def main(argv: list[str]) -> None:
             out["mask"][i] = mask
             if i % 500 == 499:
                 print(f"{i + 1} of {n}: same person {out['ok'][: i + 1].mean():.2f}, lend depth {out['lift'][: i + 1].mean():.2f}", flush=True)
-    np.savez_compressed(a.pack / "teacher.npz", **out)
+    np.savez_compressed(a.pack / TEACHER, **out)
     print(f"{n} pictures; median stature BlazePose gives {np.median(ratio):.2f} m")
 
 

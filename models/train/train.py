@@ -32,7 +32,7 @@ import targets
 import terms
 from ahead import Ahead
 from augment import photometric
-from distil import Teachers
+from distil import Teachers, leave_depth
 from everyday_tiles import Everyday
 from model import SelecSLSNet
 from muon import Muon
@@ -126,7 +126,7 @@ CPU_EVERYDAY_PHASES = [
         [
             Mix(320, 512, 1, 1, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4), everyday=4, view=(0.85, 1.15)),
             Mix(256, 256, 1, 1, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=4, view=(0.6, 1.2)),
-            Mix(512, 320, 1, 1, (65, 400), [0.10, 0.30, 0.30, 0.30], (0.95, 1.4), everyday=4, view=(0.85, 1.15)),
+            Mix(512, 320, 1, 1, (65, 400), [0.10, 0.30, 0.30, 0.30], (1.05, 1.4), everyday=4, view=(0.85, 1.15)),
             Mix(256, 256, 1, 1, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=4),
             Mix(400, 400, 1, 1, (65, 450), [0.10, 0.30, 0.30, 0.30], (0.95, 1.5), everyday=4, view=(1.0, 1.45)),
         ],
@@ -147,7 +147,7 @@ GPU_EVERYDAY_PHASES = [
         [
             Mix(320, 512, 32, 24, (65, 370), [0.10, 0.20, 0.24, 0.24, 0.22], (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
             Mix(256, 256, 64, 48, (120, 340), [0.08, 0.50, 0.25, 0.12, 0.05], (0.8, 1.5), everyday=256, view=(0.6, 1.2)),
-            Mix(512, 320, 32, 24, (65, 400), [0.10, 0.30, 0.30, 0.30], (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(512, 320, 32, 24, (65, 400), [0.10, 0.30, 0.30, 0.30], (1.05, 1.4), everyday=128, view=(0.85, 1.15)),
             Mix(256, 256, 64, 48, (280, 800), [0.05, 0.79, 0.16], (0.5, 2.6), close=True, everyday=256),
             Mix(400, 400, 32, 24, (65, 450), [0.10, 0.30, 0.30, 0.30], (0.95, 1.5), everyday=128, view=(1.0, 1.45)),
         ],
@@ -178,7 +178,7 @@ CPU_OPEN_PHASES = [
         [
             Mix(320, 512, 0, 1, (65, 370), NOBODY, (0.95, 1.4), everyday=3, view=(0.85, 1.15)),
             Mix(256, 256, 0, 1, (120, 340), NOBODY, (0.8, 1.5), everyday=4, view=(0.6, 1.2)),
-            Mix(512, 320, 0, 1, (65, 400), NOBODY, (0.95, 1.4), everyday=3, view=(0.85, 1.15)),
+            Mix(512, 320, 0, 1, (65, 400), NOBODY, (1.05, 1.4), everyday=3, view=(0.85, 1.15)),
             Mix(256, 256, 0, 1, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=4),
         ],
     ),
@@ -204,7 +204,7 @@ GPU_OPEN_PHASES = [
         [
             Mix(320, 512, 0, 48, (65, 370), NOBODY, (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
             Mix(256, 256, 0, 128, (120, 340), NOBODY, (0.8, 1.5), everyday=256, view=(0.6, 1.2)),
-            Mix(512, 320, 0, 48, (65, 400), NOBODY, (0.95, 1.4), everyday=128, view=(0.85, 1.15)),
+            Mix(512, 320, 0, 48, (65, 400), NOBODY, (1.05, 1.4), everyday=128, view=(0.85, 1.15)),
             Mix(256, 256, 0, 128, (280, 800), NOBODY, (0.5, 2.6), close=True, everyday=256),
             Mix(400, 400, 0, 48, (65, 450), NOBODY, (0.95, 1.5), everyday=128, view=(1.0, 1.45)),
         ],
@@ -384,13 +384,15 @@ class Trainer:
             scenes = [p.filled for p in self.pools]
             print(f"data: photos and people {t1 - t:.1f} s, first {scenes} scenes {time.time() - t1:.1f} s", flush=True)
 
-    def batch(self, ph: Mix) -> tuple[Tensor, targets.Targets, targets.Targets, RealBatch | None]:
+    def batch(self, ph: Mix) -> tuple[Tensor, Tensor | None, targets.Targets, targets.Targets, RealBatch | None]:
+        """Pictures as the network takes them [B, 3, H, W], real ones first; the same before blur, noise and low light, where there are teachers
+        to be asked about them; targets of the real and of the rendered ones; what LSP's people were pasted from."""
         h, w = ph.H // 8, ph.W // 8
         images, real, r = [], [], None
         if self.people is not None:
             r = self.people.batch(ph.real, ph.H, ph.W, ph.size, ph.people, ph.close)
             images.append(r.image)
-            real.append(targets.real(r.joints2d, r.labelled, r.size_px, r.known, r.box, r.rel3d, r.lifted))
+            real.append(targets.real(r.joints2d, r.labelled, r.hidden, r.size_px, r.known, r.box, r.rel3d, r.lifted))
         pool = self.pools[int(torch.randint(len(self.pools), ()))]  # folders of scenes count alike, whatever they hold
         s = pool.draw(ph.synth, ph.H, ph.W, ph.zoom, close=ph.size if ph.close else None)
         if self.everyday is not None:
@@ -398,47 +400,60 @@ class Trainer:
             images.append(e.image)
             real.append(targets.everyday(e.joints2d, e.labelled, e.unknown, e.size_px, e.box, e.hazy, e.rel3d, e.lifted))
         tr = real[0] if len(real) == 1 else targets.together(*real)
-        x = photometric(torch.cat([*images, s.image]), pool.g) - 0.5
+        clean = torch.cat([*images, s.image])
+        x = (photometric(clean, pool.g) - 0.5).contiguous(memory_format=torch.channels_last)
+        shown = (clean - 0.5).contiguous(memory_format=torch.channels_last) if self.teachers is not None else None
         ts = targets.synthetic(s.joints2d, s.visible, s.rel3d, s.size_px, s.depth, h, w)
-        return x.contiguous(memory_format=torch.channels_last), tr, ts, r
+        return x, shown, tr, ts, r
 
     # ------------------------------------------------------------------- step
 
+    @property
+    def lends(self) -> bool:
+        """Whether anybody in the photos lends depth."""
+        return any(source is not None and source.lends for source in (self.people, self.everyday))
+
     def losses(
-        self, x: Tensor, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, taught: bool = True, everyday: int = 0
+        self, x: Tensor, shown: Tensor | None, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, everyday: int = 0
     ) -> tuple[Tensor, Tensor]:
-        """The six losses, what the teachers ask (0 without any, or unless `taught`), and the joint maps of the real tiles, of which the last
-        `everyday` are photos in which everybody is labelled."""
+        """The six losses, what the teachers ask of the pictures `shown` to them (0 without), and the joint maps of the real tiles, of which the
+        last `everyday` are photos in which everybody is labelled.
+
+        The labels' 2D losses count less (`--distil-weight`) in the tiles of which teachers are asked: not in those photos, of which the teachers
+        say nothing in 2D. Their 3D loss never does: the teachers are silent where labels know depth.
+        """
         n = len(tr.maps)
-        taught = taught and self.teachers is not None
-        lent = (self.people is not None and self.people.lift.any()) or (self.everyday is not None and self.everyday.lends)
-        first3d = 0 if taught or lent else n
+        first3d = 0 if shown is not None or self.lends else n
+        share = x.new_ones(len(x))
+        if shown is not None:
+            share[: n - everyday], share[n:] = 1 - self.a.distil_weight, 1 - self.a.distil_weight
         with torch.autocast(self.dev.type, torch.bfloat16, enabled=self.bf16):
             y, e = self.fwd(x, first3d)
         peak = self.a.peak[0] + (self.a.peak[1] - self.a.peak[0]) * p
-        hr, pr = targets.loss2d(y[:n], tr, peak)
-        hs, ps = targets.loss2d(y[n:], ts, peak)
-        where = targets.location_loss(y[:n], tr) + targets.location_loss(y[n:], ts)
+        hr, pr = targets.loss2d(y[:n], tr, peak, share[:n])
+        hs, ps = targets.loss2d(y[n:], ts, peak, share[n:])
+        where = targets.location_loss(y[:n], tr, share[:n]) + targets.location_loss(y[n:], ts, share[n:])
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        asked = self._taught(x, y, e, tr, peak, everyday) if taught else enc.new_zeros(())
+        asked = self._taught(shown, y, e, tr, peak, everyday) if shown is not None else enc.new_zeros(())
         return torch.stack([hr, pr, hs, ps, enc, where, asked]), y[:n].detach()
 
-    def _taught(self, x: Tensor, y: Tensor, e: Tensor, tr: targets.Targets, peak: float, everyday: int) -> Tensor:
-        """The same losses against the teachers' answers, of all tiles together, weighted as those of the two kinds are in sum.
+    def _taught(self, shown: Tensor, y: Tensor, e: Tensor, tr: targets.Targets, peak: float, everyday: int) -> Tensor:
+        """The same losses against what the teachers answer to the pictures `shown`: 2D of all tiles together, weighted as those of the two kinds
+        are in sum, 3D of the real ones.
 
         In photos in which everybody is labelled, the last `everyday` of the real tiles, only the teachers' 3D counts: in 2D the labels know
-        better. Nor does their 3D count in cells where the labels of real tiles (`tr`) lend depth: theirs is too shallow.
+        better.
         """
         assert self.teachers is not None
-        t = self.teachers.answer(x)
+        t = self.teachers.answer(shown)
         n = len(tr.maps)
         t.weight[n - everyday : n] = 0
-        t.enc_weight[:n] *= 1 - tr.enc_weight
+        leave_depth(t, tr, self.lends)
         hm, paf = targets.loss2d(y, t, peak)
         flat = (1 + self.a.synth) * (hm + 0.5 * paf) + 2 * self.a.where * targets.location_loss(y, t)
-        return flat + (1 + self.a.lend) * self.a.w3d * targets.loss3d(e, t)
+        return flat + self.a.lend * self.a.w3d * targets.loss3d(e, t)
 
     def step(self, ph: Mix, p: float) -> Tensor:
         lr = lr_at(p, self.a.lr, self.a.fall, self.meta["step"]) * self.meta["lr_scale"]
@@ -446,15 +461,13 @@ class Trainer:
             renorm.BatchRenorm2d.limits = renorm.limits_at(self.meta["step"])
         for g in self.opt.param_groups:
             g["lr"] = lr
-        x, tr, ts, r = self.batch(ph)
+        x, shown, tr, ts, r = self.batch(ph)
         taught = self.meta["step"] % self.a.distil_every == 0 and (not ph.close or self.everyday is not None)  # older networks have not seen people as large
-        taught = taught and self.teachers is not None
-        L, y = self.losses(x, tr, ts, p, taught, ph.everyday if self.everyday else 0)
+        L, y = self.losses(x, shown if taught else None, tr, ts, p, ph.everyday if self.everyday else 0)
         warm = min(1.0, self.meta["step"] / 150)
         synth = self.a.synth
-        of_labels = 1 - self.a.distil_weight if taught else 1.0
-        share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm]
-        loss = sum(w * part for w, part in zip([of_labels * w for w in share] + [self.a.distil_weight], L.unbind()) if w)
+        share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm, self.a.distil_weight]
+        loss = sum(w * part for w, part in zip(share, L.unbind()) if w)
         assert isinstance(loss, Tensor)
         loss.backward()
         if self.a.sync == 1:
@@ -489,7 +502,7 @@ class Trainer:
             self.net.set_dense_groups(self.a.groups == "dense")
             return
         keep = {k: v.clone() for k, v in self.net.state_dict().items()}
-        x, tr, ts, _ = self.batch(ph)
+        x, shown, tr, ts, _ = self.batch(ph)
         best: dict[bool, float] = {}
         for dense in (False, True):
             self.net.set_dense_groups(dense)
@@ -497,7 +510,7 @@ class Trainer:
                 if i == 3:
                     torch.cuda.synchronize()
                     t = time.time()
-                self.losses(x, tr, ts)[0].sum().backward()
+                self.losses(x, shown, tr, ts)[0].sum().backward()
                 self.net.zero_grad(set_to_none=True)
             torch.cuda.synchronize()
             best[dense] = (time.time() - t) / 3
@@ -642,7 +655,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--distil", type=pathlib.Path, nargs="*", default=[], help="safetensors files of networks whose mean answer is learnt, too")
     ap.add_argument("--distil-every", type=int, default=1, help="steps from one question to the teachers to the next")
     ap.add_argument("--everyday", type=pathlib.Path, help="folder of everyday.py: photos in which everybody is labelled")
-    ap.add_argument("--distil-weight", type=float, default=0.5, help="share of what the teachers ask; the labels have the rest")
+    ap.add_argument("--distil-weight", type=float, default=0.5, help="share of what the teachers ask; the labels have the rest, and all where teachers are silent")
     ap.add_argument("--muon", action="store_true", help="orthogonal updates for the hidden convolutions (README.md, On a CPU)")
     ap.add_argument("--quant-last", type=float, default=0.0, help="share of the schedule, at its end, with int8 fake quantisation")
     ap.add_argument("--groups", choices=["auto", "native", "dense"], default="auto")

@@ -20,7 +20,7 @@ import depth
 import terms
 from everyday_tiles import Batch, Everyday
 from pool import FIELDS
-from real import PEOPLED, decode, held_out, load_photos, load_set
+from real import PEOPLED, TAUGHT, TEACHER, People, decode, held_out, load_photos, load_set
 from skeleton import NB
 from test_depth import apart, crowd_folder
 from test_open import everyday_folder, scenes_folder
@@ -144,6 +144,39 @@ class Carried(Folder):
                 np.testing.assert_array_equal(joints, whole.joints[i])
                 a, b = decode(picture).astype(float), decode(whole.files[i]).astype(float)
                 self.assertLess(np.abs(a - b).mean(), 4)
+
+    def test_what_the_teacher_knows_goes_along(self) -> None:
+        """People of a carried pack have the joints, the weight, the depth and the outlines that they have in the whole one."""
+        pack = pack_of(self.at / "pack", {"lspet_train": 5, "lsp_train": 3, "lsp_test": 2, "background": 4})
+        z = dict(np.load(pack / "images.npz"))
+        rng = np.random.default_rng(4)
+        z["joints"][..., :2] = rng.uniform(5, 35, (14, 14, 2))
+        z["joints"][..., 2] = rng.random((14, 14)) < 0.8
+        np.savez(pack / "images.npz", **z)
+        told = np.concatenate([z["joints"][:8, :, :2] + rng.normal(0, 3, (8, 14, 2)), rng.uniform(0.5, 1, (8, 14, 1))], 2)
+        told[1, :, :2] = told[1, ::-1, :2]  # contradicts its labels
+        answers = dict(ok=rng.random(8) < 0.7, lift=np.arange(8) % 2 == 0, joints=told.astype(np.float32))
+        answers |= dict(bones=rng.random((8, NB, 3)).astype(np.float16), mask=rng.integers(0, 255, (8, 26, 26)).astype(np.uint8))
+        np.savez(pack / TEACHER, **answers)
+        parts = ["--everyday", self.everyday, "--scenes", scenes_folder(self.at / "still"), "--pack", pack]
+        carry.main([*map(str, ["pack", self.at / "parts", *parts])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        carried, empty = self.at / "both/pack", torch.zeros(1, 3, 30, 40, dtype=torch.uint8)
+        whole, found = (People(p, CPU, empty) for p in (pack, carried))
+        names = [[f"{s} {n}" for s in TAUGHT for n in load_set(p, s).names] for p in (pack, carried)]
+        self.assertNotEqual(*names)
+        rows = [names[0].index(n) for n in names[1]]
+        for key in ("joints", "lab", "weight", "bones", "lift", "cut", "mask"):
+            np.testing.assert_array_equal(getattr(found, key), getattr(whole, key)[rows], key)
+        self.assertTrue(found.lends)
+        self.assertFalse(bool(torch.equal(whole.joints, torch.from_numpy(z["joints"][:8, :, :2]))), "nothing was mended")
+        np.savez(pack / TEACHER, **{k: v[:-1] for k, v in answers.items()})
+        with self.assertRaisesRegex(SystemExit, "expected 8 rows in .*teacher.npz, found 7"):
+            carry.main([*map(str, ["pack", self.at / "parts", *parts])])
+        (pack / TEACHER).unlink()
+        carry.main([*map(str, ["pack", self.at / "parts", *parts])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        self.assertFalse(People(carried, CPU, empty).lends)
 
     def test_photos_kept_out_of_training_are_the_same_in_a_carried_pack(self) -> None:
         pack = pack_of(self.at / "pack", {"background": 21})

@@ -20,6 +20,7 @@ KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(KIT), str(KIT / "tests")]
 
 import depth
+import distil
 import everyday
 import renorm
 import targets
@@ -28,6 +29,7 @@ import terms
 import test_everyday as labelled
 import train
 from everyday_tiles import Batch, Everyday
+from pool import Stored
 from skeleton import NB, NJ, ROOT
 from test_everyday import SIDE, STANDING, person
 from test_open import scenes_folder
@@ -314,9 +316,9 @@ class Learning(Folder):
     def trainer(self, lends: bool, people: bool | None = None) -> train.Trainer:
         """`people`: whether those of LSP lend depth; None: there is no LSP."""
         t = train.Trainer.__new__(train.Trainer)
-        t.a = argparse.Namespace(peak=(9.0, 3.0), lend=0.7, synth=0.6, where=0.004, w3d=0.5)
+        t.a = argparse.Namespace(peak=(9.0, 3.0), lend=0.7, synth=0.6, where=0.004, w3d=0.5, distil_weight=0.4)
         t.dev, t.bf16, t.teachers = torch.device("cpu"), False, None
-        t.people = None if people is None else types.SimpleNamespace(lift=torch.tensor([people]))
+        t.people = None if people is None else types.SimpleNamespace(lends=people)
         t.everyday = types.SimpleNamespace(lends=lends)
 
         def network(x: torch.Tensor, first3d: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -330,33 +332,90 @@ class Learning(Folder):
         of_rendered = targets.loss3d(self.e[2:], self.rendered)
         of_photos = targets.loss3d(self.e[:2], self.lent)
         self.assertGreater(float(of_photos), 0)
-        L, _ = self.trainer(True).losses(self.x, self.lent, self.rendered, everyday=2)
+        L, _ = self.trainer(True).losses(self.x, None, self.lent, self.rendered, everyday=2)
         self.assertAlmostEqual(float(L[4]), float(of_rendered + 0.7 * of_photos), 5)
-        without, _ = self.trainer(False).losses(self.x, self.none, self.rendered, everyday=2)
+        without, _ = self.trainer(False).losses(self.x, None, self.none, self.rendered, everyday=2)
         self.assertAlmostEqual(float(without[4]), float(of_rendered), 6)
         self.assertTrue(torch.equal(without[[0, 1, 2, 3, 5, 6]], L[[0, 1, 2, 3, 5, 6]]))
         for people, lends in ((True, False), (False, True), (False, False)):
-            self.trainer(lends, people).losses(self.x, self.none, self.rendered, everyday=2)
+            self.trainer(lends, people).losses(self.x, None, self.none, self.rendered, everyday=2)
         self.assertEqual(self.skipped, [0, 2, 0, 0, 2], "tiles whose 3D is not asked for")
 
-    def taught(self, tr: targets.Targets) -> torch.Tensor:
+    def teachers(self, asked: list[torch.Tensor]) -> types.SimpleNamespace:
+        """Some who say one more than the network everywhere, and keep in `asked` what they were shown."""
+
+        def answer(x: torch.Tensor) -> targets.Targets:
+            asked.append(x)
+            return targets.Targets(self.y.detach() + 1, torch.ones_like(self.y), self.e + 1, torch.ones_like(self.e))
+
+        return types.SimpleNamespace(answer=answer)
+
+    def taught(self, tr: targets.Targets, lends: bool) -> torch.Tensor:
         """Where what the teachers ask depends on the encodings: its gradient [3, 63, h, w]."""
-        trainer = self.trainer(True)
-        trainer.teachers = types.SimpleNamespace(
-            answer=lambda x: targets.Targets(self.y + 1, torch.ones_like(self.y), self.e + 1, torch.ones_like(self.e))
-        )
+        trainer = self.trainer(lends)
+        trainer.teachers = self.teachers([])
         e = self.e.clone().requires_grad_()
         return torch.autograd.grad(trainer._taught(self.x, self.y, e, tr, 3.0, 2), e)[0]
 
-    def test_teachers_leave_cells_to_labels_that_lend_depth(self) -> None:
-        pull = self.taught(self.lent)
-        lent = self.lent.enc_weight > 0
-        self.assertTrue(bool(lent.any()) and bool((~lent).any()))
-        self.assertEqual(float(pull[:2][lent].abs().max()), 0)
-        self.assertGreater(float(pull[:2][~lent].abs().min()), 0)
-        self.assertGreater(float(pull[2:].abs().min()), 0)  # rendered tiles
-        alone = self.taught(self.none)
-        self.assertGreater(float(alone.abs().min()), 0)
+    def test_teachers_leave_depth_to_whoever_knows_better(self) -> None:
+        pull = self.taught(self.lent, True)
+        self.assertEqual(float(pull[2:].abs().max()), 0, "of rendered tiles")
+        flat, depth_of = pull[:2].unflatten(1, (NB, 3)).split([2, 1], 2)
+        self.assertEqual(float(depth_of.abs().max()), 0, "of real people, while some lend theirs")
+        lent = self.lent.enc_weight.unflatten(1, (NB, 3))[:, :, :2] > 0
+        self.assertTrue(bool(lent.any()))
+        self.assertEqual(float(flat[lent].abs().max()), 0)
+        bones = ~lent.flatten(3).any(3)
+        self.assertGreater(float(flat[bones].abs().min()), 0, "bones that nobody in the tile lends")
+
+    def test_teachers_are_silent_as_far_as_they_see_a_joint_that_lends_depth(self) -> None:
+        b = Everyday(self.folder, 3).batch(1, 128, 160, (0.9, 1.0))
+        b.joints2d[:], b.lifted[:] = torch.tensor([83.5, 67.5]), True
+        b.labelled[:], b.unknown[:], b.size_px[:] = True, False, 200.0
+        labels = made(b)
+        said = targets.Targets(*(torch.ones(2, c, 16, 20) for c in (40, 40, 3 * NB, 3 * NB)))
+        distil.leave_depth(said, labels, True)
+        y, x = torch.meshgrid(torch.arange(16) - 8.0, torch.arange(20) - 10.0, indexing="ij")
+        sigma = float(targets.sigma_cells(torch.tensor(200.0)))
+        bone = said.enc_weight[0].unflatten(0, (NB, 3))[3]  # of an elbow
+        self.assertEqual(float(bone[:, x.hypot(y) < 2 * sigma].max()), 0)
+        self.assertEqual(float(bone[:2, x.hypot(y) > 6].min()), 1)
+
+    def test_where_nobody_lends_depth_teachers_tell_that_of_real_people(self) -> None:
+        alone = self.taught(self.none, False)
+        self.assertGreater(float(alone[:2].abs().min()), 0)
+        self.assertEqual(float(alone[2:].abs().max()), 0)
+
+    def test_labels_count_less_only_in_2d_and_where_teachers_speak(self) -> None:
+        """The last of the real tiles is of everyday life, the one before it is not."""
+        pulls, asked, shown = [], [], torch.ones_like(self.x)
+        for look in (None, shown):
+            trainer = self.trainer(True)
+            trainer.teachers = self.teachers(asked)
+            self.y.requires_grad_()
+            self.e.requires_grad_()
+            L, _ = trainer.losses(self.x, look, self.lent, self.rendered, everyday=1)
+            pulls.append([torch.autograd.grad(part.sum(), (self.y, self.e), retain_graph=True, allow_unused=True) for part in (L[:6], L)])
+        self.assertTrue(len(asked) == 1 and asked[0] is shown)
+        (before, _), (labels, everything) = pulls
+        torch.testing.assert_close(labels[0][[0, 2]], 0.6 * before[0][[0, 2]])
+        torch.testing.assert_close(everything[0][1], before[0][1])
+        self.assertGreater(float((everything[0] - labels[0])[[0, 2]].abs().mean()), 0)
+        torch.testing.assert_close(labels[1], before[1])
+
+    def test_teachers_are_asked_about_pictures_as_they_were_before_the_camera_spoilt_them(self) -> None:
+        trainer = self.trainer(True)
+        trainer.everyday, trainer.pools = Everyday(self.folder, 3), [Stored(scenes_folder(self.at / "scenes"), 3)]
+        mix = train.Mix(96, 96, 0, 2, (50, 90), [], (0.9, 1.0), everyday=2)
+        with unittest.mock.patch("train.photometric", side_effect=lambda x, g: x * 0):
+            x, shown, tr, ts, _ = trainer.batch(mix)
+            self.assertIsNone(shown, "a copy for nobody")
+            trainer.teachers = self.teachers([])
+            x, shown, tr, ts, _ = trainer.batch(mix)
+        self.assertEqual((x.shape, shown.shape), ((4, 3, 96, 96),) * 2)
+        self.assertTrue(bool((x == -0.5).all()))
+        self.assertGreater(float(shown[:2].std()), 0.05)
+        self.assertLess(float((shown[2:] - (120 / 255 - 0.5)).abs().median()), 0.01)
 
     def test_an_open_run_learns_depth_of_photos_and_says_whose_it_is(self) -> None:
         self.addCleanup(torch.set_num_threads, torch.get_num_threads())

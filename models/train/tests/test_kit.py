@@ -218,7 +218,7 @@ class Targets(unittest.TestCase):
         box = known[:, None] > 0
         yes = torch.ones(1, 1, dtype=torch.bool)
         rel = torch.randn(1, 1, 21, 3)
-        t = targets.real(j, yes[..., None].expand(1, 1, NJ), torch.full((1, 1), 150.0), known, box, rel, yes)
+        t = targets.real(j, yes[..., None].expand(1, 1, NJ), torch.zeros(1, 1, NJ, dtype=torch.bool), torch.full((1, 1), 150.0), known, box, rel, yes)
         self.assertEqual(float(t.weight[..., 40:].sum()), 0.0)
         self.assertGreater(float(t.weight.sum()), 0.0)
 
@@ -227,7 +227,7 @@ class Targets(unittest.TestCase):
         lab, size = torch.ones(1, 2, NJ, dtype=torch.bool), torch.full((1, 2), 150.0)
         rel = torch.randn(1, 2, 21, 3)
         known, box = torch.ones(1, 40, 64), torch.zeros(1, 2, 40, 64, dtype=torch.bool)
-        t = targets.real(j, lab, size, known, box, rel, torch.tensor([[True, False]]))
+        t = targets.real(j, lab, ~lab, size, known, box, rel, torch.tensor([[True, False]]))
         x, y = (int(v) for v in ((j[0, 0, 3] - 3.5) / 8).round())
         bone = rel[0, 0, 3] - rel[0, 0, 2]
         self.assertTrue(torch.allclose(t.enc[0, 9:12, y, x], bone))
