@@ -6,9 +6,12 @@
 //!     --quiet NO_PEOPLE --out candidates.jsonl [--neck 0.2 0.3] [--joint 0.1 0.15] [--limb 0.05 0.1] [--length 0 0.1]
 //! ```
 //!
-//! Writes one line a picture and combination: the settings, where it is from, which of its people do not count, and of
-//! every candidate the features and the object keypoint similarity to each person. Pictures lie beside their annotation
-//! file.
+//! Every picture is looked at as `edgecap infer` looks at photos with `--quality best` and `balanced`: heights of peaks
+//! change with the size of the network's input, and whom to report is decided in each look alone.
+//!
+//! Writes one line a look and combination: the settings, the input (pixels across and down), where the picture is from,
+//! which of its people do not count, and of every candidate the features and the object keypoint similarity to each
+//! person. Pictures lie beside their annotation file.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -17,6 +20,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Parser;
 use edgecap::capture::{Frame, Letterbox, PhotoSource, Resizer, Source};
+use edgecap::commands::{Quality, photo_inputs};
 use edgecap::detect::{AssociationConfig, Associator, Detection, features};
 use edgecap::engine::{Engine, EngineOptions, Model};
 use edgecap::lab::eval::{JointSet, ReadOptions, TruthFrame, TruthSet, oks};
@@ -38,49 +42,42 @@ struct Args {
     /// Pictures taken of every file and folder, evenly spread.
     #[arg(long, default_value_t = 1000)]
     limit: usize,
-    /// Thresholds of necks to try [default: the shipped one].
+    /// Thresholds of necks to try [default: the model's].
     #[arg(long, num_args = 1..)]
     neck: Vec<f32>,
-    /// Thresholds of other joints to try [default: the shipped one].
+    /// Thresholds of other joints to try [default: the model's].
     #[arg(long, num_args = 1..)]
     joint: Vec<f32>,
-    /// Thresholds of limbs to try [default: the shipped one].
+    /// Thresholds of limbs to try [default: the model's].
     #[arg(long, num_args = 1..)]
     limb: Vec<f32>,
-    /// Weights of limb lengths to try [default: the shipped one].
+    /// Weights of limb lengths to try [default: the model's].
     #[arg(long, num_args = 1..)]
     length: Vec<f32>,
     /// Where the lines go.
     #[arg(long)]
     out: PathBuf,
-    /// Pixels across of the network's input.
-    #[arg(long, default_value_t = 512)]
-    width: usize,
-    /// Pixels down of the network's input.
-    #[arg(long, default_value_t = 320)]
-    height: usize,
 }
 
 impl Args {
-    /// Every combination of settings, with nobody left out.
-    fn associators(&self) -> Vec<Associator> {
-        let shipped = AssociationConfig::default();
+    /// Every combination of settings, with nobody left out; `own` are the model's.
+    fn associators(&self, own: &AssociationConfig) -> Vec<Associator> {
         let or = |given: &[f32], else_: f32| match given {
             [] => vec![else_],
             some => some.to_vec(),
         };
         let mut all = Vec::new();
-        for &neck_threshold in &or(&self.neck, shipped.neck_threshold) {
-            for &joint_threshold in &or(&self.joint, shipped.joint_threshold) {
-                for &limb_threshold in &or(&self.limb, shipped.limb_threshold) {
-                    for &length_weight in &or(&self.length, shipped.length_weight) {
+        for &neck_threshold in &or(&self.neck, own.neck_threshold) {
+            for &joint_threshold in &or(&self.joint, own.joint_threshold) {
+                for &limb_threshold in &or(&self.limb, own.limb_threshold) {
+                    for &length_weight in &or(&self.length, own.length_weight) {
                         all.push(Associator::new(AssociationConfig {
                             neck_threshold,
                             joint_threshold,
                             limb_threshold,
                             length_weight,
                             min_score: 0.0,
-                            ..shipped.clone()
+                            ..own.clone()
                         }));
                     }
                 }
@@ -90,39 +87,57 @@ impl Args {
     }
 }
 
+/// The inputs that the program takes for a photo of this size, all pixels across and down.
+fn inputs(photo: (usize, usize)) -> Vec<(usize, usize)> {
+    let mut all = photo_inputs(photo, Quality::Best);
+    all.extend(photo_inputs(photo, Quality::Balanced));
+    all
+}
+
 struct Eyes {
+    /// Has the weights that the engines of all looks share.
     engine: Engine,
-    resizer: Resizer,
-    input: Vec<u8>,
     associators: Vec<Associator>,
     out: BufWriter<File>,
 }
 
 impl Eyes {
     fn new(args: &Args) -> anyhow::Result<Self> {
-        let options = EngineOptions {
-            width: args.width,
-            height: args.height,
-            ..EngineOptions::default()
-        };
-        let resizer = Resizer::new(args.width as u32, args.height as u32);
+        let model = Model::open(&args.model)?;
+        let own = AssociationConfig::of(&model)
+            .with_context(|| format!("{}: settings of the association", args.model.display()))?;
         let file = File::create(&args.out)
             .with_context(|| format!("cannot write {}", args.out.display()))?;
         Ok(Self {
-            engine: Engine::new(&Model::open(&args.model)?, options)?,
-            input: vec![0; resizer.output_bytes()],
-            resizer,
-            associators: args.associators(),
+            engine: Engine::new(&model, EngineOptions::default())?,
+            associators: args.associators(&own),
             out: BufWriter::new(file),
         })
     }
 
     /// Writes the lines of one picture.
-    fn look(&mut self, set: &Path, picture: &Path, truth: &TruthFrame) -> anyhow::Result<()> {
+    fn see(&mut self, set: &Path, picture: &Path, truth: &TruthFrame) -> anyhow::Result<()> {
         let mut frame = Frame::default();
         PhotoSource::file(picture, None).next_into(&mut frame)?;
-        let letterbox = self.resizer.run(&frame, &mut self.input);
-        let maps = self.engine.run(&self.input);
+        for input in inputs((frame.width as usize, frame.height as usize)) {
+            self.look(set, &frame, input, truth)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the lines of one look.
+    fn look(
+        &mut self,
+        set: &Path,
+        frame: &Frame,
+        (width, height): (usize, usize),
+        truth: &TruthFrame,
+    ) -> anyhow::Result<()> {
+        let mut engine = self.engine.resized(width, height)?;
+        let mut resizer = Resizer::new(width as u32, height as u32);
+        let mut pixels = vec![0; resizer.output_bytes()];
+        let letterbox = resizer.run(frame, &mut pixels);
+        let maps = engine.run(&pixels);
         for associator in &mut self.associators {
             let found: Vec<_> = associator
                 .associate(maps)
@@ -138,6 +153,7 @@ impl Eyes {
             ];
             let line = json!({
                 "settings": settings.map(plain),
+                "input": [width, height],
                 "set": set,
                 "source": truth.source,
                 "crowd": truth.people.iter().map(|t| t.crowd).collect::<Vec<_>>(),
@@ -189,7 +205,7 @@ fn main() -> anyhow::Result<()> {
             .context("an annotation file lies in a folder")?;
         for k in spread(truth.frames.len(), args.limit) {
             let picture = &truth.frames[k];
-            eyes.look(path, &folder.join(&picture.source), picture)?;
+            eyes.see(path, &folder.join(&picture.source), picture)?;
         }
     }
     for folder in &args.quiet {
@@ -200,9 +216,48 @@ fn main() -> anyhow::Result<()> {
                 source: file.display().to_string(),
                 ..TruthFrame::default()
             };
-            eyes.look(folder, file, &nobody)?;
+            eyes.see(folder, file, &nobody)?;
         }
     }
     eyes.out.flush()?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_are_not_tried_are_the_models_own() {
+        let own = AssociationConfig {
+            neck_threshold: 0.375,
+            length_weight: 0.625,
+            pass_ratio: 0.5,
+            ..AssociationConfig::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        let text = toml::to_string(&own).unwrap();
+        let model = Model::shipped().unwrap().with_association(text);
+        model.save(Path::new(&path("own.ecm"))).unwrap();
+        let line = format!(
+            "- {} --out {} --joint 0.125 0.25",
+            path("own.ecm"),
+            path("out")
+        );
+        let eyes = Eyes::new(&Args::parse_from(line.split(' '))).unwrap();
+        let tried = eyes.associators.iter().map(|a| a.config().clone());
+        let expected = [0.125, 0.25].map(|joint_threshold| AssociationConfig {
+            joint_threshold,
+            min_score: 0.0,
+            ..own.clone()
+        });
+        assert_eq!(tried.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn photos_are_looked_at_as_the_program_does() {
+        assert_eq!(inputs((640, 480)), [(320, 240), (640, 480), (432, 320)]);
+        assert_eq!(inputs((480, 720)), [(240, 368), (480, 720), (256, 384)]);
+    }
 }

@@ -6,8 +6,9 @@ program said is turned back into what it measured by the `[confidence]` that the
 expected calibration errors, and a line a bin.
 
 A joint is right if it is within 0.2 of the torso of the label's: middle of the shoulders to middle of the hips, at least 0.15 of the box's height. Labels
-whose two teachers agree (OKS 0.7) count, with their joints of confidence 0.3 and spread 0.05. A person is right at OKS 0.5 with a label of their own; reports
-on people whose label is unsure are left out, as `silver.py` does.
+whose two teachers agree (OKS 0.7) and have six sure joints count: of confidence 0.3 and spread 0.05. A person is right at OKS 0.5 with a label of their own,
+sure or not; any other report is wrong, also a second one of somebody, and left out only where its middle lies in the box of somebody whose label is unsure.
+Photos in which not everybody is labelled are left out.
 """
 
 from __future__ import annotations
@@ -69,6 +70,15 @@ def matched(similar: np.ndarray) -> dict[int, int]:
     return mine
 
 
+def sure(person: dict, counts: np.ndarray) -> bool:
+    """Whether what does not fit this label is wrong; `counts` [12] says which of its joints are sure."""
+    return person.get("agree", 0) >= 0.7 and counts.sum() >= 6
+
+
+def within(box: list[float], at: np.ndarray) -> bool:
+    return box[0] <= at[0] <= box[2] and box[1] <= at[1] <= box[3]
+
+
 def collect(people: pathlib.Path, labels: pathlib.Path, split: str, now: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """Joints [n, 3] (logit of the peak, term of the size, right) and people [m, 2] (logit of the similarity, right)."""
     found = {}
@@ -78,7 +88,7 @@ def collect(people: pathlib.Path, labels: pathlib.Path, split: str, now: dict[st
     joints, persons = [], []
     with gzip.open(labels, "rt") as lines:
         for photo in map(json.loads, lines):
-            if photo.get("split") != split or photo["file"] not in found:
+            if photo.get("split") != split or photo["file"] not in found or photo.get("more"):
                 continue
             size, reports = np.array(photo["size"], float), found[photo["file"]]
             wide, high = INPUT if size[0] >= size[1] else UPRIGHT
@@ -87,6 +97,7 @@ def collect(people: pathlib.Path, labels: pathlib.Path, split: str, now: dict[st
             for p in (p for p in photo["people"] if "kp" in p):
                 at = np.array(p["kp"])[COCO] * [*size, 1]
                 truth.append((p, at, (at[:, 2] >= 0.3) & (np.array(p["spread"])[COCO] <= 0.05)))
+            doubted = [p["box"] for p in photo["people"] if "kp" not in p] + [p["box"] for p, _, counts in truth if not sure(p, counts)]
             similar = np.zeros((len(truth), len(reports)))
             for i, (p, at, counts) in enumerate(truth):
                 x0, y0, x1, y1 = p["box"]
@@ -96,11 +107,11 @@ def collect(people: pathlib.Path, labels: pathlib.Path, split: str, now: dict[st
             for j, (score, r) in enumerate(reports):
                 right = j in mine and similar[mine[j], j] >= 0.5
                 middle = r[OURS][r[OURS][:, 2] > 0, :2].mean(0) / size
-                if right or not any(b[0] <= middle[0] <= b[2] and b[1] <= middle[1] <= b[3] for b in (p["box"] for p in photo["people"])):
+                if right or not any(within(b, middle) for b in doubted):
                     persons.append(((exact_logit(score) - now["person_bias"]) / now["person_slope"], right))
             for j, i in mine.items():
                 p, at, counts = truth[i]
-                if p.get("agree", 0) < 0.7 or counts.sum() < 6:
+                if not sure(p, counts):
                     continue
                 torso = np.hypot(*(at[[0, 3], :2].mean(0) - at[[6, 9], :2].mean(0)))
                 torso = max(torso, 0.15 * (p["box"][3] - p["box"][1]) * size[1])

@@ -1,10 +1,12 @@
 """Learn to tell people from what only looks like some: python person_score.py CANDIDATES.jsonl --held HELD.jsonl --toml models/association.toml.
 
-`CANDIDATES` are the lines of `examples/association_candidates.rs`: pictures in which everybody is labelled (`composites.py`, `edgecap synth`) and photos
-without people, none of which the figures of the model card are measured on.  A logistic regression is fitted to every candidate's object
-keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate).  `--held` gives photos without people that nothing
-was trained on: the least score is the one above which reports are worth most, or higher, so that nobody is reported in `--quiet` of them.  Where the lines come from several combinations of settings, each
-gets its own score, and the one wins in which the candidates it is fitted to and keeps are worth most: their similarity above 0.3.  The file's other settings stay as they are.
+`CANDIDATES` are the lines of `examples/association_candidates.rs`: looks, at every size that the program takes for photos, at pictures in which everybody is
+labelled (`composites.py`, `edgecap synth`) and at photos without people, none of which the figures of the model card are measured on. A logistic regression is
+fitted to every candidate's object keypoint similarity with the person it is assigned to (0: nobody, or somebody who has a better candidate). `--held` gives
+looks at photos without people that nothing was trained on: the least score is the one above which reports are worth most, or higher, so that nobody is
+reported in `--quiet` of these looks. Where the lines come from several combinations of settings, each gets its own score, and the one wins in which the
+candidates it is fitted to and keeps are worth most: their similarity above 0.3. The file's other settings stay as they are: they have to be those of the model
+that the candidates are from.
 """
 
 from __future__ import annotations
@@ -30,10 +32,10 @@ TRUST = 0.01  # weight of the ridge that keeps weights small
 class Candidates:
     features: np.ndarray  # [n, F] as src/detect/score.rs orders them
     similarity: np.ndarray  # [n] with the person assigned to it
-    picture: np.ndarray  # [n] which line it is from
+    look: np.ndarray  # [n] which line it is from
     source: np.ndarray  # [n] which set of pictures
-    pictures: dict[str, int]  # number of pictures of every set
-    people: dict[str, int]  # number of people in them
+    looks: dict[str, int]  # number of looks at the pictures of every set
+    people: dict[str, int]  # number of people in these looks
 
 
 def assign(similar: np.ndarray, crowd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,11 +67,11 @@ def load(path: pathlib.Path) -> dict[Settings, Candidates]:
 
 
 def collect(rows: list[dict]) -> Candidates:
-    features, similarity, picture, source = [], [], [], []
-    pictures: dict[str, int] = {}
+    features, similarity, look, source = [], [], [], []
+    looks: dict[str, int] = {}
     people: dict[str, int] = {}
     for i, row in enumerate(rows):
-        pictures[row["set"]] = pictures.get(row["set"], 0) + 1
+        looks[row["set"]] = looks.get(row["set"], 0) + 1
         people[row["set"]] = people.get(row["set"], 0) + len(row["crowd"])
         found = row["candidates"]
         if not found:
@@ -80,9 +82,9 @@ def collect(rows: list[dict]) -> Candidates:
             if use:
                 features.append(c["features"])
                 similarity.append(s)
-                picture.append(i)
+                look.append(i)
                 source.append(row["set"])
-    return Candidates(np.array(features), np.array(similarity), np.array(picture), np.array(source), pictures, people)
+    return Candidates(np.array(features), np.array(similarity), np.array(look), np.array(source), looks, people)
 
 
 def fit(c: Candidates) -> tuple[np.ndarray, float]:
@@ -113,11 +115,11 @@ def score(c: Candidates, weights: np.ndarray, bias: float) -> np.ndarray:
 
 
 def threshold(c: Candidates, s: np.ndarray, quiet: float) -> float:
-    """The score above which somebody is reported in at most 1 - `quiet` of the photos without people."""
-    nobody = {name: n for name, n in c.pictures.items() if not c.people[name]}
+    """The score above which somebody is reported in at most 1 - `quiet` of the looks at photos without people."""
+    nobody = {name: n for name, n in c.looks.items() if not c.people[name]}
     if not nobody:
         raise SystemExit("expected photos without people in --held, found none: give association_candidates a folder of them by --quiet")
-    highest = [s[(c.source == name) & (c.picture == i)].max() for name in nobody for i in np.unique(c.picture[c.source == name])]
+    highest = [s[(c.source == name) & (c.look == i)].max() for name in nobody for i in np.unique(c.look[c.source == name])]
     total = sum(nobody.values())
     allowed = int(np.floor((1 - quiet) * total + 1e-9))
     highest = sorted(highest, reverse=True)
@@ -177,11 +179,11 @@ def main(argv: list[str]) -> None:
     a.toml.write_text(written(a.toml.read_text(), values))
     for c, name in ((train[t], "fitted to"), (held[t], "held out")):
         s = score(c, weights, bias)
-        for src in c.pictures:
+        for src in c.looks:
             k = c.source == src
             right = c.similarity[k] >= 0.5
             print(
-                f"{name} {src}: {k.sum()} candidates in {c.pictures[src]} pictures, similar by 0.5 or more {right.sum()}, of these kept "
+                f"{name} {src}: {k.sum()} candidates in {c.looks[src]} looks, similar by 0.5 or more {right.sum()}, of these kept "
                 f"{(right & (s[k] >= least)).sum()}; others kept {(~right & (s[k] >= least)).sum()}"
             )
     print(f"written: {named(t)}, min_score {least:.3f}")

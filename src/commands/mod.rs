@@ -51,6 +51,8 @@ mod watch;
 
 use clap::{Parser, Subcommand};
 
+pub use infer::{Quality, photo_inputs};
+
 /// Motion capture of everyone in front of one ordinary camera, on a CPU, into shared memory.
 #[derive(Debug, Parser)]
 #[command(

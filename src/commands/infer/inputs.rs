@@ -41,11 +41,29 @@ impl Inputs {
             (Some(InputSize::Fixed(w, h)), _) => Self::Fixed((w, h)),
             (_, Some(Quality::Fast)) if film => Self::Following(1),
             (_, Some(Quality::Balanced) | None) if film => Self::Following(0),
-            (_, Some(Quality::Fast)) => Self::Looks(QUICK_LOOK),
-            (_, Some(Quality::Balanced)) => Self::Looks(ONE_LOOK),
-            (_, Some(Quality::Best) | None) => Self::Looks([TWO_LOOKS; 2]),
+            (_, quality) => Self::Looks(shares(quality.unwrap_or(Quality::Best))),
         }
     }
+}
+
+/// The shares at which a photo is looked at: a landscape one, and an upright one.
+fn shares(quality: Quality) -> [&'static [f32]; 2] {
+    match quality {
+        Quality::Fast => QUICK_LOOK,
+        Quality::Balanced => ONE_LOOK,
+        Quality::Best => [TWO_LOOKS; 2],
+    }
+}
+
+/// The inputs of the looks at a photo, all pixels across and down.
+pub fn photo_inputs(photo: (usize, usize), quality: Quality) -> Vec<(usize, usize)> {
+    inputs_of(photo, shares(quality))
+}
+
+/// The inputs of the looks at a `picture` by [`Inputs::Looks`], all pixels across and down.
+pub fn inputs_of(picture: (usize, usize), shares: [&[f32]; 2]) -> Vec<(usize, usize)> {
+    let shares = shares[usize::from(picture.1 > picture.0)];
+    shares.iter().map(|&s| fitted(picture, s)).collect()
 }
 
 /// The input that shows a `picture` (pixels across and down) at this `share` of the size at which it fits into 512×320,
@@ -81,6 +99,15 @@ mod tests {
             let auto = Inputs::new(Some(InputSize::Auto), None, film);
             assert_eq!(auto, of(None, film));
         }
+    }
+
+    #[test]
+    fn upright_photos_have_shares_of_their_own() {
+        let inputs = |w, h, quality| photo_inputs((w, h), quality);
+        assert_eq!(inputs(640, 480, Quality::Best), [(320, 240), (640, 480)]);
+        assert_eq!(inputs(640, 480, Quality::Balanced), [(432, 320)]);
+        assert_eq!(inputs(480, 720, Quality::Balanced), [(256, 384)]);
+        assert_eq!(inputs(480, 720, Quality::Best), [(240, 368), (480, 720)]);
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Looks {
         self.first.use_threads(threads);
     }
 
-    /// Everyone in the frame, by looks at these `shares` of the usual input, one or two.
+    /// Everyone in the frame, by looks with inputs of these `sizes` (pixels across and down), one or two.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -54,10 +54,8 @@ impl Looks {
         &mut self,
         frame: &Frame,
         intrinsics: &Intrinsics,
-        shares: &[f32],
+        sizes: Vec<(usize, usize)>,
     ) -> anyhow::Result<FrameObservations<'_>> {
-        let picture = (frame.width as usize, frame.height as usize);
-        let sizes: Vec<_> = shares.iter().map(|&s| fitted(picture, s)).collect();
         let shape = shape(&mut self.built, &self.first, sizes)?;
         let mut times = StageTimes::default();
         let mut without_neck = 0;

@@ -34,6 +34,7 @@ use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
 use crate::supervise::Beat;
 pub(super) use engine_args::{EngineArgs, parse_size};
+pub use inputs::{Quality, photo_inputs};
 pub(super) use observer::{Observer, Step};
 pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;

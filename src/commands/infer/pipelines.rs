@@ -6,7 +6,7 @@ use edgecap_client::message::{Intrinsics, Observation};
 
 use super::crew::Crew;
 use super::engine_args::EngineArgs;
-use super::inputs::{Inputs, turned};
+use super::inputs::{Inputs, inputs_of, turned};
 use super::looks::Looks;
 use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
@@ -108,8 +108,8 @@ impl Pipelines {
             }
             Stages::Looks(looks, shares) => {
                 looks.use_threads(threads);
-                let shares = shares[usize::from(frame.height > frame.width)];
-                let seen = looks.process(frame, intrinsics, shares)?;
+                let sizes = inputs_of(size_of(frame), *shares);
+                let seen = looks.process(frame, intrinsics, sizes)?;
                 took(crew, monotonic_ns(), 0, seen.times.stage1_us);
                 return Ok(seen);
             }
@@ -165,9 +165,11 @@ impl Pipelines {
         let following = match &mut self.stages {
             Stages::Fixed(one) => return one.process(frame, intrinsics),
             Stages::Looks(looks, shares) => {
-                let shares = shares[usize::from(upright)];
-                let shares = if large { shares } else { &shares[..1] };
-                return looks.process(frame, intrinsics, shares);
+                let mut sizes = inputs_of(size_of(frame), *shares);
+                if !large {
+                    sizes.truncate(1);
+                }
+                return looks.process(frame, intrinsics, sizes);
             }
             Stages::Following(following) => following,
         };
@@ -188,6 +190,11 @@ impl Pipelines {
         zoom.seen(frame.time_ns, &[], Some(elsewhere));
         Ok(built[smallest].seen())
     }
+}
+
+/// Pixels across and down.
+fn size_of(frame: &Frame) -> (usize, usize) {
+    (frame.width as usize, frame.height as usize)
 }
 
 fn seconds(us: u32) -> f32 {
