@@ -67,11 +67,21 @@ impl Brown {
         ]
     }
 
-    /// Where a pinhole would show what the lens shows at `seen`, by Newton's method from there: exact to 1e-12 for
-    /// every point that the model takes from within its first fold, where it begins to take farther points nearer.
-    /// Beyond that no point answers, and this is the nearest that was come by.
+    /// Whether the lens maps a neighbourhood of `p` without turning it over or round, its area shrinking to no less
+    /// than this share: so it is from the middle to the first fold.
+    fn is_upright(&self, p: DVec2, least: f64) -> bool {
+        // The matrix is symmetric: it has two eigenvalues, and both have to be positive.
+        let slope = self.by_point(p);
+        slope.determinant() > least && slope.x_axis.x + slope.y_axis.y > 0.0
+    }
+
+    /// Where a pinhole would show what the lens shows at `seen`, by Newton's method from there, or from nearer to the
+    /// middle where the lens pushes outwards and that is beyond its first fold: exact to 1e-12 for every point that the
+    /// model takes from within that fold, where it begins to take farther points nearer. Beyond that no point answers,
+    /// and this is the nearest that was come by.
     pub fn undistort(&self, seen: DVec2) -> DVec2 {
-        let mut p = seen;
+        let mut starts = (0..HALVINGS).map(|k| seen * 0.5_f64.powi(k));
+        let mut p = starts.find(|p| self.is_upright(*p, FLAT)).unwrap_or(seen);
         let mut off = seen - self.distort(p);
         for _ in 0..MOST_STEPS {
             if off.length_squared() < CLOSE * CLOSE {
@@ -87,7 +97,8 @@ impl Brown {
             let nearer = (0..HALVINGS).find_map(|k| {
                 let next = p + step * 0.5_f64.powi(k);
                 let left = seen - self.distort(next);
-                (left.length_squared() < off.length_squared()).then_some((next, left))
+                let is_nearer = left.length_squared() < off.length_squared();
+                (is_nearer && self.is_upright(next, 0.0)).then_some((next, left))
             });
             let Some((next, left)) = nearer else { break };
             (p, off) = (next, left);
@@ -102,7 +113,7 @@ const MOST_STEPS: usize = 30;
 const CLOSE: f64 = 1e-13;
 /// A determinant below which the lens maps a neighbourhood to a line.
 const FLAT: f64 = 1e-3;
-/// How often a step is halved before it counts as leading nowhere.
+/// How often a start or a step is halved before it counts as leading nowhere.
 const HALVINGS: i32 = 10;
 
 #[cfg(test)]
@@ -155,6 +166,22 @@ mod tests {
                 let p = far * DVec2::from_angle(f64::from(turn));
                 let back = wide.undistort(wide.distort(p));
                 assert!((back - p).length() < 1e-9, "{k1} {p}: {back}");
+            }
+        }
+        // Lenses that push outwards, and show a point where a pinhole would show one beyond the fold.
+        for (radial, far) in [
+            ([1.0, -1.0, 0.0], 0.83),
+            ([0.5, -0.1, 0.0], 1.6),
+            ([0.99, 0.544, -0.444], 1.2),
+        ] {
+            let outwards = Brown {
+                radial,
+                tangential: [0.0; 2],
+            };
+            for turn in 0..12 {
+                let p = far * DVec2::from_angle(f64::from(turn));
+                let back = outwards.undistort(outwards.distort(p));
+                assert!((back - p).length() < 1e-9, "{radial:?} {p}: {back}");
             }
         }
         // Nothing is shown beyond the fold: an answer, and not one far away.

@@ -54,14 +54,25 @@ impl Apart {
         }
     }
 
+    /// A file of settings, where they are given as one.
+    #[must_use]
+    pub fn reads_setting<T>(self, option: &str, setting: Option<&Setting<T>>) -> Self {
+        match setting {
+            Some(Setting::File(path)) => self.reads(option, path),
+            _ => self,
+        }
+    }
+
+    /// A calibration, where it is given and no folder: those hold results, too.
+    #[must_use]
+    pub fn reads_calibration(self, path: Option<&Path>) -> Self {
+        self.may_read("--calibration", path.filter(|path| path.is_file()))
+    }
+
     /// What a run sees, and the files of its lens.
     #[must_use]
     pub fn reads_input(self, args: &InputArgs) -> Self {
-        let lens = match &args.lens {
-            Some(Setting::File(path)) => Some(path.as_path()),
-            _ => None,
-        };
-        let all = self.may_read("--camera", lens);
+        let all = self.reads_setting("--camera", args.lens.as_ref());
         match args.input.as_deref().map(str::parse) {
             Some(Ok(InputSpec::Path(path))) => all.reads("--input", &path),
             _ => all,

@@ -166,8 +166,9 @@ impl Fitter {
     /// Takes in a frame and writes everyone with an identity into `out`, `pose_ns` being the frame's `capture_ns`.
     /// `publish_ns` and `fit_us` are left to whoever publishes.
     ///
-    /// A frame older than the newest, or the same again, changes nothing and yields the newest bodies; a step back of
-    /// more than half a second starts over with nobody present (identities are never given again). An end of stream
+    /// A frame that is not newer than the newest, whatever its number, changes nothing and yields the newest bodies; a
+    /// step back of more than half a second starts over with nobody present (identities are never given again). After
+    /// more than a second without a frame everybody is looked for anew and recognised at first sight. An end of stream
     /// without people changes nothing.
     pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
         let ended = frame.flags & FLAG_END_OF_STREAM != 0;
@@ -181,15 +182,13 @@ impl Fitter {
             self.publish(pose_ns, 0.0, out);
             return;
         }
-        let dt = match self.step(frame) {
-            Some(dt) => dt,
-            None => {
-                self.counters.stale_frames += 1;
-                let pose_ns = self.header.map_or(frame.capture_ns, |h| h.capture_ns);
-                self.publish(pose_ns, 0.0, out);
-                return;
-            }
+        let Some(passed) = self.step(frame) else {
+            self.counters.stale_frames += 1;
+            let pose_ns = self.header.map_or(frame.capture_ns, |h| h.capture_ns);
+            self.publish(pose_ns, 0.0, out);
+            return;
         };
+        let (dt, after_pause) = (passed.min(STEP[1]), passed > STEP[1]);
         self.counters.frames += 1;
         let header = Header::of(frame);
         if self.header.is_some_and(|last| !last.same_camera(&header)) {
@@ -208,7 +207,7 @@ impl Fitter {
         let matches = self.match_people(&seen, dt);
         self.advance(&seen, &matches, dt);
         self.start_people(&seen, &matches);
-        self.confirm(frame.capture_ns);
+        self.confirm(frame.capture_ns, after_pause);
         self.learn_ground(dt);
         self.forget(frame.capture_ns);
         self.publish(frame.capture_ns, 0.0, out);
@@ -236,13 +235,10 @@ impl Fitter {
         }
         let (now, before) = (frame.capture_ns, last.capture_ns);
         if now <= before {
-            if before - now <= RESTART_NS && frame.sequence <= last.sequence {
+            if before - now <= RESTART_NS {
                 return None;
             }
-            if before - now > RESTART_NS {
-                self.start_over();
-                return Some(STEP[0]);
-            }
+            self.start_over();
             return Some(STEP[0]);
         }
         let dt = (now - before) as f64 * 1e-9;
@@ -254,7 +250,7 @@ impl Fitter {
             // A long pause: everybody is somewhere else now, but may be recognised.
             self.leave_all(before);
         }
-        Some(dt.clamp(STEP[0], STEP[1]))
+        Some(dt.max(STEP[0]))
     }
 
     fn start_over(&mut self) {
@@ -271,13 +267,14 @@ impl Fitter {
         self.since_feet = 0.0;
     }
 
+    /// Lets everybody go. Those without identity are remembered until the next frame: where frames are so far apart,
+    /// somebody seen in two of them has been seen often enough.
     fn leave_all(&mut self, at_ns: u64) {
-        for track in self.present.drain(..).filter(|t| t.id != 0) {
-            self.gone.push(Gone {
-                track,
-                left_ns: at_ns,
-            });
-        }
+        let gone = self.present.drain(..).map(|track| Gone {
+            track,
+            left_ns: at_ns,
+        });
+        self.gone.extend(gone);
     }
 
     /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation
@@ -368,14 +365,18 @@ impl Fitter {
     }
 
     /// Gives identities to those seen often enough: their old one if they are recognised.
-    fn confirm(&mut self, now_ns: u64) {
+    fn confirm(&mut self, now_ns: u64, after_pause: bool) {
         let config = &self.config.identity;
-        // Waiting only tells newcomers from those who come back: with nobody away there is nothing to wait for.
-        let nobody_away =
-            self.gone.is_empty() && !self.present.iter().any(|t| t.id != 0 && t.unseen > 0.0);
+        // Waiting only tells newcomers from those who come back: with nobody away there is nothing to wait for. After
+        // a pause everybody is away, and at such a pace no second look would ever come.
+        let nobody_waited_for = after_pause
+            || !self.gone.iter().any(|g| g.track.id != 0)
+                && !self.present.iter().any(|t| t.id != 0 && t.unseen > 0.0);
+        let is_sure = |track: &Track| nobody_waited_for && track.first_score >= config.sure_score;
         let often_enough = |track: &Track| {
             self.config.stills
-                || nobody_away && track.first_score >= config.sure_score
+                || after_pause
+                || is_sure(track)
                 || track.hits >= config.confirm_hits
                 || track.hits >= 2 && track.steady && track.age >= config.confirm_time
         };
@@ -385,6 +386,7 @@ impl Fitter {
                 let looks_may_tell = track.appearance.is_none() && track.age < WAIT_FOR_LOOKS;
                 let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
                 let wait = looks_may_tell
+                    && !after_pause
                     && (self.gone.iter().any(|g| known(&g.track))
                         || self.present.iter().any(known));
                 track.id == 0 && track.unseen == 0.0 && often_enough(track) && !wait
@@ -418,10 +420,13 @@ impl Fitter {
         for (&t, pair) in ready.iter().zip(pairs) {
             let Some(who) = pair else {
                 let track = &self.present[t];
-                let at_once = nobody_away && track.first_score >= config.sure_score;
                 let apart = track.age / f64::from(track.hits.saturating_sub(1).max(1));
                 let telling = track.steady && apart >= config.confirm_time;
-                if track.age < config.birth_time && !telling && !at_once && !self.config.stills {
+                if track.age < config.birth_time
+                    && !telling
+                    && !is_sure(track)
+                    && !self.config.stills
+                {
                     continue;
                 }
                 self.present[t].id = self.next_id;
@@ -440,7 +445,13 @@ impl Fitter {
                 }
             };
             self.present[t].succeed(old);
-            self.counters.returns += 1;
+            if self.present[t].id != 0 {
+                self.counters.returns += 1;
+                continue;
+            }
+            self.present[t].id = self.next_id;
+            self.next_id = self.next_id.wrapping_add(1).max(1);
+            self.counters.births += 1;
         }
         remove_all(&mut self.present, from_present);
         remove_all(&mut self.gone, from_gone);
@@ -473,7 +484,7 @@ impl Fitter {
         }
         let memory = (config.memory * 1e9) as u64;
         self.gone
-            .retain(|g| now_ns.saturating_sub(g.left_ns) <= memory);
+            .retain(|g| g.track.id != 0 && now_ns.saturating_sub(g.left_ns) <= memory);
         self.gone.sort_by_key(|g| (g.left_ns, g.track.id));
         let extra = self.gone.len().saturating_sub(MAX_REMEMBERED);
         self.gone.drain(..extra);

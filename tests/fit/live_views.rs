@@ -233,6 +233,26 @@ fn a_silent_camera_is_done_without_and_returns() {
 }
 
 #[test]
+fn slower_than_one_instant_a_second_somebody_is_still_the_same() {
+    let person = walker(4);
+    // The first instant is one camera's alone. Three views count after three instants, two after ten.
+    for (count, from, spoil) in [(2, 11, Spoil::default()), (3, 4, NOISY)] {
+        let frames = run(
+            &views(count),
+            &vec![(0.8, 0.0); count],
+            std::slice::from_ref(&person),
+            25.0,
+            &|_, _| Some(spoil),
+        );
+        assert!(frames.len() > 15);
+        for (t, frame) in &frames[from..] {
+            let ids: Vec<u32> = frame.bodies().iter().map(|b| b.id).collect();
+            assert_eq!(ids, [1], "{count} views at {t:.2} s");
+        }
+    }
+}
+
+#[test]
 fn a_view_that_takes_left_for_right_is_outvoted() {
     let person = walker(6);
     let views = views(3);

@@ -283,6 +283,10 @@ fn invented_legs_tell_no_stature() {
             fitter.update(&scene.next().0, &mut out);
         }
         assert!(fitter.ground().is_some());
+        assert_eq!(
+            out.count, 3,
+            "{legs3d}: whoever is not there has no stature"
+        );
         for body in out.bodies() {
             let off = (body.height / 1.70 - 1.0).abs();
             assert!(

@@ -84,6 +84,61 @@ fn an_input_is_not_replaced_by_a_result() {
 }
 
 #[test]
+fn settings_are_not_replaced_by_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (fit, events, all, seen) = (
+        at("fit.toml"),
+        at("events.toml"),
+        at("edgecap.toml"),
+        at("o.jsonl"),
+    );
+    let demo = ["run", "--input", "demo"];
+    for (verb, option, file) in [
+        (&demo[..], "--fit-config", &fit),
+        (&demo, "--events", &events),
+        (&demo, "--config", &all),
+        (&["run", "--input", "demo", "--live"], "--fit-config", &fit),
+        (&["fit", "--input", &seen], "--config", &fit),
+        (&["fit"], "--config", &fit),
+        (&["fit"], "--events", &events),
+    ] {
+        for to in ["--jsonl", "--record"] {
+            std::fs::write(file, "# Mine.\n").unwrap();
+            let args = [verb, &[option, file, to, file]].concat();
+            assert_fails(&args, 64, &["would replace", option, to]);
+            assert_eq!(std::fs::read_to_string(file).unwrap(), "# Mine.\n");
+        }
+    }
+    // Files that the settings name, and a file of settings that is found.
+    let own = at("edgecap/edgecap.toml");
+    std::fs::create_dir(folder.path().join("edgecap")).unwrap();
+    let camera = "[[camera]]\ninput = \"demo\"\n";
+    for (text, to) in [
+        (
+            format!("{camera}fit = \"{fit}\"\njsonl = \"{fit}\"\n"),
+            &fit,
+        ),
+        (camera.to_owned(), &own),
+    ] {
+        std::fs::write(&own, &text).unwrap();
+        let mut run = edgecap();
+        run.env("XDG_CONFIG_HOME", folder.path()).arg("run");
+        if *to == own {
+            run.args(["--jsonl", to]);
+        }
+        let run = run.output().unwrap();
+        let said = stderr(&run);
+        assert_eq!(run.status.code(), Some(64), "{said}");
+        assert!(
+            said.contains("would replace") && said.contains(to),
+            "{said}"
+        );
+        assert_eq!(std::fs::read_to_string(&own).unwrap(), text);
+    }
+}
+
+#[test]
 fn two_results_are_not_written_to_one_file() {
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("same.out");

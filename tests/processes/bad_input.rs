@@ -1,9 +1,9 @@
 //! Wrong input gets one clear line and a sysexits code, and nothing is left behind.
 
-use edgecap::message::ObservationFrame;
-use edgecap::record::{Format, ObservationsRow, RecordWriter};
+use edgecap::message::{BodyFrame, Intrinsics, ObservationFrame};
+use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter};
 
-use crate::program::{assert_fails, stream};
+use crate::program::{assert_fails, output, stderr, stream};
 
 #[test]
 fn inputs_that_are_not_there() {
@@ -181,6 +181,84 @@ fn command_lines_that_mean_nothing() {
             Some(64),
             "{args:?}"
         );
+    }
+}
+
+#[test]
+fn options_that_would_do_nothing_are_refused() {
+    let record = ["fit", "--input", "x.jsonl", "--jsonl", "/dev/null"];
+    for more in [["--events", "x"], ["--rate", "30"], ["--name", "hall"]] {
+        assert_fails(&[&record[..], &more].concat(), 64, &[more[0], "--input"]);
+    }
+    assert_fails(&["fit", "--camera", "lens.toml"], 64, &["--input"]);
+}
+
+#[test]
+fn a_setting_out_of_its_range_is_named_with_its_file_and_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (config, out) = (at("fit.toml"), at("out.jsonl"));
+    std::fs::write(&config, "height = 1.8\n[filter2d]\nmin_cutoff = 0\n").unwrap();
+    let words = ["fit.toml:3:1: expected filter2d.min_cutoff from", "found 0"];
+    let args = ["fit", "--input", "x", "--jsonl", &out, "--config", &config];
+    assert_fails(&args, 78, &words);
+    let args = ["run", "--input", "demo", "--jsonl", &out, "--fit-config"];
+    assert_fails(&[&args[..], &[&config]].concat(), 78, &words);
+}
+
+#[test]
+fn a_record_that_is_cut_off_inside_its_first_frame_holds_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (seen, bodies, to) = (at("seen.record"), at("bodies.record"), at("to.jsonl"));
+    let mut writer =
+        RecordWriter::<ObservationsRow>::create(seen.as_ref(), Format::Binary).unwrap();
+    writer.write(&ObservationFrame::default(), "").unwrap();
+    writer.finish().unwrap();
+    let mut writer = RecordWriter::<BodiesRow>::create(bodies.as_ref(), Format::Binary).unwrap();
+    writer.write(&BodyFrame::default(), "").unwrap();
+    writer.finish().unwrap();
+    for record in [&seen, &bodies] {
+        let bytes = std::fs::read(record).unwrap();
+        std::fs::write(record, &bytes[..bytes.len() - 1]).unwrap();
+    }
+    let fit = ["fit", "--input", &seen, "--jsonl", &to];
+    assert_fails(&fit, 65, &["seen.record", "cut off inside its first frame"]);
+    assert!(!folder.path().join("to.jsonl").exists());
+    let export = ["export", &bodies, "--to", &at("x.csv")];
+    assert_fails(&export, 65, &["bodies.record"]);
+    let view = ["view", "--record", &bodies, "--listen", "127.0.0.1:0"];
+    assert_fails(&view, 65, &["bodies.record", "no frame"]);
+}
+
+#[test]
+fn times_that_do_not_rise_are_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (seen, to) = (at("seen.jsonl"), at("to.jsonl"));
+    let mut writer = RecordWriter::<ObservationsRow>::create(seen.as_ref(), Format::Jsonl).unwrap();
+    for sequence in 0..4 {
+        let frame = ObservationFrame {
+            sequence,
+            width: 640,
+            height: 480,
+            intrinsics: Intrinsics::from_horizontal_fov(640, 480, 60.0),
+            ..ObservationFrame::default()
+        };
+        writer.write(&frame, "").unwrap();
+    }
+    writer.finish().unwrap();
+    let fit = ["fit", "--input", &seen, "--jsonl", &to];
+    for (more, warnings) in [(&[][..], 1), (&["--stills"], 0)] {
+        let out = output(&[&fit[..], more].concat());
+        let said = stderr(&out);
+        assert!(out.status.success(), "{said}");
+        let told = said
+            .matches("expected times that rise, found frame 2")
+            .count();
+        assert_eq!(told, warnings, "{said}");
+        let lines = std::fs::read_to_string(&to).unwrap();
+        assert_eq!(lines.lines().count(), 4);
     }
 }
 

@@ -271,6 +271,17 @@ fn what_does_not_go_together_is_said_in_a_line() {
         let out = crate::program::output(args);
         assert_eq!(out.status.code(), Some(64), "{args:?}: {}", stderr(&out));
     }
+    let settings = folder.path().join("fit.toml").display().to_string();
+    std::fs::write(&settings, "[identity]\nconfirm_hits = 5\nmemory = 5\n").unwrap();
+    let calibrated = ["fit", "--cameras", "view0,view1", "--calibration", &two];
+    // It ends at the name of the room.
+    let more = ["--config", &settings, "--name", "a/b"];
+    let out = crate::program::output(&[&calibrated[..], &more].concat());
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(64), "{said}");
+    let told = "mean nothing with several cameras: identity.confirm_hits";
+    assert_eq!(said.matches(told).count(), 1, "{said}");
+    assert!(!said.contains("memory"), "{said}");
     let run = ["run", "--input", "demo", "--live", "--calibration", &two];
     assert_fails(&run, 64, &["--calibration", "several", "found one"]);
 }

@@ -26,8 +26,10 @@ use crate::supervise::{Beat, Heartbeat};
 const WAITING: usize = 64;
 /// How soon it is looked again whether a camera that is waited for has dropped out.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
-/// Silence of a camera that is said.
+/// Silence of a camera that is said, …
 const SAID_AFTER: Duration = Duration::from_secs(1);
+/// … or twice the time between its last frames, where that is longer, of which no more than this counts.
+const SLOWEST: Duration = Duration::from_secs(60);
 /// A camera that has not come at all is spoken of after this.
 const AWAITED: Duration = Duration::from_secs(5);
 
@@ -206,7 +208,7 @@ fn fit_all(
         } else {
             STEP
         };
-        let mut next = match news.recv_timeout(pace.patience(longest)) {
+        let mut next = match news.recv_timeout(pace.patience(longest, Instant::now())) {
             Ok(next) => Some(next),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => break,
@@ -229,12 +231,12 @@ fn fit_all(
             fit.update(&set, &mut out);
             fit_us = start.elapsed().as_micros() as u32;
             out.fit_us = fit_us;
-            if pace.fitted(&out) {
+            if pace.fitted(&out, Instant::now()) {
                 publish(&mut out)?;
             }
             is_idle = false;
         }
-        if pace.is_due(&out) {
+        if pace.is_due(&out, Instant::now()) {
             fit.predict(monotonic_ns(), &mut out);
             out.fit_us = fit_us;
             publish(&mut out)?;
@@ -260,11 +262,29 @@ struct Cameras<'a> {
 #[derive(Clone, Default)]
 struct Camera {
     heard: Option<Instant>,
+    /// Between its last two frames.
+    interval: Duration,
     ended: bool,
     size: Option<[u32; 2]>,
     is_file: bool,
     /// It was said that it is missing.
     said: bool,
+}
+
+impl Camera {
+    fn hear(&mut self, now: Instant) {
+        if let Some(before) = self.heard.replace(now) {
+            self.interval = now.saturating_duration_since(before).min(SLOWEST);
+        }
+    }
+
+    /// Whether more time has passed without a frame than usually does; of one that has not come at all, since `began`.
+    fn is_silent(&self, began: Instant, now: Instant) -> bool {
+        match self.heard {
+            Some(heard) => now.saturating_duration_since(heard) > SAID_AFTER.max(2 * self.interval),
+            None => now.saturating_duration_since(began) > AWAITED,
+        }
+    }
 }
 
 impl<'a> Cameras<'a> {
@@ -285,7 +305,7 @@ impl<'a> Cameras<'a> {
     ) -> anyhow::Result<()> {
         let name = &self.names[camera];
         let own = &mut self.each[camera];
-        own.heard = Some(Instant::now());
+        own.hear(Instant::now());
         own.ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if own.ended {
             return Ok(());
@@ -322,14 +342,33 @@ impl<'a> Cameras<'a> {
     /// Says which cameras are missing, once.
     fn say(&mut self) {
         for (name, camera) in self.names.iter().zip(&mut self.each) {
-            let silent = match camera.heard {
-                Some(heard) => heard.elapsed() > SAID_AFTER,
-                None => self.began.elapsed() > AWAITED,
-            };
+            let silent = camera.is_silent(self.began, Instant::now());
             if silent && !camera.said && !camera.ended {
                 camera.said = true;
                 tracing::warn!("{name} sends no observations; bodies come of the other cameras");
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_camera_is_not_missed_between_its_frames() {
+        let began = Instant::now();
+        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
+        let mut camera = Camera::default();
+        assert!(!camera.is_silent(began, at(4.0)) && camera.is_silent(began, at(6.0)));
+        for k in 0..3 {
+            camera.hear(at(10.0 + 2.0 * f64::from(k)));
+        }
+        assert!(!camera.is_silent(began, at(17.9)));
+        assert!(camera.is_silent(began, at(18.1)));
+        // A fast one is, and one that was away for long is no slow one.
+        camera.hear(at(1000.0));
+        camera.hear(at(1000.1));
+        assert!(!camera.is_silent(began, at(1001.0)) && camera.is_silent(began, at(1001.2)));
     }
 }

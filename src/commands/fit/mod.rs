@@ -28,7 +28,7 @@ use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
 use crate::events::EventConfig;
 use crate::fit::{FitConfig, Fitter};
-use crate::multiview::live::LiveFit;
+use crate::multiview::live::{LiveFit, without_meaning};
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
 use crate::sink::{EventSink, Packet, SharedMemorySink, SinkError, Sinks};
 use crate::supervise::{Beat, Heartbeat};
@@ -51,7 +51,12 @@ pub struct FitArgs {
     record: RecordArgs,
     /// The lens behind --input (TOML), whatever its lines say: fov_degrees across, or a calibration's fx, fy, cx, cy,
     /// width, height
-    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "input",
+        conflicts_with = "cameras"
+    )]
     camera: Option<PathBuf>,
     #[command(flatten)]
     task: FitTask,
@@ -65,7 +70,7 @@ pub struct FitArgs {
 pub struct FitTask {
     /// Name under which observations are read and bodies published; of several cameras, bodies [default: camera0, of
     /// several cameras room]
-    #[arg(long)]
+    #[arg(long, conflicts_with = "input")]
     pub name: Option<String>,
     /// Fit what several calibrated cameras see of the same people: the names under which each one's observations are
     /// published, as the calibration calls the cameras, or CAMERA=NAME
@@ -85,15 +90,15 @@ pub struct FitTask {
     /// Settings of identity, filters and fit (TOML)
     #[arg(long, value_name = "FILE")]
     pub config: Option<Setting<FitConfig>>,
-    /// What counts as an event, and zones of the floor (TOML)
-    #[arg(long, value_name = "FILE")]
+    /// What counts as an event, and zones of the floor (TOML); events are published with the bodies
+    #[arg(long, value_name = "FILE", conflicts_with = "input")]
     #[serde(default)]
     pub events: Option<Setting<EventConfig>>,
     /// Every frame is a picture of its own: no motion between frames
     #[arg(long, conflicts_with = "cameras")]
     pub stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240), conflicts_with = "input")]
     pub rate: Option<u16>,
 }
 
@@ -105,19 +110,24 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let Supervised { task, heart } = job::supervised(args.job, args.task)?;
     log::name(format!("fit {}", task.name()));
-    let mut apart = Apart::default()
+    Apart::default()
         .may_read("--input", args.input.as_deref())
         .may_read("--camera", args.camera.as_deref())
-        .writes_records(&args.record);
-    if let Some(Setting::File(path)) = &task.config {
-        apart = apart.reads("--config", path);
-    }
-    let calibration = task.calibration.as_deref().filter(|path| path.is_file());
-    apart.may_read("--calibration", calibration).check()?;
+        .reads_setting("--config", task.config.as_ref())
+        .reads_setting("--events", task.events.as_ref())
+        .reads_calibration(task.calibration.as_deref())
+        .writes_records(&args.record)
+        .check()?;
     let mut sinks = Sinks::default();
     if let Some(calibration) = &task.calibration {
         let chosen = cameras::choose(&task.cameras, calibration)?;
-        let fit = LiveFit::new(chosen.views.clone(), config(task.config.as_ref())?);
+        let config = config(task.config.as_ref())?;
+        let idle = without_meaning(&config);
+        if !idle.is_empty() {
+            let idle = idle.join(", ");
+            tracing::warn!("settings of the fit that mean nothing with several cameras: {idle}");
+        }
+        let fit = LiveFit::new(chosen.views.clone(), config);
         let fit = fit.map_err(|e| Failure::config(e.to_string()))?;
         args.record.add_to::<BodiesRow>(false, &mut sinks)?;
         publish(&task, &mut sinks)?;
@@ -196,7 +206,7 @@ fn live(
         };
         heart.beat(Beat::Idle);
         while !stop.requested() {
-            if let Some(frame) = observations.next(pace.patience(STEP))? {
+            if let Some(frame) = observations.next(pace.patience(STEP, Instant::now()))? {
                 if frame.flags & FLAG_END_OF_STREAM != 0 {
                     // The sinks say so to whoever reads; nothing may follow.
                     break;
@@ -208,13 +218,13 @@ fn live(
                 fitter.update(&frame, &mut out);
                 fit_us = start.elapsed().as_micros() as u32;
                 out.fit_us = fit_us;
-                if pace.fitted(&out) {
+                if pace.fitted(&out, Instant::now()) {
                     take(&mut out)?;
                 }
             } else {
                 heart.beat(Beat::Idle);
             }
-            if pace.is_due(&out) {
+            if pace.is_due(&out, Instant::now()) {
                 fitter.predict(monotonic_ns(), &mut out);
                 out.fit_us = fit_us;
                 take(&mut out)?;
@@ -258,7 +268,7 @@ fn recorded(
     let mut reader = ObservationReader::new(lines, input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
     let mut out = Box::new(BodyFrame::default());
-    let mut frames = 0;
+    let (mut frames, mut told) = (0, false);
     let mut fit = || -> anyhow::Result<()> {
         while reader.read(&mut frame)? {
             if stop.requested() {
@@ -268,23 +278,36 @@ fn recorded(
             fitter.update(&frame, &mut out);
             out.fit_us = start.elapsed().as_micros() as u32;
             frames += 1;
+            if fitter.counters().stale_frames > 0 && !told {
+                told = true;
+                tracing::warn!(
+                    "{}: expected times that rise, found frame {} no later than the one before; such frames repeat its bodies; --stills takes every frame by itself",
+                    input.display(),
+                    reader.line()
+                );
+            }
             sinks.take(&Packet {
                 message: &*out,
                 source: reader.source(),
                 picture: None,
             })?;
         }
-        if reader.was_cut() {
-            tracing::warn!(
-                "{}: cut off inside frame {}; the frames before it were fitted",
-                input.display(),
-                reader.line() + 1
-            );
-        } else if frames == 0 {
-            let name = input.display().to_string();
-            return Err(Failure::no_frames(&name, "observations").into());
+        let name = input.display();
+        match (frames, reader.was_cut()) {
+            (0, false) => Err(Failure::no_frames(&name.to_string(), "observations").into()),
+            (0, true) => Err(Failure::data(format!(
+                "{name}: expected a record of observations, found it cut off inside its first frame; record again"
+            ))
+            .into()),
+            (_, true) => {
+                tracing::warn!(
+                    "{name}: cut off inside frame {}; the frames before it were fitted",
+                    reader.line() + 1
+                );
+                Ok(())
+            }
+            (_, false) => Ok(()),
         }
-        Ok(())
     };
     let outcome = fit();
     finish(sinks, frames, outcome).map(drop)

@@ -53,33 +53,79 @@ impl Pace {
         }
     }
 
-    /// How long an observation may be waited for, `longest` at most.
-    pub fn patience(&self, longest: Duration) -> Duration {
-        match self.period {
-            Some(_) => self
-                .next
-                .saturating_duration_since(Instant::now())
-                .min(longest),
-            None => longest,
+    /// How long an observation may be waited for, `longest` at most: as long where no bodies are due without one.
+    pub fn patience(&self, longest: Duration, now: Instant) -> Duration {
+        if self.period.is_none() || !self.is_known(now) {
+            return longest;
         }
+        self.next.saturating_duration_since(now).min(longest)
     }
 
     /// Bodies have been fitted; whether they are published as they are. A file's clock is not ours to extrapolate on.
-    pub fn fitted(&mut self, bodies: &BodyFrame) -> bool {
-        self.fitted = Some(Instant::now());
+    pub fn fitted(&mut self, bodies: &BodyFrame, now: Instant) -> bool {
+        self.fitted = Some(now);
         self.period.is_none() || bodies.flags & FLAG_FILE_TIME != 0
     }
 
-    /// Whether it is time to extrapolate the bodies fitted last.
-    pub fn is_due(&mut self, bodies: &BodyFrame) -> bool {
+    /// Whether it is time to extrapolate the bodies fitted last. What was missed is not made up for.
+    pub fn is_due(&mut self, bodies: &BodyFrame, now: Instant) -> bool {
         let Some(period) = self.period else {
             return false;
         };
-        if Instant::now() < self.next {
+        if now < self.next || !self.is_known(now) || bodies.flags & FLAG_FILE_TIME != 0 {
             return false;
         }
-        self.next = (self.next + period).max(Instant::now());
-        let is_known = self.fitted.is_some_and(|t| t.elapsed() < STALE);
-        is_known && bodies.flags & FLAG_FILE_TIME == 0
+        self.next += period;
+        if self.next <= now {
+            self.next = now + period;
+        }
+        true
+    }
+
+    /// Whether bodies were fitted so recently that they may be extrapolated.
+    fn is_known(&self, now: Instant) -> bool {
+        self.fitted
+            .is_some_and(|t| now.saturating_duration_since(t) < STALE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LONGEST: Duration = Duration::from_millis(200);
+
+    #[test]
+    fn whoever_is_late_publishes_once_and_goes_on_from_there() {
+        let bodies = BodyFrame::default();
+        let mut pace = Pace::new(Some(100));
+        let start = pace.next;
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        pace.fitted(&bodies, at(0));
+        assert!(pace.is_due(&bodies, at(0)));
+        assert!(!pace.is_due(&bodies, at(9)));
+        // A little late: the pace stays.
+        assert!(pace.is_due(&bodies, at(14)));
+        assert_eq!(pace.patience(LONGEST, at(14)), Duration::from_millis(6));
+        // By more than a period.
+        assert!(pace.is_due(&bodies, at(45)));
+        assert!(!pace.is_due(&bodies, at(45)) && !pace.is_due(&bodies, at(54)));
+        assert_eq!(pace.patience(LONGEST, at(45)), Duration::from_millis(10));
+        assert!(pace.is_due(&bodies, at(55)));
+    }
+
+    #[test]
+    fn without_a_recent_fit_an_observation_is_waited_for() {
+        let bodies = BodyFrame::default();
+        let mut pace = Pace::new(Some(100));
+        let start = pace.next;
+        let later = start + Duration::from_secs(5);
+        assert_eq!(pace.patience(LONGEST, later), LONGEST);
+        assert!(!pace.is_due(&bodies, later));
+        pace.fitted(&bodies, later);
+        assert!(pace.is_due(&bodies, later));
+        let silent = later + STALE;
+        assert_eq!(pace.patience(LONGEST, silent), LONGEST);
+        assert!(!pace.is_due(&bodies, silent));
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::bounded;
 use crate::commands::exit::Failure;
-use crate::config::{Mistake, Setting};
+use crate::config::{Mistake, Setting, Table};
 use crate::fit::{FitConfig, Fitter};
 
 /// A fitter with these settings, or those of a file.
@@ -32,10 +32,21 @@ pub fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> 
 /// Reads a file of settings.
 ///
 /// # Errors
-/// If it cannot be read, or what is wrong with it.
+/// If it cannot be read, or what is wrong with it, and where.
 pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
     let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
     let file = path.display().to_string();
-    Ok(toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?)
+    let config: FitConfig =
+        toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?;
+    config.check().map_err(|e| {
+        let places = Table::parse(&file, &text).map(|t| t.places());
+        let places = places.unwrap_or_default();
+        Mistake {
+            place: e.field().and_then(|f| places.get(f)).copied(),
+            what: e.to_string(),
+            file,
+        }
+    })?;
+    Ok(config)
 }

@@ -61,12 +61,16 @@ impl RunArgs {
         }
     }
 
-    /// What it reads and writes.
+    /// What it reads and writes; of settings the files as they were named.
     pub fn apart(&self) -> Apart {
         Apart::default()
             .reads_input(&self.input)
             .may_read("--model", self.engine.model.as_deref())
             .may_read("--stage2", self.engine.stage2.as_deref())
+            .may_read("--config", self.settings.config.as_deref())
+            .reads_setting("--fit-config", self.fitting.fit.as_ref())
+            .reads_setting("--events", self.fitting.events.as_ref())
+            .reads_calibration(self.multiview.calibration.as_deref())
             .writes_records(&self.record)
             .may_write("--overlay", self.overlay.as_deref())
             .writes_exports(&self.export)

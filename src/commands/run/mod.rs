@@ -31,9 +31,9 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let settings = Settings::load(&args.settings)?;
     let effective = settings::effective(&args, &settings)?;
+    effective.apart()?;
     let mut runs = effective.runs()?;
     let calibration = effective.calibration()?;
-    settings::apart(&runs, calibration.is_some())?;
     if let Some(calibration) = calibration {
         return room::run(&runs, calibration, &stop);
     }

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use super::{CameraSettings, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together};
+use super::{
+    CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
+};
 use crate::camera::CameraFile;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::events;
@@ -43,9 +45,8 @@ impl Effective {
     /// # Errors
     /// The first that is wrong or cannot be read.
     pub fn check(&self) -> anyhow::Result<()> {
-        let runs = self.runs()?;
-        together::apart(&runs, self.calibration()?.is_some())?;
-        for run in runs {
+        self.apart()?;
+        for run in self.runs()? {
             if let Some(Setting::File(lens)) = &run.input.lens {
                 CameraFile::read(lens)?;
             }
@@ -62,6 +63,20 @@ impl Effective {
             choose_cameras(&self.names(), calibration)?;
         }
         Ok(())
+    }
+
+    /// Holds apart what the runs read and write.
+    ///
+    /// # Errors
+    /// Exit code 64 with the first two files that are the same.
+    pub fn apart(&self) -> anyhow::Result<()> {
+        // The runs as they start no longer know from which files their settings came.
+        let named = self.cameras.iter().map(|camera| RunArgs {
+            multiview: self.multiview.0.clone(),
+            ..camera.args.clone()
+        });
+        let named: Vec<RunArgs> = named.collect();
+        together::apart(&named, self.calibration()?.is_some())
     }
 
     /// Whether a run would start with these settings, cameras aside that may be plugged in later.
@@ -178,6 +193,9 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
                 record,
                 fitting,
                 engine: engine.clone(),
+                settings: ConfigArgs {
+                    config: settings.file.clone(),
+                },
                 ..typed.clone()
             };
             Ok(Camera { args, origins })

@@ -27,7 +27,6 @@ use crate::fit::{FitConfig, GroundConfig};
 pub use effective::{Effective, Origins, effective};
 pub use metrics_args::{Loopback, MetricsArgs};
 pub use multiview_args::MultiviewArgs;
-pub use together::apart;
 
 /// A commented file that holds every key.
 pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");

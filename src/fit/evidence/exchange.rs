@@ -55,7 +55,7 @@ impl SwapMemory {
             *lasting = (*lasting - dt).max(0.0);
             return false;
         }
-        *lasting += dt;
+        *lasting = (*lasting + dt).min(PATIENCE);
         *lasting < PATIENCE
     }
 }
@@ -96,4 +96,23 @@ fn exchange_gain_3d(
         }
     }
     (as_is, exchanged, 2 * pairs.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_exchange_is_undone_again_as_soon_as_a_lasting_one_has_passed() {
+        const WANTED: (f64, f64, usize) = (6.0, 0.0, 6);
+        const NOT_WANTED: (f64, f64, usize) = (0.0, 6.0, 6);
+        let dt = 1.0 / 30.0;
+        let mut memory = SwapMemory::default();
+        let undone = (0..300).filter(|_| memory.decide(0, WANTED, dt)).count();
+        assert!((13..=15).contains(&undone), "half a second: {undone}");
+        for _ in 0..30 {
+            assert!(!memory.decide(0, NOT_WANTED, dt));
+        }
+        assert!(memory.decide(0, WANTED, dt));
+    }
 }

@@ -52,12 +52,20 @@ impl Identities {
         self.gone.len()
     }
 
-    /// Gives identities to those who have been seen often enough: their old one where they are recognised.
-    pub fn confirm(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
+    /// Gives identities to those who have been seen often enough: their old one where they are recognised. After a
+    /// pause, in which everybody left, it is so at first sight; and whoever had no identity yet goes on towards one.
+    pub fn confirm(
+        &mut self,
+        present: &mut Vec<Person>,
+        now_ns: u64,
+        after_pause: bool,
+        config: &FitConfig,
+    ) {
+        let is_proven = |p: &Person| is_proven(p.proof, usize::MAX);
         let ready: Vec<usize> = (0..present.len())
             .filter(|&k| {
                 let p = &present[k];
-                p.id == 0 && p.unseen == 0.0 && is_proven(p.proof, usize::MAX)
+                p.id == 0 && p.unseen == 0.0 && (after_pause || is_proven(p))
             })
             .collect();
         if ready.is_empty() {
@@ -82,28 +90,30 @@ impl Identities {
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
         for (&k, pair) in ready.iter().zip(pairs) {
             let old = match pair {
-                None => {
-                    present[k].id = self.next;
-                    self.next = self.next.wrapping_add(1).max(1);
-                    continue;
-                }
+                None => None,
                 Some(w) if w < missed.len() => {
                     from_present.push(missed[w]);
-                    present[missed[w]].clone()
+                    Some(present[missed[w]].clone())
                 }
                 Some(w) => {
                     let gone = w - missed.len();
                     from_gone.push(gone);
-                    self.gone[gone].person.clone()
+                    Some(self.gone[gone].person.clone())
                 }
             };
-            present[k].succeed(old);
+            if let Some(old) = old {
+                present[k].succeed(old);
+            }
+            if present[k].id == 0 && is_proven(&present[k]) {
+                present[k].id = self.next;
+                self.next = self.next.wrapping_add(1).max(1);
+            }
         }
         remove_all(present, from_present);
         remove_all(&mut self.gone, from_gone);
     }
 
-    /// Lets everybody go; whoever is seen next may be recognised.
+    /// Lets everybody go; whoever is seen next may be recognised. Those without identity are remembered until then.
     pub fn leave_all(&mut self, present: &mut Vec<Person>, now_ns: u64) {
         for person in present.drain(..) {
             self.leave(person, now_ns);
@@ -111,7 +121,7 @@ impl Identities {
     }
 
     fn leave(&mut self, person: Person, now_ns: u64) {
-        if person.id == 0 || !person.is_finite() {
+        if !person.is_finite() {
             return;
         }
         let unseen_ns = (person.unseen * 1e9) as u64;
@@ -145,7 +155,7 @@ impl Identities {
         }
         let memory = (identity.memory * 1e9) as u64;
         self.gone
-            .retain(|g| now_ns.saturating_sub(g.left_ns) <= memory);
+            .retain(|g| g.person.id != 0 && now_ns.saturating_sub(g.left_ns) <= memory);
         self.gone.sort_by_key(|g| (g.left_ns, g.person.id));
         let extra = self.gone.len().saturating_sub(MOST_REMEMBERED);
         self.gone.drain(..extra);

@@ -13,6 +13,7 @@ mod met;
 mod person;
 mod publish;
 mod seen;
+mod settings;
 mod synchroniser;
 
 use std::collections::HashSet;
@@ -32,6 +33,7 @@ use crate::fit::{FitConfig, MotionModel};
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
 use crate::solve::Solver;
 
+pub use settings::without_meaning;
 pub use synchroniser::{FrameSet, Synchroniser};
 
 /// Times that go back by more than this belong to another recording.
@@ -73,8 +75,8 @@ struct Newest {
 
 impl LiveFit {
     /// A fit that has seen nobody. `views` are the cameras as their pictures show them, in the order of a
-    /// [`FrameSet`]'s. Of `config` what speaks of one camera's floor and filters has no meaning here; `height` gives
-    /// everybody's stature instead of observing it.
+    /// [`FrameSet`]'s. Of `config` what [`without_meaning`] names is not used; `height` gives everybody's stature
+    /// instead of observing it.
     ///
     /// # Errors
     /// [`ConfigError`] if a setting is out of range.
@@ -109,12 +111,14 @@ impl LiveFit {
     /// counts instants. `publish_ns` and `fit_us` are left to whoever publishes.
     ///
     /// An instant that is not newer than the last changes nothing; a step back of more than half a second starts over
-    /// with nobody present (identities are never given again).
+    /// with nobody present (identities are never given again). After more than a second without an instant everybody is
+    /// looked for anew and recognised at first sight.
     pub fn update(&mut self, set: &FrameSet, out: &mut BodyFrame) {
-        let Some(dt) = self.step(set.capture_ns) else {
+        let Some(passed) = self.step(set.capture_ns) else {
             self.publish(0.0, out);
             return;
         };
+        let (dt, after_pause) = (passed.min(STEP[1]), passed > STEP[1]);
         self.newest = Some(Newest {
             capture_ns: set.capture_ns,
             flags: if set.file_time { FLAG_FILE_TIME } else { 0 },
@@ -127,7 +131,7 @@ impl LiveFit {
         self.start_people(&mut seen);
         let now = set.capture_ns;
         self.identities
-            .confirm(&mut self.present, now, &self.config);
+            .confirm(&mut self.present, now, after_pause, &self.config);
         self.identities.forget(&mut self.present, now, &self.config);
         self.publish(0.0, out);
     }
@@ -159,7 +163,7 @@ impl LiveFit {
             // Everybody is somewhere else now, but may be recognised.
             self.identities.leave_all(&mut self.present, capture_ns);
         }
-        Some(dt.clamp(STEP[0], STEP[1]))
+        Some(dt.max(STEP[0]))
     }
 
     /// Every detection, by view; taken ones become none.

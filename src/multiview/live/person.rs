@@ -93,7 +93,7 @@ impl Person {
             posed: Posed::default(),
             motion: Motion::default(),
             build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
-            looks: vec![None; cx.views.len()],
+            looks: seen.iter().map(|s| s.as_ref()?.looks).collect(),
             proof: [0; 2],
             unseen: 0.0,
             apart: 0.0,
@@ -103,6 +103,7 @@ impl Person {
         };
         person.restart(&seen, &joints, cx)?;
         person.settle(&seen, &joints, 0.0);
+        person.prove(seen.iter().flatten().count());
         Some(person)
     }
 
@@ -159,7 +160,7 @@ impl Person {
                 self.build.update(skeleton, &good, &self.posed);
             }
             if is_body(&joints.points) {
-                self.proof[usize::from(count < 3)] += 1;
+                self.prove(count);
             }
         }
         for (own, seen) in self.looks.iter_mut().zip(&seen) {
@@ -192,9 +193,17 @@ impl Person {
         (count > 0).then(|| sum / f64::from(count))
     }
 
-    /// Takes over identity, build and looks of somebody recognised.
+    /// So many views agreed about them.
+    fn prove(&mut self, views: usize) {
+        self.proof[usize::from(views < 3)] += 1;
+    }
+
+    /// Takes over identity, proof, build and looks of somebody recognised.
     pub fn succeed(&mut self, old: Self) {
         self.id = old.id;
+        for (own, old) in self.proof.iter_mut().zip(old.proof) {
+            *own += old;
+        }
         self.build = old.build;
         for (own, old) in self.looks.iter_mut().zip(old.looks) {
             *own = own.or(old);
