@@ -113,7 +113,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
             out.fit_us = start.elapsed().as_micros() as u32;
             out.publish_ns = monotonic_ns();
             tally.count(&out);
-            table.update(&out, tally.lost);
+            table.update(&out, tally.left_out);
             written = sinks.take(&Packet {
                 message: &*out,
                 source: &source,
