@@ -1,6 +1,7 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
 //! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
+mod link;
 mod stump;
 mod suffix;
 mod trial;
@@ -14,7 +15,7 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rustix::fs::{CWD, OFlags, RenameFlags};
+use rustix::fs::{CWD, OFlags, RenameFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use tempfile::{NamedTempFile, TempDir};
 
@@ -127,6 +128,8 @@ pub struct AtomicFile {
     whole: VecDeque<u64>,
     /// What was to follow never came.
     is_broken: bool,
+    /// Why a write failed since [`go_back`](Self::go_back), if one did: a part of what it was given may be in the file.
+    failed: Option<io::Error>,
 }
 
 impl AtomicFile {
@@ -134,15 +137,14 @@ impl AtomicFile {
     /// bytes at once, as does standard output, whose name is `-`.
     ///
     /// # Errors
-    /// If the folder cannot be made or written, or if nobody reads from the pipe.
+    /// If the folder cannot be made or written, if a link leads into a folder that is missing, or if nobody reads from
+    /// the pipe.
     pub fn create(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STDOUT {
             let stdout = io::stdout().as_fd().try_clone_to_owned()?;
             return Ok(Self::new(Place::Device(stdout.into()), path, None));
         }
-        // Through links, so that none is replaced by a file.
-        let found = path.canonicalize();
-        let path = found.as_deref().unwrap_or(path);
+        let path = &link::behind_links(path)?;
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(Self::new(Place::Device(open_device(path)?), path, None));
         }
@@ -182,6 +184,8 @@ impl AtomicFile {
             return Ok(older);
         };
         let named = file.persist(&self.path).map_err(|e| e.error)?;
+        // Where somebody empties it, what follows begins at its start, and not behind as many zeros as it was long.
+        fcntl_setfl(&named, fcntl_getfl(&named)? | OFlags::APPEND)?;
         self.writer = Some(BufWriter::new(Place::Named(named)));
         self.made = None;
         Ok(older)
@@ -195,6 +199,7 @@ impl AtomicFile {
             taken: 0,
             whole: VecDeque::new(),
             is_broken: false,
+            failed: None,
         }
     }
 
@@ -204,12 +209,48 @@ impl AtomicFile {
         self.is_broken = true;
     }
 
+    /// Whether a file that has [appeared](Self::appear) holds what was written: nobody has removed or cut it, nor,
+    /// which is looked at only `by_name`, moved it or put another in its place. Any other file does.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn is_intact(&self, by_name: bool) -> io::Result<bool> {
+        let Some(writer) = &self.writer else {
+            return Ok(true);
+        };
+        let Place::Named(file) = writer.get_ref() else {
+            return Ok(true);
+        };
+        let ours = file.metadata()?;
+        if ours.nlink() == 0 || ours.len() < self.on_disk(writer) {
+            return Ok(false);
+        }
+        if !by_name {
+            return Ok(true);
+        }
+        Ok(match fs::metadata(&self.path) {
+            // Some file systems number a file anew now and then.
+            Ok(found) => {
+                (found.dev(), found.ino()) == (ours.dev(), ours.ino()) || found.len() == ours.len()
+            }
+            Err(e) => !matches!(
+                e.kind(),
+                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+            ),
+        })
+    }
+
+    /// Bytes that have left the buffer.
+    fn on_disk(&self, writer: &BufWriter<Place>) -> u64 {
+        self.taken - (writer.buffer().len() as u64).min(self.taken)
+    }
+
     /// Whether [`finish`](Self::finish) would leave anything where writing has failed.
     pub fn keeps_anything(&self) -> bool {
         let Some(writer) = &self.writer else {
             return false;
         };
-        let on_disk = self.taken - (writer.buffer().len() as u64).min(self.taken);
+        let on_disk = self.on_disk(writer);
         let is_whole = |end: &u64| (1..=on_disk).contains(end);
         matches!(writer.get_ref(), Place::Device(_) | Place::Named(_))
             || self.whole.iter().any(is_whole)
@@ -225,6 +266,7 @@ impl AtomicFile {
         let Some(writer) = self.writer.take() else {
             return Ok(false);
         };
+        self.failed = None;
         // The parts, so that nothing is written behind our back.
         let (place, _) = writer.into_parts();
         let writer = self.writer.insert(BufWriter::new(place));
@@ -233,7 +275,7 @@ impl AtomicFile {
             // What went into it is gone.
             Place::Device(_) => Ok(true),
             Place::Named(file) => {
-                let end = file.stream_position()?;
+                let end = written_to(file)?;
                 let whole = self.whole.iter().rev().find(|w| **w <= end).copied();
                 let whole = whole.unwrap_or_default();
                 file.set_len(whole)?;
@@ -279,34 +321,46 @@ impl AtomicFile {
     ///
     /// # Errors
     /// If the disk is full or the rename fails.
-    pub fn finish(mut self) -> io::Result<()> {
+    pub fn finish(self) -> io::Result<()> {
+        self.finish_beside().map(drop)
+    }
+
+    /// As [`finish`](Self::finish); the name that the file got in place of its own, where what is there holds more than
+    /// what [broke off](Self::break_off).
+    ///
+    /// # Errors
+    /// As there.
+    pub fn finish_beside(mut self) -> io::Result<Option<PathBuf>> {
         let Some(mut writer) = self.writer.take() else {
-            return Ok(());
+            return Ok(None);
         };
-        let flushed = writer.flush();
+        // What a failed write left of a record is in the file, not in the buffer, which may have nothing to flush.
+        let flushed = writer.flush().and(self.failed.take().map_or(Ok(()), Err));
         // The parts, so that nothing is written behind our back.
         let (mut place, _) = writer.into_parts();
         if flushed.is_err() {
             let file = match &mut place {
                 Place::Beside(file) => file.as_file_mut(),
                 Place::Named(file) => file,
-                Place::Device(_) => return flushed,
+                Place::Device(_) => return flushed.map(|()| None),
             };
-            let end = file.stream_position()?;
+            let end = written_to(file)?;
             let Some(whole) = self.whole.iter().rev().find(|w| **w <= end && **w > 0) else {
-                return flushed;
+                return flushed.map(|()| None);
             };
             file.set_len(*whole)?;
         }
+        let mut beside = None;
         if let Place::Beside(file) = place {
             let path = match flushed.is_err() || self.is_broken {
                 true => stump::place(&self.path, file.as_file().metadata()?.len()),
                 false => self.path.clone(),
             };
-            file.persist(path).map_err(|e| e.error)?;
+            file.persist(&path).map_err(|e| e.error)?;
             self.made = None;
+            beside = Some(path).filter(|p| *p != self.path);
         }
-        flushed
+        flushed.map(|()| beside)
     }
 
     fn inner(&mut self) -> io::Result<&mut BufWriter<Place>> {
@@ -318,9 +372,14 @@ impl AtomicFile {
 
 impl Write for AtomicFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        let n = self.inner()?.write(buf)?;
-        self.taken += n as u64;
-        Ok(n)
+        let written = self.inner()?.write(buf);
+        match &written {
+            Ok(n) => self.taken += *n as u64,
+            // Whoever hears of this one tries again.
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => self.failed = Some(copy(e)),
+        }
+        written
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -409,6 +468,19 @@ impl AtomicFolder {
     }
 }
 
+/// Up to where a file holds what was written to it: somebody may have cut it since, and it is not to be made longer.
+fn written_to(file: &mut File) -> io::Result<u64> {
+    Ok(file.stream_position()?.min(file.metadata()?.len()))
+}
+
+/// The same error, which is not made to be copied.
+fn copy(error: &io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => error.kind().into(),
+    }
+}
+
 /// The system's own words, without the name of a temporary file, which says nothing to the user.
 fn unnamed(error: io::Error) -> io::Error {
     let words = error.to_string();
@@ -464,7 +536,7 @@ fn open_device(path: &Path) -> io::Result<File> {
     loop {
         match options.open(path) {
             Ok(device) => {
-                rustix::fs::fcntl_setfl(&device, OFlags::empty())?;
+                fcntl_setfl(&device, OFlags::empty())?;
                 return Ok(device);
             }
             Err(e) if Errno::from_io_error(&e) != Some(Errno::NXIO) => return Err(e),
@@ -518,6 +590,24 @@ mod tests {
         assert!(!file.keeps_anything(), "it lies in memory");
         file.flush().unwrap();
         assert!(file.keeps_anything());
+    }
+
+    /// A file that may not grow stands in for a full disk: of a record that is longer than the buffer, and so goes past
+    /// it, a part finds room.
+    #[test]
+    fn a_part_of_a_long_record_is_not_kept() {
+        use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
+        let full = File::from(memfd_create("full", MemfdFlags::ALLOW_SEALING).unwrap());
+        let kept = full.try_clone().unwrap();
+        let mut file = AtomicFile::new(Place::Named(full), Path::new("full"), None);
+        let record = [b'r'; 20_000];
+        file.write_all(&record).unwrap();
+        file.mark_whole();
+        kept.set_len(24 << 10).unwrap();
+        fcntl_add_seals(&kept, SealFlags::GROW).unwrap();
+        assert!(file.write_all(&record).is_err());
+        assert!(file.finish().is_err(), "what broke off is said");
+        assert_eq!(kept.metadata().unwrap().len(), 20_000);
     }
 
     #[test]
@@ -647,6 +737,41 @@ mod tests {
         assert!(third.appear().unwrap().unwrap().ends_with("hall-2.jsonl"));
         third.finish().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "three\n");
+    }
+
+    #[test]
+    fn a_file_that_somebody_cut_moved_or_removed_is_no_longer_intact() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        let begun = || {
+            let mut file = AtomicFile::create(&path).unwrap();
+            file.write_all(b"one\n").unwrap();
+            file.mark_whole();
+            assert!(file.is_intact(true).unwrap(), "it has no name yet");
+            file.appear().unwrap();
+            assert!(file.is_intact(true).unwrap());
+            file
+        };
+        let mut cut = begun();
+        File::options()
+            .write(true)
+            .open(&path)
+            .unwrap()
+            .set_len(0)
+            .unwrap();
+        assert!(!cut.is_intact(false).unwrap());
+        cut.write_all(b"two\n").unwrap();
+        cut.mark_whole();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "two\n");
+        let moved = begun();
+        let elsewhere = folder.path().join("elsewhere");
+        fs::rename(&path, &elsewhere).unwrap();
+        assert!(moved.is_intact(false).unwrap() && !moved.is_intact(true).unwrap());
+        fs::write(&path, "another").unwrap();
+        assert!(!moved.is_intact(true).unwrap());
+        let removed = begun();
+        fs::remove_file(&path).unwrap();
+        assert!(!removed.is_intact(false).unwrap());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `edgecap export`: a record of bodies as a file of another program.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
 use super::apart::Apart;
@@ -9,7 +9,7 @@ use super::exit::Failure;
 use super::say;
 use crate::export::{ExportError, Exported, Format, Take, encode};
 use crate::message::BodyFrame;
-use crate::output::{self, AtomicFile};
+use crate::output::AtomicFile;
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{RecordSink, Sinks};
 
@@ -84,7 +84,7 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     if let Some(id) = args.person {
         take.only(id, &name)?;
     }
-    for line in write(&take, format, &args.to)? {
+    for line in write(&take, format, &args.to, false)? {
         say::out(&line);
     }
     Ok(())
@@ -103,17 +103,29 @@ fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
     Ok(Box::new(BufReader::new(open()?)))
 }
 
-/// Writes a take's files; what there is now, a line each.
-fn write(take: &Take, format: Format, to: &Path) -> anyhow::Result<Vec<String>> {
+/// Writes a take's files; what there is now, a line each. Those of a take that broke off do not replace longer ones.
+fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> anyhow::Result<Vec<String>> {
     let mut lines = Vec::new();
     for Exported { path, bytes, late } in encode(take, format, to)? {
-        output::write(&path, &bytes).map_err(|e| Failure::output(&path, &e))?;
+        let written = write_file(&path, &bytes, is_broken);
+        let beside = written.map_err(|e| Failure::output(&path, &e))?;
+        let path = beside.unwrap_or(path);
         let late = late.map_or(String::new(), |seconds| {
             format!(" (begins {seconds:.3} s after the first of all)")
         });
         lines.push(format!("→ {}{late}", path.display()));
     }
     Ok(lines)
+}
+
+/// Writes a whole file; the name that it got in place of its own, if it did.
+fn write_file(path: &Path, bytes: &[u8], is_broken: bool) -> io::Result<Option<PathBuf>> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    if is_broken {
+        file.break_off();
+    }
+    file.finish_beside()
 }
 
 /// Files of other programs that a verb writes besides its own results.
@@ -140,9 +152,13 @@ impl Exports {
     /// # Errors
     /// As [`export`].
     pub fn write(&self, take: &Take) -> anyhow::Result<Vec<String>> {
+        self.write_take(take, false)
+    }
+
+    fn write_take(&self, take: &Take, is_broken: bool) -> anyhow::Result<Vec<String>> {
         let mut lines = Vec::new();
         for (format, to) in &self.0 {
-            lines.extend(write(take, *format, to)?);
+            lines.extend(write(take, *format, to, is_broken)?);
         }
         Ok(lines)
     }
@@ -173,12 +189,13 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// Writes all files, once the sinks have finished; `source` is what was run.
+    /// Writes all files, once the sinks have finished; `source` is what was run. Where the run broke off, what there is
+    /// does not replace more.
     ///
     /// # Errors
     /// As [`export`].
-    pub fn write(self, source: &str) -> anyhow::Result<Vec<String>> {
+    pub fn write(self, source: &str, is_broken: bool) -> anyhow::Result<Vec<String>> {
         let take = Take::read(open(&self.path)?, source)?;
-        self.exports.write(&take)
+        self.exports.write_take(&take, is_broken)
     }
 }

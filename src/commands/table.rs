@@ -75,7 +75,7 @@ impl Table {
     }
 
     /// Takes in one message.
-    pub fn update(&mut self, frame: &BodyFrame, lost: u64) {
+    pub fn update(&mut self, frame: &BodyFrame, left_out: u64) {
         let now = Instant::now();
         if let Some(last) = self.last_frame {
             let dt = (now - last).as_secs_f64();
@@ -100,7 +100,7 @@ impl Table {
             return;
         }
         self.drawn = Some(now);
-        let figures = self.figures(frame, lost);
+        let figures = self.figures(frame, left_out);
         match &self.terminal {
             Some(terminal) => {
                 let mut message = figures;
@@ -149,7 +149,7 @@ impl Table {
         self.bar.finish_and_clear();
     }
 
-    fn figures(&self, frame: &BodyFrame, lost: u64) -> String {
+    fn figures(&self, frame: &BodyFrame, left_out: u64) -> String {
         let ms = |us: u32| f64::from(us) / 1000.0;
         let t = frame.stage_times;
         let mut s = String::new();
@@ -174,8 +174,9 @@ impl Table {
                 frame.publish_ns.saturating_sub(frame.capture_ns) as f64 / 1e6
             );
         }
-        if lost > 0 {
-            let _ = write!(s, " | {} lost", counted(lost, "frame", "frames"));
+        if left_out > 0 {
+            let frames = counted(left_out, "frame", "frames");
+            let _ = write!(s, " | {frames} left out");
         }
         s
     }
@@ -230,4 +231,19 @@ fn rows(frame: &BodyFrame) -> String {
         s.push_str("\n      nobody in sight");
     }
     s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Most of them nobody wanted: while nobody is in view, or beyond --max-fps.
+    #[test]
+    fn frames_between_those_that_came_are_not_called_lost() {
+        let table = Table::with(None, true, None);
+        let figures = table.figures(&BodyFrame::default(), 270);
+        assert!(figures.ends_with(" | 270 frames left out"), "{figures}");
+        let figures = table.figures(&BodyFrame::default(), 0);
+        assert!(!figures.contains("left out"), "{figures}");
+    }
 }

@@ -1,7 +1,5 @@
 //! What a reader of bodies has received.
 
-use std::collections::BTreeSet;
-
 use edgecap_client::message::BodyFrame;
 
 /// What was received so far.
@@ -10,10 +8,12 @@ pub struct Tally {
     /// Messages.
     pub frames: u64,
     /// Frames that were left out between them.
-    pub lost: u64,
+    pub left_out: u64,
     last_sequence: Option<u64>,
-    /// Everybody who was in one.
-    pub ids: BTreeSet<u32>,
+    /// How many people were in them.
+    pub people: u64,
+    /// The highest id that the present `fit` has given: it counts up, so that not all need be kept for months.
+    newest: u32,
 }
 
 impl Tally {
@@ -22,10 +22,48 @@ impl Tally {
         if let Some(last) = self.last_sequence
             && frame.sequence > last
         {
-            self.lost += frame.sequence - last - 1;
+            self.left_out += frame.sequence - last - 1;
         }
         self.last_sequence = Some(frame.sequence);
         self.frames += 1;
-        self.ids.extend(frame.bodies().iter().map(|b| b.id));
+        let ids = frame.bodies().iter().map(|b| b.id);
+        self.people += ids.clone().filter(|id| *id > self.newest).count() as u64;
+        self.newest = ids.fold(self.newest, u32::max);
+    }
+
+    /// Another `fit` follows, which counts people from 1.
+    pub fn begin_anew(&mut self) {
+        self.newest = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(sequence: u64, ids: &[u32]) -> BodyFrame {
+        let mut frame = BodyFrame {
+            sequence,
+            count: ids.len() as u32,
+            ..BodyFrame::default()
+        };
+        for (body, id) in frame.bodies.iter_mut().zip(ids) {
+            body.id = *id;
+        }
+        frame
+    }
+
+    #[test]
+    fn people_are_counted_once_and_anew_where_another_fit_follows() {
+        let mut tally = Tally::default();
+        tally.count(&frame(0, &[1, 2]));
+        tally.count(&frame(1, &[3, 1, 2]));
+        // The camera's process was started again, and whoever is there is known.
+        tally.count(&frame(0, &[2, 3]));
+        assert_eq!(tally.people, 3);
+        tally.begin_anew();
+        tally.count(&frame(5, &[1]));
+        tally.count(&frame(6, &[1]));
+        assert_eq!((tally.people, tally.frames, tally.left_out), (4, 5, 4));
     }
 }

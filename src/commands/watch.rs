@@ -49,7 +49,7 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
                 return Ok(());
             }
             tally.count(&frame);
-            table.update(&frame, tally.lost);
+            table.update(&frame, tally.left_out);
             (last, told) = (Instant::now(), false);
         } else if last.elapsed() > QUIET && !told {
             let why = if bodies.publisher_count() == 0 {

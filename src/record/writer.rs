@@ -3,10 +3,14 @@
 use std::io::{self, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use super::binary::{self, MAGIC};
 use super::rows::Row;
 use crate::output::AtomicFile;
+
+/// How often it is looked whether a record that grows is still the file of its name.
+const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// How a record is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +30,8 @@ pub struct RecordWriter<T> {
     format: Format,
     /// Whether the file has its name while it is written.
     grows: bool,
+    /// When that name was looked at.
+    looked: Instant,
     rows_written: u64,
     buffer: Vec<u8>,
     rows: PhantomData<T>,
@@ -37,16 +43,12 @@ impl<T: Row> RecordWriter<T> {
     /// # Errors
     /// As [`AtomicFile::create`].
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
-        let mut file = AtomicFile::create(path)?;
-        if format == Format::Binary {
-            file.write_all(&head::<T>(format))?;
-            file.mark_whole();
-        }
         Ok(Self {
-            file,
+            file: begin::<T>(path, format)?,
             path: path.to_owned(),
             format,
             grows: false,
+            looked: Instant::now(),
             rows_written: 0,
             buffer: Vec::new(),
             rows: PhantomData,
@@ -79,7 +81,8 @@ impl<T: Row> RecordWriter<T> {
         self.file.keeps_anything()
     }
 
-    /// The same for an input without an end: whatever ends the process, the rows before are in the file.
+    /// The same for an input without an end: whatever ends the process, the rows before are in the file. Where somebody
+    /// removes, moves or cuts that, another begins under the name, within a minute at most.
     #[must_use]
     pub fn growing(self) -> Self {
         Self {
@@ -98,6 +101,17 @@ impl<T: Row> RecordWriter<T> {
     /// # Errors
     /// Those of the file; the frames before are kept by [`finish`](Self::finish).
     pub fn write(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
+        self.write_at(Instant::now(), message, source)
+    }
+
+    fn write_at(&mut self, now: Instant, message: &T::Message, source: &str) -> io::Result<()> {
+        if self.grows && !self.is_intact(now)? {
+            tracing::warn!(
+                "{}: somebody removed, moved or cut the record; it begins anew",
+                self.path.display()
+            );
+            self.file = begin::<T>(&self.path, self.format)?;
+        }
         self.buffer.clear();
         encode(&T::new(message, source), self.format, &mut self.buffer)?;
         self.file.write_all(&self.buffer)?;
@@ -115,18 +129,46 @@ impl<T: Row> RecordWriter<T> {
         Ok(())
     }
 
-    /// Gives the file its name. After an error, too, the whole frames that reached the disk are there. Whether there is
-    /// a file: of an input without an end that gave no frame there is none.
+    /// Looks whether the file holds what was written, by its name now and then.
+    fn is_intact(&mut self, now: Instant) -> io::Result<bool> {
+        let by_name = now.saturating_duration_since(self.looked) >= LOOK_EVERY;
+        if by_name {
+            self.looked = now;
+        }
+        self.file.is_intact(by_name)
+    }
+
+    /// Gives the file its name. After an error, too, the whole frames that reached the disk are there. Where the record
+    /// is: nowhere for an input without an end that gave no frame, or whose record somebody took away; beside its name
+    /// as [`AtomicFile::finish_beside`] says.
     ///
     /// # Errors
     /// As [`AtomicFile::finish`].
-    pub fn finish(self) -> io::Result<bool> {
+    pub fn finish(self) -> io::Result<Option<PathBuf>> {
         if self.grows && self.rows_written == 0 {
-            return Ok(false);
+            return Ok(None);
         }
-        self.file.finish()?;
-        Ok(true)
+        let is_there = !self.grows || self.file.is_intact(true)?;
+        let beside = self.file.finish_beside()?;
+        if !is_there {
+            tracing::warn!(
+                "{}: somebody removed, moved or cut the record",
+                self.path.display()
+            );
+            return Ok(None);
+        }
+        Ok(Some(beside.unwrap_or(self.path)))
     }
+}
+
+/// Starts a file with what stands before the first row.
+fn begin<T: Row>(path: &Path, format: Format) -> io::Result<AtomicFile> {
+    let mut file = AtomicFile::create(path)?;
+    if format == Format::Binary {
+        file.write_all(&head::<T>(format))?;
+        file.mark_whole();
+    }
+    Ok(file)
 }
 
 /// How a record begins.
@@ -179,10 +221,54 @@ mod tests {
                 }
                 assert_eq!((found, rows.was_cut()), (n, false));
             }
-            assert!(record.finish().unwrap());
+            assert_eq!(record.finish().unwrap().as_ref(), Some(&path));
             let before = std::fs::read(&path).unwrap();
-            assert!(!create().growing().finish().unwrap());
+            assert_eq!(create().growing().finish().unwrap(), None);
             assert_eq!(std::fs::read(&path).unwrap(), before, "nothing came");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    /// As an administrator does, or logrotate, by either of its ways.
+    #[test]
+    fn a_record_that_was_removed_moved_or_emptied_begins_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, format) in [("a.jsonl", Format::Jsonl), ("a.ecr", Format::Binary)] {
+            let path = folder.path().join(name);
+            let rows = |path: &Path| {
+                let file = std::fs::File::open(path).unwrap();
+                let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), name);
+                let mut found = 0;
+                while rows.read().unwrap().is_some() {
+                    found += 1;
+                }
+                found
+            };
+            let start = Instant::now();
+            let mut record = RecordWriter::<BodiesRow>::create(&path, format)
+                .unwrap()
+                .growing();
+            let mut at = |seconds: u64| {
+                let now = start + Duration::from_secs(seconds);
+                record.write_at(now, &BodyFrame::default(), "").unwrap();
+            };
+            at(0);
+            std::fs::remove_file(&path).unwrap();
+            at(1);
+            assert_eq!(rows(&path), 1, "{name}");
+            let moved = folder.path().join(format!("{name}.1"));
+            std::fs::rename(&path, &moved).unwrap();
+            at(2);
+            assert!(!path.exists(), "{name}: not looked at every time");
+            at(70);
+            assert_eq!((rows(&moved), rows(&path)), (2, 1), "{name}");
+            std::fs::File::create(&path).unwrap();
+            for n in 1..3 {
+                at(70 + n);
+                assert_eq!(rows(&path), n, "{name}");
+            }
+            std::fs::remove_file(&path).unwrap();
+            assert_eq!(record.finish().unwrap(), None, "{name}: it is not there");
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }

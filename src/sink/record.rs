@@ -78,10 +78,10 @@ impl<T: Row> Sink<T::Message> for RecordSink<T> {
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         let path = self.writer.path().to_owned();
         let is_told = self.says && path.as_os_str() != crate::output::STDOUT;
-        let said = is_told.then(|| format!("→ {}", path.display()));
         let keeps = self.writer.keeps_anything();
-        let is_there = self.writer.finish().map_err(|e| failed(path, keeps, e))?;
-        Ok(said.filter(|_| is_there))
+        let there = self.writer.finish().map_err(|e| failed(path, keeps, e))?;
+        let there = there.filter(|_| is_told);
+        Ok(there.map(|path| format!("→ {}", path.display())))
     }
 }
 

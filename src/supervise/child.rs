@@ -115,8 +115,9 @@ impl Child {
         match self.policy.look(now, activity) {
             Verdict::Wait => {}
             Verdict::Start => {
-                self.start()?;
+                // One that could not be started is one that died: the next try waits.
                 self.policy.started(now);
+                self.start()?;
             }
             Verdict::Kill => self.replace("hangs"),
         }

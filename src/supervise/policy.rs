@@ -106,6 +106,8 @@ impl Policy {
 
     /// It has shown that it lives.
     pub fn beat(&mut self, now: Instant, kind: Beat) {
+        // While the supervisor did not look the child may have beaten all along.
+        let was_stopped = now - self.looked > OWN_STOP;
         if let State::Running {
             beat,
             opening,
@@ -117,7 +119,7 @@ impl Policy {
             if kind == Beat::Step {
                 self.deaths = self.deaths.min(FREE_DEATHS);
             }
-            if !*opening {
+            if !*opening && !was_stopped {
                 *longest = (*longest).max(now - *beat);
             }
             *beat = now;
@@ -366,6 +368,18 @@ mod tests {
             watch(&mut policy, woken, 900, None, Activity::Stopped),
             None
         );
+    }
+
+    #[test]
+    fn a_stop_of_the_supervisor_is_no_long_step_of_its_child() {
+        let (mut policy, now) = running();
+        let beats = Some((100, Beat::Step));
+        assert_eq!(watch(&mut policy, now, 1_000, beats, Activity::Busy), None);
+        // As in its own loop: what has come meanwhile is read first.
+        let woken = now + ms(61_000);
+        assert_eq!(watch(&mut policy, woken, 100, beats, Activity::Busy), None);
+        let silent = watch(&mut policy, woken + ms(100), 120_000, None, Activity::Busy);
+        killed(5_000..=5_300, silent);
     }
 
     #[test]

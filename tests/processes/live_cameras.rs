@@ -328,16 +328,9 @@ fn verbs(name: &str) -> Vec<String> {
     verbs
 }
 
-#[test]
-fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
-    let folder = tempfile::tempdir().unwrap();
-    let cameras = [
-        StandIn::new(15.0),
-        StandIn::new(15.0),
-        StandIn::absent(15.0),
-    ];
-    let name = stream("room");
-    let named: Vec<View> = views(3, [96, 64])
+/// A settings file for calibrated cameras of the room `name`, and how they stand.
+fn settings(folder: &Path, name: &str, cameras: &[StandIn]) -> (String, Vec<View>) {
+    let named: Vec<View> = views(cameras.len(), [96, 64])
         .into_iter()
         .enumerate()
         .map(|(k, v)| View {
@@ -345,7 +338,7 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
             ..v
         })
         .collect();
-    calibrated(folder.path(), &named);
+    calibrated(folder, &named);
     let mut settings = String::new();
     for (camera, view) in cameras.iter().zip(&named) {
         settings += &format!(
@@ -357,9 +350,55 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     settings += &format!(
         "[network]\nsize = \"64x64\"\nthreads = 1\n[multiview]\ncalibration = \"Calib.toml\"\nroom = {name:?}\n"
     );
-    let file = folder.path().join("edgecap.toml");
+    let file = folder.join("edgecap.toml");
     std::fs::write(&file, settings).unwrap();
-    let file = file.to_str().unwrap();
+    (file.display().to_string(), named)
+}
+
+/// Reads what a run says until a line with these words, which is returned.
+fn said(run: &mut Running, words: &str) -> String {
+    let mut said = BufReader::new(run.0.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains(words) {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0, "no '{words}'");
+    }
+    run.0.stderr = Some(said.into_inner());
+    line
+}
+
+#[test]
+fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = stream("again");
+    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
+    let (file, named) = settings(folder.path(), &name, &cameras);
+    let taken = Publisher::<ObservationFrame>::open(&named[1].name).unwrap();
+    let second = Subscriber::<ObservationFrame>::open(&named[1].name).unwrap();
+    let mut run = Running::start(&["run", "--config", &file]);
+    let line = said(&mut run, "the others go on");
+    assert!(line.contains(&named[1].name), "{line}");
+    drop(taken);
+    eventually("the second camera", || {
+        second.next(Duration::from_millis(200)).unwrap()
+    });
+    drop(second);
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(30));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [
+        StandIn::new(15.0),
+        StandIn::new(15.0),
+        StandIn::absent(15.0),
+    ];
+    let name = stream("room");
+    let (file, named) = settings(folder.path(), &name, &cameras);
+    let file = file.as_str();
     let checked = crate::program::output(&["config", "check", "--config", file]);
     assert!(checked.status.success(), "{}", stderr(&checked));
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
@@ -382,13 +421,7 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     });
     assert_eq!(verbs(&name), ["fit", "infer", "infer", "infer"]);
     // Beside the room's bodies the page shows what its first camera sees.
-    let mut said = BufReader::new(run.0.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains("the page: http://") {
-        line.clear();
-        assert!(said.read_line(&mut line).unwrap() > 0, "no page");
-    }
-    run.0.stderr = Some(said.into_inner());
+    let line = said(&mut run, "the page: http://");
     let (_, url) = line.trim_end().split_once("http://").unwrap();
     let host = url.trim_end_matches('/');
     let socket = TcpStream::connect(host).unwrap();

@@ -76,6 +76,78 @@ fn a_cut_film_does_not_replace_more() {
     assert!(stderr(&run).contains("seen-cut.jsonl"), "{}", stderr(&run));
     assert_eq!(std::fs::read_to_string(&out).unwrap(), older);
     assert!(count(&folder.path().join("seen-cut.jsonl")) >= 2);
+
+    // The same of what is made of it.
+    let exported = folder.path().join("e.csv");
+    std::fs::write(&exported, &older).unwrap();
+    let run = edgecap()
+        .args(["run", "--name", &stream("cut-export"), "--jsonl"])
+        .arg(folder.path().join("new.jsonl"))
+        .arg("--input")
+        .arg(&film)
+        .arg("--export")
+        .arg(&exported)
+        .output()
+        .unwrap();
+    assert_eq!(run.status.code(), Some(65), "{}", stderr(&run));
+    assert!(stderr(&run).contains("e-cut.csv"), "{}", stderr(&run));
+    assert_eq!(std::fs::read_to_string(&exported).unwrap(), older);
+    assert!(folder.path().join("e-cut.csv").exists());
+}
+
+#[test]
+fn a_film_that_is_stopped_does_not_replace_more() {
+    let older = "a line of the time before\n".repeat(400_000);
+    for (verb, names) in [
+        ("infer", &["seen.ecr"][..]),
+        ("run", &["seen.ecr", "e.csv"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in names {
+            std::fs::write(at(name), &older).unwrap();
+        }
+        let mut command = edgecap();
+        command
+            .args([verb, "--input", "demo", "--name", &stream("stopped-short")])
+            .args(["--jsonl", "-", "--record"])
+            .arg(at("seen.ecr"))
+            .args(SMALL);
+        if verb == "run" {
+            command.arg("--export").arg(at("e.csv"));
+        }
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut seen = String::new();
+        // An export is of somebody.
+        while !seen.contains("joints3d") {
+            assert!(stdout.read_line(&mut seen).unwrap() > 0, "nobody is seen");
+        }
+        // All that follows does not fit into the pipe: it cannot have ended.
+        signal(child.id(), "TERM");
+        stdout.read_to_string(&mut seen).unwrap();
+        let out = child.wait_with_output().unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(130), "{verb}: {said}");
+        for name in names {
+            assert!(
+                std::fs::read_to_string(at(name)).unwrap() == older,
+                "{verb}: {said}"
+            );
+            let cut = at(&name.replace('.', "-cut."));
+            assert!(cut.exists(), "{verb}: {said}");
+            let word = format!("→ {}", cut.display());
+            assert!(verb == "infer" || said.contains(&word), "{word}: {said}");
+        }
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            2 * names.len()
+        );
+    }
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! When the next picture is looked at, and how. Times and what was seen go in, plans come out; no clock of its own.
 //!
 //! ```text
-//! Full ──nobody at any size for 2 s──▶ Idle: a glance three times a second; the network only where something changed
-//!   ▲                                   │
-//!   └──────────somebody────────────────┘
+//! Full ──nobody at any size for 2.5 s──▶ Idle: a glance three times a second; the network only where something changed
+//!   ▲                                     │
+//!   └───────────somebody──────────────────┘
 //! ```
 
 /// How long nobody must have been seen, at every size of the input in its turn, nanoseconds.

@@ -11,6 +11,8 @@ const SLOW_NS: u64 = 2_000_000_000;
 const FAST_NS: u64 = 10_000_000_000;
 /// Part of the time that a larger input may need by what the present one takes.
 const ROOM: f32 = 0.8;
+/// Where no picture came for so long, or for two that are on time, what held before it is forgotten.
+const PAUSE: f32 = 1.0;
 /// So many pictures tell how fast this machine is when it is cold and has nothing else to do.
 const FIRST: u32 = 100;
 /// So many times as slow as at first is worth a word.
@@ -28,6 +30,8 @@ pub struct Speed {
     limit: usize,
     /// Since when another limit would be right.
     since: Option<(usize, u64)>,
+    /// When the last picture was ready, nanoseconds.
+    last: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -38,6 +42,8 @@ struct Level {
     /// The same after the first hundred pictures, or since if it became less.
     at_first: f32,
     slower_since: Option<u64>,
+    /// When the last picture of this size was ready.
+    last: Option<u64>,
     told: bool,
 }
 
@@ -56,6 +62,7 @@ impl Speed {
             levels: Default::default(),
             limit: 0,
             since: None,
+            last: None,
         }
     }
 
@@ -68,7 +75,18 @@ impl Speed {
     /// has become slower, once until it has recovered.
     pub fn took(&mut self, now: u64, level: usize, seconds: f32) -> Option<Slower> {
         let target = self.target?;
+        let longest = PAUSE.max(2.0 * target);
+        // What it took is none of the pause.
+        let came_late = |last: Option<u64>| {
+            last.is_some_and(|l| now.saturating_sub(l) as f32 * 1e-9 - seconds > longest)
+        };
         let entry = &mut self.levels[level];
+        if came_late(self.last.replace(now)) {
+            self.since = None;
+        }
+        if came_late(entry.last.replace(now)) {
+            entry.slower_since = None;
+        }
         entry.pictures += 1;
         entry.seconds += (seconds - entry.seconds) * SMOOTH.max(1.0 / entry.pictures as f32);
         let takes = entry.seconds;
@@ -227,6 +245,22 @@ mod tests {
             Speed::new(None).took(0, 0, 99.0).is_none(),
             "a file has time"
         );
+    }
+
+    #[test]
+    fn pictures_before_a_pause_say_nothing_of_those_after_it() {
+        let hour = 3600 * 1_000_000_000;
+        let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+        play(&mut speed, &mut clock, 0.02, 20_000_000_000);
+        play(&mut speed, &mut clock, 0.1, SLOW_NS / 2);
+        let told = play(&mut speed, &mut clock, 0.1, SLOW_NS / 4);
+        assert_eq!((speed.limit(), told), (0, vec![]));
+        assert!(speed.since.is_some() && speed.levels[0].slower_since.is_some());
+        clock += hour;
+        assert_eq!(play(&mut speed, &mut clock, 0.1, FRAME), []);
+        assert_eq!(speed.limit(), 0);
+        play(&mut speed, &mut clock, 0.1, SLOW_NS + FRAME);
+        assert_eq!(speed.limit(), 1);
     }
 
     #[test]

@@ -16,6 +16,8 @@ const TALL: f32 = 320.0;
 const SMALL: f32 = 90.0;
 /// How long everybody must want another input before it is taken.
 const PATIENCE_NS: u64 = 500_000_000;
+/// A wish is forgotten where no picture came for so long: nobody knows what was wanted meanwhile.
+const FORGOTTEN_NS: u64 = 1_000_000_000;
 /// How often another input is looked at beside the present one.
 const LOOK_EVERY_NS: u64 = 1_000_000_000;
 
@@ -25,10 +27,20 @@ pub struct Zoom {
     level: usize,
     /// The largest input that this machine has time for.
     limit: usize,
-    /// Another input that people want, and since when, nanoseconds.
-    wish: Option<(usize, u64)>,
+    /// Another input that people want.
+    wish: Option<Wish>,
     looked_ns: Option<u64>,
     looked_at: usize,
+}
+
+/// What people want, nanoseconds.
+#[derive(Debug, Clone, Copy)]
+struct Wish {
+    level: usize,
+    /// The first picture that showed it.
+    since: u64,
+    /// The last one.
+    last: u64,
 }
 
 impl Zoom {
@@ -69,16 +81,21 @@ impl Zoom {
             self.wish = None;
             return;
         }
-        let since = match self.wish {
-            Some((level, since)) if level == wanted && since <= now => since,
-            _ => now,
+        let goes_on = |w: &Wish| {
+            w.level == wanted && (w.last..=w.last.saturating_add(FORGOTTEN_NS)).contains(&now)
         };
+        let since = self.wish.filter(goes_on).map_or(now, |w| w.since);
         // Whom only another input sees, the present one will not see next time either.
-        if elsewhere.is_some() || now - since >= PATIENCE_NS {
+        let is_seen_elsewhere = elsewhere.is_some_and(|people| !people.is_empty());
+        if is_seen_elsewhere || now - since >= PATIENCE_NS {
             self.level = wanted;
             self.wish = None;
         } else {
-            self.wish = Some((wanted, since));
+            self.wish = Some(Wish {
+                level: wanted,
+                since,
+                last: now,
+            });
         }
     }
 }
@@ -204,6 +221,30 @@ mod tests {
         zoom.seen(now + 30 * FRAME_NS, &[400.0], None);
         assert_eq!(zoom.level(), 0);
         zoom.seen(now + 50 * FRAME_NS, &[400.0], None);
+        assert_eq!(zoom.level(), 1);
+    }
+
+    #[test]
+    fn somebody_whom_no_input_sees_for_a_moment_changes_nothing() {
+        let mut zoom = Zoom::default();
+        assert_eq!(after_ten_seconds(&mut zoom, 0, seen_by(&[700.0])), 2);
+        let now = 300 * FRAME_NS;
+        zoom.seen(now, &[], Some(&[]));
+        assert_eq!(zoom.level(), 2);
+        for k in 1..=16 {
+            zoom.seen(now + k * FRAME_NS, &[], None);
+        }
+        assert_eq!(zoom.level(), 0);
+    }
+
+    #[test]
+    fn what_was_wanted_before_a_pause_is_forgotten() {
+        let mut zoom = Zoom::default();
+        zoom.seen(0, &[400.0], None);
+        let hour = 3600 * 1_000_000_000;
+        zoom.seen(hour, &[400.0], None);
+        assert_eq!(zoom.level(), 0);
+        zoom.seen(hour + PATIENCE_NS, &[400.0], None);
         assert_eq!(zoom.level(), 1);
     }
 

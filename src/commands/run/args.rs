@@ -92,7 +92,7 @@ impl RunArgs {
         let line = format!(
             "{}, {} {}",
             counted(tally.frames, "frame", "frames"),
-            counted(tally.ids.len() as u64, "person", "people"),
+            counted(tally.people, "person", "people"),
             words.join("; ")
         );
         let say = if self.record.takes_stdout() {

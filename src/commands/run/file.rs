@@ -113,7 +113,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
             out.fit_us = start.elapsed().as_micros() as u32;
             out.publish_ns = monotonic_ns();
             tally.count(&out);
-            table.update(&out, tally.lost);
+            table.update(&out, tally.left_out);
             written = sinks.take(&Packet {
                 message: &*out,
                 source: &source,
@@ -140,10 +140,14 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         true => Err(stopped()),
         false => outcome.map(drop),
     };
+    if is_stopped {
+        sinks.break_off();
+    }
     let finished = finish(sinks, tally.frames, outcome);
+    let is_broken = is_stopped || finished.is_err();
     // What was seen before a film broke off is exported, too.
     let exported = match kept.filter(|_| tally.frames > 0) {
-        Some(kept) => kept.write(&chosen.spec.to_string()),
+        Some(kept) => kept.write(&chosen.spec.to_string(), is_broken),
         None => Ok(Vec::new()),
     };
     let mut words = finished?;

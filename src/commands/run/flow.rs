@@ -25,6 +25,8 @@ pub enum Remedy {
 pub struct Flow {
     /// Since when `infer` publishes and nothing comes out at the other end.
     dry: Option<Instant>,
+    /// When `infer` was last seen to publish.
+    published: Option<Instant>,
     /// What was done about it in vain.
     attempts: u32,
 }
@@ -36,7 +38,15 @@ impl Flow {
             *self = Self::default();
             return Remedy::Wait;
         }
-        if !published || now - *self.dry.get_or_insert(now) < DRY {
+        if !published {
+            return Remedy::Wait;
+        }
+        let before = self.published.replace(now);
+        if before.is_some_and(|b| now - b > DRY) {
+            // Of a pause in which nothing was seen, no bodies were to come.
+            self.dry = None;
+        }
+        if now - *self.dry.get_or_insert(now) < DRY {
             return Remedy::Wait;
         }
         self.dry = None;
@@ -75,6 +85,16 @@ mod tests {
                 (20, Remedy::GiveUp)
             ]
         );
+    }
+
+    #[test]
+    fn a_pause_in_which_nothing_was_published_is_no_drought() {
+        let (mut flow, start) = (Flow::default(), Instant::now());
+        let mut look = |seconds: u64| flow.look(start + Duration::from_secs(seconds), false, true);
+        assert_eq!(look(0), Remedy::Wait);
+        assert_eq!(look(3600), Remedy::Wait);
+        assert_eq!(look(3603), Remedy::Wait);
+        assert_eq!(look(3605), Remedy::Fit);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The processes of a run that see pictures, one a camera.
 
 use super::mend::look_after;
-use crate::commands::exit::told_again;
+use crate::commands::exit::{self, told_again};
 use crate::commands::infer::InferTask;
 use crate::metrics::Meter;
 use crate::supervise::{Beat, Child};
@@ -16,8 +16,17 @@ struct Infer {
     child: Child,
     /// Its input has ended, or it failed for good.
     ended: bool,
+    /// It failed of what may pass.
+    failed: bool,
     /// It looks for its camera.
     away: bool,
+}
+
+impl Infer {
+    /// Whether it works, or may yet.
+    fn goes_on(&self) -> bool {
+        !self.ended && (!self.failed || self.child.has_lived())
+    }
 }
 
 impl Infers {
@@ -31,6 +40,7 @@ impl Infers {
                 camera,
                 child: Child::new("infer", task)?,
                 ended: false,
+                failed: false,
                 away: false,
             })
         });
@@ -39,7 +49,8 @@ impl Infers {
         })
     }
 
-    /// Looks after all of them. One of several that fails for good leaves the others running.
+    /// Looks after all of them. One of several that fails leaves the others running, and is started again where what it
+    /// failed of may pass, such as a stream that another process publishes still, or no room in shared memory.
     ///
     /// # Errors
     /// The failure of the last one.
@@ -52,14 +63,24 @@ impl Infers {
             match look_after(child, camera, meter) {
                 Ok(ended) => self.each[k].ended = ended,
                 Err(e) => {
-                    self.each[k].ended = true;
-                    if self.have_ended() {
+                    let may_pass = exit::may_pass(exit::code(&e));
+                    self.each[k].failed = may_pass;
+                    self.each[k].ended = !may_pass;
+                    if !self.each.iter().any(Infer::goes_on) {
                         return Err(e);
                     }
                     let Infer { camera, child, .. } = &mut self.each[k];
                     meter.failed(format!("{camera}: {}", told_again(&e)));
-                    tracing::error!("{camera}: ended, the others go on: {}", told_again(&e));
-                    child.leave();
+                    if may_pass {
+                        let why = told_again(&e);
+                        tracing::warn!(
+                            "{camera}: ended, the others go on; starting it again: {why}"
+                        );
+                        child.restart();
+                    } else {
+                        tracing::error!("{camera}: ended, the others go on: {}", told_again(&e));
+                        child.leave();
+                    }
                 }
             }
         }

@@ -120,13 +120,20 @@ pub fn run(
         flight: flight.as_ref(),
     };
     let outcome = watch(&bodies, stop, &mut infers, &mut fit, told, &mut |news| {
-        let News::Bodies(frame) = news else {
-            events.as_mut().map_or(Ok(()), EventRelay::look)?;
-            return Ok(pictures.iter().try_for_each(PictureRelay::look)?);
+        let frame = match news {
+            News::Bodies(frame) => frame,
+            News::AnotherFit => {
+                tally.begin_anew();
+                return Ok(());
+            }
+            News::Look => {
+                events.as_mut().map_or(Ok(()), EventRelay::look)?;
+                return Ok(pictures.iter().try_for_each(PictureRelay::look)?);
+            }
         };
         meter.published(frame);
         tally.count(frame);
-        table.update(frame, tally.lost);
+        table.update(frame, tally.left_out);
         Ok(sinks.take(&Packet {
             message: frame,
             source: &plan.source,
@@ -152,9 +159,11 @@ struct Told<'a> {
     flight: Option<&'a Flight>,
 }
 
-/// What a camera's stream brings.
+/// What a camera's stream and its processes bring.
 enum News<'a> {
     Bodies(&'a BodyFrame),
+    /// `fit` was started again.
+    AnotherFit,
     /// It is time to look what has happened.
     Look,
 }
@@ -176,7 +185,7 @@ fn watch(
     let mut end_seen = false;
     let mut cleaned = Instant::now();
     let mut flow = Flow::default();
-    let mut starts = 0;
+    let (mut starts, mut fits) = (0, 0);
     while !stop.requested() {
         let looked = Instant::now();
         let mut received = false;
@@ -207,6 +216,10 @@ fn watch(
             look_after(fit, meter.name(), meter)?;
         }
         meter.started(fit.verb(), fit.starts());
+        if fit.starts() > fits {
+            fits = fit.starts();
+            take(News::AnotherFit)?;
+        }
         let now = infers.starts() + fit.starts();
         if let Some(flight) = flight {
             // Each was started once; more is again.

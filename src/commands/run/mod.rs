@@ -35,7 +35,8 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let mut runs = effective.runs()?;
     let calibration = effective.calibration()?;
     if let Some(calibration) = calibration {
-        return room::run(&runs, calibration, &stop);
+        let fitting = effective.fitting_of_room()?;
+        return room::run(&runs, fitting, calibration, &stop);
     }
     match runs.pop() {
         Some(one) if runs.is_empty() => run_one(one, &stop),

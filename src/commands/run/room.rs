@@ -12,6 +12,7 @@ use crate::commands::fit::{FitTask, ROOM, choose_cameras};
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::say;
+use crate::commands::settings::FittingArgs;
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
@@ -19,19 +20,24 @@ use crate::config::Setting;
 use crate::metrics::Meter;
 use crate::supervise::ServiceManager;
 
-/// Runs calibrated cameras until the user stops it, or none of them goes on.
+/// Runs calibrated cameras, whose people are fitted as `fitting` says, until the user stops it or none goes on.
 ///
 /// # Errors
 /// Cameras that the calibration does not know; as [`live::run`].
-pub fn run(runs: &[RunArgs], calibration: &Path, stop: &Stop) -> anyhow::Result<()> {
+pub fn run(
+    runs: &[RunArgs],
+    fitting: FittingArgs,
+    calibration: &Path,
+    stop: &Stop,
+) -> anyhow::Result<()> {
     let chosen = runs
         .iter()
         .map(checked)
         .collect::<anyhow::Result<Vec<_>>>()?;
     let names: Vec<String> = chosen.iter().map(|c| c.name.clone()).collect();
     let views = choose_cameras(&names, calibration)?.views;
-    // What is said of the fit and of results is said of the room: by all cameras, or by the first that does.
     let mut args = runs[0].clone();
+    // What is said of results is said of the room: by all cameras, or by the first that does.
     if let Some(run) = runs.iter().find(|r| !r.record.is_empty()) {
         args.record = run.record.clone();
     }
@@ -50,10 +56,10 @@ pub fn run(runs: &[RunArgs], calibration: &Path, stop: &Stop) -> anyhow::Result<
             name: args.multiview.room.clone(),
             cameras: names,
             calibration: Some(calibration.to_owned()),
-            config: args.fitting.fit.clone(),
+            config: fitting.fit,
             stills: false,
-            rate: args.fitting.rate,
-            events: runs.iter().find_map(|r| r.fitting.events.clone()),
+            rate: fitting.rate,
+            events: fitting.events,
         },
     };
     let meter = Arc::new(Meter::new(&plan.name, &plan.source, &PROCESSES));

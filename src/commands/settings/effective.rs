@@ -140,6 +140,24 @@ impl Effective {
             })
             .collect()
     }
+
+    /// The fit of cameras that see the same people: of each key what the first camera says that says anything.
+    ///
+    /// # Errors
+    /// As [`runs`](Self::runs).
+    pub fn fitting_of_room(&self) -> anyhow::Result<FittingArgs> {
+        let each = || self.cameras.iter().map(|c| &c.args.fitting);
+        let fitting = FittingArgs {
+            rate: each().find_map(|f| f.rate),
+            fit: each().find_map(|f| f.fit.clone()),
+            events: each().find_map(|f| f.events.clone()),
+            height: each().find_map(|f| f.height),
+            // In the axes of its camera; the room's floor is the calibration's.
+            floor: None,
+        };
+        let is_typed = |c: &Camera| c.origins.get("fit") == Some(&Origin::Flag);
+        resolved(fitting, &self.fit.value, self.cameras.iter().any(is_typed))
+    }
 }
 
 /// What holds for one camera.
@@ -282,4 +300,36 @@ fn resolved(fitting: FittingArgs, of_all: &FitConfig, typed: bool) -> anyhow::Re
         events,
         ..fitting
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The fit of a room with this file.
+    fn room(text: &str) -> (Option<u16>, FitConfig) {
+        let settings = Settings::parse("edgecap.toml", text).unwrap();
+        let effective = effective(&RunArgs::default(), &settings).unwrap();
+        let fitting = effective.fitting_of_room().unwrap();
+        let config = match fitting.fit {
+            Some(Setting::Given(config)) => config,
+            other => panic!("expected what was read, found {other:?}"),
+        };
+        (fitting.rate, config)
+    }
+
+    #[test]
+    fn a_room_is_fitted_as_the_first_camera_says_that_says_anything() {
+        let text = "[fit]\nprediction.max = 0.05\n\
+            [[camera]]\nname = \"a\"\n\
+            [[camera]]\nname = \"b\"\nrate = 60\nheight = 1.8\n\
+            [[camera]]\nname = \"c\"\nrate = 90\nheight = 1.6\n";
+        let (rate, config) = room(text);
+        assert_eq!((rate, config.height), (Some(60), Some(1.8)));
+        assert_eq!(config.prediction.max, 0.05);
+        let (_, config) = room(&format!(
+            "{text}fit = {{ prediction = {{ max = 0.07 }} }}\n"
+        ));
+        assert_eq!((config.prediction.max, config.height), (0.07, Some(1.8)));
+    }
 }

@@ -125,11 +125,12 @@ impl Film {
         suffixed(&self.path, &format!("-{}", self.number))
     }
 
-    fn end_part(&mut self) -> io::Result<()> {
+    /// Completes the file that is being written; the name that it got in place of its own, if it did.
+    fn end_part(&mut self) -> io::Result<Option<PathBuf>> {
         match std::mem::replace(&mut self.part, Part::None) {
-            Part::Open(film) => film.finish()?.finish(),
+            Part::Open(film) => film.finish()?.finish_beside(),
             // Without a picture there is no film.
-            Part::Waiting(_) | Part::None => Ok(()),
+            Part::Waiting(_) | Part::None => Ok(None),
         }
     }
 
@@ -154,11 +155,14 @@ impl Film {
     /// # Errors
     /// [`SinkError::Write`].
     pub fn finish(mut self) -> Result<Option<String>, SinkError> {
-        self.end_part().map_err(|e| self.failed(e))?;
-        let more = self.more.iter().map(|path| path.display().to_string());
-        let names: Vec<String> = std::iter::once(self.path.display().to_string())
-            .chain(more)
-            .collect();
+        let beside = self.end_part().map_err(|e| self.failed(e))?;
+        let mut files = vec![self.path];
+        files.append(&mut self.more);
+        if let Some(beside) = beside {
+            files.pop();
+            files.push(beside);
+        }
+        let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let pictures = counted(self.written, "picture", "pictures");
         Ok((self.written > 0).then(|| format!("a film of {pictures} → {}", names.join(", "))))
     }
@@ -225,6 +229,12 @@ mod tests {
         }
         assert!(!said.contains("film-3.avi"), "{said}");
         assert_eq!(fs::read(&another).unwrap(), b"another film");
+        let mut cut = Film::create(&path, Rate::default()).unwrap();
+        fs::write(&path, vec![0; 100_000]).unwrap();
+        cut.write(&picture(64, 48)).unwrap();
+        cut.break_off();
+        let said = cut.finish().unwrap().unwrap();
+        assert!(said.ends_with("film-cut.avi"), "{said}");
         let none = folder.path().join("none.avi");
         assert_eq!(
             Film::create(&none, Rate::default())
