@@ -50,7 +50,7 @@ pub fn events(args: EventsArgs) -> anyhow::Result<()> {
         });
     }
     let mut found = EventSink::new(config.unwrap_or_default(), Sinks::default());
-    let mut look = |camera: &str, frame: &BodyFrame| {
+    let mut look = |camera: &str, frame: &BodyFrame| -> anyhow::Result<bool> {
         for message in &found.look(frame) {
             if !tell(camera, message)? {
                 return Ok(false);

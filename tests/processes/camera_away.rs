@@ -131,7 +131,7 @@ fn frames_more(name: &str, more: u64) -> u64 {
 fn only_a_camera_that_was_away_has_come_back() {
     // Its next picture is not due at most looks.
     let camera = StandIn::new(5.0);
-    let watched = Watched::start("slow", &camera, &[]);
+    let watched = Watched::start("slow", &camera, &["--no-idle"]);
     let bodies = watched.listen::<BodyFrame>();
     fresh_body(&bodies);
     assert_eq!(frames_more(&watched.name, 15), 0);
