@@ -70,7 +70,7 @@ impl Followed {
     pub fn end(self) {
         for (name, thread) in self.threads {
             if let Err(e) = joined(thread) {
-                tracing::warn!("{name}: {}", told(&e));
+                tracing::debug!("{name}: {}", told(&e));
             }
         }
     }
