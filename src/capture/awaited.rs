@@ -78,6 +78,7 @@ where
                 .said
                 .clone()
                 .unwrap_or_else(|| "opened just now".into()),
+            is_away: self.source.is_none(),
         })
     }
 }
@@ -166,14 +167,17 @@ mod tests {
         let start = clock.now();
         let mut source = AwaitedSource::new("camera", open, clock.clone());
         let mut frame = Frame::default();
-        let mut steps = 0;
+        let (mut steps, mut away) = (0, Vec::new());
         loop {
             match source.next_into(&mut frame) {
                 Ok(more) => break assert!(more),
-                Err(e) => assert!(e.is_skippable(), "{e}"),
+                Err(CaptureError::NoPictureYet { is_away, .. }) => away.push(is_away),
+                Err(e) => panic!("{e}"),
             }
             steps += 1;
         }
+        let there = away.pop();
+        assert!(there == Some(false) && away.iter().all(|a| *a), "{away:?}");
         assert_eq!(clock.now() - start, 2 * TRY_EVERY);
         assert_eq!(steps, 7, "no step takes longer than its limit");
     }

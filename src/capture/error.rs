@@ -53,6 +53,9 @@ pub enum CaptureError {
         device: String,
         /// Whether it is slow or gone.
         reason: String,
+        /// It is gone, or was never there: a picture from now on means that it has come back. Otherwise its next
+        /// picture is not due yet.
+        is_away: bool,
     },
     /// The system does not let this user open the input.
     #[error("{input}: permission denied; {remedy}")]

@@ -142,6 +142,7 @@ where
                 return Err(CaptureError::NoPictureYet {
                     device: self.film.name().to_owned(),
                     reason: "the next picture is not due yet".into(),
+                    is_away: false,
                 });
             }
         }

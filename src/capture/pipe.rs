@@ -90,6 +90,7 @@ impl Source for PipeSource {
             Err(RecvTimeoutError::Timeout) => Err(CaptureError::NoPictureYet {
                 device: self.name.clone(),
                 reason: "nothing has come yet".into(),
+                is_away: false,
             }),
         }
     }

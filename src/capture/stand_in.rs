@@ -103,10 +103,15 @@ impl<C: Clock> StandIn<C> {
         }
     }
 
-    fn nothing(&self, reason: &str) -> CaptureError {
+    fn away(&self, reason: &str) -> CaptureError {
+        self.nothing(reason, true)
+    }
+
+    fn nothing(&self, reason: &str, is_away: bool) -> CaptureError {
         CaptureError::NoPictureYet {
             device: self.name.clone(),
             reason: reason.into(),
+            is_away,
         }
     }
 
@@ -135,11 +140,11 @@ impl<C: Clock> Source for StandIn<C> {
         self.look()?;
         let Some(camera) = &mut self.plugged else {
             self.clock.sleep(STEP);
-            return Err(self.nothing("the camera was unplugged"));
+            return Err(self.away("the camera was unplugged"));
         };
         if camera.state.silent {
             self.clock.sleep(STEP);
-            return Err(self.nothing("no picture yet"));
+            return Err(self.away("no picture yet"));
         }
         let (began, began_ns) = camera.began;
         let interval = Duration::from_secs_f64(1.0 / camera.state.fps);
@@ -150,7 +155,7 @@ impl<C: Clock> Source for StandIn<C> {
             self.clock.sleep((due - now).min(STEP));
             now = self.clock.now() - began;
             if now < due {
-                return Err(self.nothing("the next picture is not due yet"));
+                return Err(self.nothing("the next picture is not due yet", false));
             }
         }
         // The newest that is due; those before it are lost.
@@ -239,13 +244,16 @@ mod tests {
         assert!(second.1 > first.1 && second.1 <= monotonic_ns());
 
         fs::write(&path, "fps = 1000.0\nsilent = true").unwrap();
-        assert!(camera.next_into(&mut frame).is_err());
+        let is_away =
+            |e: CaptureError| matches!(e, CaptureError::NoPictureYet { is_away: true, .. });
+        assert!(camera.next_into(&mut frame).is_err_and(is_away));
         fs::remove_file(&path).unwrap();
-        assert!(
-            camera
-                .next_into(&mut frame)
-                .is_err_and(|e| e.is_skippable())
-        );
+        assert!(camera.next_into(&mut frame).is_err_and(is_away));
+        // Opened just now it has a picture at once, and the next one takes its time.
+        fs::write(&path, "fps = 0.5").unwrap();
+        take(&mut camera, &mut frame);
+        let slow = camera.next_into(&mut frame).unwrap_err();
+        assert!(slow.is_skippable() && !is_away(slow));
         fs::write(&path, "fps = 1000.0").unwrap();
         let back = take(&mut camera, &mut frame);
         assert!(back.0 > second.0 && back.1 > second.1);

@@ -36,27 +36,31 @@ pub struct EventsArgs {
     settings: Option<PathBuf>,
 }
 
-/// Prints events until the user stops it, or the record ends.
+/// Prints events until the user stops it, nobody reads them any more, or the record ends.
 ///
 /// # Errors
-/// Mistakes in the settings, names that cannot be, records that cannot be read, and shared memory that fails.
+/// Mistakes in the settings, names that cannot be, records that cannot be read or were not read to their end, events
+/// that cannot be written, and shared memory that fails.
 pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let config = args.settings.as_deref().map(read).transpose()?;
     if config.is_none() && args.input.is_none() {
         return follow(&args.camera, &stop, |frame: &EventFrame| {
-            tell(&args.camera, frame);
+            tell(&args.camera, frame)
         });
     }
     let mut found = EventSink::new(config.unwrap_or_default(), Sinks::default());
-    let mut look = |camera: &str, frame: &BodyFrame| {
+    let mut look = |camera: &str, frame: &BodyFrame| -> anyhow::Result<bool> {
         for message in &found.look(frame) {
-            tell(camera, message);
+            if !tell(camera, message)? {
+                return Ok(false);
+            }
         }
+        Ok(true)
     };
     let Some(path) = &args.input else {
         return follow(&args.camera, &stop, |frame: &BodyFrame| {
-            look(&args.camera, frame);
+            look(&args.camera, frame)
         });
     };
     let name = path.display().to_string();
@@ -64,8 +68,13 @@ pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
     let mut frames = 0_u64;
     while let Some(row) = rows.read()? {
-        look(&row.source, &row.message());
+        if !look(&row.source, &row.message())? {
+            return Ok(());
+        }
         frames += 1;
+        if stop.requested() {
+            return Err(Failure::stopped(frames).into());
+        }
     }
     match frames {
         0 => Err(Failure::no_frames(&name, "bodies").into()),
@@ -73,21 +82,30 @@ pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     }
 }
 
-fn tell(camera: &str, frame: &EventFrame) {
+/// Whether somebody still reads.
+fn tell(camera: &str, frame: &EventFrame) -> anyhow::Result<bool> {
     for line in Line::all(camera, frame) {
-        say::out(&line.json());
+        if !say::result(&line.json())? {
+            return Ok(false);
+        }
     }
+    Ok(true)
 }
 
-/// Every message of a stream until the user stops it; the publisher may come and go.
-fn follow<M: Message>(camera: &str, stop: &Stop, mut take: impl FnMut(&M)) -> anyhow::Result<()> {
+/// Every message of a stream until `take` wants no more or the user stops it; the publisher may come and go.
+fn follow<M: Message>(
+    camera: &str,
+    stop: &Stop,
+    mut take: impl FnMut(&M) -> anyhow::Result<bool>,
+) -> anyhow::Result<()> {
     let stream = Subscriber::<M>::open(camera)?;
     let mut cleaned = Instant::now();
     while !stop.requested() {
         if let Some(message) = stream.next(LOOK_UP)?
             && message.flags() & FLAG_END_OF_STREAM == 0
+            && !take(&message)?
         {
-            take(&message);
+            return Ok(());
         }
         if cleaned.elapsed() > CLEAN_UP_EVERY {
             stream.clean_up();

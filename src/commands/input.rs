@@ -44,8 +44,8 @@ pub struct InputArgs {
     #[arg(long = "control", value_name = "NAME=VALUE")]
     pub controls: Vec<ControlSetting>,
     /// Turn the picture clockwise by so many degrees: for a camera mounted on its side (90, 270) or upside down (180)
-    #[arg(long, value_name = "DEGREES", default_value_t = 0, value_parser = parse_turn)]
-    pub rotate: u16,
+    #[arg(long, value_name = "DEGREES", value_parser = parse_turn)]
+    pub rotate: Option<u16>,
     /// Mirror the picture, because the camera shows a mirror image: else left and right of people are exchanged
     #[arg(long)]
     pub mirror: bool,
@@ -149,7 +149,7 @@ impl InputArgs {
     /// How the camera is mounted.
     pub fn mounting(&self) -> Mounting {
         Mounting {
-            quarter_turns: (self.rotate / 90) as u8,
+            quarter_turns: (self.rotate.unwrap_or(0) / 90) as u8,
             mirrored: self.mirror,
         }
     }

@@ -1,5 +1,7 @@
 //! What somebody meant who gave a file where an option was expected.
 
+use std::ffi::OsString;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 use clap::error::{ContextKind, ContextValue};
@@ -11,10 +13,9 @@ pub fn advice(error: &clap::Error) -> Option<String> {
         Some(ContextValue::String(word)) => Some(word.as_str()),
         _ => None,
     });
-    of_file(
-        word?,
-        std::env::args().any(|a| a == "--input" || a.starts_with("--input=")),
-    )
+    // Names of files need not be UTF-8.
+    let is_input = |a: OsString| a == "--input" || a.as_bytes().starts_with(b"--input=");
+    of_file(word?, std::env::args_os().any(is_input))
 }
 
 fn of_file(word: &str, has_input: bool) -> Option<String> {

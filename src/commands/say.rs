@@ -12,6 +12,18 @@ pub fn out(line: &str) {
     let _ = writeln!(io::stdout(), "{line}");
 }
 
+/// A line of a result on standard output; `false` where nobody reads any more, for whoever could go on for ever.
+///
+/// # Errors
+/// Where it cannot be written for another reason, such as a full disk.
+pub fn result(line: &str) -> anyhow::Result<bool> {
+    match writeln!(io::stdout(), "{line}") {
+        Ok(()) => Ok(true),
+        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        Err(e) => Err(anyhow::Error::from(e).context("standard output: cannot write")),
+    }
+}
+
 /// A line on standard error.
 pub fn err(line: &str) {
     at(Stderr::new(), Level::INFO, line);

@@ -16,6 +16,7 @@ use edgecap_client::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Message, Subscriber, place};
 use serde::{Deserialize, Serialize};
 
+use super::closed;
 use super::exit::Failure;
 use super::say;
 use crate::counted::counted;
@@ -107,7 +108,8 @@ impl Drop for StatusFile {
 /// Says what runs.
 ///
 /// # Errors
-/// Exit code 69 where nothing runs, 75 where something does and no bodies come.
+/// Exit code 69 where nothing runs, 77 where something may run that this user may not see, 75 where something does and
+/// no bodies come.
 pub fn status(args: StatusArgs) -> anyhow::Result<()> {
     let all = running();
     let others = others(&all);
@@ -131,6 +133,12 @@ pub fn status(args: StatusArgs) -> anyhow::Result<()> {
         }
     }
     if all.is_empty() && others.is_empty() {
+        if let Some(advice) = closed::advice() {
+            return Err(Failure::permission(format!(
+                "no camera runs here that this user may see; {advice}"
+            ))
+            .into());
+        }
         let why = "no camera runs here that this user may see: 'edgecap' starts one, 'edgecap doctor' says what is missing";
         return Err(Failure::unavailable(why).into());
     }

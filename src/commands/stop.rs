@@ -43,6 +43,12 @@ impl Stop {
         Ok(Self(flag))
     }
 
+    /// One that never comes.
+    #[cfg(test)]
+    pub fn never() -> Self {
+        Self(Arc::default())
+    }
+
     /// Lets the end of a child wake this process from its waits.
     ///
     /// # Errors

@@ -1,29 +1,27 @@
 //! `edgecap view`: shows what running cameras publish on a page, and hands it on over WebSocket.
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
-use edgecap_client::{Priority, Subscriber, cameras};
+use edgecap_client::message::BodyFrame;
+use edgecap_client::{Subscriber, cameras};
 
+use super::doctor;
 use super::exit::Failure;
-use super::relay::{EventRelay, PictureRelay};
+use super::followed::Followed;
 use super::say;
 use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
-use crate::bridge::websocket::Hub;
 use crate::record::{BodiesRow, RowReader, Times};
 
-/// How long to wait for a message before looking at the signals again.
+/// How long to wait before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// How often new cameras are looked for.
 const DISCOVER_EVERY: Duration = Duration::from_millis(500);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
+/// How long nobody may publish a camera before it is let go of.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Options of `edgecap view`.
 #[derive(Debug, clap::Args)]
@@ -44,7 +42,7 @@ pub struct ViewArgs {
 /// Serves the page until the user stops it. Cameras may come and go meanwhile.
 ///
 /// # Errors
-/// Names that cannot be, an address that is taken, and shared memory that fails.
+/// Names that cannot be, an address that is taken, and records that cannot be read.
 pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     for name in &args.cameras {
@@ -56,11 +54,15 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     let past = Past::LastMinute;
     let server = PageServer::start("--listen", &args.page, past, args.show_picture)?;
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
-    let mut followed: BTreeMap<String, JoinHandle<anyhow::Result<()>>> = BTreeMap::new();
+    // Those that the user names are waited for, however long.
+    let patience = args.cameras.is_empty().then_some(PATIENCE);
+    let mut followed = Followed::new(server.hub(), &stop, patience);
     let mut told = false;
     while !stop.requested() {
         let names = if args.cameras.is_empty() {
-            cameras::<BodyFrame>()
+            let mut names = cameras::<BodyFrame>();
+            names.retain(|name| !doctor::is_check(name));
+            names
         } else {
             args.cameras.clone()
         };
@@ -70,22 +72,11 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
             );
             told = true;
         }
-        for name in names {
-            if let Entry::Vacant(place) = followed.entry(name) {
-                let (hub, stop, camera) = (server.hub().clone(), stop.clone(), place.key().clone());
-                let thread = std::thread::Builder::new().name("camera".into());
-                place.insert(thread.spawn(move || follow(&camera, &hub, &stop))?);
-            }
-        }
-        let ended = followed.iter().find(|(_, t)| t.is_finished());
-        if let Some(name) = ended.map(|(name, _)| name.clone())
-            && let Some(thread) = followed.remove(&name)
-        {
-            joined(thread)?;
-        }
+        followed.look(&names);
         std::thread::sleep(DISCOVER_EVERY);
     }
-    followed.into_values().try_for_each(joined)
+    followed.end();
+    Ok(())
 }
 
 /// Shows a record until the user stops it.
@@ -103,6 +94,9 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
         last = frame.publish_ns;
         server.hub().publish(&camera, &frame);
         frames += 1;
+        if stop.requested() {
+            return Ok(());
+        }
     }
     if frames == 0 {
         return Err(Failure::no_frames(&name, "bodies").into());
@@ -119,43 +113,6 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     say::out(&format!("{} (Ctrl-C stops)", server.url()));
     while !stop.requested() {
         std::thread::sleep(LOOK_UP);
-    }
-    Ok(())
-}
-
-fn joined(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {
-    thread
-        .join()
-        .unwrap_or_else(|_| Err(Failure::unavailable("a camera's thread ended").into()))
-}
-
-/// Hands on a camera's frames until the user stops it; the same camera may end and come back.
-fn follow(camera: &str, hub: &Hub, stop: &Stop) -> anyhow::Result<()> {
-    let bodies = Subscriber::<BodyFrame>::open(camera)?;
-    let mut events = EventRelay::to_page(camera, hub)?;
-    let pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
-    let mut told = false;
-    let mut cleaned = Instant::now();
-    while !stop.requested() {
-        // Every frame belongs into the last minute, not the newest only.
-        if let Some(frame) = bodies.next(LOOK_UP)? {
-            hub.publish(camera, &frame);
-            if frame.flags & FLAG_END_OF_STREAM != 0 {
-                tracing::info!("{camera}: the input has ended");
-            }
-        }
-        events.look()?;
-        if let Some(pictures) = &pictures {
-            pictures.look()?;
-            if !told && bodies.publisher_count() > 0 && pictures.is_missing() {
-                tracing::warn!("{camera} publishes no pictures: 'edgecap run --show-picture' does");
-                told = true;
-            }
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
-            cleaned = Instant::now();
-        }
     }
     Ok(())
 }

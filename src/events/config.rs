@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::message::ZONE_NAME;
 
+/// More changes of direction than these nobody makes within two seconds.
+const MOST_SWINGS: usize = 100;
+
 /// When something counts as having happened. Seconds, metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -62,11 +65,29 @@ impl EventConfig {
             ("confirm", self.confirm),
             ("gone", self.gone),
             ("hand", self.hand),
-            ("nearer", self.nearer),
             ("swing", self.swing),
         ];
         if let Some((name, value)) = times.iter().find(|(_, v)| !(0.0..=3600.0).contains(v)) {
             return Some(format!("{name}: expected 0 to 3600, found {value}"));
+        }
+        if !(0.0..=1.0).contains(&self.confidence) {
+            return Some(format!(
+                "confidence: expected 0 to 1, found {}",
+                self.confidence
+            ));
+        }
+        // Nobody is nearer by the whole distance.
+        if !(0.0..1.0).contains(&self.nearer) {
+            return Some(format!(
+                "nearer: expected a share of the distance, 0 to less than 1, found {}",
+                self.nearer
+            ));
+        }
+        if !(1..=MOST_SWINGS).contains(&self.swings) {
+            return Some(format!(
+                "swings: expected 1 to {MOST_SWINGS}, found {}",
+                self.swings
+            ));
         }
         for (n, zone) in self.zone.iter().enumerate() {
             let name = &zone.name;
@@ -140,6 +161,28 @@ impl Zone {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_that_nobody_can_reach_are_mistakes() {
+        let mistake = |key: &str, text: &str| {
+            let config: EventConfig = toml::from_str(&format!("{key} = {text}")).unwrap();
+            config.mistake()
+        };
+        for (key, wrong, right) in [
+            ("confidence", ["-0.1", "1.1", "nan"], ["0.0", "1.0"]),
+            ("nearer", ["-0.1", "1.0", "nan"], ["0.0", "0.99"]),
+            ("swings", ["0", "101", "1000000"], ["1", "100"]),
+            ("gone", ["-1.0", "3601.0", "nan"], ["0.0", "3600.0"]),
+        ] {
+            for text in wrong {
+                let said = mistake(key, text).unwrap_or_else(|| panic!("{key} = {text}"));
+                assert!(said.starts_with(&format!("{key}: expected")), "{said}");
+            }
+            for text in right {
+                assert_eq!(mistake(key, text), None, "{key} = {text}");
+            }
+        }
+    }
 
     #[test]
     fn zones_in_which_nobody_can_be_are_mistakes() {

@@ -15,7 +15,11 @@ pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
     text.sample("edgecap_build_info", &[("build", build)], 1.0);
 
     const STAGE: &str = "edgecap_stage_duration_seconds";
-    text.family(STAGE, "histogram", "What a stage took for a picture.");
+    text.family(
+        STAGE,
+        "histogram",
+        "What a stage took for a picture that it looked at; only the fit takes all.",
+    );
     for s in &snapshots {
         for (stage, durations) in STAGES.iter().zip(&s.stages) {
             text.histogram(STAGE, &[("camera", &s.name), ("stage", stage)], durations);
@@ -39,7 +43,7 @@ pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
     each(
         "edgecap_up",
         "gauge",
-        "1 where bodies are published, 0 where none came for 3 seconds.",
+        "1 where bodies are published, 0 where none came for 3 seconds, or 2.5 intervals of --max-fps.",
         &|s| f64::from(u8::from(s.healthy)),
     );
     each(

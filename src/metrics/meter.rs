@@ -13,15 +13,21 @@ use super::histogram::Histogram;
 pub const STAGES: [&str; 5] = ["preprocess", "stage1", "association", "stage2", "fit"];
 /// Frames that rate and latency are taken from.
 const RECENT: usize = 128;
-/// Without a frame for so long nothing goes on.
+/// Without a frame for so long nothing goes on, …
 const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// … or for so many times the interval that was asked for, where that is longer.
+const SILENT_INTERVALS: f64 = 2.5;
+/// By so much, seconds, the start may shift before it is reported anew: a clock that is slewed would have it jump back
+/// and forth by one.
+const START_SHIFT: u64 = 2;
 
 /// What has happened to a camera.
 #[derive(Debug)]
 pub struct Meter {
     name: String,
     input: String,
-    started: SystemTime,
+    started: Instant,
+    silent_after: Duration,
     counts: Mutex<Counts>,
 }
 
@@ -35,7 +41,9 @@ struct Counts {
     restarts: Vec<(&'static str, u64)>,
     reconnects: u64,
     is_away: bool,
-    last_error: Option<(SystemTime, String)>,
+    last_error: Option<(Instant, String)>,
+    /// Start of the run as it was reported last, seconds since 1970.
+    since: Option<u64>,
     sequence: Option<u64>,
     /// When frames came, and how old each was, seconds.
     recent: VecDeque<(Instant, Option<f64>)>,
@@ -75,7 +83,7 @@ pub struct Snapshot {
     pub last_error: Option<String>,
     /// When, seconds since 1970.
     pub last_error_at: Option<u64>,
-    /// What stages took for every picture, by [`STAGES`].
+    /// What stages took, by [`STAGES`]: the fit for every picture, the others for those that the network looked at.
     #[serde(skip)]
     pub stages: [Histogram; STAGES.len()],
     /// From capture to publication, of every picture.
@@ -89,12 +97,20 @@ impl Meter {
         Self {
             name: name.to_owned(),
             input: input.to_owned(),
-            started: SystemTime::now(),
+            started: Instant::now(),
+            silent_after: SILENT_AFTER,
             counts: Mutex::new(Counts {
                 restarts: processes.iter().map(|p| (*p, 0)).collect(),
                 ..Counts::default()
             }),
         }
+    }
+
+    /// The same, of a camera of which no more than one picture an `interval` is wanted.
+    #[must_use]
+    pub fn with_interval(mut self, interval: Duration) -> Self {
+        self.silent_after = SILENT_AFTER.max(interval.mul_f64(SILENT_INTERVALS));
+        self
     }
 
     /// The camera's name.
@@ -104,6 +120,10 @@ impl Meter {
 
     /// Bodies were published.
     pub fn published(&self, frame: &BodyFrame) {
+        self.published_at(Instant::now(), frame);
+    }
+
+    fn published_at(&self, now: Instant, frame: &BodyFrame) {
         let mut counts = self.counts();
         counts.people = frame.count;
         // Between two pictures bodies may be extrapolated.
@@ -124,7 +144,9 @@ impl Meter {
             t.stage2_us,
             frame.fit_us,
         ];
-        for (stage, us) in counts.stages.iter_mut().zip(times) {
+        // A picture that shows what the empty one before it showed goes through the fit alone.
+        let first = if t.stage1_us > 0 { 0 } else { STAGES.len() - 1 };
+        for (stage, us) in counts.stages.iter_mut().zip(times).skip(first) {
             stage.observe(f64::from(us) * 1e-6);
         }
         let is_live = frame.flags & FLAG_FILE_TIME == 0;
@@ -132,10 +154,15 @@ impl Meter {
         if let Some(age) = age {
             counts.latency.observe(age);
         }
+        // Time without pictures says nothing of the rate at which they come.
+        let newest = counts.recent.back().map(|(t, _)| *t);
+        if newest.is_some_and(|t| now.saturating_duration_since(t) >= self.silent_after) {
+            counts.recent.clear();
+        }
         if counts.recent.len() == RECENT {
             counts.recent.pop_front();
         }
-        counts.recent.push_back((Instant::now(), age));
+        counts.recent.push_back((now, age));
     }
 
     /// A process has been started so often.
@@ -146,7 +173,8 @@ impl Meter {
         }
     }
 
-    /// What came of the camera's last picture: whether one was seen, or the camera is looked for.
+    /// Whether a picture of the camera was seen, or it is away and looked for. One whose next picture is not due yet,
+    /// or was damaged, is neither: say nothing then.
     pub fn camera(&self, is_there: bool) {
         let mut counts = self.counts();
         if is_there && counts.is_away {
@@ -158,7 +186,7 @@ impl Meter {
 
     /// Something went wrong.
     pub fn failed(&self, what: impl Into<String>) {
-        self.counts().last_error = Some((SystemTime::now(), what.into()));
+        self.counts().last_error = Some((Instant::now(), what.into()));
     }
 
     /// The supervisor has looked after it.
@@ -168,9 +196,28 @@ impl Meter {
 
     /// How it is doing.
     pub fn snapshot(&self) -> Snapshot {
-        let counts = self.counts().clone();
-        let newest = counts.recent.back().map(|(t, _)| t.elapsed());
-        let healthy = newest.is_some_and(|age| age < SILENT_AFTER);
+        self.snapshot_at(Instant::now(), SystemTime::now())
+    }
+
+    /// At an instant for which the clock on the wall says `wall`. Times since 1970 are counted back from there: a clock
+    /// that was wrong when this machine started is set meanwhile.
+    fn snapshot_at(&self, now: Instant, wall: SystemTime) -> Snapshot {
+        let ago = |then: Instant| now.saturating_duration_since(then).as_secs();
+        let at = |then: Instant| unix(wall).saturating_sub(ago(then));
+        let counts = {
+            let mut counts = self.counts();
+            let since = at(self.started);
+            if counts
+                .since
+                .is_none_or(|told| told.abs_diff(since) >= START_SHIFT)
+            {
+                counts.since = Some(since);
+            }
+            counts.clone()
+        };
+        let newest = counts.recent.back();
+        let newest = newest.map(|(t, _)| now.saturating_duration_since(*t));
+        let healthy = newest.is_some_and(|age| age < self.silent_after);
         let mut ages: Vec<f64> = counts.recent.iter().filter_map(|(_, age)| *age).collect();
         ages.sort_by(f64::total_cmp);
         let age = |part: f64| {
@@ -183,7 +230,7 @@ impl Meter {
             input: self.input.clone(),
             healthy,
             looked_seconds_ago: counts.looked.map(|t| t.elapsed().as_secs_f64()),
-            since: unix(self.started),
+            since: counts.since.unwrap_or_default(),
             frames: counts.frames,
             dropped: counts.dropped,
             fps: if healthy { rate(&counts.recent) } else { 0.0 },
@@ -197,7 +244,7 @@ impl Meter {
                 .collect(),
             reconnects: counts.reconnects,
             last_error: counts.last_error.as_ref().map(|(_, what)| what.clone()),
-            last_error_at: counts.last_error.as_ref().map(|(at, _)| unix(*at)),
+            last_error_at: counts.last_error.as_ref().map(|(then, _)| at(*then)),
             stages: counts.stages,
             latency: counts.latency,
         }
@@ -240,6 +287,82 @@ mod tests {
     }
 
     #[test]
+    fn only_who_was_away_comes_back() {
+        let meter = Meter::new("hall", "camera", &[]);
+        meter.camera(false);
+        meter.camera(true);
+        assert_eq!(meter.snapshot().reconnects, 0, "nobody has seen it yet");
+        meter.published(&frame(0, 0));
+        for is_there in [true, true, false, false, true, true] {
+            meter.camera(is_there);
+        }
+        assert_eq!(meter.snapshot().reconnects, 1);
+    }
+
+    #[test]
+    fn a_picture_that_the_network_did_not_look_at_counts_for_the_fit_alone() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let mut seen = frame(0, 1);
+        seen.stage_times.stage1_us = 9_000;
+        meter.published(&seen);
+        for sequence in 1..10 {
+            meter.published(&frame(sequence, 0));
+        }
+        let snapshot = meter.snapshot();
+        assert_eq!(snapshot.stages.map(|s| s.count()), [1, 1, 1, 1, 10]);
+        assert_eq!((snapshot.frames, snapshot.latency.count()), (10, 10));
+        assert!((snapshot.stages[1].sum() - 0.009).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_camera_is_silent_by_the_rate_that_was_asked_for() {
+        let seconds = Duration::from_secs_f64;
+        for (interval, healthy_for) in [(0.0, 3.0), (0.1, 3.0), (10.0, 25.0)] {
+            let meter = Meter::new("hall", "camera", &[]).with_interval(seconds(interval));
+            let start = Instant::now();
+            meter.published_at(start, &frame(0, 0));
+            let healthy = |after: f64| {
+                let snapshot = meter.snapshot_at(start + seconds(after), SystemTime::now());
+                snapshot.healthy
+            };
+            assert!(healthy(healthy_for - 0.1), "{interval}");
+            assert!(!healthy(healthy_for + 0.1), "{interval}");
+        }
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_pictures_since_the_last_gap() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let (start, interval) = (Instant::now(), Duration::from_secs_f64(1.0 / 30.0));
+        let gap = Duration::from_secs(3600);
+        let mut now = start;
+        for sequence in 0..138 {
+            now += if sequence == 128 { gap } else { interval };
+            meter.published_at(now, &frame(sequence, 0));
+        }
+        let fps = meter.snapshot_at(now, SystemTime::now()).fps;
+        assert!((fps - 30.0).abs() < 0.1, "{fps}");
+    }
+
+    #[test]
+    fn times_follow_a_clock_that_is_set() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let started = meter.started;
+        meter.counts().last_error = Some((started, "broke".to_owned()));
+        let told = |after: u64, wall: f64| {
+            let wall = SystemTime::UNIX_EPOCH + Duration::from_secs_f64(wall);
+            let snapshot = meter.snapshot_at(started + Duration::from_secs(after), wall);
+            (snapshot.since, snapshot.last_error_at)
+        };
+        let (at_boot, set) = (1_000.0, 1_700_000_000.0);
+        assert_eq!(told(10, at_boot), (990, Some(990)));
+        assert_eq!(told(20, set), (1_699_999_980, Some(1_699_999_980)));
+        // A start that flickers would pass for a new run.
+        assert_eq!(told(30, set + 9.4).0, 1_699_999_980);
+        assert_eq!(told(40, set + 21.2).0, 1_699_999_980);
+    }
+
+    #[test]
     fn pictures_count_once_and_gaps_are_dropped_pictures() {
         let meter = Meter::new("hall", "camera", &["infer", "fit"]);
         assert!(!meter.snapshot().healthy);
@@ -257,7 +380,7 @@ mod tests {
         assert_eq!(snapshot.latency_ms.map(f64::round), Some(40.0));
         assert_eq!(snapshot.restarts, [("infer".into(), 0), ("fit".into(), 1)]);
         assert_eq!(snapshot.reconnects, 1);
-        assert_eq!(snapshot.stages.map(|s| s.count()), [5; 5]);
+        assert_eq!(snapshot.stages[4].count(), 5);
         assert_eq!(snapshot.latency.count(), 5);
         assert!((snapshot.stages[4].sum() - 5.0 * 0.0007).abs() < 1e-12);
     }

@@ -16,8 +16,10 @@ pub enum Beat {
     Step,
     /// There was nothing to do.
     Idle,
-    /// The input is away, or silent; it is looked for, which may take a while.
+    /// No picture has come yet, or a damaged one; to ask a device again may take a while.
     Waiting,
+    /// The input is away; it is looked for, which may take a while.
+    Away,
 }
 
 impl Beat {
@@ -26,12 +28,13 @@ impl Beat {
             Self::Step => b'.',
             Self::Idle => b'-',
             Self::Waiting => b'?',
+            Self::Away => b'!',
         }
     }
 
     /// What a byte on the pipe says.
     pub(super) fn of(byte: u8) -> Option<Self> {
-        [Self::Step, Self::Idle, Self::Waiting]
+        [Self::Step, Self::Idle, Self::Waiting, Self::Away]
             .into_iter()
             .find(|b| b.byte() == byte)
     }

@@ -123,7 +123,7 @@ impl Policy {
                 *longest = (*longest).max(now - *beat);
             }
             *beat = now;
-            *opening = kind == Beat::Waiting;
+            *opening = matches!(kind, Beat::Waiting | Beat::Away);
             *silence = None;
         }
     }
@@ -268,8 +268,10 @@ mod tests {
 
     #[test]
     fn one_that_opens_a_camera_is_given_time() {
-        killed(10_000..=10_300, silent(Beat::Waiting, Activity::Still));
-        killed(900..=1_200, silent(Beat::Waiting, Activity::Stopped));
+        for kind in [Beat::Waiting, Beat::Away] {
+            killed(10_000..=10_300, silent(kind, Activity::Still));
+            killed(900..=1_200, silent(kind, Activity::Stopped));
+        }
         let (mut policy, now) = running();
         killed(
             10_000..=10_300,
@@ -280,7 +282,7 @@ mod tests {
     #[test]
     fn who_beats_lives() {
         let (mut policy, now) = running();
-        for kind in [Beat::Step, Beat::Idle, Beat::Waiting] {
+        for kind in [Beat::Step, Beat::Idle, Beat::Waiting, Beat::Away] {
             let beats = Some((100, kind));
             assert_eq!(
                 watch(&mut policy, now, 60_000, beats, Activity::Still),

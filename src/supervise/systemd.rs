@@ -19,6 +19,8 @@ pub enum Progress {
     Bodies,
     /// The camera is away, and looked for.
     Waiting,
+    /// Its next picture has not come yet: what was said before still holds.
+    Still,
 }
 
 /// The service manager, if this process is a service of type `notify`. It hears of life only where every camera shows
@@ -122,7 +124,9 @@ impl Told {
         what: Progress,
     ) -> News {
         let its = &mut self.cameras[camera];
-        its.newest = Some(what);
+        if what != Progress::Still {
+            its.newest = Some(what);
+        }
         its.is_fresh = true;
         let due = |last: Option<Instant>, every| last.is_none_or(|t| now - t >= every);
         let mut news = News::default();
@@ -148,7 +152,7 @@ impl Told {
             _ if c.is_over => "ended",
             None => "starting",
             Some(Progress::Bodies) => "bodies are published",
-            Some(Progress::Waiting) => "waiting for the camera",
+            Some(Progress::Waiting | Progress::Still) => "waiting for the camera",
         };
         match &self.cameras[..] {
             [one] => words(one).to_owned(),
@@ -192,6 +196,18 @@ mod tests {
     fn one_camera_feeds_by_itself() {
         let mut told = Told::of(["hall"]);
         assert_eq!(fed(&mut told, Instant::now(), &[0]), 12);
+    }
+
+    #[test]
+    fn a_slow_camera_lives_and_is_not_said_to_be_away() {
+        let (mut told, now) = (Told::of(["hall"]), Instant::now());
+        let after = |seconds| now + Duration::from_secs(seconds);
+        told.progress(now, Some(EVERY), 0, Progress::Bodies);
+        let slow = told.progress(after(6), Some(EVERY), 0, Progress::Still);
+        assert!(slow.alive);
+        assert_eq!(slow.status.as_deref(), Some("bodies are published"));
+        let away = told.progress(after(12), Some(EVERY), 0, Progress::Waiting);
+        assert_eq!(away.status.as_deref(), Some("waiting for the camera"));
     }
 
     #[test]

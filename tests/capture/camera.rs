@@ -336,12 +336,42 @@ fn a_camera_that_is_absent_at_first_is_an_error() {
 
 #[test]
 fn a_source_says_when_there_is_no_picture() {
-    let (live, _, _) = live(vec![Opening::Works(vec![Act::Picture(0), Act::Silence])]);
+    let (live, _, _) = live(vec![
+        Opening::Works(vec![
+            Act::Picture(0),
+            Act::Silence,
+            Act::Picture(1),
+            Act::Fail(libc::ENODEV),
+        ]),
+        Opening::Fails,
+        Opening::Works(vec![Act::Silence, Act::Picture(0), Act::Silence]),
+    ]);
     let mut source = CameraSource::new(live, None);
     assert!(source.is_live() && source.frame_count().is_none());
     assert_eq!(source.next().unwrap().unwrap().rgb, [0; 3]);
-    let error = source.next().unwrap_err();
-    assert!(error.is_skippable() && matches!(error, CaptureError::NoPictureYet { .. }));
+    // Away from when it fails until its first picture, also while it is open again and sends nothing.
+    let mut away_until_picture = || {
+        let mut away = Vec::new();
+        loop {
+            match source.next() {
+                Ok(picture) => break assert!(picture.is_some()),
+                Err(CaptureError::NoPictureYet { is_away, .. }) => away.push(is_away),
+                Err(e) => panic!("{e}"),
+            }
+        }
+        away
+    };
+    assert_eq!(away_until_picture(), [false], "slow, and there");
+    let away = away_until_picture();
+    assert!(away.len() > 2 && away.iter().all(|a| *a), "{away:?}");
+    let Err(slow) = source.next() else {
+        panic!("a picture");
+    };
+    assert!(slow.is_skippable(), "{slow}");
+    assert!(matches!(
+        slow,
+        CaptureError::NoPictureYet { is_away: false, .. }
+    ));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use edgecap::message::{BodyFrame, Intrinsics, ObservationFrame};
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter};
 
-use crate::program::{assert_fails, output, stderr, stream};
+use crate::program::{assert_fails, edgecap, output, stderr, stream};
 
 #[test]
 fn inputs_that_are_not_there() {
@@ -285,7 +285,7 @@ fn what_the_user_can_mend_is_no_fault_of_the_program() {
             .env(variable, "abacus")
             .output()
             .unwrap();
-        let text = crate::program::stderr(&out);
+        let text = stderr(&out);
         assert_eq!(out.status.code(), Some(64), "{text}");
         assert!(text.contains(variable), "{text}");
     }
@@ -421,4 +421,19 @@ fn a_recording_of_nobody_ends_in_time_and_leaves_nothing() {
     ];
     assert_fails(&args, 69, &[&name, "nothing was recorded"]);
     assert!(!to.exists());
+}
+
+/// Names of files need not be UTF-8.
+#[test]
+fn arguments_of_other_bytes_are_answered_as_any_other() {
+    use std::os::unix::ffi::OsStrExt;
+    let other = std::ffi::OsStr::from_bytes(b"x\xff");
+    let out = edgecap()
+        .args(["run", "film.avi"])
+        .arg(other)
+        .output()
+        .unwrap();
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(64), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
 }

@@ -5,7 +5,7 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{assert_fails, eventually, signal, stream};
+use crate::program::{assert_fails, edgecap, eventually, signal, stream};
 use edgecap::camera::monotonic_ns;
 use edgecap::message::BodyFrame;
 use edgecap_client::Subscriber;
@@ -103,4 +103,68 @@ fn stopping_does_not_wait_for_the_camera() {
     let asked = Instant::now();
     assert!(watched.stop().status.success());
     assert!(asked.elapsed() < Duration::from_secs(20));
+}
+
+/// Frames, and how often the camera came back, as `edgecap status` has them.
+fn counted(name: &str) -> Option<(u64, u64)> {
+    let out = edgecap().args(["status", "--json"]).output().unwrap();
+    let runs: serde_json::Value = serde_json::from_slice(&out.stdout).ok()?;
+    let mut cameras = runs
+        .as_array()?
+        .iter()
+        .filter_map(|r| r["cameras"].as_array())
+        .flatten();
+    let camera = cameras.find(|c| c["name"] == name)?;
+    Some((camera["frames"].as_u64()?, camera["reconnects"].as_u64()?))
+}
+
+/// Waits until the status, which is renewed once a second, tells of so many frames more.
+fn frames_more(name: &str, more: u64) -> u64 {
+    let (from, _) = eventually("the status", || counted(name));
+    let told = eventually("frames in the status", || {
+        counted(name).filter(|(frames, _)| *frames >= from + more)
+    });
+    told.1
+}
+
+#[test]
+fn only_a_camera_that_was_away_has_come_back() {
+    // Its next picture is not due at most looks.
+    let camera = StandIn::new(5.0);
+    let watched = Watched::start("slow", &camera, &["--no-idle"]);
+    let bodies = watched.listen::<BodyFrame>();
+    fresh_body(&bodies);
+    assert_eq!(frames_more(&watched.name, 15), 0);
+    camera.unplug();
+    std::thread::sleep(Duration::from_millis(1500));
+    camera.plug_in();
+    fresh_body(&bodies);
+    assert_eq!(frames_more(&watched.name, 10), 1);
+    drop(bodies);
+    assert!(watched.stop().status.success());
+}
+
+#[test]
+fn damaged_pictures_are_no_camera_that_is_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("damaged.avi");
+    let mut bytes = std::fs::read("models/demo/demo.avi").unwrap();
+    // Every third picture of the film begins as no JPEG does.
+    let pictures: Vec<usize> = (0..bytes.len() - 10)
+        .filter(|&at| {
+            bytes[at..].starts_with(b"00dc") && bytes[at + 8..].starts_with(&[0xff, 0xd8])
+        })
+        .collect();
+    assert!(pictures.len() > 30);
+    for at in pictures.iter().step_by(3) {
+        bytes[at + 8..at + 10].fill(0);
+    }
+    std::fs::write(&film, bytes).unwrap();
+    let camera = StandIn::of(&film, 10.0);
+    let watched = Watched::start("damaged", &camera, &["--no-idle"]);
+    let bodies = watched.listen::<BodyFrame>();
+    fresh_body(&bodies);
+    assert_eq!(frames_more(&watched.name, 15), 0);
+    drop(bodies);
+    assert!(watched.stop().status.success());
 }

@@ -284,7 +284,12 @@ fn the_users_file_is_found_and_another_is_named_with_a_flag() {
         .output()
         .unwrap();
     assert_eq!(out.status.code(), Some(78));
-    assert!(program::stderr(&out).contains("cannot read /nowhere.toml"));
+    let said = program::stderr(&out);
+    assert!(said.contains("cannot read /nowhere.toml"), "{said}");
+    assert!(
+        said.contains("'edgecap config sample > /nowhere.toml'"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -329,4 +334,45 @@ fn a_run_obeys_the_file() {
     let out = run(&file);
     assert_eq!(out.status.code(), Some(78), "{}", program::stderr(&out));
     assert!(program::stderr(&out).contains("calibrated for 500x500"));
+}
+
+#[test]
+fn a_film_of_the_file_is_known_by_every_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("hall.avi"), "").unwrap();
+    std::os::unix::fs::symlink(at("hall.avi"), at("link.avi")).unwrap();
+    let text = "[[camera]]\nname = \"lobby\"\ninput = \"hall.avi\"\nrotate = 90\n";
+    std::fs::write(at("edgecap.toml"), text).unwrap();
+    let print = |more: &[&str]| {
+        let mut command = edgecap();
+        command.args(["config", "print", "--config", "edgecap.toml"]);
+        stdout(
+            &command
+                .args(more)
+                .current_dir(folder.path())
+                .output()
+                .unwrap(),
+        )
+    };
+    let value = |said: &str, key: &str| {
+        let line = said.lines().find(|l| l.starts_with(key));
+        let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
+        words.join(" ")
+    };
+    let whole = at("hall.avi");
+    for input in [
+        "hall.avi",
+        "./hall.avi",
+        "link.avi",
+        whole.to_str().unwrap(),
+    ] {
+        let said = print(&["--input", input]);
+        assert_eq!(value(&said, "name"), "name = \"lobby\" # line 2", "{input}");
+        assert_eq!(value(&said, "rotate"), "rotate = 90 # line 4", "{input}");
+    }
+    let other = print(&["--input", "other.avi"]);
+    assert_eq!(value(&other, "#rotate"), "#rotate = # default");
+    let upright = print(&["--input", "hall.avi", "--rotate", "0"]);
+    assert_eq!(value(&upright, "rotate"), "rotate = 0 # typed");
 }

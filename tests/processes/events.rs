@@ -84,8 +84,12 @@ fn record(folder: &Path) -> String {
 
 /// The scene from one time to another, seconds.
 fn record_of(folder: &Path, from: f64, to: f64) -> String {
+    record_as(Format::Binary, folder, from, to)
+}
+
+fn record_as(format: Format, folder: &Path, from: f64, to: f64) -> String {
     let path = folder.join("scene.record");
-    let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+    let mut writer = RecordWriter::<BodiesRow>::create(&path, format).unwrap();
     for n in (from * FPS) as u64..(to * FPS) as u64 {
         let bodies = scene(n as f64 / FPS);
         let mut frame = BodyFrame {
@@ -322,4 +326,88 @@ fn what_cannot_be_a_zone_is_said() {
         assert_fails(&args, 78, &[word]);
     }
     assert_fails(&["events", "--input", "/absent"], 66, &["/absent"]);
+}
+
+/// A stream of events that go on, and a reader that has gone.
+#[test]
+fn who_reads_no_more_ends_it() {
+    let camera = stream("event-reader");
+    let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
+    let mut run = Running::start(&["events", "--camera", &camera]);
+    let mut lines = BufReader::new(run.0.stdout.take().unwrap());
+    let (send, said) = std::sync::mpsc::channel();
+    let reader = std::thread::spawn(move || {
+        let mut line = String::new();
+        lines.read_line(&mut line).unwrap();
+        send.send(()).unwrap();
+    });
+    let mut frame = EventFrame {
+        count: 1,
+        ..EventFrame::default()
+    };
+    frame.events[0].kind = EventKind::ENTERED;
+    eventually("a line", || {
+        publisher.publish(&frame).unwrap();
+        said.recv_timeout(Duration::from_millis(100)).ok()
+    });
+    reader.join().unwrap();
+    let closed = std::time::Instant::now();
+    eventually("its end", || {
+        publisher.publish(&frame).unwrap();
+        run.has_ended().then_some(())
+    });
+    assert!(closed.elapsed() < Duration::from_secs(10));
+    assert_eq!(run.0.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_full_disk_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = record(folder.path());
+    let full = std::fs::File::create("/dev/full").unwrap();
+    let out = crate::program::edgecap()
+        .args(["events", "--input", &record])
+        .stdout(full)
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(74), "{}", stderr(&out));
+    assert!(stderr(&out).contains("standard output"), "{}", stderr(&out));
+}
+
+/// A record that does not end stops by a signal, and says that there is more.
+#[test]
+fn a_record_that_goes_on_is_stopped_by_a_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = std::fs::read(record_as(Format::Jsonl, folder.path(), 0.0, 1.0)).unwrap();
+    for (verb, flag, code) in [("events", "--input", 130), ("view", "--record", 0)] {
+        let pipe = folder.path().join(verb);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        let mut args = vec![verb, flag, pipe.to_str().unwrap()];
+        if verb == "view" {
+            args.extend(["--listen", "127.0.0.1:0"]);
+        }
+        let run = Running::start(&args);
+        let (pid, asked) = (run.pid(), std::time::Instant::now());
+        let (path, bytes) = (pipe.clone(), bytes.clone());
+        let writer = std::thread::spawn(move || {
+            use std::io::Write;
+            let mut pipe = std::fs::File::options().write(true).open(path).unwrap();
+            // Slowly and for long, until nobody reads.
+            let lines = bytes.split_inclusive(|b| *b == b'\n');
+            for (n, piece) in lines.cycle().enumerate().take(1 << 12) {
+                if n == 50 {
+                    signal(pid, "INT");
+                }
+                if pipe.write_all(piece).is_err() {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        });
+        let out = run.wait(Duration::from_secs(40));
+        assert_eq!(out.status.code(), Some(code), "{verb}: {}", stderr(&out));
+        assert!(asked.elapsed() < Duration::from_secs(40));
+        writer.join().unwrap();
+    }
 }

@@ -29,6 +29,7 @@ mod pace;
 mod privacy;
 mod quality;
 mod record;
+mod release;
 mod replay;
 mod show_picture;
 mod soak;

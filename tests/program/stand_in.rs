@@ -11,6 +11,7 @@ use edgecap_client::{Message, Subscriber};
 /// A camera's stand-in with a film of a few small pictures.
 pub struct StandIn {
     folder: tempfile::TempDir,
+    film: PathBuf,
     fps: f64,
 }
 
@@ -22,6 +23,16 @@ impl StandIn {
         absent
     }
 
+    /// It is plugged in and shows another film.
+    pub fn of(film: &Path, fps: f64) -> Self {
+        let camera = Self {
+            film: film.to_owned(),
+            ..Self::absent(fps)
+        };
+        camera.plug_in();
+        camera
+    }
+
     /// It is not there yet.
     pub fn absent(fps: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
@@ -30,8 +41,13 @@ impl StandIn {
             film.extend(b"FRAME\n");
             film.extend((0..96 * 64u32).map(|p| (p as u8).wrapping_mul(7).wrapping_add(picture)));
         }
-        std::fs::write(folder.path().join("film.y4m"), film).unwrap();
-        Self { folder, fps }
+        let path = folder.path().join("film.y4m");
+        std::fs::write(&path, film).unwrap();
+        Self {
+            folder,
+            film: path,
+            fps,
+        }
     }
 
     fn path(&self) -> PathBuf {
@@ -44,10 +60,9 @@ impl StandIn {
     }
 
     fn becomes(&self, silent: bool) {
-        let film = self.folder.path().join("film.y4m");
         let text = format!(
-            "film = {film:?}\nfps = {:.1}\nsilent = {silent}\n",
-            self.fps
+            "film = {:?}\nfps = {:.1}\nsilent = {silent}\n",
+            self.film, self.fps
         );
         let draft = self.folder.path().join("draft");
         std::fs::write(&draft, text).unwrap();

@@ -201,13 +201,15 @@ impl<R: Read + Seek> File<R> {
             .collect())
     }
 
+    /// Skinning weights, every row of which sums to one: vertices of others would move towards the origin of the pose's
+    /// axes, which is the camera.
     fn weights(&mut self, count: usize) -> Result<Weights, MeshError> {
-        let array = self.need("weights")?;
+        let mut array = self.need("weights")?;
         if array.shape[..] != [count, JOINTS] {
             let expected = format!("{count}x{JOINTS} numbers");
             return Err(MeshError::unfit("weights", expected, shape(&array)));
         }
-        for (vertex, row) in array.data.chunks_exact(JOINTS).enumerate() {
+        for (vertex, row) in array.data.chunks_exact_mut(JOINTS).enumerate() {
             let sum: f64 = row.iter().sum();
             if (sum - 1.0).abs() > SUM_TOLERANCE || row.iter().any(|&w| w < -SUM_TOLERANCE) {
                 let found = format!("{sum:.3} for vertex {vertex}");
@@ -217,6 +219,7 @@ impl<R: Read + Seek> File<R> {
                     found,
                 ));
             }
+            row.iter_mut().for_each(|w| *w /= sum);
         }
         Ok(Weights::new(&array.data))
     }

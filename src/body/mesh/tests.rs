@@ -226,6 +226,34 @@ fn other_bodies_of_the_format_are_read() {
     }
 }
 
+/// Files of others round their weights.
+#[test]
+fn a_body_stays_in_its_place_however_its_weights_are_rounded() {
+    let mesh = |sum: f32| {
+        let body = read(small(|a| {
+            let (_, _, weights) = a.iter_mut().find(|(n, ..)| *n == "weights").unwrap();
+            // Two joints share the second vertex.
+            weights[JOINTS..JOINTS + 2].copy_from_slice(&[0.6 * sum, 0.4 * sum]);
+        }));
+        let body = body.unwrap();
+        let person = body.person(&[]);
+        let pose = MeshPose {
+            pelvis: DVec3::new(0.0, 0.0, 4.0),
+            rotations: [DQuat::IDENTITY; JOINTS],
+        };
+        let mut out = Vec::new();
+        let tree = posed(&body, &pose, &person);
+        Skin::new(&body, &person).pose(&body, &pose, &tree, &mut out);
+        out
+    };
+    let exact = mesh(1.0);
+    for sum in [0.981, 1.019] {
+        for (a, b) in mesh(sum).iter().zip(&exact) {
+            assert!(a.distance(*b) < 1e-5, "{sum}: {a} {b}");
+        }
+    }
+}
+
 #[test]
 fn pose_correctives_move_the_mesh_as_the_format_says() {
     let mut directions = vec![0.0; 12 * CORRECTIVES];

@@ -48,14 +48,15 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
             .filter(|v: &f64| v.is_finite())
             .ok_or_else(|| format!("camera {name} without the number {key}"))
     };
-    let (inner, outer, picture) = (
-        part("intrinsic")?,
-        part("transform")?,
-        part("fov_video_max")?,
-    );
+    // Of video that is cropped the first is the part of the sensor that its pictures show.
+    let picture = part("fov_video").or_else(|_| part("fov_video_max"))?;
+    let (inner, outer) = (part("intrinsic")?, part("transform")?);
     let lens = |u: &str, v: &str| -> Result<[f64; 2], String> {
         Ok([number(inner, u)? / SUBPIXELS, number(inner, v)? / SUBPIXELS])
     };
+    // The principal point is counted from the sensor's corner.
+    let [u, v] = lens("centerPointU", "centerPointV")?;
+    let centre = [u - number(picture, "left")?, v - number(picture, "top")?];
     let row = |k: usize| -> Result<DVec3, String> {
         Ok(DVec3::new(
             number(outer, &format!("r{k}1"))?,
@@ -82,7 +83,7 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
         name,
         size: [pixels("left", "right")?, pixels("top", "bottom")?],
         focal: lens("focalLengthU", "focalLengthV")?,
-        centre: lens("centerPointU", "centerPointV")?,
+        centre,
         distortion: &[
             number(inner, "radialDistortion1")?,
             number(inner, "radialDistortion2")?,
@@ -136,6 +137,25 @@ mod tests {
         let beside = view.project(DVec3::new(0.0, 0.3, 1.8)).unwrap();
         assert!((beside - DVec2::new(544.0 + 168.0, 960.0 - 168.0)).length() < 1e-9);
         assert!(view.project(DVec3::new(4.0, 0.0, 1.5)).is_none());
+    }
+
+    #[test]
+    fn pictures_of_a_part_of_the_sensor_have_its_size_and_their_own_centre() {
+        let read = |text: &str| read_qtm(text, "one").unwrap().remove(0);
+        let cropped = ONE.replace(
+            "<transform",
+            "<fov_video left=\"100\" top=\"400\" right=\"899\" bottom=\"1599\"/><transform",
+        );
+        let (whole, part) = (read(ONE), read(&cropped));
+        assert_eq!(part.size, [800, 1200]);
+        let place = DVec3::new(0.0, 0.3, 1.8);
+        let moved = whole.project(place).unwrap() - part.project(place).unwrap();
+        assert!(
+            (moved - DVec2::new(100.0, 400.0)).length() < 1e-9,
+            "{moved}"
+        );
+        let same = "<fov_video bottom=\"1919\" left=\"0\" right=\"1087\" top=\"0\"/><transform";
+        assert_eq!(read(&ONE.replace("<transform", same)), whole);
     }
 
     #[test]

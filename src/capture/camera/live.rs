@@ -190,6 +190,14 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         matches!(self.state, State::Streaming { .. })
     }
 
+    /// Whether it went away and has sent no picture since.
+    pub fn is_away(&self) -> bool {
+        match &self.state {
+            State::Streaming { awaited, .. } => awaited.is_some(),
+            State::Reconnecting { .. } => true,
+        }
+    }
+
     /// The camera's name.
     pub fn name(&self) -> &str {
         self.port.name()

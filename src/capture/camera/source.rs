@@ -110,6 +110,7 @@ impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
             Step::Waiting(reason) => Err(CaptureError::NoPictureYet {
                 device: self.name.clone(),
                 reason,
+                is_away: self.live.is_away(),
             }),
         }
     }

@@ -14,11 +14,13 @@ use std::time::Duration;
 use edgecap_client::place;
 
 use super::exit::{self, Failure};
+use super::fit::ROOM;
 use super::input::DEFAULT_NAME;
 use super::run::RunArgs;
 use super::say;
 use super::settings::{self, ConfigArgs, Settings};
 use finding::{Finding, State};
+pub use memory::is_check;
 use patience::{attempt, within};
 
 /// How long a check may take.
@@ -57,7 +59,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         return repair();
     }
     if args.as_service {
-        return Err(service::become_service(&args.settings));
+        return Err(service::become_service(&args.settings, args.threads));
     }
     let mut broken = None;
     let mut say = |finding: Finding| -> anyhow::Result<()> {
@@ -73,6 +75,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         finding,
         file,
         runs,
+        same_people,
     } = settled(args.settings);
     say(finding)?;
     if let Some(finding) = beyond::beyond(file.as_deref(), &runs[0].bridges) {
@@ -91,11 +94,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         }))?;
     }
     say(within(pictures::FILMS, 2 * LIMIT, pictures::films))?;
-    let name = |run: &RunArgs| run.input.name.clone();
-    let names: Vec<String> = runs
-        .iter()
-        .map(|r| name(r).unwrap_or_else(|| DEFAULT_NAME.into()))
-        .collect();
+    let names = names(&runs, same_people);
     say(within(memory::RUNNING, LIMIT, move || {
         memory::running(&names)
     }))?;
@@ -111,6 +110,8 @@ struct Settled {
     file: Option<PathBuf>,
     /// What a run takes with them: never nothing.
     runs: Vec<RunArgs>,
+    /// Whether they are fitted together.
+    same_people: bool,
 }
 
 impl Settled {
@@ -119,8 +120,21 @@ impl Settled {
             finding,
             file: None,
             runs: vec![RunArgs::default()],
+            same_people: false,
         }
     }
+}
+
+/// The names under which these runs publish bodies: one for all cameras that see the `same_people`.
+fn names(runs: &[RunArgs], same_people: bool) -> Vec<String> {
+    if let (true, [first, ..]) = (same_people, runs) {
+        let room = first.multiview.room.as_deref();
+        return vec![room.unwrap_or(ROOM).to_owned()];
+    }
+    let name = |run: &RunArgs| run.input.name.clone();
+    runs.iter()
+        .map(|r| name(r).unwrap_or_else(|| DEFAULT_NAME.into()))
+        .collect()
 }
 
 fn settled(args: ConfigArgs) -> Settled {
@@ -128,23 +142,26 @@ fn settled(args: ConfigArgs) -> Settled {
         let settings = Settings::load(&args)?;
         let effective = settings::effective(&RunArgs::of_settings(args), &settings)?;
         effective.check()?;
-        Ok((settings.file, effective.runs()?))
+        let same_people = effective.calibration()?.is_some();
+        Ok((settings.file, effective.runs()?, same_people))
     };
     match attempt(FILE_LIMIT, read) {
-        Some(Ok((Some(file), runs))) => {
+        Some(Ok((Some(file), runs, same_people))) => {
             let text = format!("{}: right; cameras: {}", file.display(), runs.len());
             Settled {
                 finding: Finding::new(SETTINGS, State::Fine, text),
                 file: Some(file),
                 runs,
+                same_people,
             }
         }
-        Some(Ok((None, runs))) => {
+        Some(Ok((None, runs, same_people))) => {
             let text = "no edgecap.toml: defaults hold; 'edgecap config sample' is one";
             Settled {
                 finding: Finding::new(SETTINGS, State::Note, text),
                 file: None,
                 runs,
+                same_people,
             }
         }
         Some(Err(e)) => Settled::without(Finding::failed(SETTINGS, e)),
@@ -169,4 +186,24 @@ fn repair() -> anyhow::Result<()> {
         alive.join(", ")
     ))
     .into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_that_see_the_same_people_publish_as_one() {
+        let run = |name: Option<&str>, room: Option<&str>| {
+            let mut run = RunArgs::default();
+            run.input.name = name.map(ToOwned::to_owned);
+            run.multiview.room = room.map(ToOwned::to_owned);
+            run
+        };
+        let two = [run(Some("left"), None), run(Some("right"), None)];
+        assert_eq!(names(&two, false), ["left", "right"]);
+        assert_eq!(names(&two, true), [ROOM]);
+        assert_eq!(names(&[run(Some("left"), Some("hall"))], true), ["hall"]);
+        assert_eq!(names(&[run(None, None)], false), [DEFAULT_NAME]);
+    }
 }

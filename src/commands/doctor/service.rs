@@ -1,5 +1,6 @@
 //! The same checks as the service's user, who may do less than whoever asks.
 
+use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
@@ -15,8 +16,8 @@ const USER: &str = "edgecap";
 /// Changes who a process is, with all of the user's groups.
 const SETPRIV: &str = "setpriv";
 
-/// Becomes this verb as the service's user; returns only what went wrong.
-pub fn become_service(config: &ConfigArgs) -> anyhow::Error {
+/// Becomes this verb as the service's user, with the same `config` and `threads`; returns only what went wrong.
+pub fn become_service(config: &ConfigArgs, threads: Option<u16>) -> anyhow::Error {
     if !geteuid().is_root() {
         return Failure::permission(
             "doctor --as-service becomes another user: run it with sudo, or without --as-service as yourself",
@@ -30,22 +31,35 @@ pub fn become_service(config: &ConfigArgs) -> anyhow::Error {
         ))
         .into();
     }
-    let program = match std::env::current_exe() {
-        Ok(program) => program,
+    let command = std::env::current_exe()
+        .and_then(|program| command(&program, config.config.as_deref(), threads));
+    let failed = match command {
+        Ok(mut command) => command.exec(),
         Err(e) => return e.into(),
     };
-    let settings = Path::new(SYSTEM_FOLDER).join(FILE_NAME);
-    let failed = Command::new(SETPRIV)
-        .args(arguments())
-        .arg(&program)
-        .args(["doctor", "--config"])
-        .arg(config.config.as_ref().unwrap_or(&settings))
-        .current_dir("/")
-        .exec();
     Failure::unavailable(format!(
         "doctor --as-service: cannot start {SETPRIV}: {failed}; install util-linux"
     ))
     .into()
+}
+
+/// The verb as the service's user, who works in the root folder: `settings` are the machine's where none are named.
+fn command(program: &Path, settings: Option<&Path>, threads: Option<u16>) -> io::Result<Command> {
+    let settings = match settings {
+        Some(named) => std::path::absolute(named)?,
+        None => Path::new(SYSTEM_FOLDER).join(FILE_NAME),
+    };
+    let mut command = Command::new(SETPRIV);
+    command
+        .args(arguments())
+        .arg(program)
+        .args(["doctor", "--config"])
+        .arg(settings);
+    if let Some(threads) = threads {
+        command.arg(format!("--threads={threads}"));
+    }
+    command.current_dir("/");
+    Ok(command)
 }
 
 fn arguments() -> [String; 6] {
@@ -70,6 +84,30 @@ fn is_among(user: &str, users: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_services_user_is_given_what_was_asked_for() {
+        let line = |settings: Option<&str>, threads| {
+            let command = command(Path::new("/bin/edgecap"), settings.map(Path::new), threads);
+            let command = command.unwrap();
+            assert_eq!(command.get_current_dir(), Some(Path::new("/")));
+            let words = command.get_args().map(|a| a.to_str().unwrap().to_owned());
+            let words: Vec<String> = words.skip_while(|w| w != "/bin/edgecap").collect();
+            words.join(" ")
+        };
+        let here = std::env::current_dir().unwrap().join("hall.toml");
+        assert_eq!(
+            line(Some("hall.toml"), Some(3)),
+            format!(
+                "/bin/edgecap doctor --config {} --threads=3",
+                here.display()
+            )
+        );
+        assert_eq!(
+            line(None, None),
+            "/bin/edgecap doctor --config /etc/edgecap/edgecap.toml"
+        );
+    }
 
     #[test]
     fn a_user_is_known_by_the_whole_name() {

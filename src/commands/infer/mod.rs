@@ -146,6 +146,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
                     heart.beat(Beat::Waiting);
                     continue;
                 }
+                Step::Away => {
+                    heart.beat(Beat::Away);
+                    continue;
+                }
                 Step::Idle => {
                     heart.beat(Beat::Idle);
                     continue;

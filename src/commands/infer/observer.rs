@@ -47,8 +47,10 @@ pub struct Observer {
 pub enum Step {
     /// A picture, observed.
     Observed,
-    /// None at the moment: the source is away, or what it gave was damaged.
+    /// None at the moment: the next one has not come yet, or what came was damaged.
     Nothing,
+    /// None: the source is away, and looked for.
+    Away,
     /// None is wanted yet.
     Idle,
     /// The source does not answer.
@@ -121,6 +123,7 @@ impl Observer {
             },
             Some(Delivery::Failed(e)) => match e {
                 // The source has logged what is wrong and looks for the camera again.
+                CaptureError::NoPictureYet { is_away: true, .. } => Ok(Step::Away),
                 CaptureError::NoPictureYet { .. } => Ok(Step::Nothing),
                 e if e.is_skippable() => {
                     if self.is_live {

@@ -1,5 +1,7 @@
 //! How fast pictures may come, as the user says it.
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use super::pace::Limits;
@@ -29,6 +31,12 @@ fn parse_rate(text: &str) -> Result<f64, String> {
 }
 
 impl PaceArgs {
+    /// How far apart pictures are wanted; nothing where as many as come are.
+    pub fn interval(&self) -> Duration {
+        self.max_fps
+            .map_or(Duration::ZERO, |fps| Duration::from_secs_f64(1.0 / fps))
+    }
+
     /// The limits for this input; all its pictures are wanted where they are `drawn_on`.
     ///
     /// # Errors
@@ -41,7 +49,7 @@ impl PaceArgs {
             .into());
         }
         Ok(Limits {
-            interval_ns: self.max_fps.map_or(0, |fps| (1e9 / fps) as u64),
+            interval_ns: self.interval().as_nanos() as u64,
             never_idle: self.no_idle || drawn_on,
         })
     }

@@ -37,10 +37,11 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         )
         .into());
     }
-    let meters: Vec<Arc<Meter>> = chosen
-        .iter()
-        .map(|c| Arc::new(Meter::new(&c.name, &c.spec.to_string(), &PROCESSES)))
-        .collect();
+    let meter = |(c, run): (&NamedInput, &RunArgs)| {
+        let meter = Meter::new(&c.name, &c.spec.to_string(), &PROCESSES);
+        Arc::new(meter.with_interval(run.pace.interval()))
+    };
+    let meters: Vec<Arc<Meter>> = chosen.iter().zip(runs).map(meter).collect();
     let _figures = figures(runs.first(), &meters)?;
     let page = match runs.first() {
         Some(first) => first.bridges.serve(first.show_picture)?,

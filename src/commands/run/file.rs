@@ -169,7 +169,7 @@ fn see(
     while !stop.requested() {
         let mut message = Box::new(ObservationFrame::default());
         match observer.step(&mut message)? {
-            Step::Nothing | Step::Idle | Step::Silent => continue,
+            Step::Nothing | Step::Away | Step::Idle | Step::Silent => continue,
             Step::Ended => return Ok(true),
             Step::Observed => {}
         }

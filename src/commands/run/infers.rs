@@ -88,7 +88,8 @@ impl Infers {
         for infer in &mut self.each {
             let away = match infer.child.heard() {
                 Some(Beat::Step) => false,
-                Some(Beat::Waiting) => true,
+                Some(Beat::Away) => true,
+                // A picture that is not due yet or was damaged says nothing of it.
                 _ => continue,
             };
             infer.away = away;

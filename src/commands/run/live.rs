@@ -229,8 +229,10 @@ fn watch(
         let published = infers.heard(Beat::Step);
         if received {
             pulse.beat(Progress::Bodies);
-        } else if infers.heard(Beat::Waiting) {
+        } else if infers.heard(Beat::Away) {
             pulse.beat(Progress::Waiting);
+        } else if infers.heard(Beat::Waiting) {
+            pulse.beat(Progress::Still);
         }
         match flow.look(Instant::now(), received, published) {
             Remedy::Wait => {}

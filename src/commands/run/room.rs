@@ -62,7 +62,9 @@ pub fn run(
             events: fitting.events,
         },
     };
-    let meter = Arc::new(Meter::new(&plan.name, &plan.source, &PROCESSES));
+    let slowest = runs.iter().map(|run| run.pace.interval()).max();
+    let meter = Meter::new(&plan.name, &plan.source, &PROCESSES);
+    let meter = Arc::new(meter.with_interval(slowest.unwrap_or_default()));
     let meters = vec![Arc::clone(&meter)];
     let _figures = figures(Some(&args), &meters)?;
     let page = args.bridges.serve(args.show_picture)?;

@@ -8,6 +8,7 @@ use super::{
     CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
 };
 use crate::camera::CameraFile;
+use crate::capture::InputSpec;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::events;
 use crate::commands::exit::Failure;
@@ -253,7 +254,7 @@ fn chosen(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Vec<CameraSett
     let (input, name) = (&typed.input.input, &typed.input.name);
     if let Some(input) = input {
         let same = cameras.iter().find(|c| {
-            c.input.input.as_ref() == Some(input)
+            c.input.input.as_ref().is_some_and(|i| is_same(i, input))
                 && name
                     .as_ref()
                     .is_none_or(|n| c.input.name.as_ref() == Some(n))
@@ -278,6 +279,22 @@ fn chosen(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Vec<CameraSett
     match &cameras[..] {
         [] => Ok(vec![CameraSettings::default()]),
         all => Ok(all.to_vec()),
+    }
+}
+
+/// Whether both name the same input: a file or device is the same by every path and link.
+fn is_same(one: &str, other: &str) -> bool {
+    let (Ok(one), Ok(other)) = (one.parse::<InputSpec>(), other.parse::<InputSpec>());
+    let real = |path: &Path| {
+        path.canonicalize()
+            .or_else(|_| std::path::absolute(path))
+            .ok()
+    };
+    match (&one, &other) {
+        (InputSpec::Path(a), InputSpec::Path(b)) => {
+            a == b || real(a).is_some_and(|a| real(b) == Some(a))
+        }
+        _ => one == other,
     }
 }
 
@@ -331,5 +348,26 @@ mod tests {
             "{text}fit = {{ prediction = {{ max = 0.07 }} }}\n"
         ));
         assert_eq!((config.prediction.max, config.height), (0.07, Some(1.8)));
+    }
+
+    #[test]
+    fn an_input_is_the_same_by_every_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let [film, link, other] =
+            ["film.avi", "link.avi", "other.avi"].map(|n| folder.path().join(n));
+        std::fs::write(&film, "").unwrap();
+        std::fs::write(&other, "").unwrap();
+        std::os::unix::fs::symlink(&film, &link).unwrap();
+        let text = |path: &Path| path.display().to_string();
+        assert!(is_same(&text(&film), &text(&link)));
+        assert!(is_same(
+            &text(&folder.path().join("./film.avi")),
+            &text(&film)
+        ));
+        assert!(!is_same(&text(&film), &text(&other)));
+        // One that is not there yet has its name alone.
+        let here = text(&std::env::current_dir().unwrap().join("away.avi"));
+        assert!(is_same("away.avi", &here) && !is_same("away.avi", "gone.avi"));
+        assert!(is_same("camera", "camera") && !is_same("camera", "demo"));
     }
 }

@@ -9,6 +9,7 @@ mod together;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -114,9 +115,13 @@ impl Settings {
             return Ok(Self::default());
         };
         let text = bounded::read_text(&path, bounded::SETTINGS).map_err(|e| {
+            let name = path.display();
+            let advice = match e.kind() {
+                ErrorKind::NotFound => format!("'edgecap config sample > {name}' makes one"),
+                _ => "make it readable".to_owned(),
+            };
             Failure::config(format!(
-                "cannot read {}: {e}; make it readable, or name another with --config",
-                path.display()
+                "cannot read {name}: {e}; {advice}, or name another with --config"
             ))
         })?;
         let mut settings = Self::parse(&path.display().to_string(), &text)?;
@@ -238,5 +243,34 @@ impl Settings {
         below(&mut self.network.value.model);
         below(&mut self.network.value.stage2);
         below(&mut self.multiview.value.calibration);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The options of a section that have a value when nobody types one.
+    fn with_defaults<T: config::Section + clap::Args>() -> Vec<String> {
+        let command = T::augment_args(clap::Command::new("edgecap"));
+        let has_default = |a: &&clap::Arg| !a.get_default_values().is_empty();
+        let of = command.get_arguments().filter(has_default);
+        of.map(|a| a.get_id().to_string()).collect()
+    }
+
+    /// A default of the command line would pass for nothing typed when it is typed, and the file would win.
+    #[test]
+    fn what_is_typed_can_be_told_from_what_is_not() {
+        let all = [
+            with_defaults::<InputArgs>(),
+            with_defaults::<PaceArgs>(),
+            with_defaults::<FittingArgs>(),
+            with_defaults::<RecordArgs>(),
+            with_defaults::<EngineArgs>(),
+            with_defaults::<MetricsArgs>(),
+            with_defaults::<BridgeArgs>(),
+            with_defaults::<MultiviewArgs>(),
+        ];
+        assert_eq!(all.concat(), Vec::<String>::new());
     }
 }
