@@ -83,7 +83,7 @@ pub struct FitTask {
     #[serde(default)]
     pub calibration: Option<PathBuf>,
     /// Settings of identity, filters and fit (TOML)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long = "fit-config", visible_alias = "config", value_name = "FILE")]
     pub config: Option<Setting<FitConfig>>,
     /// What counts as an event, and zones of the floor (TOML)
     #[arg(long, value_name = "FILE")]
@@ -110,7 +110,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         .may_read("--camera", args.camera.as_deref())
         .writes_records(&args.record);
     if let Some(Setting::File(path)) = &task.config {
-        apart = apart.reads("--config", path);
+        apart = apart.reads("--fit-config", path);
     }
     let calibration = task.calibration.as_deref().filter(|path| path.is_file());
     apart.may_read("--calibration", calibration).check()?;

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Deserialize;
+
 use crate::bounded;
 use crate::commands::exit::Failure;
 use crate::config::{Mistake, Setting};
@@ -29,7 +31,14 @@ pub fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> 
     }
 }
 
-/// Reads a file of settings.
+/// A file that holds the settings below their header, as `edgecap.toml` does.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    fit: FitConfig,
+}
+
+/// Reads a file of settings, with the header `[fit]` or without.
 ///
 /// # Errors
 /// If it cannot be read, or what is wrong with it.
@@ -37,5 +46,10 @@ pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
     let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
     let file = path.display().to_string();
-    Ok(toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?)
+    let has_header = toml::from_str::<toml::Table>(&text).is_ok_and(|t| t.contains_key("fit"));
+    let config = match has_header {
+        true => toml::from_str::<Section>(&text).map(|section| section.fit),
+        false => toml::from_str(&text),
+    };
+    Ok(config.map_err(|e| Mistake::refused(&file, &text, &e))?)
 }
