@@ -4,7 +4,7 @@
 //! ```text
 //! edgecap synth --clip /tmp/noise/clip.avi --frames 600 --seed 3
 //! edgecap infer --input /tmp/noise/clip.avi --jsonl /tmp/noise/observations.jsonl
-//! cargo run --release --example observation_noise -- --observations /tmp/noise/observations.jsonl --truth /tmp/noise/truth.json
+//! cargo run --release --example observation_noise -- --observations /tmp/noise/observations.jsonl --truth /tmp/noise/clip.truth.json
 //! ```
 //!
 //! Give the clip's true camera to `infer` (`--camera`) where Stage II's view matters; pixels are compared with the

@@ -1,4 +1,4 @@
-//! Real-time 3D motion capture of everyone in front of one ordinary camera, on a CPU.
+//! Real-time 3D motion capture of everyone in front of ordinary cameras, on a CPU.
 //!
 //! The way of a frame: [`capture`] → [`engine`] (Stage I) → [`detect`] → [`lift`] (Stage II) → shared memory → [`fit`]
 //! (Stage III) → shared memory → local apps. Each stage is pure: input in, output out. [`commands`] joins them.

@@ -276,16 +276,7 @@ fn comments_fit_the_page() {
 #[test]
 fn documents_fit_the_page() {
     const WIDTH: usize = 120;
-    let root = src().with_file_name("");
-    let rooms = ["clients", "deploy", "docs", "kernels", "models", "benches"];
-    let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"]
-        .map(|name| root.join(name))
-        .into();
-    documents.extend(
-        rooms
-            .iter()
-            .flat_map(|room| files_of(&root.join(room), "md")),
-    );
+    let mut documents = documents();
     documents.retain(|document| !document.ends_with("RUNS.md"));
     assert!(documents.len() > 15, "{documents:?}");
     for document in documents {
@@ -300,4 +291,113 @@ fn documents_fit_the_page() {
             );
         }
     }
+}
+
+/// Every document of ours: those that git has, and new ones.
+fn documents() -> Vec<PathBuf> {
+    let root = src().with_file_name("");
+    let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"]
+        .map(|name| root.join(name))
+        .into();
+    for room in [
+        "benches", "clients", "deploy", "docs", "fuzz", "kernels", "models", "src",
+    ] {
+        let found = files_of(&root.join(room), "md").into_iter();
+        documents.extend(found.filter(|f| !f.starts_with(root.join("fuzz/target"))));
+    }
+    documents
+}
+
+/// Where a document's links lead: all but those of code.
+fn links(text: &str) -> Vec<String> {
+    let mut is_code = false;
+    let mut prose = String::new();
+    for line in text.lines() {
+        let is_fence = line.trim_start().starts_with("```");
+        is_code ^= is_fence;
+        if !is_code && !is_fence {
+            prose = prose + line + "\n";
+        }
+    }
+    // Every second piece of a paragraph stands between two backticks.
+    let pieces = prose.split("\n\n").flat_map(|p| p.split('`').step_by(2));
+    let words: String = pieces.collect();
+    let ends = words.split("](").skip(1);
+    ends.filter_map(|rest| Some(rest.split_once(')')?.0.to_owned()))
+        .collect()
+}
+
+/// What a heading is called in links: as GitHub does it.
+fn anchor(heading: &str) -> String {
+    let kept = |c: char| c.is_alphanumeric() || " -_".contains(c);
+    let name: String = heading.chars().filter(|c| kept(*c)).collect();
+    name.trim().to_lowercase().replace(' ', "-")
+}
+
+/// Headings of a document as links call them.
+fn anchors(document: &Path) -> Vec<String> {
+    let text = fs::read_to_string(document).unwrap();
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    headings
+        .map(|h| anchor(h.trim_start_matches('#')))
+        .collect()
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut followed = 0;
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        for link in links(&text) {
+            if link.contains("://") || link.starts_with("mailto:") {
+                continue;
+            }
+            let (file, part) = link.split_once('#').unwrap_or((&link, ""));
+            let target = match file {
+                "" => document.clone(),
+                file => document.with_file_name("").join(file),
+            };
+            let leads =
+                target.exists() && (part.is_empty() || anchors(&target).contains(&part.into()));
+            assert!(leads, "{}: '{link}' leads nowhere", document.display());
+            followed += 1;
+        }
+    }
+    assert!(followed > 60, "{followed} links were found");
+}
+
+/// The Debian package has documents in the same folders as the clone, with everything that they link to.
+#[test]
+fn packed_documents_link_to_what_is_packed() {
+    let manifest: toml::Table = include_str!("../Cargo.toml").parse().unwrap();
+    let assets = manifest["package"]["metadata"]["deb"]["assets"].as_array();
+    let mut packed = BTreeSet::new();
+    for asset in assets.unwrap() {
+        let (from, to) = (asset[0].as_str().unwrap(), asset[1].as_str().unwrap());
+        let Some(to) = to.strip_prefix("usr/share/doc/edgecap/") else {
+            continue;
+        };
+        let (folder, name) = from.rsplit_once('/').unwrap_or(("", from));
+        assert_eq!(to.trim_end_matches('/'), folder, "{from}");
+        let folder = src().with_file_name(folder);
+        match name {
+            "*" => packed.extend(fs::read_dir(folder).unwrap().map(|e| e.unwrap().path())),
+            name => _ = packed.insert(folder.join(name)),
+        }
+    }
+    let is_document = |path: &&PathBuf| path.extension().is_some_and(|e| e == "md");
+    let mut followed = 0;
+    for document in packed.iter().filter(is_document) {
+        for link in links(&fs::read_to_string(document).unwrap()) {
+            let file = link.split('#').next().unwrap();
+            if file.is_empty() || link.contains("://") {
+                continue;
+            }
+            let target = document.with_file_name(file).canonicalize().unwrap();
+            let is_packed = packed.iter().any(|p| p.canonicalize().unwrap() == target);
+            assert!(is_packed, "{}: '{link}' is not packed", document.display());
+            followed += 1;
+        }
+    }
+    assert!(followed > 50, "{followed} links were found");
 }

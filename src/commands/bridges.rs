@@ -25,7 +25,8 @@ pub struct BridgeArgs {
         default_missing_value = "127.0.0.1:9744", value_parser = parse_address)]
     #[serde(deserialize_with = "address")]
     pub view: Option<SocketAddr>,
-    /// What clients of the page have to know [default: none on this machine, else a random one]
+    /// What clients of the page have to know: 8 or more letters, digits, '-', '_' [default: none on this machine, else
+    /// a random one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
     /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000

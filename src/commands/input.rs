@@ -27,7 +27,8 @@ pub struct InputArgs {
     /// [default: the first camera, else the bundled demo clip, over and over]
     #[arg(long, value_name = "INPUT")]
     pub input: Option<String>,
-    /// Name under which observations and bodies are published [default: camera0, or the file's name]
+    /// Name under which observations and bodies are published [default: camera0 where no input is given, of 'camera'
+    /// and of '-'; else the file's or device's name without its ending, such as clip or video0]
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
     /// The lens (TOML): fov_degrees across, or a calibration's fx, fy, cx, cy, width, height; 60 degrees when not given

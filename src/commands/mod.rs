@@ -51,11 +51,13 @@ mod view;
 mod view_file;
 mod watch;
 
+use std::ffi::OsString;
+
 use clap::{Parser, Subcommand};
 
 pub use infer::{Quality, photo_inputs};
 
-/// Motion capture of everyone in front of one ordinary camera, on a CPU, into shared memory.
+/// Motion capture of everyone in front of ordinary cameras, on a CPU, into shared memory.
 #[derive(Debug, Parser)]
 #[command(
     name = "edgecap",
@@ -76,11 +78,12 @@ enum Verb {
     Run(Box<run::RunArgs>),
     /// Show the bodies that a running camera publishes
     Watch(watch::WatchArgs),
-    /// Show them in three dimensions on a page in the browser, and hand them on over WebSocket
+    /// Show the bodies that running cameras publish in three dimensions on a page in the browser, and hand them on over
+    /// WebSocket
     View(view::ViewArgs),
-    /// Pictures in, observations out
+    /// Find people in pictures: a camera, a film or photos in, observations out
     Infer(infer::InferArgs),
-    /// Observations in, bodies out
+    /// Follow people and their poses over time: observations in, bodies out
     Fit(Box<fit::FitArgs>),
     /// Say what happens in front of a camera: who enters and leaves, zones, raised and waving hands
     Events(events::EventsArgs),
@@ -94,7 +97,7 @@ enum Verb {
     Export(export::ExportArgs),
     /// Draw heights and angles of recorded bodies over time
     Plot(export::PlotArgs),
-    /// What several calibrated cameras saw in, bodies with shape and mesh out
+    /// Make bodies with shape and mesh of what several calibrated cameras saw
     Multiview(Box<multiview::MultiviewArgs>),
     /// Find where several cameras stand by people who walk before them, or lenses and places by pictures of a board
     Calibrate(calibrate::CalibrateArgs),
@@ -123,7 +126,7 @@ enum Verb {
 
 /// Runs the command line; the exit code.
 pub fn main() -> u8 {
-    let cli = match Cli::try_parse() {
+    let cli = match Cli::try_parse_from(words(std::env::args_os())) {
         Ok(cli) => cli,
         Err(e) if e.use_stderr() => {
             say::failure(&format!("edgecap: {}", one_line(&e)));
@@ -171,6 +174,15 @@ pub fn main() -> u8 {
             exit::code(&e)
         }
     }
+}
+
+/// A command line as it is meant: `help --help` asks for help, not for that about a verb of this name.
+fn words(given: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut words: Vec<OsString> = given.collect();
+    if words.get(1).is_some_and(|word| word == "help") {
+        words.retain(|word| word != "--help" && word != "-h");
+    }
+    words
 }
 
 /// What is wrong with a command line, without how it is used.

@@ -49,3 +49,16 @@ pub fn encode(take: &Take) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_page_names_every_column() {
+        let page = include_str!("../../docs/export.md");
+        let (_, columns) = page.split_once("\n## Columns of `.csv`\n").unwrap();
+        let columns = columns.split("\n## ").next().unwrap();
+        for name in super::HEAD.trim().split(',') {
+            assert!(columns.contains(&format!("`{name}`")), "{name}");
+        }
+    }
+}

@@ -98,3 +98,25 @@ pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
 fn array<'a>(name: &'a str, shape: &'a [usize], data: Values<'a>) -> Array<'a> {
     Array { name, shape, data }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_names_every_array() {
+        let page = include_str!("../../docs/export.md");
+        let (_, arrays) = page.split_once("\n## Arrays of `.npz`\n").unwrap();
+        let arrays = arrays.split("\n## ").next().unwrap();
+        let of_all = [
+            "frame",
+            "time",
+            "person",
+            "world_rotation",
+            "world_translation",
+        ];
+        for name in FIELDS.iter().map(|field| field.0).chain(of_all) {
+            assert!(arrays.contains(&format!("`{name}`")), "{name}");
+        }
+    }
+}

@@ -149,7 +149,9 @@ fn two_results_are_not_written_to_one_file() {
     }
     assert!(!Path::new(to).exists());
     let clip = folder.path().join("truth.json");
-    let args = ["synth", "--frames", "1", "--clip", clip.to_str().unwrap()];
+    let place = folder.path().to_str().unwrap();
+    let args = ["synth", "--frames", "1", "--out", place, "--clip"];
+    let args = [&args[..], &[clip.to_str().unwrap()]].concat();
     assert_fails(&args, 64, &["--clip", "its truth", "a file for each"]);
     assert!(!clip.exists());
     let settings = folder.path().join("edgecap.toml");

@@ -1,4 +1,5 @@
-//! `docs/body.md` says how joints come of angles and lengths: its code does what it says.
+//! `docs/body.md` says how joints come of angles and lengths: its code does what it says, and its tables name every
+//! field.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -129,6 +130,37 @@ fn the_names_of_clients_are_those_of_the_skeleton() {
             PAGE.contains(&format!("`{name}`")) || PAGE.contains(&format!("`…_{end}`")),
             "{name}"
         );
+    }
+}
+
+/// Public fields of a struct, by its source.
+fn fields(source: &str, of: &str) -> Vec<String> {
+    let (_, body) = source.split_once(&format!("pub struct {of} {{")).unwrap();
+    let (body, _) = body.split_once("\n}").unwrap();
+    let names = body.lines().filter_map(|l| l.trim().strip_prefix("pub "));
+    names
+        .map(|line| line.split_once(':').unwrap().0.to_owned())
+        .collect()
+}
+
+#[test]
+fn its_tables_name_every_field() {
+    let body = include_str!("../../clients/rust/src/message/body.rs");
+    let observation = include_str!("../../clients/rust/src/message/observation.rs");
+    for (source, of) in [
+        (body, "BodyFrame"),
+        (body, "Body"),
+        (body, "World"),
+        (observation, "ObservationFrame"),
+        (observation, "Observation"),
+    ] {
+        let (_, section) = PAGE.split_once(&format!("\n## {of}\n")).expect(of);
+        let section = section.split("\n## ").next().unwrap();
+        let named = fields(source, of);
+        assert!(named.len() > 2, "{of}: {named:?}");
+        for field in named.iter().filter(|f| *f != "reserved") {
+            assert!(section.contains(&format!("`{field}`")), "{of}: {field}");
+        }
     }
 }
 

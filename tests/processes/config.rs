@@ -119,6 +119,31 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
 }
 
 #[test]
+fn settings_of_the_fit_stand_with_and_without_their_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (file, none, out) = (at("fit.toml"), at("none.jsonl"), at("bodies.jsonl"));
+    for (text, code, words) in [
+        ("height = 1.8", 66, "none.jsonl"),
+        ("[fit]\nheight = 1.8", 66, "none.jsonl"),
+        ("[fit.terms]\ncontact = 0.5", 66, "none.jsonl"),
+        ("heigth = 1.8", 78, "fit.toml:1:1: unknown key 'heigth'"),
+        (
+            "[fit]\nheigth = 1.8",
+            78,
+            "fit.toml:2:1: unknown key 'heigth'",
+        ),
+        ("[fit]\n[network]", 78, "unknown key 'network'"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        for option in ["--fit-config", "--config"] {
+            let args = ["fit", "--input", &none, "--jsonl", &out, option, &file];
+            program::assert_fails(&args, code, &[words]);
+        }
+    }
+}
+
+#[test]
 fn the_sample_is_right_and_holds_every_key() {
     let printed = |text: &str| {
         let out = config("print", text, &[]);

@@ -202,12 +202,14 @@ fn the_truth_about_another_clip_stays() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (one, other) = (at("a.avi"), at("b.avi"));
-    let synth = |clip: &str| {
+    let synth = |clip: &str, more: &[&str]| {
         let args = ["synth", "--clip", clip, "--frames", "1", "--people", "0"];
-        output(&[&args[..], &["--width", "64", "--height", "64"]].concat())
+        output(&[&args[..], &["--width", "64", "--height", "64"], more].concat())
     };
-    assert!(synth(&one).status.success() && synth(&one).status.success());
-    let refused = synth(&other);
+    let folder = at("truth");
+    let named: &[&str] = &["--out", &folder];
+    assert!(synth(&one, named).status.success() && synth(&one, named).status.success());
+    let refused = synth(&other, named);
     assert_eq!(refused.status.code(), Some(73));
     assert!(
         stderr(&refused).contains("that about a.avi"),
@@ -271,6 +273,29 @@ fn status_tells_whoever_publishes() {
         json.contains("\"streams\"") && json.contains(&played),
         "{json}"
     );
+}
+
+#[test]
+fn clips_beside_each_other_have_their_own_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    for clip in ["long", "short"] {
+        let film = folder.path().join(clip).with_extension("avi");
+        let args = ["synth", "--frames", "1", "--people", "0", "--width", "64"];
+        let to = ["--height", "64", "--clip", film.to_str().unwrap()];
+        let made = output(&[&args[..], &to].concat());
+        assert!(made.status.success(), "{}", stderr(&made));
+        let truth = std::fs::read_to_string(film.with_extension("truth.json")).unwrap();
+        assert!(truth.contains(&format!("\"{clip}.avi\"")), "{truth}");
+    }
+}
+
+#[test]
+fn help_about_help_is_help() {
+    for ask in ["--help", "-h"] {
+        let told = output(&["help", ask]);
+        assert!(told.status.success(), "{}", stderr(&told));
+        assert_eq!(stdout(&told), stdout(&output(&["help"])));
+    }
 }
 
 #[test]

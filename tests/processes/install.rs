@@ -238,7 +238,7 @@ fn assert_no_hidden_option(what: &str, text: &str) {
         long.contains(&"help"),
         "{what}: what is looked at are options"
     );
-    let hidden = ["job", "prefix"];
+    let hidden = ["job"];
     assert!(!long.iter().any(|o| hidden.contains(o)), "{what}: {long:?}");
 }
 

@@ -88,7 +88,7 @@ pub struct FitTask {
     #[serde(default)]
     pub calibration: Option<PathBuf>,
     /// Settings of identity, filters and fit (TOML)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long = "fit-config", visible_alias = "config", value_name = "FILE")]
     pub config: Option<Setting<FitConfig>>,
     /// What counts as an event, and zones of the floor (TOML); events are published with the bodies
     #[arg(long, value_name = "FILE", conflicts_with = "input")]
@@ -113,7 +113,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
     Apart::default()
         .may_read("--input", args.input.as_deref())
         .may_read("--camera", args.camera.as_deref())
-        .reads_setting("--config", task.config.as_ref())
+        .reads_setting("--fit-config", task.config.as_ref())
         .reads_setting("--events", task.events.as_ref())
         .reads_calibration(task.calibration.as_deref())
         .writes_records(&args.record)

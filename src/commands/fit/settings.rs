@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Deserialize;
+
 use crate::bounded;
 use crate::commands::exit::Failure;
 use crate::config::{Mistake, Setting, Table};
@@ -29,7 +31,14 @@ pub fn config(config: Option<&Setting<FitConfig>>) -> anyhow::Result<FitConfig> 
     }
 }
 
-/// Reads a file of settings.
+/// A file that holds the settings below their header, as `edgecap.toml` does.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    fit: FitConfig,
+}
+
+/// Reads a file of settings, with the header `[fit]` or without.
 ///
 /// # Errors
 /// If it cannot be read, or what is wrong with it, and where.
@@ -37,13 +46,21 @@ pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
     let text = bounded::read_text(path, bounded::SETTINGS)
         .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
     let file = path.display().to_string();
-    let config: FitConfig =
-        toml::from_str(&text).map_err(|e| Mistake::refused(&file, &text, &e))?;
+    let has_header = toml::from_str::<toml::Table>(&text).is_ok_and(|t| t.contains_key("fit"));
+    let config = match has_header {
+        true => toml::from_str::<Section>(&text).map(|section| section.fit),
+        false => toml::from_str(&text),
+    };
+    let config: FitConfig = config.map_err(|e| Mistake::refused(&file, &text, &e))?;
     config.check().map_err(|e| {
         let places = Table::parse(&file, &text).map(|t| t.places());
         let places = places.unwrap_or_default();
+        let place = |f: &str| match has_header {
+            true => places.get(format!("fit.{f}").as_str()).copied(),
+            false => places.get(f).copied(),
+        };
         Mistake {
-            place: e.field().and_then(|f| places.get(f)).copied(),
+            place: e.field().and_then(place),
             what: e.to_string(),
             file,
         }

@@ -29,8 +29,8 @@ pub struct InstallArgs {
     /// Install below this folder, for images and packages: only files, no commands
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
-    /// Where the program itself goes with --system: /usr/local, or /usr for packages
-    #[arg(long, value_name = "DIR", default_value = "/usr/local", hide = true)]
+    /// Where the program itself goes with --system; /usr in packages
+    #[arg(long, value_name = "DIR", default_value = "/usr/local")]
     prefix: PathBuf,
 }
 

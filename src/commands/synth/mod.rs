@@ -19,7 +19,7 @@ use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
 use crate::lab::synth::{Truth, TruthFrame};
-use crate::output::{AtomicFile, AtomicFolder, parent};
+use crate::output::{AtomicFile, AtomicFolder};
 
 /// Frames rendered before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;
@@ -39,7 +39,8 @@ pub struct SynthArgs {
     /// New or empty folder for numbered pictures and truth.json.
     #[arg(long, required_unless_present = "clip")]
     pub out: Option<PathBuf>,
-    /// Write a Motion-JPEG clip to this AVI file instead; truth.json goes to --out, else beside the clip.
+    /// Write a Motion-JPEG clip to this AVI file instead; the truth goes to --out as truth.json,
+    /// else beside the clip NAME.avi as NAME.truth.json.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["stills", "format"])]
     pub clip: Option<PathBuf>,
     /// Number of frames.
@@ -73,8 +74,8 @@ pub struct SynthArgs {
     /// With --views: who every pixel shows, as pictures masks/CAMERA/000000.png of identities, 0 where nobody is.
     #[arg(long, requires = "views")]
     pub masks: bool,
-    /// With --views: what a network as bad as the one that comes along would tell of every view, as CAMERA.jsonl for
-    /// 'multiview'.
+    /// With --views: what 'infer' would say of every view, as CAMERA.jsonl for 'multiview': the truth, with errors as
+    /// large as those of the shipped weights.
     #[arg(long, requires = "views")]
     pub observed: bool,
     /// Only the truth about stills or views, no pictures: tens of thousands of people a second. Visible then means
@@ -269,8 +270,10 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
 
 /// Writes a clip and its truth.
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
-    let truth_folder = args.out.as_deref().unwrap_or_else(|| parent(file));
-    let truth_path = truth_folder.join("truth.json");
+    let truth_path = match &args.out {
+        Some(folder) => folder.join("truth.json"),
+        None => file.with_extension("truth.json"),
+    };
     Apart::default()
         .writes("--clip", file)
         .writes("its truth", &truth_path)
