@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import pathlib
 import sys
 import tempfile
@@ -13,6 +14,9 @@ import torch
 
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(KIT))
+
+if importlib.util.find_spec("cv2") is None:
+    raise unittest.SkipTest("OpenCV is not here, without which nothing is carried")
 
 import ahead
 import carry
