@@ -99,8 +99,8 @@ fn settings_are_not_replaced_by_a_result() {
         (&demo, "--events", &events),
         (&demo, "--config", &all),
         (&["run", "--input", "demo", "--live"], "--fit-config", &fit),
-        (&["fit", "--input", &seen], "--config", &fit),
-        (&["fit"], "--config", &fit),
+        (&["fit", "--input", &seen], "--fit-config", &fit),
+        (&["fit"], "--fit-config", &fit),
         (&["fit"], "--events", &events),
     ] {
         for to in ["--jsonl", "--record"] {
