@@ -12,7 +12,7 @@ import unittest
 
 import numpy as np
 
-SCRIPT = pathlib.Path(__file__).with_name("threedpw_to_npz.py")
+SCRIPT = pathlib.Path(__file__).resolve().parents[1] / "threedpw_to_npz.py"
 # SMPL's joints of somebody upright, metres, y up, feet on the floor.
 BODY = np.array(
     [[0, 0.95, 0], [0.07, 0.87, 0], [-0.07, 0.87, 0], [0, 1.06, 0], [0.1, 0.5, 0], [-0.1, 0.5, 0], [0, 1.2, 0], [0.1, 0.1, 0]]
