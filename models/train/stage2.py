@@ -95,11 +95,11 @@ class People3D:
         f = 256 / torch.tan((35 + 55 * rand(n)) * math.pi / 360)
         close = rand(n) < CLOSE
         tall = torch.where(close, 280 * (900 / 280) ** rand(n), 40 * 8 ** rand(n))
-        dist = torch.where(close, (f * 1.68 / tall).clamp_min(0.6), (f * 1.68 / tall).clamp_min(1.5))
+        dist = torch.maximum(f * 1.68 / tall, torch.where(close, 0.6, 1.5))
         hc = torch.where(close, 0.7 + 1.2 * rand(n), 0.6 + 2.4 * rand(n))
         # What the camera looks at: hips of those far away, somewhere from hips to head of those close by, more or less in the middle.
-        aim = torch.where(close, 0.9 + 0.7 * rand(n), torch.full_like(hc, 0.9))
-        off = (rand(n) - 0.5) * torch.where(close, torch.full_like(f, 200.0), torch.full_like(f, 120.0))
+        aim = 0.9 + 0.7 * rand(n) * close
+        off = (rand(n) - 0.5) * torch.where(close, 200.0, 120.0)
         pitch = (torch.atan2(hc - aim, dist) - torch.atan2(off, f)).clamp(-0.44, 0.87)
         roll = 0.06 * torch.randn(n, generator=g, device=d)
         x = (rand(n) - 0.5) * 512 / f * dist

@@ -5,10 +5,8 @@ use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use edgecap_client::place::RUNTIME_DIR_VARIABLE;
+use edgecap_client::place::{RUNTIME_DIR_VARIABLE, SERVICE_FOLDER};
 
-/// Where the streams of a service lie.
-const SERVICE_FOLDER: &str = "/run/edgecap";
 /// May look into a folder, by its mode: the group, and everybody.
 const OF_GROUP: u32 = 0o050;
 

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{ChildStdin, Stdio};
+use std::process::{ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched};
@@ -95,6 +95,25 @@ fn a_cut_film_does_not_replace_more() {
     assert!(folder.path().join("e-cut.csv").exists());
 }
 
+/// How a program ended that was stopped when it had written `word`, and all that it wrote.
+fn stopped_after(command: &mut Command, word: &str) -> (Output, String) {
+    let mut child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    let mut seen = String::new();
+    while !seen.contains(word) {
+        let n = stdout.read_line(&mut seen).unwrap();
+        assert!(n > 0, "'{word}' never comes");
+    }
+    // All that follows does not fit into the pipe: it cannot have ended.
+    signal(child.id(), "TERM");
+    stdout.read_to_string(&mut seen).unwrap();
+    (child.wait_with_output().unwrap(), seen)
+}
+
 #[test]
 fn a_film_that_is_stopped_does_not_replace_more() {
     let older = "a line of the time before\n".repeat(400_000);
@@ -116,21 +135,8 @@ fn a_film_that_is_stopped_does_not_replace_more() {
         if verb == "run" {
             command.arg("--export").arg(at("e.csv"));
         }
-        let mut child = command
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut stdout = BufReader::new(child.stdout.take().unwrap());
-        let mut seen = String::new();
         // An export is of somebody.
-        while !seen.contains("joints3d") {
-            assert!(stdout.read_line(&mut seen).unwrap() > 0, "nobody is seen");
-        }
-        // All that follows does not fit into the pipe: it cannot have ended.
-        signal(child.id(), "TERM");
-        stdout.read_to_string(&mut seen).unwrap();
-        let out = child.wait_with_output().unwrap();
+        let (out, _) = stopped_after(&mut command, "joints3d");
         let said = stderr(&out);
         assert_eq!(out.status.code(), Some(130), "{verb}: {said}");
         for name in names {
@@ -412,20 +418,7 @@ fn a_film_that_is_not_seen_to_its_end_says_so() {
     for verb in ["infer", "run"] {
         let name = stream("stopped");
         let args = [verb, "--input", "demo", "--name", &name, "--jsonl", "-"];
-        let mut child = edgecap()
-            .args(args)
-            .args(SMALL)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut stdout = BufReader::new(child.stdout.take().unwrap());
-        let mut seen = String::new();
-        stdout.read_line(&mut seen).unwrap();
-        // All that follows does not fit into the pipe: it cannot have ended.
-        signal(child.id(), "TERM");
-        stdout.read_to_string(&mut seen).unwrap();
-        let out = child.wait_with_output().unwrap();
+        let (out, seen) = stopped_after(edgecap().args(args).args(SMALL), "\n");
         assert_eq!(out.status.code(), Some(130), "{verb}: {}", stderr(&out));
         let said = match seen.lines().count() {
             1 => "stopped after 1 frame;".to_owned(),

@@ -64,7 +64,7 @@ impl Domain {
                 }
             }
         };
-        made().map_err(|e| LinkError::place(folder, e))
+        made().map_err(|e| LinkError::place(folder, format!("making a folder in it: {e}")))
     }
 
     /// Joins the one that a publisher named; `None` where it has gone.

@@ -29,7 +29,7 @@ use crate::stream::stem_of;
 /// Names the folder instead of the search.
 pub const RUNTIME_DIR_VARIABLE: &str = "EDGECAP_RUNTIME_DIR";
 /// A service's own folder.
-const SERVICE_FOLDER: &str = "/run/edgecap";
+pub const SERVICE_FOLDER: &str = "/run/edgecap";
 
 /// The folder of this installation, for a process that publishes.
 #[derive(Debug)]

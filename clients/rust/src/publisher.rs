@@ -105,14 +105,20 @@ impl<M: Message> Made<M> {
         let service = service_name::<M>(camera);
         let place = Place::enter_at(folder)?;
         let folder = place.folder();
-        let other = |e: io::Error| LinkError::place(folder, e);
+        let other = |what| move |e: io::Error| LinkError::place(folder, format!("{what}: {e}"));
         let claim = Claim::take(folder, &file_stem::<M>(camera), PATIENT);
-        let claim = claim.map_err(other)?.ok_or_else(|| LinkError::Busy {
-            service: service.clone(),
-        })?;
+        let claim = claim
+            .map_err(other("claiming the stream"))?
+            .ok_or_else(|| LinkError::Busy {
+                service: service.clone(),
+            })?;
         let (claim, path) = (Arc::new(claim), ring_path::<M>(folder, camera));
-        claim.remove_others().map_err(other)?;
-        place.sweep().map_err(other)?;
+        claim
+            .remove_others()
+            .map_err(other("removing its old files"))?;
+        place
+            .sweep()
+            .map_err(other("removing what the dead left"))?;
 
         let failed = |e: &dyn core::fmt::Display| LinkError::failed(&service, e);
         // Nothing may be written into memory that is not there: first a look, then what is there is reserved.
@@ -141,7 +147,8 @@ impl<M: Message> Made<M> {
             .create()
             .map_err(|e| failed(&e))?;
         link.domain.reserve().map_err(|e| room(e, needed))?;
-        ring.show(&path, claim.clone()).map_err(other)?;
+        ring.show(&path, claim.clone())
+            .map_err(other("naming the stream"))?;
         Ok(Self {
             ring,
             port,
