@@ -1,24 +1,27 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
 //! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
 
+mod device;
+mod folder;
+mod left;
 mod link;
 mod stump;
 mod suffix;
 mod trial;
 
 use std::collections::VecDeque;
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use rustix::fs::{CWD, OFlags, RenameFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
-use tempfile::{NamedTempFile, TempDir};
+use tempfile::NamedTempFile;
 
+pub use folder::AtomicFolder;
+pub use left::sweep;
 pub use suffix::suffixed;
 pub use trial::try_place;
 
@@ -29,12 +32,6 @@ const SUFFIX: &str = ".part";
 pub const STDOUT: &str = "-";
 /// More records than a buffer holds need not be known: they are on the disk.
 const RECORDS_KEPT: usize = 1024;
-/// How long the reader of a pipe may take to open it.
-const READER_PATIENCE: Duration = Duration::from_secs(2);
-/// What nobody has written to for so long, and nobody holds, a killed process has left. The time is for file systems on
-/// which locks of other machines are not seen.
-const LEFT_AFTER: Duration = Duration::from_secs(24 * 60 * 60);
-
 /// Writes a whole file, replacing an older one; missing parent folders are made.
 ///
 /// # Errors
@@ -49,31 +46,6 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 pub fn is_unfinished(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
-}
-
-/// Removes from a folder the files that killed processes of this user have not finished, a day after they were written
-/// to last. Folders stay: they may hold results that could not be moved to their place.
-pub fn sweep(folder: &Path) {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    for path in entries.map(|e| e.path()).filter(|p| is_unfinished(p)) {
-        // What cannot be looked at is not ours to remove.
-        let _ = remove_if_left(&path);
-    }
-}
-
-fn remove_if_left(path: &Path) -> io::Result<()> {
-    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
-    let file = File::options()
-        .read(true)
-        .custom_flags(flags.bits().cast_signed())
-        .open(path)?;
-    let meta = file.metadata()?;
-    let is_own = meta.is_file() && meta.uid() == rustix::process::geteuid().as_raw();
-    let is_old = meta.modified()?.elapsed().is_ok_and(|a| a > LEFT_AFTER);
-    if is_own && is_old && file.try_lock().is_ok() {
-        fs::remove_file(path)?;
-    }
-    Ok(())
 }
 
 /// Where bytes go until the file is finished.
@@ -146,7 +118,7 @@ impl AtomicFile {
         }
         let path = &link::behind_links(path)?;
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            return Ok(Self::new(Place::Device(open_device(path)?), path, None));
+            return Ok(Self::new(Place::Device(device::open(path)?), path, None));
         }
         let folder = parent(path);
         let made = (!folder.exists()).then(|| folder.to_owned());
@@ -405,69 +377,6 @@ impl Drop for AtomicFile {
     }
 }
 
-/// A folder being filled; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
-#[derive(Debug)]
-pub struct AtomicFolder {
-    beside: TempDir,
-    path: PathBuf,
-}
-
-impl AtomicFolder {
-    /// Starts what will become `path`; missing parent folders are made.
-    ///
-    /// # Errors
-    /// If the parent folder cannot be made or written.
-    pub fn create(path: &Path) -> io::Result<Self> {
-        let folder = parent(path);
-        fs::create_dir_all(folder)?;
-        let device = |folder: &Path| fs::metadata(folder).map(|m| m.dev());
-        // Nothing can be moved from one disk to another.
-        match device(path).is_ok_and(|d| device(folder).is_ok_and(|parent| parent != d)) {
-            true => Self::create_in(path, path),
-            false => Self::create_in(folder, path),
-        }
-    }
-
-    /// As [`create`](Self::create), filled in a folder on the same disk.
-    ///
-    /// # Errors
-    /// If that folder cannot be written.
-    pub fn create_in(folder: &Path, path: &Path) -> io::Result<Self> {
-        let beside = tempfile::Builder::new()
-            .prefix(PREFIX)
-            .suffix(SUFFIX)
-            .permissions(fs::Permissions::from_mode(0o777))
-            .tempdir_in(folder)?;
-        Ok(Self {
-            beside,
-            path: path.to_owned(),
-        })
-    }
-
-    /// Where to put what belongs into the folder.
-    pub fn beside(&self) -> &Path {
-        self.beside.path()
-    }
-
-    /// Gives the folder its name. Where there is a folder of that name, what was made goes into it, one file after the
-    /// other, and nothing there is replaced.
-    ///
-    /// # Errors
-    /// If something else of that name, or of a file's, is there. What was made is kept and named: it may have taken
-    /// hours.
-    pub fn finish(self) -> io::Result<()> {
-        let made = self.beside.keep();
-        let moved = match fs::rename(&made, &self.path) {
-            Err(_) if self.path.is_dir() => fill(&made, &self.path),
-            moved => moved,
-        };
-        moved.map_err(|e| {
-            let kept = format!("{e}; what was made lies in {}", made.display());
-            io::Error::new(e.kind(), kept)
-        })
-    }
-}
-
 /// Up to where a file holds what was written to it: somebody may have cut it since, and it is not to be made longer.
 fn written_to(file: &mut File) -> io::Result<u64> {
     Ok(file.stream_position()?.min(file.metadata()?.len()))
@@ -490,21 +399,6 @@ fn unnamed(error: io::Error) -> io::Error {
     }
 }
 
-/// Moves everything from the one folder into the other, or nothing where a name is taken.
-fn fill(made: &Path, folder: &Path) -> io::Result<()> {
-    let entries = fs::read_dir(made)?.map(|e| e.map(|e| e.file_name()));
-    let names = entries.collect::<io::Result<Vec<_>>>()?;
-    let is_taken = |name: &&OsString| fs::symlink_metadata(folder.join(name)).is_ok();
-    if let Some(taken) = names.iter().find(is_taken) {
-        let found = format!("{} is there already", taken.display());
-        return Err(io::Error::new(io::ErrorKind::AlreadyExists, found));
-    }
-    for name in &names {
-        fs::rename(made.join(name), folder.join(name))?;
-    }
-    fs::remove_dir(made)
-}
-
 /// Gives a file that holds anything the first free name of `name-1`, `name-2` and so on; returns that.
 fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
     if !fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0) {
@@ -524,31 +418,6 @@ fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
         return Ok(Some(aside));
     }
     Ok(None)
-}
-
-/// Opens a device or pipe to write into. Opening a pipe that nobody reads would wait for ever, whatever signal comes.
-fn open_device(path: &Path) -> io::Result<File> {
-    let began = Instant::now();
-    let mut options = File::options();
-    options
-        .write(true)
-        .custom_flags(OFlags::NONBLOCK.bits().cast_signed());
-    loop {
-        match options.open(path) {
-            Ok(device) => {
-                fcntl_setfl(&device, OFlags::empty())?;
-                return Ok(device);
-            }
-            Err(e) if Errno::from_io_error(&e) != Some(Errno::NXIO) => return Err(e),
-            Err(e) if began.elapsed() > READER_PATIENCE => {
-                return Err(io::Error::new(
-                    e.kind(),
-                    "nobody reads from this pipe: start its reader first",
-                ));
-            }
-            Err(_) => std::thread::sleep(Duration::from_millis(20)),
-        }
-    }
 }
 
 /// Folder in which a path's last part lies.
@@ -638,80 +507,6 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_gets_the_bytes_and_stays_a_pipe() {
-        use std::os::unix::fs::FileTypeExt;
-        let folder = tempfile::tempdir().unwrap();
-        let pipe = folder.path().join("pipe");
-        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
-        let reader = std::thread::spawn({
-            let pipe = pipe.clone();
-            move || fs::read_to_string(pipe).unwrap()
-        });
-        let mut file = AtomicFile::create(&pipe).unwrap();
-        file.write_all(b"line").unwrap();
-        file.sync().unwrap();
-        file.finish().unwrap();
-        assert_eq!(reader.join().unwrap(), "line");
-        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_pipe_that_nobody_reads_is_an_error_that_says_so() {
-        let folder = tempfile::tempdir().unwrap();
-        let pipe = folder.path().join("pipe");
-        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
-        let e = AtomicFile::create(&pipe).unwrap_err();
-        assert!(e.to_string().contains("nobody reads"), "{e}");
-        assert!(fs::metadata(&pipe).is_ok(), "the pipe stays");
-    }
-
-    #[test]
-    fn a_folder_appears_filled_and_only_where_nothing_is() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("new/album");
-        let album = AtomicFolder::create(&path).unwrap();
-        fs::write(album.beside().join("a"), "a").unwrap();
-        assert!(!path.exists());
-        album.finish().unwrap();
-        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "a");
-        drop(AtomicFolder::create(&path).unwrap());
-        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_folder_in_which_something_is_takes_what_was_made_and_loses_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("album");
-        let album = AtomicFolder::create(&path).unwrap();
-        fs::write(album.beside().join("a"), "new").unwrap();
-        fs::create_dir(&path).unwrap();
-        fs::write(path.join("other"), "old").unwrap();
-        album.finish().unwrap();
-        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "new");
-        assert_eq!(fs::read_to_string(path.join("other")).unwrap(), "old");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-
-        // A name that is taken: hours of work must not be thrown away for it.
-        let again = AtomicFolder::create(&path).unwrap();
-        let made = again.beside().to_owned();
-        for name in ["a", "b"] {
-            fs::write(made.join(name), "newer").unwrap();
-        }
-        let e = again.finish().unwrap_err().to_string();
-        assert!(e.contains("a is there already"), "{e}");
-        assert!(e.contains(&made.display().to_string()), "{e}");
-        assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "new");
-        assert!(!path.join("b").exists(), "all or nothing");
-        assert_eq!(fs::read_to_string(made.join("b")).unwrap(), "newer");
-        let file = folder.path().join("file");
-        fs::write(&file, "a file").unwrap();
-        let third = AtomicFolder::create(&file).unwrap();
-        let made = third.beside().to_owned();
-        assert!(third.finish().is_err() && made.is_dir(), "it is a file");
-    }
-
-    #[test]
     fn a_file_that_appears_early_holds_what_was_written_when_the_process_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hall.jsonl");
@@ -797,43 +592,6 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "one\ntwo\nfour\n");
         fs::remove_file(&path).unwrap();
         assert!(!file.go_back().unwrap(), "nobody would find it");
-    }
-
-    #[test]
-    fn what_killed_processes_left_is_swept_and_nothing_else() {
-        let folder = tempfile::tempdir().unwrap();
-        let made = |name: &str, days: u64| {
-            let path = folder.path().join(name);
-            let file = File::create(&path).unwrap();
-            let ago = Duration::from_secs(days * 24 * 60 * 60 + 60);
-            let time = std::time::SystemTime::now() - ago;
-            file.set_modified(time).unwrap();
-            (path, file)
-        };
-        let (left, _) = made(".edgecap-left.part", 1);
-        let kept = [
-            made(".edgecap-new.part", 0),
-            made(".edgecap-held.part", 9),
-            made("edgecap-other.part", 9),
-            made(".edgecap-other", 9),
-        ];
-        kept[1].1.lock().unwrap();
-        let results = folder.path().join(".edgecap-folder.part");
-        fs::create_dir(&results).unwrap();
-        let mut writing = AtomicFile::create(&folder.path().join("file")).unwrap();
-        writing.write_all(b"whole").unwrap();
-        if let Some(Place::Beside(file)) = writing.writer.as_ref().map(BufWriter::get_ref) {
-            let long_ago = std::time::UNIX_EPOCH;
-            file.as_file().set_modified(long_ago).unwrap();
-        }
-        sweep(folder.path());
-        assert!(!left.exists());
-        for (path, _) in &kept {
-            assert!(path.exists(), "{}", path.display());
-        }
-        assert!(results.exists());
-        writing.finish().unwrap();
-        assert_eq!(fs::read(folder.path().join("file")).unwrap(), b"whole");
     }
 
     #[test]

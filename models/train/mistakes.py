@@ -5,7 +5,8 @@ Every person that the grouping finds in a training picture and that can be match
 hand) and `off` (from there, in statures); where the person's 3D is known, also how far the encodings are from the truth.  `apply` puts
 the record of one person on the pose of another.
 
-Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`).
+Of people whose 3D is known, from the renderer, teacher.py or, in photos of everyday life, depth.py, the answer is kept as it is, encodings
+included (`Seen`).
 """
 
 from __future__ import annotations
@@ -14,33 +15,41 @@ import argparse
 import pathlib
 import sys
 import tomllib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import torch
 from torch import Tensor
 
+import depth
 import evaluate
 import terms
+from coco17 import LABELLED
+from everyday_tiles import FRAME
+from everyday_tiles import stature as in_sight
 from group import people
 from letterbox import letterbox
 from model import SelecSLSNet, channel_mask
 from pool import Stored
 from precision import bf16_pays
-from real import decode_all, load_set
+from real import decode, decode_all, load_set
 from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
 ASSOCIATION = pathlib.Path(__file__).resolve().parents[1] / "association.toml"
 NEAR = 0.15  # of the stature: a joint that counts for the match
 GROSS = 0.10  # farther off than this, an answer may be another joint's
 
+Known = tuple[np.ndarray, np.ndarray, float]  # joints [14, 2] in pixels, labelled [14], stature in pixels
+
 
 @dataclass
 class Mistakes:
     """n people: `conf` [n, 14], `at` [n, 14] joint numbers, `off` [n, 14, 2] statures.
 
-    An encoding is taken for `slope` [3] times the truth, by axis (regression to the mean makes it shallow), and an error `wrong`
-    [n, 14, 63] metres, which is known of the people of whom `lifted` [n] is true.
+    An encoding is taken for `slope` [n, 3] times the truth, by axis (regression to the mean makes it shallow), and an error `wrong`
+    [n, 14, 63] metres, which is known of the people of whom `lifted` [n] is true. Who was collected together has one slope.
     """
 
     conf: Tensor
@@ -52,7 +61,7 @@ class Mistakes:
 
     def take(self, rows: slice) -> Mistakes:
         """Some of the people."""
-        return Mistakes(self.conf[rows], self.at[rows], self.off[rows], self.wrong[rows], self.lifted[rows], self.slope)
+        return Mistakes(self.conf[rows], self.at[rows], self.off[rows], self.wrong[rows], self.lifted[rows], self.slope[rows])
 
     def apply(self, uv: Tensor, stature_px: Tensor, rel: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Pixels [n, 14, 2], confidences [n, 14] and encodings [n, 14, 63] (0 where no error is known) as Stage I might report people
@@ -71,19 +80,24 @@ class Mistakes:
         wrong = self.wrong[i].unflatten(2, (NB, 3))
         left = torch.tensor([-1.0, 1.0, 1.0], device=d)
         wrong = torch.where(mirror[:, None, None, None], wrong[:, flip][:, :, torch.tensor(FLIP21, device=d)] * left, wrong)
-        enc = ((bones(rel) * self.slope)[:, None] + wrong).flatten(2) * channel_mask(d) * self.lifted[i, None, None]
+        enc = ((bones(rel) * self.slope[i, None])[:, None] + wrong).flatten(2) * channel_mask(d) * self.lifted[i, None, None]
         return uv.gather(1, at[..., None].expand(-1, -1, 2)) + off * stature_px[:, None, None], conf, enc * (conf > 0)[..., None]
 
 
 @dataclass
 class Seen:
     """n people as Stage I reported them and as they are: `uv` [n, 14, 2] pixels, `conf` [n, 14] (0 = missed), `enc` [n, 14, 63] metres,
-    `rel` [n, 21, 3] metres about the pelvis at canonical stature, view-aligned."""
+    `rel` [n, 21, 3] metres about the pelvis at canonical stature, view-aligned; `photo` bool [n]: whether a photo or a rendering shows them."""
 
     uv: Tensor
     conf: Tensor
     enc: Tensor
     rel: Tensor
+    photo: Tensor
+
+    def take(self, rows: slice) -> Seen:
+        """Some of the people."""
+        return Seen(self.uv[rows], self.conf[rows], self.enc[rows], self.rel[rows], self.photo[rows])
 
 
 def bones(rel: Tensor) -> Tensor:
@@ -102,19 +116,22 @@ def is_open(path: pathlib.Path) -> bool:
     return bool(torch.load(path, map_location="cpu", weights_only=True).get("open"))
 
 
-def load(path: pathlib.Path, device: torch.device) -> tuple[Mistakes, Seen]:
-    """What `main` wrote, in a fixed random order: the first few are a fair sample."""
-    d = torch.load(path, map_location="cpu", weights_only=True)
+def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, Seen]:
+    """What `main` wrote to these files, in a fixed random order: the first few are a fair sample."""
+    files = [torch.load(path, map_location="cpu", weights_only=True) for path in paths]
+    for path, d in zip(paths, files):
+        if "photo" not in d["seen"]:
+            raise SystemExit(f"expected {path} to say who is in a photo, found an older file: collect it again with mistakes.py")
 
-    def shuffled(part: dict[str, Tensor]) -> dict[str, Tensor]:
-        i = torch.randperm(len(part["conf"]), generator=torch.Generator().manual_seed(0))
-        part = {k: v if k == "slope" else v[i] for k, v in part.items()}
-        return {k: (v.float() if v.is_floating_point() else v).to(device) for k, v in part.items()}
+    def shuffled(part: str) -> dict[str, Tensor]:
+        i = torch.randperm(sum(len(d[part]["conf"]) for d in files), generator=torch.Generator().manual_seed(0))
+        whole = {k: torch.cat([d[part][k] for d in files])[i] for k in files[0][part]}
+        return {k: (v.float() if v.is_floating_point() else v).to(device) for k, v in whole.items()}
 
-    return Mistakes(**shuffled(d["mistakes"])), Seen(**shuffled(d["seen"]))
+    return Mistakes(**shuffled("mistakes")), Seen(**shuffled("seen"))
 
 
-def match(pred: list[np.ndarray], truth: list[tuple[np.ndarray, np.ndarray, float]]) -> list[tuple[int, int]]:
+def match(pred: list[np.ndarray], truth: list[Known]) -> list[tuple[int, int]]:
     """Greedy matching of people [14, 3] to (joints [14, 2], labelled [14], stature in pixels)."""
     near = np.zeros((len(pred), len(truth)))
     for a, q in enumerate(pred):
@@ -146,28 +163,17 @@ def stature(j: np.ndarray) -> float:
     return max(d(0, 1) + torso + max(d(8, 9) + d(9, 10), d(11, 12) + d(12, 13)), 2.6 * torso)
 
 
-@torch.no_grad()
-def collect(
-    net: SelecSLSNet, pack: pathlib.Path, folders: list[pathlib.Path], photos: int, frames: int, group: evaluate.Group, seed: int
-) -> tuple[Mistakes, Seen]:
-    rng = np.random.default_rng(seed)
-    wrong: list[tuple[np.ndarray, ...]] = []
-    of: list[int] = []  # which of `seen` each of them is, or -1
-    seen: list[tuple[Tensor, ...]] = []
+@dataclass
+class Shown:
+    """A picture as the network takes it, 0..255, everybody in it, and the 3D [21, 3] of those of whom it is known."""
 
-    def look(x: Tensor, truth: list[tuple[np.ndarray, np.ndarray, float]], rel: list[Tensor | None]) -> None:
-        with torch.autocast("cpu", torch.bfloat16, enabled=bf16_pays(torch.device("cpu"))):
-            y, e = net(evaluate.as_input(x))
-        pred = people(y[0].float(), **group)
-        for a, k in match(pred, truth):
-            j, ok, size = truth[k]
-            if ok.all():  # an answer at an unlabelled joint could not be judged
-                wrong.append(record(pred[a], j, size))
-                of.append(-1 if rel[k] is None else len(seen))
-            if (r := rel[k]) is not None:
-                uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
-                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r))
+    picture: Tensor
+    truth: list[Known]
+    rel: list[Tensor | None]
+    photo: bool
 
+
+def of_lsp(pack: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterator[Shown]:
     # the teacher's rows follow the same order: LSP-Extended, then LSP
     path = pack / "teacher.npz"
     z = dict(np.load(path)) if path.exists() else None
@@ -181,21 +187,61 @@ def collect(
             big, s, du, dv = letterbox(image, w, h)
             at = j[:, :2] * s + [du, dv]
             lent = z is not None and bool(z["lift"][first + i])
-            look(big, [(at, j[:, 2] > 0, stature(at))], [torch.from_numpy(z["bones"][first + i]).float() if lent and z else None])
+            rel = torch.from_numpy(z["bones"][first + i]).float() if lent and z else None
+            yield Shown(big, [(at, j[:, 2] > 0, stature(at))], [rel], True)
         first += len(arc.files)
-    for folder in folders:
-        data = Stored(folder, 0)
-        for i in rng.permutation(data.filled)[:frames]:
-            j, vis, size = (data.data[k][i].numpy() for k in ("joints2d", "visible", "size_px"))
-            here = [p for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
-            truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in here]
-            look(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here])
+
+
+def of_everyday(folder: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterator[Shown]:
+    """Photos in which depth.py knows the depth of somebody, whole, as the program shows them to the network."""
+    z = np.load(folder / "people.npz")
+    start, offset, joints, state, box = (z[k] for k in ("start", "offset", "joints", "state", "box"))
+    rel3d, lifted = depth.read(folder, len(state))
+    files = np.memmap(folder / "pictures.bin", np.uint8, "r")
+    lends = np.flatnonzero([lifted[a:b].any() for a, b in zip(start, start[1:])])
+    for i in np.sort(rng.permutation(lends)[:photos]):
+        own = slice(start[i], start[i + 1])
+        image = decode(files[offset[i] : offset[i + 1]].tobytes())
+        x, s, du, dv = letterbox(image, *(FRAME[::-1] if image.shape[0] > image.shape[1] else FRAME))
+        at, ok = joints[own] * s + [du, dv], state[own] == LABELLED
+        long = (box[own, 2:] - box[own, :2]).max(1) * s
+        tall = in_sight(torch.from_numpy(at).float(), torch.from_numpy(ok), torch.from_numpy(long).float()).tolist()
+        rel = [torch.from_numpy(rel3d[p]).float() if lifted[p] else None for p in range(own.start, own.stop)]
+        yield Shown(x, list(zip(at, ok, tall)), rel, True)
+
+
+def of_scenes(folder: pathlib.Path, frames: int, rng: np.random.Generator) -> Iterator[Shown]:
+    data = Stored(folder, 0)
+    for i in rng.permutation(data.filled)[:frames]:
+        j, vis, size = (data.data[k][i].numpy() for k in ("joints2d", "visible", "size_px"))
+        here = [p for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
+        truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in here]
+        yield Shown(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here], False)
+
+
+@torch.no_grad()
+def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) -> tuple[Mistakes, Seen]:
+    wrong: list[tuple[np.ndarray, ...]] = []
+    of: list[int] = []  # which of `seen` each of them is, or -1
+    seen: list[tuple[Tensor, ...]] = []
+    for shown in pictures:
+        with torch.autocast("cpu", torch.bfloat16, enabled=bf16_pays(torch.device("cpu"))):
+            y, e = net(evaluate.as_input(shown.picture))
+        pred = people(y[0].float(), **group)
+        for a, k in match(pred, shown.truth):
+            j, ok, size = shown.truth[k]
+            if ok.all():  # an answer at an unlabelled joint could not be judged
+                wrong.append(record(pred[a], j, size))
+                of.append(-1 if shown.rel[k] is None else len(seen))
+            if (r := shown.rel[k]) is not None:
+                uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
+                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r, torch.tensor(shown.photo)))
     conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
     known = Seen(*(torch.stack(x) for x in zip(*seen)))
     slope, error = encodings(known)
     which = torch.tensor(of)
     lifted = which >= 0
-    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope), known
+    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope.expand(len(at), 3)), known
 
 
 def encodings(seen: Seen) -> tuple[Tensor, Tensor]:
@@ -220,6 +266,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
     ap.add_argument("--photos", type=int, default=1200, help="of LSP's; 0 with --open")
+    ap.add_argument("--everyday", type=pathlib.Path, help="folder of everyday.py; whom depth.py knows the depth of is asked about")
+    ap.add_argument("--everyday-photos", type=int, default=2000)
     ap.add_argument("--open", action="store_true", help="only open scenes, and what open weights say of them")
     ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
     ap.add_argument("--association", type=pathlib.Path, default=ASSOCIATION, help="toml with the thresholds that the program asks these weights by")
@@ -229,17 +277,20 @@ def main(argv: list[str]) -> None:
     if a.open:
         a.photos = 0
         terms.require_open_weights(a.stage1)
-        for folder in a.scenes:
+        for folder in a.scenes + ([a.everyday] if a.everyday else []):
             terms.ingredients(folder)
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
     group = thresholds(a.association)
-    m, known = collect(net.to(memory_format=torch.channels_last), a.pack, a.scenes, a.photos, a.frames, group, a.seed)
+    rng = np.random.default_rng(a.seed)
+    everyday = [of_everyday(a.everyday, a.everyday_photos, rng)] if a.everyday else []
+    pictures = chain(of_lsp(a.pack, a.photos, rng), *(of_scenes(f, a.frames, rng) for f in a.scenes), *everyday)
+    m, known = collect(net.to(memory_format=torch.channels_last), pictures, group)
     torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "open": a.open}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
-    print(f"encodings' slope over the truth: {m.slope.tolist()}; their error is known of {int(m.lifted.sum())} people")
+    print(f"encodings' slope over the truth: {m.slope[0].tolist()}; their error is known of {int(m.lifted.sum())} people")
     print(f"{len(known.conf)} people with known 3D; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
     print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
 

@@ -368,7 +368,7 @@ fn films_are_looked_at_once() {
     let at = |name: &str| folder.join(name).display().to_string();
     let hall = at("hall");
     let synth = [
-        "synth", "--views", "2", "--frames", "16", "--fps", "10", "--width", "640",
+        "synth", "--views", "2", "--frames", "8", "--fps", "10", "--width", "640",
     ];
     let synth = [
         &synth[..],

@@ -1,0 +1,85 @@
+//! What killed processes left unfinished.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::Path;
+use std::time::Duration;
+
+use rustix::fs::OFlags;
+
+use super::is_unfinished;
+
+/// What nobody has written to for so long, and nobody holds, a killed process has left. The time is for file systems on
+/// which locks of other machines are not seen.
+const LEFT_AFTER: Duration = Duration::from_secs(24 * 60 * 60);
+
+/// Removes from a folder the files that killed processes of this user have not finished, a day after they were written
+/// to last. Folders stay: they may hold results that could not be moved to their place.
+pub fn sweep(folder: &Path) {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for path in entries.map(|e| e.path()).filter(|p| is_unfinished(p)) {
+        // What cannot be looked at is not ours to remove.
+        let _ = remove_if_left(&path);
+    }
+}
+
+fn remove_if_left(path: &Path) -> io::Result<()> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let file = File::options()
+        .read(true)
+        .custom_flags(flags.bits().cast_signed())
+        .open(path)?;
+    let meta = file.metadata()?;
+    let is_own = meta.is_file() && meta.uid() == rustix::process::geteuid().as_raw();
+    let is_old = meta.modified()?.elapsed().is_ok_and(|a| a > LEFT_AFTER);
+    if is_own && is_old && file.try_lock().is_ok() {
+        fs::remove_file(path)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufWriter, Write};
+
+    use super::super::{AtomicFile, Place};
+    use super::*;
+
+    #[test]
+    fn what_killed_processes_left_is_swept_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = |name: &str, days: u64| {
+            let path = folder.path().join(name);
+            let file = File::create(&path).unwrap();
+            let ago = Duration::from_secs(days * 24 * 60 * 60 + 60);
+            let time = std::time::SystemTime::now() - ago;
+            file.set_modified(time).unwrap();
+            (path, file)
+        };
+        let (left, _) = made(".edgecap-left.part", 1);
+        let kept = [
+            made(".edgecap-new.part", 0),
+            made(".edgecap-held.part", 9),
+            made("edgecap-other.part", 9),
+            made(".edgecap-other", 9),
+        ];
+        kept[1].1.lock().unwrap();
+        let results = folder.path().join(".edgecap-folder.part");
+        fs::create_dir(&results).unwrap();
+        let mut writing = AtomicFile::create(&folder.path().join("file")).unwrap();
+        writing.write_all(b"whole").unwrap();
+        if let Some(Place::Beside(file)) = writing.writer.as_ref().map(BufWriter::get_ref) {
+            let long_ago = std::time::UNIX_EPOCH;
+            file.as_file().set_modified(long_ago).unwrap();
+        }
+        sweep(folder.path());
+        assert!(!left.exists());
+        for (path, _) in &kept {
+            assert!(path.exists(), "{}", path.display());
+        }
+        assert!(results.exists());
+        writing.finish().unwrap();
+        assert_eq!(fs::read(folder.path().join("file")).unwrap(), b"whole");
+    }
+}
