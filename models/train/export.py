@@ -33,8 +33,7 @@ TRAINED_ON = (
 
 TRAINED_ON_STAGE2 = (
     "motion of CMU and DeepMimic, and where the pack holds it of Human3.6M (research) and Bandai Namco Research (CC BY-NC 4.0), on MakeHuman's body "
-    "(CC0); poses of `edgecap synth`; where mistakes of Stage I were given, what it says of Leeds Sports Pose, of scenes of `edgecap synth` "
-    "and of people in photos of everyday life, whose depth is BlazePose's"
+    "(CC0); poses of `edgecap synth`; where mistakes of Stage I were given, what it says of Leeds Sports Pose and of scenes of `edgecap synth`"
 )
 OPEN_STAGE1 = (
     terms.OPEN + "photos of Open Images (CC BY 2.0), OpenStax's books (CC BY 4.0), public sites (CC0, CC BY) and free-exercise-db (public domain), "
@@ -43,7 +42,7 @@ OPEN_STAGE1 = (
 )
 OPEN_STAGE2 = (
     terms.OPEN + "CMU and DeepMimic motion on MakeHuman's body (CC0), poses of `edgecap synth`, where mistakes were given what open weights say of "
-    "its scenes and of open photos, with depth by BlazePose; from random weights (stage2.py --open)"
+    "its scenes; from random weights (stage2.py --open)"
 )
 
 

@@ -5,8 +5,7 @@ Every person that the grouping finds in a training picture and that can be match
 hand) and `off` (from there, in statures); where the person's 3D is known, also how far the encodings are from the truth.  `apply` puts
 the record of one person on the pose of another.
 
-Of people whose 3D is known, from the renderer, teacher.py or, in photos of everyday life, depth.py, the answer is kept as it is, encodings
-included (`Seen`).
+Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`).
 """
 
 from __future__ import annotations
@@ -23,18 +22,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-import depth
 import evaluate
 import terms
-from coco17 import LABELLED
-from everyday_tiles import FRAME
-from everyday_tiles import stature as in_sight
 from group import people
 from letterbox import letterbox
 from model import SelecSLSNet, channel_mask
 from pool import Stored
 from precision import bf16_pays
-from real import decode, decode_all, load_set
+from real import decode_all, load_set
 from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
 ASSOCIATION = pathlib.Path(__file__).resolve().parents[1] / "association.toml"
@@ -87,17 +82,12 @@ class Mistakes:
 @dataclass
 class Seen:
     """n people as Stage I reported them and as they are: `uv` [n, 14, 2] pixels, `conf` [n, 14] (0 = missed), `enc` [n, 14, 63] metres,
-    `rel` [n, 21, 3] metres about the pelvis at canonical stature, view-aligned; `photo` bool [n]: whether a photo or a rendering shows them."""
+    `rel` [n, 21, 3] metres about the pelvis at canonical stature, view-aligned."""
 
     uv: Tensor
     conf: Tensor
     enc: Tensor
     rel: Tensor
-    photo: Tensor
-
-    def take(self, rows: slice) -> Seen:
-        """Some of the people."""
-        return Seen(self.uv[rows], self.conf[rows], self.enc[rows], self.rel[rows], self.photo[rows])
 
 
 def bones(rel: Tensor) -> Tensor:
@@ -119,9 +109,8 @@ def is_open(path: pathlib.Path) -> bool:
 def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, Seen]:
     """What `main` wrote to these files, in a fixed random order: the first few are a fair sample."""
     files = [torch.load(path, map_location="cpu", weights_only=True) for path in paths]
-    for path, d in zip(paths, files):
-        if "photo" not in d["seen"]:
-            raise SystemExit(f"expected {path} to say who is in a photo, found an older file: collect it again with mistakes.py")
+    for d in files:
+        d["mistakes"]["slope"] = d["mistakes"]["slope"].expand(len(d["mistakes"]["conf"]), 3)
 
     def shuffled(part: str) -> dict[str, Tensor]:
         i = torch.randperm(sum(len(d[part]["conf"]) for d in files), generator=torch.Generator().manual_seed(0))
@@ -170,7 +159,6 @@ class Shown:
     picture: Tensor
     truth: list[Known]
     rel: list[Tensor | None]
-    photo: bool
 
 
 def of_lsp(pack: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterator[Shown]:
@@ -188,26 +176,8 @@ def of_lsp(pack: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterato
             at = j[:, :2] * s + [du, dv]
             lent = z is not None and bool(z["lift"][first + i])
             rel = torch.from_numpy(z["bones"][first + i]).float() if lent and z else None
-            yield Shown(big, [(at, j[:, 2] > 0, stature(at))], [rel], True)
+            yield Shown(big, [(at, j[:, 2] > 0, stature(at))], [rel])
         first += len(arc.files)
-
-
-def of_everyday(folder: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterator[Shown]:
-    """Photos in which depth.py knows the depth of somebody, whole, as the program shows them to the network."""
-    z = np.load(folder / "people.npz")
-    start, offset, joints, state, box = (z[k] for k in ("start", "offset", "joints", "state", "box"))
-    rel3d, lifted = depth.read(folder, len(state))
-    files = np.memmap(folder / "pictures.bin", np.uint8, "r")
-    lends = np.flatnonzero([lifted[a:b].any() for a, b in zip(start, start[1:])])
-    for i in np.sort(rng.permutation(lends)[:photos]):
-        own = slice(start[i], start[i + 1])
-        image = decode(files[offset[i] : offset[i + 1]].tobytes())
-        x, s, du, dv = letterbox(image, *(FRAME[::-1] if image.shape[0] > image.shape[1] else FRAME))
-        at, ok = joints[own] * s + [du, dv], state[own] == LABELLED
-        long = (box[own, 2:] - box[own, :2]).max(1) * s
-        tall = in_sight(torch.from_numpy(at).float(), torch.from_numpy(ok), torch.from_numpy(long).float()).tolist()
-        rel = [torch.from_numpy(rel3d[p]).float() if lifted[p] else None for p in range(own.start, own.stop)]
-        yield Shown(x, list(zip(at, ok, tall)), rel, True)
 
 
 def of_scenes(folder: pathlib.Path, frames: int, rng: np.random.Generator) -> Iterator[Shown]:
@@ -216,7 +186,7 @@ def of_scenes(folder: pathlib.Path, frames: int, rng: np.random.Generator) -> It
         j, vis, size = (data.data[k][i].numpy() for k in ("joints2d", "visible", "size_px"))
         here = [p for p in range(len(size)) if size[p] > 36 and (vis[p] > 0).sum() >= 4]
         truth = [(j[p], np.ones(NJ, bool), float(size[p])) for p in here]
-        yield Shown(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here], False)
+        yield Shown(data.data["image"][i : i + 1].float(), truth, [data.data["rel3d"][i, p].clone() for p in here])
 
 
 @torch.no_grad()
@@ -235,7 +205,7 @@ def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) 
                 of.append(-1 if shown.rel[k] is None else len(seen))
             if (r := shown.rel[k]) is not None:
                 uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
-                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r, torch.tensor(shown.photo)))
+                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r))
     conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
     known = Seen(*(torch.stack(x) for x in zip(*seen)))
     slope, error = encodings(known)
@@ -266,8 +236,6 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
     ap.add_argument("--photos", type=int, default=1200, help="of LSP's; 0 with --open")
-    ap.add_argument("--everyday", type=pathlib.Path, help="folder of everyday.py; whom depth.py knows the depth of is asked about")
-    ap.add_argument("--everyday-photos", type=int, default=2000)
     ap.add_argument("--open", action="store_true", help="only open scenes, and what open weights say of them")
     ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
     ap.add_argument("--association", type=pathlib.Path, default=ASSOCIATION, help="toml with the thresholds that the program asks these weights by")
@@ -277,15 +245,14 @@ def main(argv: list[str]) -> None:
     if a.open:
         a.photos = 0
         terms.require_open_weights(a.stage1)
-        for folder in a.scenes + ([a.everyday] if a.everyday else []):
+        for folder in a.scenes:
             terms.ingredients(folder)
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)
     group = thresholds(a.association)
     rng = np.random.default_rng(a.seed)
-    everyday = [of_everyday(a.everyday, a.everyday_photos, rng)] if a.everyday else []
-    pictures = chain(of_lsp(a.pack, a.photos, rng), *(of_scenes(f, a.frames, rng) for f in a.scenes), *everyday)
+    pictures = chain(of_lsp(a.pack, a.photos, rng), *(of_scenes(f, a.frames, rng) for f in a.scenes))
     m, known = collect(net.to(memory_format=torch.channels_last), pictures, group)
     torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "open": a.open}, a.out)
     seen = m.conf > 0

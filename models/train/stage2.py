@@ -6,8 +6,7 @@ Inputs imitate Stage I: joints drop out singly, by limb and below the edge of th
 encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.
 With `--posed`, people in `edgecap synth`'s poses join those of the motion capture. Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
 Stage I checkpoint, its true outputs on rendered scenes.  With `--mean-of` it learns what other Stage II networks say together, instead of
-the truth: one network then answers as well as several looks at a person.  With `--afar` these are asked about everybody as seen from five
-metres: whoever stands right before the camera is taught what is known of people farther away.  Light enough for a CPU.
+the truth: one network then answers as well as several looks at a person.  Light enough for a CPU.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from measure import errors, naive
 from mistakes import Mistakes, bones, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from posed import Posed
-from skeleton import CANONICAL_STATURE_M, FLIP14, FLIP21, NB, NECK, NJ, ROOT, STRIDE
+from skeleton import FLIP14, FLIP21, NB, NECK, NJ, ROOT, STRIDE
 
 LIMB_CHAINS = [
     [3, 4],
@@ -54,7 +53,6 @@ LIMB_CHAINS = [
 
 CLOSE = 0.3  # share of people who stand right before the camera
 NEAR = 400  # stature in pixels of those whom the report counts as close
-AFAR = 5.0  # metres from which perspective bends a body little
 LEAST = 4  # joints in the picture, the neck among them: fewer are not reported
 
 
@@ -249,12 +247,6 @@ def mirrored(uv: Tensor, conf: Tensor, enc: Tensor, rel: Tensor, g: torch.Genera
     return uv, conf * ~drop, enc, rel
 
 
-def from_afar(rel: Tensor, size: Tensor) -> Tensor:
-    """Pixels [n, 14, 2] about the neck of people with joints rel [n, 21, 3] who seem `size` [n] pixels tall, seen from `AFAR` in the same direction."""
-    about = rel[:, :NJ] - rel[:, NECK : NECK + 1]
-    return about[..., :2] * AFAR / (AFAR + about[..., 2:]).clamp_min(0.5) * (size / CANONICAL_STATURE_M)[:, None, None]
-
-
 @torch.no_grad()
 def agreed(nets: list[Stage2], uv: Tensor, conf: Tensor, enc: Tensor, mask: Tensor) -> Tensor:
     """The mean answer of several networks [n, 21, 3], each asked with the encodings and from 2D alone, of the person and of the mirror image."""
@@ -309,9 +301,7 @@ def train(a: argparse.Namespace) -> None:
     blind = stage2_input(noisy, conf, torch.zeros_like(enc), mask)  # what a runtime without a trained 3D head feeds
     if a.mistakes:
         cut = len(seen.conf) // 7
-        s = seen.take(slice(cut, None))
-        true.append((s.uv, s.conf, s.enc, s.rel, s.photo))
-        shot = seen.photo[:cut]
+        true.append(tuple(t[cut:] for t in (seen.uv, seen.conf, seen.enc, seen.rel)))
         seen_rel, seen_answers = seen.rel[:cut], (seen.uv[:cut], seen.conf[:cut], seen.enc[:cut])
         seen_test = stage2_input(*seen_answers, mask)
         seen_blind = stage2_input(*seen_answers[:2], torch.zeros_like(seen.enc[:cut]), mask)
@@ -321,8 +311,7 @@ def train(a: argparse.Namespace) -> None:
         net = SelecSLSNet().to(dev)
         ema = copy.deepcopy(net)
         checkpoint.load(a.stage1, net, ema, None, dev)
-        drawn = stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77)
-        true.append((*drawn, torch.zeros(len(drawn[0]), dtype=torch.bool, device=dev)))
+        true.append(stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77))
         print(f"{len(true[-1][0])} people seen by Stage I in {a.scenes} scenes, {time.time() - began:.0f} s", flush=True)
     answers = tuple(torch.cat(t) for t in zip(*true))
     net2 = Stage2().to(dev)
@@ -352,37 +341,23 @@ def train(a: argparse.Namespace) -> None:
             if posed:
                 fresh = [tuple(torch.cat(z) for z in zip(fresh[0], posed.sample(n)))]  # type: ignore[list-item]
         uv, rel, size, inside = fresh[0]
-
-        def reported(uv: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-            """Those people as Stage I might report them, standing at uv; errs by `data.g` alone."""
-            x_uv, x_c, x_e = imitate(uv, rel, data.g, mask)
-            x_e = x_e * (torch.rand(len(x_e), 1, 1, generator=data.g, device=dev) >= a.without)
-            if wrong is not None:
-                m_uv, m_c, m_e = wrong.apply(uv, size, rel, data.g)
-                m_e = as_of_real_people(m_e, a.real, data.g)
-                use = torch.rand(len(uv), 1, generator=data.g, device=dev) < a.share
-                m_e = m_e * (torch.rand(len(uv), 1, 1, generator=data.g, device=dev) >= a.without)
-                x_uv, x_c, x_e = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c), torch.where(use[..., None], m_e, x_e)
-            return x_uv, x_c, x_e
-
-        errs = data.g.get_state()
-        x_uv, x_c, x_e = reported(uv)
+        x_uv, x_c, x_e = imitate(uv, rel, data.g, mask)
+        x_e = x_e * (torch.rand(len(x_e), 1, 1, generator=data.g, device=dev) >= a.without)
+        if wrong is not None:
+            m_uv, m_c, m_e = wrong.apply(uv, size, rel, data.g)
+            m_e = as_of_real_people(m_e, a.real, data.g)
+            use = torch.rand(len(uv), 1, generator=data.g, device=dev) < a.share
+            m_e = m_e * (torch.rand(len(uv), 1, 1, generator=data.g, device=dev) >= a.without)
+            x_uv, x_c, x_e = torch.where(use[..., None], m_uv, x_uv), torch.where(use, m_c, x_c), torch.where(use[..., None], m_e, x_e)
         x_c = x_c * inside
-        if panel:
-            p_uv = x_uv
-            if a.afar:
-                data.g.set_state(errs)
-                p_uv, _, _ = reported(from_afar(rel, size))
-            rel = agreed(panel, p_uv, x_c, x_e, mask) * a.taught + rel * (1 - a.taught)
         if answers:
             i = torch.randint(len(answers[0]), (max(1, round(a.seen * a.batch)),), generator=data.g, device=dev)
-            t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers[:4]), data.g)
-            photo = answers[4][i, None, None]
-            t_e = torch.where(photo, t_e, as_of_real_people(t_e, a.real, data.g))
+            t_uv, t_c, t_e, t_rel = mirrored(*(t[i] for t in answers), data.g)
+            t_e = as_of_real_people(t_e, a.real, data.g)
             t_e = t_e * (torch.rand(len(t_e), 1, 1, generator=data.g, device=dev) >= a.without / 2)
-            if panel and not a.afar:
-                t_rel = torch.where(photo, t_rel, agreed(panel, t_uv, t_c, t_e, mask))
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
+        if panel:
+            rel = agreed(panel, x_uv, x_c, x_e, mask)
         with torch.autocast(dev.type, torch.bfloat16, enabled=a.bf16):
             out = net2(stage2_input(x_uv, x_c, x_e, mask)).float()
         # Smooth L1 in decimetres on joints and on bones: bones keep limb lengths consistent
@@ -429,9 +404,6 @@ def train(a: argparse.Namespace) -> None:
             if panel:
                 report["Stage I's true mistakes, --mean-of"] = errors(agreed(panel, real_uv, real_conf, real_enc, mask), rel_t)
                 report["as Stage I sees people, --mean-of"] = errors(agreed(panel, *seen_answers, mask), seen_rel)
-            for name, own in (("renderings", ~shot), ("photos", shot)):
-                if own.any():
-                    report[f"as Stage I sees people in {name}"] = errors(avg(seen_test[own]), seen_rel[own])
             report["as Stage I sees people, mean of both"] = errors((avg(seen_test) + avg(seen_blind)) / 2, seen_rel)
         if posed:
             report["posed people, imitated"] = errors(avg(p_test), p_rel)
@@ -463,8 +435,6 @@ if __name__ == "__main__":
     ap.add_argument("--log", type=int, default=200)
     ap.add_argument("--seed", type=int, default=3)
     ap.add_argument("--mean-of", type=pathlib.Path, nargs="*", default=[], help="Stage II files whose mean answer, with and without encodings, is learnt")
-    ap.add_argument("--afar", action="store_true", help="with --mean-of: they are asked about everybody as seen from five metres")
-    ap.add_argument("--taught", type=float, default=1.0, help="weight of --mean-of beside the truth")
     ap.add_argument("--posed", type=pathlib.Path, help="truth.json of edgecap synth --stills --truth-only")
     ap.add_argument("--posed-share", type=float, default=0.4, help="their share of a batch")
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")

@@ -215,6 +215,44 @@ fn the_program_lists_them_and_says_how_many() {
 }
 
 #[test]
+fn a_model_file_takes_another_second_stage_and_keeps_its_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = folder.path().join("made.ecm");
+    let (open, stage2) = (
+        "models/open/edgecap-open.ecm",
+        "models/weights/stage2.safetensors",
+    );
+    let import = ["model", "import", open, "-o", made.to_str().unwrap()];
+    for (more, words) in [
+        (&[][..], "--stage2 or --association"),
+        (
+            &["--stage2", stage2, "--calibrate", "docs"],
+            "leave out --calibrate",
+        ),
+    ] {
+        let out = edgecap(&[&import[..], more].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(64), "{said}");
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(!made.exists());
+    let out = edgecap(&[&import[..], &["--stage2", stage2]].concat());
+    assert!(out.status.success(), "{out:?}");
+    let [open, made] = [Path::new(open), &made].map(|p| Model::open(p).unwrap());
+    assert!(made.weights() == open.weights(), "Stage I is not the same");
+    let own = Model::shipped().unwrap();
+    assert_ne!(
+        format!("{:?}", made.stage2()),
+        format!("{:?}", open.stage2())
+    );
+    assert_eq!(
+        format!("{:?}", made.stage2()),
+        format!("{:?}", own.stage2())
+    );
+    assert_eq!(made.association(), open.association());
+}
+
+#[test]
 fn checkpoints_are_answered_with_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     for (name, begin) in [

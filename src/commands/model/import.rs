@@ -20,7 +20,8 @@ const TRIAL_PICTURES: usize = 12;
 
 #[derive(Debug, Args)]
 pub struct Import {
-    /// Weights of Stage I, safetensors with a contract in their metadata
+    /// Weights of Stage I, safetensors with a contract in their metadata; or a model file, which keeps its Stage I bit
+    /// for bit and takes another Stage II or other settings of the association
     weights: PathBuf,
     /// Weights of Stage II, to go into the same file
     #[arg(long)]
@@ -79,8 +80,10 @@ pub fn import(a: &Import) -> Result<()> {
         .writes("--output", output)
         .check()?;
     let name = || a.weights.display().to_string();
-    let mut model =
-        Model::from_safetensors(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
+    let mut model = Model::from_any(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
+    if model.is_quantised() {
+        refuse_rounded(a)?;
+    }
     if let Some(path) = &a.stage2 {
         model = model
             .with_stage2(&read(path)?)
@@ -127,6 +130,25 @@ pub fn import(a: &Import) -> Result<()> {
         "blake3 of the file {}",
         blake3::hash(&model.to_bytes()?)
     ));
+    Ok(())
+}
+
+/// What asks for another Stage I, or for nothing, of a model file.
+fn refuse_rounded(a: &Import) -> Result<()> {
+    let name = a.weights.display();
+    if a.calibrate.is_some() || a.try_ranges {
+        let why = format!(
+            "expected float weights to calibrate, found {name}, whose weights are rounded: leave out --calibrate and \
+             --try-ranges, or give the weights that it was made of"
+        );
+        return Err(Failure::usage(why).into());
+    }
+    if a.stage2.is_none() && a.association.is_none() {
+        let why = format!(
+            "expected --stage2 or --association to change {name}, found neither: its weights are rounded already"
+        );
+        return Err(Failure::usage(why).into());
+    }
     Ok(())
 }
 

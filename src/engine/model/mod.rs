@@ -139,11 +139,15 @@ impl Model {
 
     /// Opens a model file or safetensors, whichever `path` is; `network` is for the latter.
     pub fn open_any(path: &Path, network: Network) -> Result<Self, ModelError> {
-        let bytes = read_file(path)?;
-        if file::is_model(&Tensors::parse(&bytes)?) {
-            return Self::from_bytes(&bytes);
+        Self::from_any(&read_file(path)?, network)
+    }
+
+    /// As [`open_any`](Self::open_any), of a file's bytes.
+    pub fn from_any(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
+        if file::is_model(&Tensors::parse(bytes)?) {
+            return Self::from_bytes(bytes);
         }
-        Self::from_safetensors(&bytes, network)
+        Self::from_safetensors(bytes, network)
     }
 
     /// Adds Stage II from the training recipe's safetensors.
