@@ -126,6 +126,7 @@ enum Verb {
 
 /// Runs the command line; the exit code.
 pub fn main() -> u8 {
+    crate::supervise::remember_permissions();
     let cli = match Cli::try_parse_from(words(std::env::args_os())) {
         Ok(cli) => cli,
         Err(e) if e.use_stderr() => {

@@ -16,4 +16,4 @@ pub use child::{Child, Job, describe, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
 pub use systemd::{Progress, ServiceManager};
-pub use tie::{is_parent, tie};
+pub use tie::{is_parent, remember_permissions, tie};

@@ -4,9 +4,9 @@
 //! what the dead left damaged or half made is never read, and cameras cannot reach each other's. Everybody who uses a
 //! domain holds its lock; where nobody does, whoever comes next removes it.
 
-use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -15,6 +15,7 @@ use rustix::fs::{FallocateFlags, FlockOperation, OFlags};
 
 use crate::claim::is_at;
 use crate::error::LinkError;
+use crate::place::private_folder;
 
 /// A domain without a lock for so long belongs to somebody who died over it.
 const UNFINISHED_AFTER: Duration = Duration::from_secs(10);
@@ -52,7 +53,7 @@ impl Domain {
                 File::open("/dev/urandom")?.read_exact(&mut random)?;
                 let id = u64::from_ne_bytes(random);
                 let path = folder.join(name(id));
-                DirBuilder::new().mode(0o700).create(&path)?;
+                private_folder(&path)?;
                 let lock = OpenOptions::new()
                     .read(true)
                     .write(true)

@@ -14,9 +14,9 @@
 //! | `<camera>.<stream>.lock` | 0600 | locked by the one process that may publish the stream |
 //! | `d<16 digits>/` | 0700 | what one publisher has of iceoryx2 |
 
-use std::fs::{self, DirBuilder, File, Metadata};
+use std::fs::{self, DirBuilder, File, Metadata, Permissions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, Mode, OFlags};
@@ -89,6 +89,14 @@ fn is_own(folder: &Path) -> bool {
     fs::metadata(folder).is_ok_and(|m| m.is_dir() && m.uid() == user())
 }
 
+/// Makes a folder of mode 0700, whatever is kept back: while iceoryx2 binds a socket it keeps all but 0600 back from
+/// the whole process, from children that are started meanwhile for good.
+pub(crate) fn private_folder(path: &Path) -> io::Result<()> {
+    let mode = 0o700;
+    DirBuilder::new().mode(mode).create(path)?;
+    fs::set_permissions(path, Permissions::from_mode(mode))
+}
+
 /// What the folder is, if nobody but its owner can change it.
 pub(crate) fn sealed(folder: &Path) -> Result<Metadata, LinkError> {
     let failed = |e: &dyn core::fmt::Display| LinkError::place(folder, e);
@@ -127,7 +135,7 @@ impl Place {
             let made = builder.recursive(true).mode(0o700).create(parent);
             made.map_err(|e| failed(&e))?;
         }
-        match DirBuilder::new().mode(0o700).create(folder) {
+        match private_folder(folder) {
             Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(failed(&e)),
             _ => {}
         }

@@ -228,6 +228,35 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
     }
 }
 
+/// iceoryx2 keeps all but 0600 back from the whole process while it binds a socket: folders that a neighbouring thread
+/// makes then, or a child that is started then, get no more.
+#[test]
+fn a_process_from_which_permissions_are_kept_back_publishes_and_reads() {
+    if !is_root("acting as a user whom permissions bind") {
+        return;
+    }
+    let (parent, folder) = place();
+    let program = parent.path().join("program");
+    let own = std::env::current_exe().unwrap();
+    let copied = Command::new("cp").arg(own).arg(&program).status();
+    assert!(copied.unwrap().success());
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    chown(parent.path(), Some(OWNER), Some(GROUP)).unwrap();
+    let play = |role: &str| {
+        let mut command = Command::new("sh");
+        command.args([
+            "-c",
+            "umask 0177 && exec \"$0\" --exact strangers::role --nocapture",
+        ]);
+        command.arg(&program).env(ROLE, role).env(PLACE, &folder);
+        command.current_dir("/").uid(OWNER).gid(GROUP);
+        Player::start(command)
+    };
+    let mut writer = play("writer");
+    writer.says("publishes");
+    play("reader").says("reads");
+}
+
 /// A way to damage a file, by its name.
 type Spoil = (&'static str, fn(&Path));
 
