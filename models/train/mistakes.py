@@ -5,7 +5,8 @@ Every person that the grouping finds in a training picture and that can be match
 hand) and `off` (from there, in statures); where the person's 3D is known, also how far the encodings are from the truth.  `apply` puts
 the record of one person on the pose of another.
 
-Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`).
+Of people whose 3D is known, from the renderer or from teacher.py, the answer is kept as it is, encodings included (`Seen`); of the others,
+real ones in photos, too (`Looks`): they show how Stage I encodes whom no renderer drew.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ from torch import Tensor
 
 import evaluate
 import terms
+from coco17 import LABELLED
+from everyday_tiles import FRAME
+from everyday_tiles import stature as in_sight
 from group import people
 from letterbox import letterbox
 from model import SelecSLSNet, channel_mask
 from pool import Stored
 from precision import bf16_pays
-from real import decode_all, load_set
+from real import decode, decode_all, load_set
 from skeleton import FLIP14, FLIP21, NB, NJ, PARENTS21
 
 ASSOCIATION = pathlib.Path(__file__).resolve().parents[1] / "association.toml"
@@ -90,6 +94,15 @@ class Seen:
     rel: Tensor
 
 
+@dataclass
+class Looks:
+    """n people as Stage I reported them, of whom no 3D is known: as in `Seen`."""
+
+    uv: Tensor
+    conf: Tensor
+    enc: Tensor
+
+
 def bones(rel: Tensor) -> Tensor:
     """Joints [..., 21, 3] -> vectors from each one's parent."""
     return rel - rel[..., PARENTS21, :]
@@ -106,7 +119,7 @@ def is_open(path: pathlib.Path) -> bool:
     return bool(torch.load(path, map_location="cpu", weights_only=True).get("open"))
 
 
-def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, Seen]:
+def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, Seen, Looks]:
     """What `main` wrote to these files, in a fixed random order: the first few are a fair sample."""
     files = [torch.load(path, map_location="cpu", weights_only=True) for path in paths]
     for d in files:
@@ -117,7 +130,7 @@ def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, See
         whole = {k: torch.cat([d[part][k] for d in files])[i] for k in files[0][part]}
         return {k: (v.float() if v.is_floating_point() else v).to(device) for k, v in whole.items()}
 
-    return Mistakes(**shuffled("mistakes")), Seen(**shuffled("seen"))
+    return Mistakes(**shuffled("mistakes")), Seen(**shuffled("seen")), Looks(**shuffled("looks"))
 
 
 def match(pred: list[np.ndarray], truth: list[Known]) -> list[tuple[int, int]]:
@@ -180,6 +193,22 @@ def of_lsp(pack: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterato
         first += len(arc.files)
 
 
+def of_everyday(folder: pathlib.Path, photos: int, rng: np.random.Generator) -> Iterator[Shown]:
+    """Photos of everyday.py, whole, as the program shows them to the network; squeezed ones are left out."""
+    z = np.load(folder / "people.npz")
+    start, offset, joints, state, box = (z[k] for k in ("start", "offset", "joints", "state", "box"))
+    files = np.memmap(folder / "pictures.bin", np.uint8, "r")
+    labelled = np.flatnonzero([(state[a:b] == LABELLED).any() for a, b in zip(start, start[1:])] & ~z["stretched"])
+    for i in np.sort(rng.permutation(labelled)[:photos]):
+        own = slice(start[i], start[i + 1])
+        image = decode(files[offset[i] : offset[i + 1]].tobytes())
+        x, s, du, dv = letterbox(image, *(FRAME[::-1] if image.shape[0] > image.shape[1] else FRAME))
+        at, ok = joints[own] * s + [du, dv], state[own] == LABELLED
+        long = (box[own, 2:] - box[own, :2]).max(1) * s
+        tall = in_sight(torch.from_numpy(at).float(), torch.from_numpy(ok), torch.from_numpy(long).float()).tolist()
+        yield Shown(x, list(zip(at, ok, tall)), [None] * len(tall))
+
+
 def of_scenes(folder: pathlib.Path, frames: int, rng: np.random.Generator) -> Iterator[Shown]:
     data = Stored(folder, 0)
     for i in rng.permutation(data.filled)[:frames]:
@@ -190,10 +219,11 @@ def of_scenes(folder: pathlib.Path, frames: int, rng: np.random.Generator) -> It
 
 
 @torch.no_grad()
-def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) -> tuple[Mistakes, Seen]:
+def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) -> tuple[Mistakes, Seen, Looks]:
     wrong: list[tuple[np.ndarray, ...]] = []
     of: list[int] = []  # which of `seen` each of them is, or -1
     seen: list[tuple[Tensor, ...]] = []
+    looks = [(torch.zeros(0, NJ, 2), torch.zeros(0, NJ), torch.zeros(0, NJ, 3 * NB).half())]
     for shown in pictures:
         with torch.autocast("cpu", torch.bfloat16, enabled=bf16_pays(torch.device("cpu"))):
             y, e = net(evaluate.as_input(shown.picture))
@@ -203,15 +233,18 @@ def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) 
             if ok.all():  # an answer at an unlabelled joint could not be judged
                 wrong.append(record(pred[a], j, size))
                 of.append(-1 if shown.rel[k] is None else len(seen))
+            uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
+            answer = (uv, conf, evaluate.read_encodings(e[0], uv).half())
             if (r := shown.rel[k]) is not None:
-                uv, conf = torch.from_numpy(pred[a][:, :2]).float(), torch.from_numpy(pred[a][:, 2]).float().clamp(0, 1)
-                seen.append((uv, conf, evaluate.read_encodings(e[0], uv).half(), r))
+                seen.append((*answer, r))
+            else:
+                looks.append(tuple(t[None] for t in answer))  # type: ignore[arg-type]
     conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
     known = Seen(*(torch.stack(x) for x in zip(*seen)))
     slope, error = encodings(known)
     which = torch.tensor(of)
     lifted = which >= 0
-    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope.expand(len(at), 3)), known
+    return Mistakes(conf.float(), at.long(), off.float(), error[which.clamp_min(0)] * lifted[:, None, None], lifted, slope.expand(len(at), 3)), known, Looks(*(torch.cat(x) for x in zip(*looks)))
 
 
 def encodings(seen: Seen) -> tuple[Tensor, Tensor]:
@@ -236,6 +269,8 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--stage1", type=pathlib.Path, required=True, help="safetensors file, or a run's folder")
     ap.add_argument("--scenes", type=pathlib.Path, nargs="*", default=[])
     ap.add_argument("--photos", type=int, default=1200, help="of LSP's; 0 with --open")
+    ap.add_argument("--everyday", type=pathlib.Path, help="folder of everyday.py: real people for stage2.py --keep")
+    ap.add_argument("--everyday-photos", type=int, default=2600)
     ap.add_argument("--open", action="store_true", help="only open scenes, and what open weights say of them")
     ap.add_argument("--frames", type=int, default=600, help="of each folder of scenes")
     ap.add_argument("--association", type=pathlib.Path, default=ASSOCIATION, help="toml with the thresholds that the program asks these weights by")
@@ -245,7 +280,7 @@ def main(argv: list[str]) -> None:
     if a.open:
         a.photos = 0
         terms.require_open_weights(a.stage1)
-        for folder in a.scenes:
+        for folder in a.scenes + ([a.everyday] if a.everyday else []):
             terms.ingredients(folder)
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
@@ -253,12 +288,14 @@ def main(argv: list[str]) -> None:
     group = thresholds(a.association)
     rng = np.random.default_rng(a.seed)
     pictures = chain(of_lsp(a.pack, a.photos, rng), *(of_scenes(f, a.frames, rng) for f in a.scenes))
-    m, known = collect(net.to(memory_format=torch.channels_last), pictures, group)
-    torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "open": a.open}, a.out)
+    if a.everyday:
+        pictures = chain(pictures, of_everyday(a.everyday, a.everyday_photos, rng))
+    m, known, looks = collect(net.to(memory_format=torch.channels_last), pictures, group)
+    torch.save({"mistakes": m.__dict__, "seen": known.__dict__, "looks": looks.__dict__, "open": a.open}, a.out)
     seen = m.conf > 0
     own = m.at == torch.arange(NJ)
     print(f"encodings' slope over the truth: {m.slope[0].tolist()}; their error is known of {int(m.lifted.sum())} people")
-    print(f"{len(known.conf)} people with known 3D; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
+    print(f"{len(known.conf)} people with known 3D, {len(looks.conf)} without; {len(m.conf)} with mistakes to learn from, {seen.float().sum(1).mean():.1f} joints each, {100 * (~own & seen).sum() / seen.sum():.1f} % at another joint,")
     print(f"the others {m.off[seen & own].norm(dim=1).median():.3f} statures off in the median, {m.off[seen & own].norm(dim=1).quantile(0.9):.3f} at 90 %")
 
 

@@ -6,7 +6,8 @@ Inputs imitate Stage I: joints drop out singly, by limb and below the edge of th
 encodings are flattened, turned, now and then another person's, and as wrong as Stage I's: little in the median, much in the tails.
 With `--posed`, people in `edgecap synth`'s poses join those of the motion capture. Given what mistakes.py collected, a part of every batch carries true mistakes, and people as Stage I reported them are added; given a
 Stage I checkpoint, its true outputs on rendered scenes.  With `--mean-of` it learns what other Stage II networks say together, instead of
-the truth: one network then answers as well as several looks at a person.  Light enough for a CPU.
+the truth: one network then answers as well as several looks at a person.  With `--keep` it goes on to answer as that network does about
+real people, whom the truth of renderings would teach it to see otherwise.  Light enough for a CPU.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ import terms
 import weights
 from body import Body, Mocap, canonical
 from measure import errors, naive
-from mistakes import Mistakes, bones, load
+from mistakes import Looks, Mistakes, bones, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from posed import Posed
 from skeleton import FLIP14, FLIP21, NB, NECK, NJ, ROOT, STRIDE
@@ -53,6 +54,7 @@ LIMB_CHAINS = [
 
 CLOSE = 0.3  # share of people who stand right before the camera
 NEAR = 400  # stature in pixels of those whom the report counts as close
+KEPT = 300  # pixels from the topmost to the lowest joint of those whom `--keep` asks about: closer ones are to be learnt anew
 LEAST = 4  # joints in the picture, the neck among them: fewer are not reported
 
 
@@ -258,6 +260,16 @@ def agreed(nets: list[Stage2], uv: Tensor, conf: Tensor, enc: Tensor, mask: Tens
     return total / (4 * len(nets))
 
 
+@torch.no_grad()
+def kept_answers(net: Stage2, looks: Looks, mask: Tensor) -> tuple[Tensor, ...]:
+    """`uv`, `conf` and `enc` of those of `looks` who are not close, and what `net` says of them, looking at the mirror image, too: [n, 21, 3]."""
+    seen, y = looks.conf > 0, looks.uv[..., 1]
+    tall = torch.where(seen, y, -torch.inf).amax(1) - torch.where(seen, y, torch.inf).amin(1)
+    answer = tuple(t[tall < KEPT] for t in (looks.uv, looks.conf, looks.enc))
+    rel = net(stage2_input(*answer, mask)) + mirror3d(net(stage2_input(*mirror(*answer), mask)))
+    return (*answer, rel / 2)
+
+
 def train(a: argparse.Namespace) -> None:
     began = time.time()
     dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
@@ -265,7 +277,7 @@ def train(a: argparse.Namespace) -> None:
         torch.set_num_threads(a.threads)
     if a.open:
         terms.ingredients(a.pack)
-        for path in ([a.init] if a.init else []) + a.mean_of:
+        for path in [p for p in (a.init, a.keep) if p] + a.mean_of:
             terms.require_open_weights(path)
         if a.stage1:
             raise SystemExit("expected no --stage1 with --open: it looks at backgrounds that are not open")
@@ -285,7 +297,7 @@ def train(a: argparse.Namespace) -> None:
     wrong: Mistakes | None = None
     true: list[tuple[Tensor, ...]] = []  # Stage I's own answers
     if a.mistakes:
-        whole_set, seen = load(a.mistakes, dev)
+        whole_set, seen, looks = load(a.mistakes, dev)
         cut = len(whole_set.conf) // 7  # records that are only measured with
         wrong, kept = whole_set.take(slice(cut, None)), whole_set.take(slice(cut))
         real_uv, real_conf, real_enc = kept.apply(uv, tall, rel_t, torch.Generator(device=dev).manual_seed(8))
@@ -324,6 +336,14 @@ def train(a: argparse.Namespace) -> None:
     panel = [Stage2().to(dev).requires_grad_(False).eval() for _ in a.mean_of]
     for member, path in zip(panel, a.mean_of):
         weights.load_into(member, path)
+    kept_people: tuple[Tensor, ...] = ()
+    if a.keep:
+        if not a.mistakes or not len(looks.conf):
+            raise SystemExit("expected people of photos to --keep answers about, found none: collect them with mistakes.py --everyday and give --mistakes")
+        before = Stage2().to(dev).requires_grad_(False).eval()
+        weights.load_into(before, a.keep)
+        kept_people = kept_answers(before, looks, mask)
+        print(f"{len(kept_people[0])} real people stay as {a.keep} sees them", flush=True)
     opt = torch.optim.AdamW(net2.parameters(), lr=a.lr, weight_decay=0.01, betas=(0.9, 0.98))
     step, t0, logged = 0, time.time(), time.time()
     end = began + a.minutes * 60
@@ -358,6 +378,10 @@ def train(a: argparse.Namespace) -> None:
             x_uv, x_c, x_e, rel = (torch.cat(z) for z in ((x_uv, t_uv), (x_c, t_c), (x_e, t_e), (rel, t_rel)))
         if panel:
             rel = agreed(panel, x_uv, x_c, x_e, mask)
+        if kept_people:
+            i = torch.randint(len(kept_people[0]), (max(1, round(a.kept * a.batch)),), generator=data.g, device=dev)
+            *t, t_rel = mirrored(*(t[i] for t in kept_people), data.g)
+            x_uv, x_c, x_e, rel = (torch.cat(z) for z in zip((x_uv, x_c, x_e, rel), (*t, t_rel)))
         with torch.autocast(dev.type, torch.bfloat16, enabled=a.bf16):
             out = net2(stage2_input(x_uv, x_c, x_e, mask)).float()
         # Smooth L1 in decimetres on joints and on bones: bones keep limb lengths consistent
@@ -435,6 +459,8 @@ if __name__ == "__main__":
     ap.add_argument("--log", type=int, default=200)
     ap.add_argument("--seed", type=int, default=3)
     ap.add_argument("--mean-of", type=pathlib.Path, nargs="*", default=[], help="Stage II files whose mean answer, with and without encodings, is learnt")
+    ap.add_argument("--keep", type=pathlib.Path, help="Stage II file whose answers about real people of unknown 3D stay")
+    ap.add_argument("--kept", type=float, default=0.2, help="such people added to a batch, over its size")
     ap.add_argument("--posed", type=pathlib.Path, help="truth.json of edgecap synth --stills --truth-only")
     ap.add_argument("--posed-share", type=float, default=0.4, help="their share of a batch")
     ap.add_argument("--without", type=float, default=0.5, help="share of people shown without encodings: one network for both inputs")

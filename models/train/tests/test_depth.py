@@ -22,6 +22,7 @@ sys.path[:0] = [str(KIT), str(KIT / "tests")]
 import depth
 import distil
 import everyday
+import mistakes
 import renorm
 import targets
 import teacher
@@ -65,6 +66,24 @@ def crowd_folder(where: pathlib.Path) -> pathlib.Path:
     rel3d[..., 2] = (0.1 * (1 + np.arange(len(joints))) * np.where(lifted, 1, -1))[:, None]
     depth.write(out, rel3d.astype(np.float16), lifted)
     return out
+
+
+class Shown(unittest.TestCase):
+    """Photos as Stage I is asked about them, for Stage II to learn from."""
+
+    def test_everybody_is_asked_about_where_the_picture_shows_them(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            folder = crowd_folder(pathlib.Path(d))
+            shown = list(mistakes.of_everyday(folder, 9, np.random.default_rng(1)))
+            labels = np.load(folder / "people.npz")["joints"].reshape(3, 2, NJ, 2)
+            self.assertEqual(len(list(mistakes.of_everyday(folder, 2, np.random.default_rng(1)))), 2)
+        self.assertEqual(len(shown), 3)
+        scale, left = 320 / SIDE, (512 - 320) / 2
+        for s, joints in zip(shown, labels):
+            self.assertEqual((tuple(s.picture.shape), s.rel), ((1, 3, 320, 512), [None, None]))
+            for (at, labelled, size), truth in zip(s.truth, joints):
+                np.testing.assert_allclose(at, (truth + 0.5) * scale - 0.5 + [left, 0], atol=1e-3)
+                self.assertTrue(labelled.sum() > 8 and 60 < size < 320, (labelled, size))
 
 
 def apart(b: Batch) -> float:

@@ -46,8 +46,8 @@ from pool import Pool, Stored
 from posed import Posed
 from real import TRUST, arrange, mend
 from renorm import LIMITS, BatchRenorm2d
-from mistakes import Mistakes, Seen, encodings, load, match, record, thresholds
-from stage2 import People3D, agreed, as_of_real_people, imitate, mirror, mirror3d, mirrored
+from mistakes import Looks, Mistakes, Seen, encodings, load, match, record, thresholds
+from stage2 import KEPT, People3D, agreed, as_of_real_people, imitate, kept_answers, mirror, mirror3d, mirrored
 from teacher import LANDMARK, TORSO_AND_LEGS, agreement, skeleton21, stature
 from windows import most_seen, seen_through, window
 
@@ -287,17 +287,32 @@ class Reports(unittest.TestCase):
             conf = torch.full((n, NJ), 0.1 * first)
             m = Mistakes(conf, torch.zeros(n, NJ, dtype=torch.long), torch.zeros(n, NJ, 2), torch.zeros(n, NJ, 63), ones, torch.full((n, 3), 0.3 * first))
             seen = Seen(torch.zeros(n, NJ, 2), conf, torch.zeros(n, NJ, 63), torch.zeros(n, NB, 3))
-            torch.save({"mistakes": m.__dict__, "seen": seen.__dict__, "open": False}, folder / f"{first}.pt")
+            looks = Looks(seen.uv[:first], conf[:first], seen.enc[:first])
+            torch.save({"mistakes": m.__dict__, "seen": seen.__dict__, "looks": looks.__dict__, "open": False}, folder / f"{first}.pt")
             return folder / f"{first}.pt"
 
         with tempfile.TemporaryDirectory() as d:
             paths = [files(pathlib.Path(d), k) for k in (1, 2)]
-            m, seen = load(paths, torch.device("cpu"))
+            m, seen, looks = load(paths, torch.device("cpu"))
         torch.testing.assert_close(m.slope[:, 0], 3 * m.conf[:, 0])
-        self.assertEqual(len(seen.conf), 60)
+        self.assertEqual((len(seen.conf), len(looks.conf)), (60, 3))
         part = m.take(slice(7))
         self.assertEqual(len(set(part.conf[:, 0].tolist())), 2)  # shuffled: the first few are of both
         torch.testing.assert_close(part.slope[:, 0], 3 * part.conf[:, 0])
+
+    def test_what_a_network_says_of_real_people_is_kept_but_for_those_close_by(self) -> None:
+        g = torch.Generator().manual_seed(4)
+        net = Stage2().eval()
+        torch.nn.init.normal_(net.fc5[0].weight, std=0.1, generator=g)
+        uv = torch.randn(40, NJ, 2, generator=g) * torch.linspace(10, 200, 40)[:, None, None]
+        conf = torch.rand(40, NJ, generator=g) * (torch.rand(40, NJ, generator=g) > 0.2)
+        enc = torch.randn(40, NJ, 63, generator=g) * 0.2 * channel_mask()
+        *answer, rel = kept_answers(net, Looks(uv, conf, enc), channel_mask())
+        tall = [float(np.ptp(q[c > 0, 1])) for q, c in zip(uv.numpy(), conf.numpy())]
+        self.assertTrue(0 < len(rel) < 40)
+        self.assertEqual(len(rel), sum(t < KEPT for t in tall))
+        _, *other = kept_answers(net, Looks(*mirror(uv, conf, enc)), channel_mask())
+        torch.testing.assert_close(mirror3d(other[-1]), rel, rtol=1e-4, atol=1e-5)
 
     def test_what_networks_agree_on_does_not_depend_on_the_side(self) -> None:
         g = torch.Generator().manual_seed(9)
