@@ -138,6 +138,17 @@ fn place() -> (tempfile::TempDir, PathBuf) {
     (parent, folder)
 }
 
+/// This program where others may run it: not what lies in a home. Copied by a child: a program that this process holds
+/// open for writing cannot be run while a neighbouring test's fork holds it as well.
+fn copied_program(folder: &Path) -> PathBuf {
+    let program = folder.join("program");
+    let mut copy = Command::new("cp");
+    copy.arg(std::env::current_exe().unwrap()).arg(&program);
+    assert!(copy.status().unwrap().success());
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    program
+}
+
 fn is_root(what: &str) -> bool {
     let root = rustix::process::geteuid().is_root();
     if !root {
@@ -171,13 +182,7 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
         return;
     }
     let (parent, folder) = place();
-    // Others may not run what lies in a home. Copied by a child: a program that this process holds open for writing
-    // cannot be run while a neighbouring test's fork holds it as well.
-    let program = parent.path().join("program");
-    let mut copy = Command::new("cp");
-    copy.arg(std::env::current_exe().unwrap()).arg(&program);
-    assert!(copy.status().unwrap().success());
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    let program = copied_program(parent.path());
     fs::set_permissions(parent.path(), fs::Permissions::from_mode(0o755)).unwrap();
     fs::create_dir(&folder).unwrap();
     chown(&folder, Some(OWNER), Some(GROUP)).unwrap();
@@ -236,11 +241,7 @@ fn a_process_from_which_permissions_are_kept_back_publishes_and_reads() {
         return;
     }
     let (parent, folder) = place();
-    let program = parent.path().join("program");
-    let own = std::env::current_exe().unwrap();
-    let copied = Command::new("cp").arg(own).arg(&program).status();
-    assert!(copied.unwrap().success());
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    let program = copied_program(parent.path());
     chown(parent.path(), Some(OWNER), Some(GROUP)).unwrap();
     let play = |role: &str| {
         let mut command = Command::new("sh");
