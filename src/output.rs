@@ -32,6 +32,7 @@ const SUFFIX: &str = ".part";
 pub const STDOUT: &str = "-";
 /// More records than a buffer holds need not be known: they are on the disk.
 const RECORDS_KEPT: usize = 1024;
+
 /// Writes a whole file, replacing an older one; missing parent folders are made.
 ///
 /// # Errors

@@ -122,7 +122,9 @@ def is_open(path: pathlib.Path) -> bool:
 def load(paths: list[pathlib.Path], device: torch.device) -> tuple[Mistakes, Seen, Looks]:
     """What `main` wrote to these files, in a fixed random order: the first few are a fair sample."""
     files = [torch.load(path, map_location="cpu", weights_only=True) for path in paths]
-    for d in files:
+    for path, d in zip(paths, files):
+        if "looks" not in d:
+            raise SystemExit(f"expected people without known 3D in {path}, found an older file: collect it again with mistakes.py")
         d["mistakes"]["slope"] = d["mistakes"]["slope"].expand(len(d["mistakes"]["conf"]), 3)
 
     def shuffled(part: str) -> dict[str, Tensor]:
@@ -282,6 +284,8 @@ def main(argv: list[str]) -> None:
         terms.require_open_weights(a.stage1)
         for folder in a.scenes + ([a.everyday] if a.everyday else []):
             terms.ingredients(folder)
+    if not a.scenes and not (a.photos and (a.pack / "teacher.npz").exists()):
+        raise SystemExit("expected people whose 3D is known, found none: give --scenes, or a pack with teacher.npz and --photos")
     torch.set_num_threads(a.threads)
     file = a.stage1 if a.stage1.is_file() else None
     net, _, _ = evaluate.load(a.stage1, torch.device("cpu"), file)

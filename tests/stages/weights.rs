@@ -230,11 +230,20 @@ fn a_model_file_takes_another_second_stage_and_keeps_its_first() {
             "leave out --calibrate",
         ),
     ] {
-        let out = edgecap(&[&import[..], more].concat());
-        let said = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert_eq!(out.status.code(), Some(64), "{said}");
-        assert!(said.contains(words), "{said}");
+        for check in [&[][..], &["--check"]] {
+            let out = edgecap(&[&import[..], more, check].concat());
+            let said = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert_eq!(out.status.code(), Some(64), "{said}");
+            assert!(said.contains(words) && out.stdout.is_empty(), "{said}");
+        }
     }
+    let out = edgecap(&[&import[..], &["--stage2", stage2, "--check"]].concat());
+    assert!(
+        out.status.success() && lines(&out.stdout).len() == 1,
+        "{out:?}"
+    );
+    let out = edgecap(&[&import[..], &["--stage2", open, "--check"]].concat());
+    assert_eq!(out.status.code(), Some(65), "{out:?}");
     assert!(!made.exists());
     let out = edgecap(&[&import[..], &["--stage2", stage2]].concat());
     assert!(out.status.success(), "{out:?}");

@@ -294,6 +294,11 @@ class Reports(unittest.TestCase):
         with tempfile.TemporaryDirectory() as d:
             paths = [files(pathlib.Path(d), k) for k in (1, 2)]
             m, seen, looks = load(paths, torch.device("cpu"))
+            old = torch.load(paths[0], weights_only=True)
+            del old["looks"]
+            torch.save(old, paths[0])
+            with self.assertRaisesRegex(SystemExit, "collect it again"):
+                load(paths, torch.device("cpu"))
         torch.testing.assert_close(m.slope[:, 0], 3 * m.conf[:, 0])
         self.assertEqual((len(seen.conf), len(looks.conf)), (60, 3))
         part = m.take(slice(7))

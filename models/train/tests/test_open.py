@@ -281,6 +281,10 @@ class Run(unittest.TestCase):
             with self.assertRaisesRegex(SystemExit, "open"):
                 mistakes.main([str(self.at), str(self.at / "m.pt"), "--open", "--stage1", str(weights_of[ours]), "--scenes", str(scenes)])
 
+    def test_mistakes_without_anybody_in_3d_are_refused_before_anything_is_looked_at(self) -> None:
+        with self.assertRaisesRegex(SystemExit, "give --scenes"):
+            mistakes.main([str(self.at), str(self.at / "m.pt"), "--stage1", str(KIT.parent / "weights/stage1.safetensors"), "--everyday", str(self.at)])
+
     def test_anything_else_is_refused(self) -> None:
         closed = scenes_folder(self.at / "closed", mark=False)
         for more in (

@@ -167,8 +167,14 @@ fn check(a: &Import) -> Result<()> {
     let name = || a.weights.display().to_string();
     let bytes = read(&a.weights)?;
     let mut all = Vec::new();
-    for e in Model::mismatches(&bytes, &network).with_context(name)? {
-        all.push(format!("{}: {e}", a.weights.display()));
+    let is_whole = Model::is_model_file(&bytes).with_context(name)?;
+    if is_whole {
+        Model::from_bytes(&bytes).with_context(name)?;
+        refuse_rounded(a)?;
+    } else {
+        for e in Model::mismatches(&bytes, &network).with_context(name)? {
+            all.push(format!("{}: {e}", a.weights.display()));
+        }
     }
     if let Some(path) = &a.stage2 {
         let found = Model::stage2_mismatches(&read(path)?);
@@ -195,6 +201,13 @@ fn check(a: &Import) -> Result<()> {
             a.arch
         ))
         .into());
+    }
+    if is_whole {
+        say::out(&format!(
+            "{} can be changed so; its Stage I stays bit for bit",
+            a.weights.display()
+        ));
+        return Ok(());
     }
     let ranges = match Model::from_safetensors(&bytes, network.clone())?.quantise(None) {
         Ok(_) => "activation ranges are in its metadata",

@@ -144,10 +144,15 @@ impl Model {
 
     /// As [`open_any`](Self::open_any), of a file's bytes.
     pub fn from_any(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
-        if file::is_model(&Tensors::parse(bytes)?) {
-            return Self::from_bytes(bytes);
+        match Self::is_model_file(bytes)? {
+            true => Self::from_bytes(bytes),
+            false => Self::from_safetensors(bytes, network),
         }
-        Self::from_safetensors(bytes, network)
+    }
+
+    /// Whether a file's bytes are a model file's, and not other safetensors'.
+    pub fn is_model_file(bytes: &[u8]) -> Result<bool, ModelError> {
+        Ok(file::is_model(&Tensors::parse(bytes)?))
     }
 
     /// Adds Stage II from the training recipe's safetensors.
