@@ -375,32 +375,35 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
             if oy % phase.out_step != phase.first_row {
                 continue;
             }
+            // Here, not in a tile: a division takes as long as a good part of a tile of few channels.
+            let iy = (oy / phase.out_step * phase.in_step) as isize;
             let mut column = 0;
-            // SAFETY: oy is an output row (the part lies within them, caller), and column + MR <= columns for every
-            // tile.
+            // SAFETY: oy is an output row (the part lies within them, caller), iy the input row of its tap (0, 0), and
+            // column + MR <= columns for every tile.
             unsafe {
+                let row = self.tile.x.offset(iy * self.job.row_bytes);
                 if C::D::MAX_MR == 8 {
                     while column + 8 <= columns {
-                        self.tile::<8, NV>(oy, column);
+                        self.tile::<8, NV>(row, oy, column);
                         column += 8;
                     }
                 }
                 if C::D::MAX_MR == 6 {
                     while column + 6 <= columns {
-                        self.tile::<6, NV>(oy, column);
+                        self.tile::<6, NV>(row, oy, column);
                         column += 6;
                     }
                 }
                 while column + 4 <= columns {
-                    self.tile::<4, NV>(oy, column);
+                    self.tile::<4, NV>(row, oy, column);
                     column += 4;
                 }
                 if column + 2 <= columns {
-                    self.tile::<2, NV>(oy, column);
+                    self.tile::<2, NV>(row, oy, column);
                     column += 2;
                 }
                 if column < columns {
-                    self.tile::<1, NV>(oy, column);
+                    self.tile::<1, NV>(row, oy, column);
                 }
             }
         }
@@ -409,47 +412,66 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
     /// MR pixels of row `oy` from the strip's column `first`.
     ///
     /// # Safety
-    /// As [`rows`](Self::rows); `oy` is an output row, and `first + MR` is at most the strip's columns.
+    /// As [`rows`](Self::rows); `oy` is an output row, `row` its first pixel's tap (0, 0), and `first + MR` is at most
+    /// the strip's columns.
     #[inline(always)]
-    unsafe fn tile<const MR: usize, const NV: usize>(&self, oy: usize, first: usize) {
-        let (job, phase) = (self.job, self.phase);
-        let lanes = Vectors::<C>::LANES;
-        let y = (oy / phase.out_step * phase.in_step) as isize;
+    unsafe fn tile<const MR: usize, const NV: usize>(
+        &self,
+        row: *const u8,
+        oy: usize,
+        first: usize,
+    ) {
         // SAFETY: output pixels (oy, (first + m) · out_step + first_column), m < MR, lie in the output (caller). Their
         // taps lie in -halo..height + halo rows and -halo..width + halo columns of the input, halo being
         // `ConvShape::input_halo`, which `check` proved readable. Initial values: NV · lanes from the block's first
         // (see `run`).
         unsafe {
-            let x = self
-                .tile
-                .x
-                .offset(y * job.row_bytes)
-                .add(first * self.tile.x_step);
+            let x = row.add(first * self.tile.x_step);
             let mut acc = [[C::D::load_acc(self.bias); NV]; MR];
             for n in 1..NV {
-                let bias = C::D::load_acc(self.bias.add(n * lanes * 4));
+                let bias = C::D::load_acc(self.bias.add(n * Vectors::<C>::LANES * 4));
                 for pixel in &mut acc {
                     pixel[n] = bias;
                 }
             }
             let acc = C::sum(acc, &Tile { x, ..self.tile });
-            for n in 0..NV {
-                let mut column = [acc[0][n]; MR];
-                for m in 1..MR {
-                    column[m] = acc[m][n];
-                }
-                self.writer.write(
-                    column,
-                    Place {
-                        lane: self.lane + n * lanes,
-                        channel: self.channel + n * lanes,
-                        n: (self.outs - n * lanes).min(lanes),
-                        y: oy,
-                        x: first * phase.out_step + phase.first_column,
-                        step: phase.out_step,
-                    },
-                );
+            // Written out: of a loop the compiler makes one that reads accumulators from the stack.
+            self.write::<MR, NV>(acc, 0, oy, first);
+            if NV > 1 {
+                self.write::<MR, NV>(acc, 1, oy, first);
+            }
+            if NV > 2 {
+                self.write::<MR, NV>(acc, 2, oy, first);
             }
         }
+    }
+
+    /// Vector `n` of a tile's pixels.
+    ///
+    /// # Safety
+    /// As [`tile`](Self::tile), and n < NV.
+    #[inline(always)]
+    unsafe fn write<const MR: usize, const NV: usize>(
+        &self,
+        acc: [[Acc<C>; NV]; MR],
+        n: usize,
+        oy: usize,
+        first: usize,
+    ) {
+        let lanes = Vectors::<C>::LANES;
+        let mut column = [acc[0][n]; MR];
+        for m in 1..MR {
+            column[m] = acc[m][n];
+        }
+        let place = Place {
+            lane: self.lane + n * lanes,
+            channel: self.channel + n * lanes,
+            n: (self.outs - n * lanes).min(lanes),
+            y: oy,
+            x: first * self.phase.out_step + self.phase.first_column,
+            step: self.phase.out_step,
+        };
+        // SAFETY: MR pixels of an output row from `x` on, and lanes that are the block's (caller).
+        unsafe { self.writer.write(column, place) };
     }
 }

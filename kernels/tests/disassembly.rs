@@ -108,8 +108,12 @@ fn is_product(line: &Line) -> bool {
     PRODUCTS.iter().any(|p| line.1.contains(p))
 }
 
-/// Whether an instruction belongs to what becomes of sums: conversions, and stores anywhere but on the stack.
+/// Whether an instruction belongs to what becomes of sums: conversions, stores anywhere but on the stack, and calls, by
+/// which a few lanes are copied.
 fn is_epilogue(line: &Line) -> bool {
+    if line.1.starts_with("call") || line.1.starts_with("bl ") || line.1.starts_with("bl\t") {
+        return true;
+    }
     if cfg!(target_arch = "aarch64") {
         return line.1.contains("cvt") || (line.1.starts_with("st") && !line.1.contains(STACK));
     }
@@ -176,6 +180,7 @@ fn no_inner_loop_spills() {
     };
     let text = String::from_utf8_lossy(&out.stdout);
     let mut loops_with_products = 0;
+    let mut spilling = Vec::new();
     for kernel in KERNELS {
         let found = functions(&text, &format!("::{kernel}::"));
         assert!(!found.is_empty(), "no function of {kernel} in this program");
@@ -190,11 +195,18 @@ fn no_inner_loop_spills() {
                 let products = inner.iter().filter(|l| is_product(l)).count();
                 most = most.max((products, inner.len()));
                 let spills: Vec<_> = inner.iter().filter(|l| is_on_stack(l)).collect();
-                assert!(spills.is_empty(), "{name}: {spills:#x?}");
+                if !spills.is_empty() {
+                    spilling.push(format!("{name}: {spills:#x?}"));
+                }
             }
         }
         println!("{kernel}: {} products of {} instructions", most.0, most.1);
     }
+    assert!(
+        spilling.is_empty(),
+        "of {loops_with_products} inner loops these keep a vector on the stack: {}",
+        spilling.join("\n")
+    );
     println!("{loops_with_products} inner loops of products, none with a vector on the stack");
     assert!(
         loops_with_products >= LEAST_LOOPS * KERNELS.len(),
