@@ -194,23 +194,7 @@ impl AtomicFile {
         let Place::Named(file) = writer.get_ref() else {
             return Ok(true);
         };
-        let ours = file.metadata()?;
-        if ours.nlink() == 0 || ours.len() < self.on_disk(writer) {
-            return Ok(false);
-        }
-        if !by_name {
-            return Ok(true);
-        }
-        Ok(match fs::metadata(&self.path) {
-            // Some file systems number a file anew now and then.
-            Ok(found) => {
-                (found.dev(), found.ino()) == (ours.dev(), ours.ino()) || found.len() == ours.len()
-            }
-            Err(e) => !matches!(
-                e.kind(),
-                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
-            ),
-        })
+        is_in_place(file, &self.path, self.on_disk(writer), by_name)
     }
 
     /// Bytes that have left the buffer.
@@ -378,6 +362,31 @@ impl Drop for AtomicFile {
     }
 }
 
+/// Whether an open file is still the one that was written: nobody has removed it or cut it below `least` bytes, nor,
+/// which is looked at only `by_name`, moved it from `path` or put another in its place.
+///
+/// # Errors
+/// Those of the file.
+pub fn is_in_place(file: &File, path: &Path, least: u64, by_name: bool) -> io::Result<bool> {
+    let ours = file.metadata()?;
+    if ours.nlink() == 0 || ours.len() < least {
+        return Ok(false);
+    }
+    if !by_name {
+        return Ok(true);
+    }
+    Ok(match fs::metadata(path) {
+        // Some file systems number a file anew now and then.
+        Ok(found) => {
+            (found.dev(), found.ino()) == (ours.dev(), ours.ino()) || found.len() == ours.len()
+        }
+        Err(e) => !matches!(
+            e.kind(),
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+        ),
+    })
+}
+
 /// Up to where a file holds what was written to it: somebody may have cut it since, and it is not to be made longer.
 fn written_to(file: &mut File) -> io::Result<u64> {
     Ok(file.stream_position()?.min(file.metadata()?.len()))
@@ -401,7 +410,7 @@ fn unnamed(error: io::Error) -> io::Error {
 }
 
 /// Gives a file that holds anything the first free name of `name-1`, `name-2` and so on; returns that.
-fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
+pub fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
     if !fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0) {
         return Ok(None);
     }

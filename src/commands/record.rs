@@ -59,7 +59,7 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
         "recording {} (Ctrl-C stops)",
         edgecap_client::service_name::<M>(&args.camera)
     ));
-    let (mut frames, mut ended) = (0_u64, None);
+    let mut ended = None;
     let began = Instant::now();
     let mut cleaned = Instant::now();
     let is_over =
@@ -80,13 +80,13 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
                 path: args.to.clone(),
                 cause,
             })?;
-            frames += 1;
         }
         if cleaned.elapsed() > CLEAN_UP_EVERY {
             stream.clean_up();
             cleaned = Instant::now();
         }
     }
+    let frames = file.frames();
     if frames == 0 {
         drop(file);
         // It would be a record of nothing.
@@ -98,7 +98,13 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
         .into());
     }
     let bytes = file.bytes();
-    file.finish().map_err(|cause| SinkError::Write {
+    let finished = file.finish().and_then(|is_there| match is_there {
+        true => Ok(()),
+        false => Err(std::io::Error::other(
+            "somebody removed, moved or cut the record",
+        )),
+    });
+    finished.map_err(|cause| SinkError::Write {
         path: args.to.clone(),
         cause,
     })?;

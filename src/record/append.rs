@@ -8,11 +8,13 @@ use std::time::{Duration, Instant};
 
 use super::rows::Row;
 use super::writer::{Format, encode, head};
+use crate::output::{is_in_place, set_aside};
 
-/// How often frames are brought onto the disk itself: a power cut takes no more.
+/// How often frames are brought onto the disk itself, a power cut takes no more; and how often it is looked whether the
+/// record is still the file of its name.
 const SYNC_EVERY: Duration = Duration::from_secs(5);
 
-/// Writes rows that are in the file at once.
+/// Writes rows that are in the file at once. Where somebody removes, moves or cuts that, another begins under the name.
 #[derive(Debug)]
 pub struct GrowingRecord<T> {
     file: File,
@@ -20,6 +22,7 @@ pub struct GrowingRecord<T> {
     format: Format,
     buffer: Vec<u8>,
     whole: u64,
+    frames: u64,
     synced: Instant,
     rows: PhantomData<T>,
 }
@@ -30,7 +33,12 @@ impl<T: Row> GrowingRecord<T> {
     /// # Errors
     /// Of kind `AlreadyExists` where there is one; the system's.
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
-        let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        let mut options = OpenOptions::new();
+        Self::begin(options.create_new(true), path, format)
+    }
+
+    fn begin(options: &mut OpenOptions, path: &Path, format: Format) -> io::Result<Self> {
+        let mut file = options.write(true).open(path)?;
         let head = head::<T>(format);
         file.write_all(&head)?;
         Ok(Self {
@@ -39,6 +47,7 @@ impl<T: Row> GrowingRecord<T> {
             format,
             buffer: Vec::new(),
             whole: head.len() as u64,
+            frames: 0,
             synced: Instant::now(),
             rows: PhantomData,
         })
@@ -47,6 +56,11 @@ impl<T: Row> GrowingRecord<T> {
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Whole frames in the file.
+    pub fn frames(&self) -> u64 {
+        self.frames
     }
 
     /// Bytes of whole frames.
@@ -59,6 +73,22 @@ impl<T: Row> GrowingRecord<T> {
     /// # Errors
     /// Those of the file.
     pub fn write(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
+        self.write_at(Instant::now(), message, source)
+    }
+
+    fn write_at(&mut self, now: Instant, message: &T::Message, source: &str) -> io::Result<()> {
+        let by_name = now.saturating_duration_since(self.synced) >= SYNC_EVERY;
+        if by_name {
+            self.synced = now;
+            self.file.sync_data()?;
+        }
+        if !self.is_intact(by_name)? {
+            self.begin_anew()?;
+        }
+        self.append(message, source)
+    }
+
+    fn append(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
         self.buffer.clear();
         encode(&T::new(message, source), self.format, &mut self.buffer)?;
         if let Err(e) = self.file.write_all(&self.buffer) {
@@ -68,19 +98,38 @@ impl<T: Row> GrowingRecord<T> {
             return Err(e);
         }
         self.whole += self.buffer.len() as u64;
-        if self.synced.elapsed() >= SYNC_EVERY {
-            self.synced = Instant::now();
-            self.file.sync_data()?;
-        }
+        self.frames += 1;
         Ok(())
     }
 
-    /// Brings the rest onto the disk.
+    fn is_intact(&self, by_name: bool) -> io::Result<bool> {
+        is_in_place(&self.file, &self.path, self.whole, by_name)
+    }
+
+    fn begin_anew(&mut self) -> io::Result<()> {
+        tracing::warn!(
+            "{}: somebody removed, moved or cut the record; it begins anew",
+            self.path.display()
+        );
+        if let Some(older) = set_aside(&self.path)? {
+            tracing::warn!(
+                "{}: the record that was there is {} now",
+                self.path.display(),
+                older.display()
+            );
+        }
+        let mut options = OpenOptions::new();
+        *self = Self::begin(options.create(true).truncate(true), &self.path, self.format)?;
+        Ok(())
+    }
+
+    /// Brings the rest onto the disk. Whether the record is there.
     ///
     /// # Errors
     /// Those of the disk.
-    pub fn finish(self) -> io::Result<()> {
-        self.file.sync_all()
+    pub fn finish(self) -> io::Result<bool> {
+        self.file.sync_all()?;
+        self.is_intact(true)
     }
 }
 
@@ -90,7 +139,56 @@ mod tests {
 
     use super::*;
     use crate::message::{BodyFrame, MAX_PEOPLE};
-    use crate::record::BodiesRow;
+    use crate::record::{BodiesRow, RowReader};
+
+    #[test]
+    fn a_record_that_was_removed_moved_or_cut_begins_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, format) in [("a.jsonl", Format::Jsonl), ("a.ecr", Format::Binary)] {
+            let path = folder.path().join(name);
+            let rows = |path: &Path| {
+                let file = File::open(path).unwrap();
+                let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(file), name);
+                let mut found = 0;
+                while rows.read().unwrap().is_some() {
+                    found += 1;
+                }
+                found
+            };
+            let (stem, ending) = name.split_once('.').unwrap();
+            let aside = |n: u64| folder.path().join(format!("{stem}-{n}.{ending}"));
+            let start = Instant::now();
+            let mut record = GrowingRecord::<BodiesRow>::create(&path, format).unwrap();
+            let mut at = |seconds: u64| {
+                let now = start + Duration::from_secs(seconds);
+                record.write_at(now, &BodyFrame::default(), "").unwrap();
+                record.frames()
+            };
+            assert_eq!((at(0), at(1)), (1, 2));
+            std::fs::remove_file(&path).unwrap();
+            assert_eq!((at(2), rows(&path)), (1, 1), "{name}: seen at once");
+            let moved = folder.path().join(format!("{name}.old"));
+            std::fs::rename(&path, &moved).unwrap();
+            at(3);
+            assert!(!path.exists(), "{name}: not looked at every time");
+            at(30);
+            assert_eq!((rows(&moved), rows(&path)), (2, 1), "{name}");
+            for n in 1..3 {
+                OpenOptions::new()
+                    .write(true)
+                    .open(&path)
+                    .unwrap()
+                    .set_len(3 - n)
+                    .unwrap();
+                assert_eq!((at(30 + n), rows(&path)), (1, 1), "{name}");
+                assert_eq!(std::fs::metadata(aside(n)).unwrap().len(), 3 - n, "{name}");
+            }
+            File::create(&path).unwrap();
+            assert_eq!((at(40), rows(&path)), (1, 1), "{name}: emptied");
+            std::fs::remove_file(&path).unwrap();
+            assert!(!record.finish().unwrap(), "{name}: it is not there");
+        }
+    }
 
     /// A file that may not grow stands in for a full disk: of a frame that does not fit it takes a part.
     #[test]
@@ -102,10 +200,11 @@ mod tests {
             format: Format::Jsonl,
             buffer: Vec::new(),
             whole: 0,
+            frames: 0,
             synced: Instant::now(),
             rows: PhantomData,
         };
-        record.write(&BodyFrame::default(), "").unwrap();
+        record.append(&BodyFrame::default(), "").unwrap();
         let whole = record.bytes();
         record.file.set_len(2 * 4096).unwrap();
         fcntl_add_seals(&record.file, SealFlags::GROW).unwrap();
@@ -113,7 +212,7 @@ mod tests {
             count: MAX_PEOPLE as u32,
             ..BodyFrame::default()
         };
-        assert!(record.write(&crowd, "").is_err());
+        assert!(record.append(&crowd, "").is_err());
         assert_eq!(record.bytes(), whole);
         assert_eq!(record.file.metadata().unwrap().len(), whole);
         assert_eq!(record.file.stream_position().unwrap(), whole);

@@ -3,7 +3,5 @@
 mod avi;
 mod camera;
 mod film;
-#[cfg(feature = "mp4")]
-mod mp4;
 mod photo;
 mod resize;

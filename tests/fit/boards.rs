@@ -209,7 +209,7 @@ fn shared(printed: &Printed) -> Vec<Lying> {
         origin: -(flat * DVec3::new(printed.side, printed.side, 0.0)),
     }];
     let facing = ring()[0].rotation.transpose();
-    for k in 0..14 {
+    for k in 0..9 {
         let tilt = [[20.0, 10.0], [-15.0, -18.0], [5.0, 22.0], [-25.0, 4.0]][k % 4];
         let turn = DMat3::from_rotation_x(f64::to_radians(tilt[0]))
             * DMat3::from_rotation_y(f64::to_radians(tilt[1]))

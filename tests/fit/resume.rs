@@ -368,11 +368,13 @@ fn films_are_looked_at_once() {
     let at = |name: &str| folder.join(name).display().to_string();
     let hall = at("hall");
     let synth = [
-        "synth", "--views", "2", "--frames", "8", "--fps", "10", "--width", "640",
+        "synth", "--views", "2", "--people", "1", "--frames", "6", "--fps", "10",
     ];
     let synth = [
         &synth[..],
-        &["--height", "400", "--seed", "2", "--out", &hall],
+        &[
+            "--width", "640", "--height", "400", "--seed", "2", "--out", &hall,
+        ],
     ]
     .concat();
     let out = output(&synth);

@@ -205,6 +205,39 @@ fn a_recorder_that_is_killed_leaves_every_whole_frame() {
 }
 
 #[test]
+fn a_record_that_is_removed_begins_anew_and_one_that_is_gone_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.jsonl");
+    let name = stream("removed");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let run = Running::start(&["record", path.to_str().unwrap(), "--camera", &name]);
+    let mut sent = 0;
+    for take in ["the first record", "the second"] {
+        eventually(take, || {
+            publisher.publish(&frame(sent)).unwrap();
+            sent += 1;
+            std::fs::metadata(&path).ok().filter(|m| m.len() > 0)
+        });
+        // Nothing is on the way any more that would begin a third.
+        eventually("the last frame", || {
+            let last = rows(&path).last()?.sequence;
+            (last == frame(sent - 1).sequence).then_some(())
+        });
+        std::fs::remove_file(&path).unwrap();
+    }
+    signal(run.pid(), "INT");
+    let out = run.wait(Duration::from_secs(30));
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(74), "{said}");
+    let [anew, gone] = ["it begins anew", "writing stopped (somebody removed"].map(|line| {
+        let lines = said.lines().filter(|l| l.contains(line));
+        lines.count()
+    });
+    assert_eq!((anew, gone), (1, 1), "{said}");
+    assert!(!path.exists());
+}
+
+#[test]
 fn a_recording_ends_with_its_input_and_what_cannot_be_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name).display().to_string();

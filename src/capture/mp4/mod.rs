@@ -6,3 +6,6 @@ mod film;
 
 #[cfg(feature = "mp4")]
 pub use film::Mp4Source;
+
+#[cfg(all(test, feature = "mp4"))]
+mod tests;

@@ -1,12 +1,13 @@
-//! H.264 without ffmpeg. Needs the feature `mp4`; the film itself comes from the folder in `EDGECAP_DATA`.
+//! H.264 without ffmpeg. A real film comes from the folder in `EDGECAP_DATA`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use edgecap::capture::{
+use proptest::prelude::*;
+
+use crate::capture::{
     Ffmpeg, FfmpegSource, Frame, InputSpec, Mp4Source, OpenOptions, Source, open,
 };
-use proptest::prelude::*;
 
 /// The film of the outside data, or a printed line.
 fn film() -> Option<PathBuf> {
@@ -92,7 +93,7 @@ proptest! {
 }
 
 /// Two pictures of 32×16 pixels.
-const TINY: &[u8] = include_bytes!("../../fuzz/seeds/tiny.mp4");
+const TINY: &[u8] = include_bytes!("../../../fuzz/seeds/tiny.mp4");
 
 fn opened(bytes: &[u8]) -> Result<Mp4Source, String> {
     let folder = tempfile::tempdir().unwrap();
