@@ -23,7 +23,9 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn store_f_part(value: Self::F, at: *mut f32, n: usize);
     unsafe fn add_f(a: Self::F, b: Self::F) -> Self::F;
     unsafe fn mul_f(a: Self::F, b: Self::F) -> Self::F;
+    /// The greater; `b` where `a` is no number.
     unsafe fn max_f(a: Self::F, b: Self::F) -> Self::F;
+    /// The smaller; `b` where `a` is no number.
     unsafe fn min_f(a: Self::F, b: Self::F) -> Self::F;
     /// Rounds to nearest, ties to even.
     unsafe fn f_from_i(value: Self::I) -> Self::F;

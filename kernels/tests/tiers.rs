@@ -598,6 +598,36 @@ fn f32_layers_are_close_to_scalar() {
 }
 
 #[test]
+fn relu_of_what_is_no_number_is_zero() {
+    let shape = conv(2, 9, 1, 1, 1);
+    let layout = |channels| Layout::dense(1, 9, channels, 0).unwrap();
+    let mut input = vec![1.0f32; layout(2).buffer_len()];
+    input[2 * 5] = f32::NAN;
+    for isa in Isa::available() {
+        let params = FConvParams {
+            shape,
+            weights: &[0.5; 18],
+            bias: &[0.0; 9],
+            relu: true,
+            residual: false,
+        };
+        let conv = FConv::new(isa, &params).unwrap();
+        let mut output = vec![-1.0f32; layout(9).buffer_len()];
+        conv.run(
+            Tensor::new(&input, layout(2)),
+            None,
+            TensorMut::new(&mut output, layout(9)),
+            &mut Scratch::new(conv.scratch_bytes()),
+        )
+        .unwrap();
+        for (i, found) in output.iter().enumerate() {
+            let expected = if i / 9 == 5 { 0.0 } else { 1.0 };
+            assert_eq!(*found, expected, "{isa} at {i}");
+        }
+    }
+}
+
+#[test]
 fn input_and_output_can_be_slices_of_one_buffer() {
     let shape = conv(16, 24, 1, 3, 1);
     let mut numbers = Numbers(5);

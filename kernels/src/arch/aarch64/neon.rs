@@ -47,8 +47,9 @@ unsafe impl Simd for Neon {
         };
         fn add_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vaddq_f32(a, b);
         fn mul_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vmulq_f32(a, b);
-        fn max_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vmaxq_f32(a, b);
-        fn min_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vminq_f32(a, b);
+        // `fmaxnm`, not `fmax`: where one is no number, the other.
+        fn max_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vmaxnmq_f32(a, b);
+        fn min_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vminnmq_f32(a, b);
         fn f_from_i(value: int32x4_t) -> float32x4_t = vcvtq_f32_s32(value);
         fn store_u8_part(value: float32x4_t, at: *mut u8, n: usize) = {
             let words = vqmovun_s32(vcvtnq_s32_f32(value));
