@@ -375,7 +375,7 @@ impl<C: Chain, W: Write<Vectors<C>, Acc<C>>> Strip<'_, '_, C, W> {
             if oy % phase.out_step != phase.first_row {
                 continue;
             }
-            // Here, not in a tile: a division takes as long as a good part of a tile of few channels.
+            // Once a row: a division takes longer than many products.
             let iy = (oy / phase.out_step * phase.in_step) as isize;
             let mut column = 0;
             // SAFETY: oy is an output row (the part lies within them, caller), iy the input row of its tap (0, 0), and

@@ -33,12 +33,7 @@ impl<T: Row> GrowingRecord<T> {
     /// # Errors
     /// Of kind `AlreadyExists` where there is one; the system's.
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
-        let mut options = OpenOptions::new();
-        Self::begin(options.create_new(true), path, format)
-    }
-
-    fn begin(options: &mut OpenOptions, path: &Path, format: Format) -> io::Result<Self> {
-        let mut file = options.write(true).open(path)?;
+        let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
         let head = head::<T>(format);
         file.write_all(&head)?;
         Ok(Self {
@@ -118,8 +113,11 @@ impl<T: Row> GrowingRecord<T> {
                 older.display()
             );
         }
-        let mut options = OpenOptions::new();
-        *self = Self::begin(options.create(true).truncate(true), &self.path, self.format)?;
+        // One that somebody emptied holds nothing to be set aside.
+        if std::fs::symlink_metadata(&self.path).is_ok_and(|m| m.is_file() && m.len() == 0) {
+            std::fs::remove_file(&self.path)?;
+        }
+        *self = Self::create(&self.path, self.format)?;
         Ok(())
     }
 
