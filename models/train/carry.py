@@ -1,6 +1,6 @@
 """Training data in parts small enough to be carried to another machine, and back together there.
 
-    python carry.py pack PARTS --everyday FOLDER --scenes FOLDER ... [--pack PACK] [--parts 2] [--side 576] [--quality 60]
+    python carry.py pack PARTS --everyday FOLDER --scenes FOLDER ... [--pack PACK] [--lent] [--parts 2] [--side 576] [--quality 60]
     python carry.py unpack PARTS OUT      # as many of the parts as are there
 
 Photos are shrunk to `--side` and compressed once more, scenes compressed for the first time: a third of the bytes. Every part holds its share of
@@ -167,6 +167,7 @@ def main(argv: list[str]) -> None:
     p.add_argument("--scenes", type=pathlib.Path, nargs="+", required=True)
     p.add_argument("--pack", type=pathlib.Path, help="folder of pack.py")
     p.add_argument("--parts", type=int, default=2)
+    p.add_argument("--lent", action="store_true", help="photos in which somebody lends depth alone, for train.py --head3d")
     p.add_argument("--side", type=int, default=576)
     p.add_argument("--quality", type=int, default=60)
     u = sub.add_parser("unpack")
@@ -183,11 +184,15 @@ def main(argv: list[str]) -> None:
         for name in sorted(d.name for d in (parts[0] / "scenes").iterdir()):
             unpack_scenes([p / "scenes" / name for p in parts], a.out / "scenes" / name)
         return
-    n = len(np.load(a.everyday / "people.npz")["size"])
+    z = np.load(a.everyday / "people.npz")
+    carried = np.arange(len(z["size"]))
+    if a.lent:
+        lifted = depth.read(a.everyday, len(z["state"]))[1]
+        carried = np.unique(np.repeat(carried, np.diff(z["start"]))[lifted])
     for part in range(a.parts):
         out = a.parts_folder / f"part{part}"
         shutil.rmtree(out, ignore_errors=True)
-        photos(a.everyday, out / "everyday", np.arange(part, n, a.parts), a.side, a.quality)
+        photos(a.everyday, out / "everyday", carried[part :: a.parts], a.side, a.quality)
         if a.pack:
             images(a.pack, out / "pack", part, a.parts, a.quality)
         for folder in a.scenes:

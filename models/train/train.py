@@ -39,7 +39,7 @@ from muon import Muon
 from pool import Pool, Rendered, Stored
 from precision import bf16_pays
 from ranks import Group, launch
-from real import People, RealBatch, load_photos
+from real import TEACHER, People, RealBatch, load_photos
 from scenes import Generator
 
 
@@ -359,7 +359,9 @@ class Trainer:
 
     def build_data(self) -> None:
         a, t = self.a, time.time()
-        photos = None if a.open else load_photos(a.pack, self.dev, 40 if a.tiny else 0)
+        # LSP's people teach the 3D head nothing without depth, and it alone is learnt
+        lsp = not a.open and not (a.head3d and a.everyday and a.scenes and not (a.pack / TEACHER).exists())
+        photos = load_photos(a.pack, self.dev, 40 if a.tiny else 0) if lsp else None
         seed = a.seed + 7919 * self.meta["step"] + 131 * self.group.rank  # a resumed run sees new scenes, every rank its own
         self.people: People | None = None
         if photos is not None:

@@ -129,6 +129,11 @@ class Carried(Folder):
         np.testing.assert_array_equal(still, lifted[rows])
         self.assertLess(apart(Everyday(both, 3).batch(20, 128, 160, (0.7, 1.2))), 0.03)
         self.assertIn("BlazePose", " ".join(terms.ingredients(both)))
+        lifted[2:4] = False  # nobody in photo 1
+        depth.write(crowded, rel3d, lifted)
+        carry.main([*map(str, ["pack", self.at / "lent", "--everyday", crowded, "--scenes", scenes, "--lent"])])
+        carry.main(["unpack", str(self.at / "lent"), str(self.at / "some")])
+        np.testing.assert_array_equal(depth.read(self.at / "some/everyday", 4)[0], rel3d[[0, 1, 4, 5]])
         carry.main([*map(str, ["pack", self.at / "parts", "--everyday", self.everyday, "--scenes", scenes])])
         carry.main(["unpack", str(self.at / "parts"), str(self.at / "without")])
         self.assertFalse((self.at / "without/everyday" / depth.FILE).exists())

@@ -231,6 +231,13 @@ class Run(unittest.TestCase):
             changed = {k.split(".")[0] for k in before if not torch.equal(before[k], after[k])}
             self.assertEqual(changed, {"head3d"})
 
+    def test_lsp_is_not_read_where_it_has_no_depth_to_teach(self) -> None:
+        # the pack is a folder that is not there
+        train.main(self.arguments("--scenes", self.scenes, "--head3d", steps=2))
+        self.assertTrue((self.at / "run/ckpt").exists())
+        with self.assertRaises(FileNotFoundError):
+            train.main(self.arguments("--scenes", self.scenes, steps=2))
+
     def test_weights_that_are_no_numbers_never_take_the_last_good_ones_place(self) -> None:
         bad, good = SelecSLSNet(), SelecSLSNet()
         with torch.no_grad():
