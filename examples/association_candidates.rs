@@ -181,6 +181,7 @@ fn candidate(d: &Detection, truth: &TruthFrame, letterbox: &Letterbox) -> serde_
         .map(|t| oks(t, &original, JointSet::Evidence));
     json!({
         "features": features(&d.joints.map(|j| j[2]), &d.limbs).to_vec(),
+        "joints": original,
         "oks": similar.collect::<Vec<_>>(),
     })
 }

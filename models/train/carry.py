@@ -15,7 +15,7 @@ import pathlib
 import shutil
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -181,8 +181,12 @@ def main(argv: list[str]) -> None:
         unpack_photos([p / "everyday" for p in parts], a.out / "everyday")
         if (parts[0] / "pack").exists():
             unpack_images([p / "pack" for p in parts], a.out / "pack")
-        for name in sorted(d.name for d in (parts[0] / "scenes").iterdir()):
-            unpack_scenes([p / "scenes" / name for p in parts], a.out / "scenes" / name)
+        names = sorted(d.name for d in (parts[0] / "scenes").iterdir())
+        # a folder a process: what is decoded is copied by one thread alone, and a GPU waits for all of them
+        with ProcessPoolExecutor() as processes:
+            done = [processes.submit(unpack_scenes, [p / "scenes" / name for p in parts], a.out / "scenes" / name) for name in names]
+            for each in done:
+                each.result()
         return
     z = np.load(a.everyday / "people.npz")
     carried = np.arange(len(z["size"]))
