@@ -2,11 +2,11 @@
 
     python pseudo_depth.py pictures EVERYDAY PHOTOS       # everybody whom depth.py would ask of, photos under numbers
     edgecap infer --quality best --input PHOTOS --jsonl PEOPLE.jsonl
-    python pseudo_depth.py lend EVERYDAY PEOPLE.jsonl [--terms "what weights, under what terms"]
+    python pseudo_depth.py lend EVERYDAY PEOPLE.jsonl [--weights STAGE1.safetensors]
 
 EVERYDAY is a folder of everyday.py and gets `depth.npz` (depth.py says what it holds). Stage II knows what poses people take and so corrects
 Stage I, whose encodings of real people are shallow: what it answers is what Stage I is to say at once (self-training). Only people whose
-reported joints agree with their labels lend. An open folder stays open where `--terms` names the weights asked: they have to be open, too.
+reported joints agree with their labels lend. An open folder stays open where `--weights` are those of the program that was asked and open, too.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ import depth
 import teacher
 import terms
 from coco17 import LABELLED
-from skeleton import NJ
+from skeleton import NECK, NJ
 
-NECK = 1
+OURS = "depth of people in photos by edgecap itself"
 
 
 def pictures(folder: pathlib.Path, out: pathlib.Path) -> int:
@@ -75,7 +75,10 @@ def lend(folder: pathlib.Path, frames: Iterable[dict]) -> tuple[int, int]:
     rel3d, lifted = np.zeros((people, 21, 3), np.float16), np.zeros(people, bool)
     labels = np.concatenate([z["joints"], (z["state"] == LABELLED)[..., None]], 2).astype(np.float32)
     for frame in frames:
-        i = int(pathlib.Path(frame["source"]).stem)
+        name = pathlib.Path(frame["source"]).stem
+        if not name.isdecimal() or int(name) >= len(z["size"]):
+            raise SystemExit(f"expected a photo that `pictures` wrote of {folder}, found {frame['source']}: give infer that folder of photos")
+        i = int(name)
         rows = who[(who >= z["start"][i]) & (who < z["start"][i + 1])]
         scale = np.array([frame["width"], frame["height"]]) / z["size"][i]
         if not np.allclose(scale, 1, atol=0.01):
@@ -96,20 +99,22 @@ def main(argv: list[str]) -> None:
     q = sub.add_parser("lend")
     q.add_argument("folder", type=pathlib.Path)
     q.add_argument("people", type=pathlib.Path, help="what edgecap infer --jsonl wrote")
-    q.add_argument("--terms", help="of the weights that were asked, for an open folder")
+    q.add_argument("--weights", type=pathlib.Path, help="open ones that were asked, for a folder that is to stay open")
     a = ap.parse_args(argv)
     if a.what == "pictures":
         print(f"{pictures(a.folder, a.photos)} photos")
         return
-    was_open = terms.is_open(a.folder)
+    if a.weights:
+        terms.require_open_weights(a.weights)
     with open(a.people) as lines:
         asked, lent = lend(a.folder, map(json.loads, lines))
     print(f"{asked} people asked of, {lent} lend depth")
-    if was_open and a.terms:
-        terms.mark(a.folder, terms.ingredients(a.folder) | {"depth of people in photos by edgecap itself": a.terms})
-    elif was_open:
+    if terms.is_open(a.folder) and a.weights:
+        rest = {k: v for k, v in terms.ingredients(a.folder).items() if k not in terms.DEPTH}
+        terms.mark(a.folder, rest | {OURS: terms.OPEN + a.weights.name})
+    elif terms.is_open(a.folder):
         terms.unmark(a.folder)
-        print(f"{a.folder} is no longer open: nothing was said of the weights' terms")
+        print(f"{a.folder} is no longer open: no open --weights were named")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ import numpy as np
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(KIT), str(KIT / "tests")]
 
-import body
 import depth
 import pseudo_depth
 import terms
@@ -22,7 +21,8 @@ from test_depth import people_folder
 from test_everyday import SIDE, STANDING, person
 
 LENS = dict(fx=300.0, fy=300.0, cx=150.0, cy=150.0)
-WEIGHTS = "Open data only: these"
+WEIGHTS = KIT.parent / "open/weights/stage2.safetensors"
+ACADEMIC = KIT.parent / "weights/stage2.safetensors"
 
 
 def report(joints: np.ndarray, joints3d: np.ndarray) -> dict:
@@ -77,12 +77,23 @@ class Lent(unittest.TestCase):
         with self.assertRaisesRegex(SystemExit, "write the pictures again"):
             self.lend(line(0, [], side=SIDE // 2))
 
-    def test_open_data_stays_open_where_terms_are_said(self) -> None:
+    def test_photos_that_nobody_numbered_are_told(self) -> None:
+        for source in ("photos/me.jpg", "photos/000002.jpg"):
+            with self.assertRaisesRegex(SystemExit, "that folder of photos"):
+                self.lend(line(0, []) | dict(source=source))
+
+    def test_open_data_stays_open_by_open_weights_alone(self) -> None:
         people = pathlib.Path(self.temporary.name) / "people.jsonl"
         people.write_text(json.dumps(line(0, [report(self.joints[0], self.rel3d[0])])) + "\n")
-        pseudo_depth.main(["lend", str(self.folder), str(people), "--terms", WEIGHTS])
-        self.assertIn(WEIGHTS, terms.ingredients(self.folder).values())
-        pseudo_depth.main(["lend", str(self.folder), str(people)])
+        call = ["lend", str(self.folder), str(people)]
+        with self.assertRaisesRegex(SystemExit, "trained on open data"):
+            pseudo_depth.main([*call, "--weights", str(ACADEMIC)])
+        self.assertFalse(depth.read(self.folder, 4)[1].any())
+        terms.mark(self.folder, terms.ingredients(self.folder) | terms.DEPTH)
+        pseudo_depth.main([*call, "--weights", str(WEIGHTS)])
+        self.assertNotIn("BlazePose", " ".join(terms.ingredients(self.folder)))
+        self.assertIn(pseudo_depth.OURS, terms.ingredients(self.folder))
+        pseudo_depth.main(call)
         self.assertFalse(terms.is_open(self.folder))
 
 
