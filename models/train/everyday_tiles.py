@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 import depth
-from augment import GREYS
+from augment import GREYS, turn
 from coco17 import LABELLED, UNKNOWN
 from real import decode, each
 from skeleton import FLIP14, FLIP21, NJ
@@ -165,9 +165,9 @@ class Everyday:
         # no more beyond the picture than the tile cannot help to show
         reach = (torch.tensor([w, h]) - torch.tensor([W, H]) / (z * stretch)).clamp_min(0) / 2
         centre = torch.minimum(torch.maximum(centre, middle - reach), middle + reach)
-        turn = max(-0.4, min(0.4, 0.12 * float(torch.randn((), generator=self.g))))
+        angle = turn(W != H, self.g)
         mirrored = self._uniform(0, 1) < 0.5
-        co, si = math.cos(turn), math.sin(turn)
+        co, si = math.cos(angle), math.sin(angle)
         rotation = torch.tensor([[co, -si], [si, co]])
         A = rotation @ torch.diag(z * stretch * torch.tensor([-1.0 if mirrored else 1.0, 1.0]))
         back = torch.linalg.inv(A)

@@ -168,6 +168,22 @@ class Tiles(unittest.TestCase):
                 cells = (b.joints2d[k, 0][seen] / 8).long()
                 self.assertTrue(b.box[k, 0, cells[:, 1], cells[:, 0]].all())
 
+    def test_tiles_of_people_are_turned_by_any_angle_and_whole_frames_hardly(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            e = Everyday(self.folder(pathlib.Path(d), [self.row("a.jpg", [person()])]), 3)
+            angles = {}
+            for W in (256, 288):
+                b = e.batch(200, 256, W, (0.6, 0.7))
+                trunk = b.joints2d[:, 0, [8, 11]].mean(1) - b.joints2d[:, 0, [2, 5]].mean(1)
+                angles[W] = torch.atan2(trunk[:, 0], trunk[:, 1]).abs()
+                for k in range(len(trunk)):
+                    x, y = b.joints2d[k, 0, [2, 5, 8, 11]].mean(0).tolist()
+                    if 3 < x < W - 4 and 3 < y < 252:
+                        self.assertGreater(b.image[k, :, round(y), round(x)].min(), 0.7)
+        self.assertLess(angles[288].max(), 0.45)
+        self.assertTrue(0.05 < (angles[256] > 0.7).float().mean() < 0.25)
+        self.assertGreater(angles[256].max(), 2.5)
+
     def test_statures_follow_the_zoom_and_are_those_of_whole_people(self) -> None:
         j, s = to14(STANDING[None], ALL[None])
         t = torch.from_numpy(j)
