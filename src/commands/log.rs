@@ -1,16 +1,17 @@
 //! What is logged, and for whom: lines for a person, or records for the journal, which has its own clock and wants to
 //! know how serious a line is.
 
-use std::fmt;
 use std::io::{self, IsTerminal};
 use std::os::unix::fs::MetadataExt;
 use std::sync::OnceLock;
 
 use tracing::{Event, Level, Subscriber};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{ParseError, Targets};
 use tracing_subscriber::fmt::format::Writer;
-use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::fmt::{self, FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt;
 
 use super::stderr::Stderr;
 
@@ -20,23 +21,55 @@ static NAME: OnceLock<String> = OnceLock::new();
 /// Starts logging on stderr.
 pub fn start() {
     // A journal is read when something went wrong: then it should say when the camera went and came back.
-    let by_default = if to_journal() { "info" } else { "warn" };
-    // A picture without a board is told by 'calibrate' in its own words.
-    let by_default = format!("{by_default},calib_targets_charuco=error");
-    let filter = EnvFilter::try_from_env("EDGECAP_LOG").unwrap_or_else(|_| by_default.into());
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let by_default = if to_journal() {
+        Level::INFO
+    } else {
+        Level::WARN
+    };
+    let wanted = std::env::var("EDGECAP_LOG").unwrap_or_default();
+    let (chosen, misread) = match chosen(&wanted, by_default) {
+        Ok(chosen) => (chosen, None),
+        Err(e) => (of_default(by_default), Some(e)),
+    };
+    let log = fmt::layer()
         .with_writer(Stderr::new)
         // Colours are noise in a file.
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
         // Where stderr cannot be written, saying so there would end the program.
         .log_internal_errors(false);
-    if to_journal() {
-        log.event_format(Journal).init();
+    let log = if to_journal() {
+        log.event_format(Journal).boxed()
     } else {
-        log.init();
+        log.boxed()
+    };
+    tracing_subscriber::registry().with(chosen).with(log).init();
+    if let Some(e) = misread {
+        tracing::warn!(
+            "EDGECAP_LOG={wanted}: {e}; expected error, warn, info, debug, trace or off; goes on without it"
+        );
     }
+}
+
+/// What is logged where nobody says how much.
+fn of_default(level: Level) -> Targets {
+    Targets::new()
+        .with_default(level)
+        // A picture without a board is told by 'calibrate' in its own words.
+        .with_target("calib_targets_charuco", Level::ERROR)
+}
+
+/// What `wanted` lets through: a level, or levels of parts of the program (`warn,edgecap::capture=debug`). Parts alone, or
+/// a level that does not exist, which reads like a part's name, leave the others as they are by default.
+fn chosen(wanted: &str, by_default: Level) -> Result<Targets, ParseError> {
+    if wanted.is_empty() {
+        return Ok(of_default(by_default));
+    }
+    let asked: Targets = wanted.parse()?;
+    Ok(match asked.default_level() {
+        Some(_) => asked,
+        None => asked.with_default(by_default),
+    })
 }
 
 /// Names this process in the journal.
@@ -86,9 +119,39 @@ where
         context: &FmtContext<'_, S, N>,
         mut to: Writer<'_>,
         event: &Event<'_>,
-    ) -> fmt::Result {
+    ) -> std::fmt::Result {
         let mut words = String::new();
         context.format_fields(Writer::new(&mut words), event)?;
         writeln!(to, "{}", record(*event.metadata().level(), &words))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lets_through(wanted: &str, target: &str, level: Level) -> bool {
+        chosen(wanted, Level::WARN)
+            .unwrap()
+            .would_enable(target, &level)
+    }
+
+    #[test]
+    fn a_level_is_of_everything_and_a_part_of_itself_alone() {
+        assert!(lets_through("", "edgecap::capture", Level::WARN));
+        assert!(!lets_through("", "edgecap::capture", Level::INFO));
+        assert!(!lets_through("", "calib_targets_charuco", Level::WARN));
+        assert!(lets_through("debug", "edgecap::capture", Level::DEBUG));
+        assert!(!lets_through("off", "edgecap::capture", Level::ERROR));
+        let part = "edgecap::capture=debug";
+        assert!(lets_through(part, "edgecap::capture", Level::DEBUG));
+        assert!(!lets_through(part, "edgecap::fit", Level::INFO));
+        assert!(lets_through(part, "edgecap::fit", Level::WARN));
+    }
+
+    #[test]
+    fn a_level_that_does_not_exist_silences_nothing() {
+        assert!(lets_through("inof", "edgecap::capture", Level::WARN));
+        assert!(chosen("edgecap=inof", Level::WARN).is_err());
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! Every kernel's first rows are compared with the scalar reference before it is timed.
 
-mod common;
+#[path = "../kernels/examples/layers/network.rs"]
+mod network;
 
 use std::hint::black_box;
 
@@ -29,10 +30,10 @@ fn name(height: usize, width: usize, shape: &ConvShape) -> String {
 
 fn int8(c: &mut Criterion) {
     let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
-    for (height, width, _, shape) in common::table() {
+    for (height, width, _, shape) in network::table() {
         let mut group = c.benchmark_group(format!("int8/{}", name(height, width, &shape)));
         group.throughput(Throughput::Elements(shape.macs(height, width)));
-        let weights = common::weights(&shape);
+        let weights = network::weights(&shape);
         let bias = vec![500; shape.out_channels()];
         let input = Layout::dense(height, width, shape.in_channels(), 1).unwrap();
         let data: Vec<u8> = (0..input.buffer_len())
@@ -98,10 +99,10 @@ fn int8(c: &mut Criterion) {
 
 fn f32(c: &mut Criterion) {
     let isa = Isa::detect().expect("EDGECAP_ISA names a tier of this CPU");
-    for (height, width, _, shape) in common::table() {
+    for (height, width, _, shape) in network::table() {
         let mut group = c.benchmark_group(format!("f32/{}", name(height, width, &shape)));
         group.throughput(Throughput::Elements(shape.macs(height, width)));
-        let weights: Vec<f32> = common::weights(&shape)
+        let weights: Vec<f32> = network::weights(&shape)
             .iter()
             .map(|&w| f32::from(w) / 127.0)
             .collect();

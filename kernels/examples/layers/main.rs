@@ -6,14 +6,13 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-#[path = "../benches/common/mod.rs"]
-mod common;
+mod network;
 
-use common::{table, weights};
 use edgecap_kernels::{
     Algorithm, ConvShape, Epilogue, FConv, FConvParams, Isa, Layout, Part, Peak, QConv,
     QConvParams, Scratch,
 };
+use network::{table, weights};
 
 struct Layer {
     label: String,
