@@ -59,8 +59,8 @@ fn of_default(level: Level) -> Targets {
         .with_target("calib_targets_charuco", Level::ERROR)
 }
 
-/// What `wanted` lets through: a level, or levels of parts of the program (`warn,edgecap::capture=debug`). Parts alone, or
-/// a level that does not exist, which reads like a part's name, leave the others as they are by default.
+/// What `wanted` lets through: a level, or levels of parts of the program (`warn,edgecap::capture=debug`). Parts alone,
+/// or a level that does not exist, which reads like a part's name, leave the others as they are by default.
 fn chosen(wanted: &str, by_default: Level) -> Result<Targets, ParseError> {
     if wanted.is_empty() {
         return Ok(of_default(by_default));
