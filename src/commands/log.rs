@@ -68,7 +68,7 @@ fn chosen(wanted: &str, by_default: Level) -> Result<Targets, ParseError> {
     let asked: Targets = wanted.parse()?;
     Ok(match asked.default_level() {
         Some(_) => asked,
-        None => asked.with_default(by_default),
+        None => of_default(by_default).with_targets(asked),
     })
 }
 
@@ -147,6 +147,7 @@ mod tests {
         assert!(lets_through(part, "edgecap::capture", Level::DEBUG));
         assert!(!lets_through(part, "edgecap::fit", Level::INFO));
         assert!(lets_through(part, "edgecap::fit", Level::WARN));
+        assert!(!lets_through(part, "calib_targets_charuco", Level::WARN));
     }
 
     #[test]
