@@ -5,6 +5,8 @@
 //! inlined, and the descriptor. The list of features is given once and serves both the compiler and the check of the
 //! CPU.
 
+use crate::simd::{Dot, Simd};
+
 #[cfg(target_arch = "aarch64")]
 mod aarch64;
 #[cfg(target_arch = "x86_64")]
@@ -30,6 +32,25 @@ pub(crate) fn prefetch(at: *const u8) {
     }
 }
 
+/// Whether a kernel's name says the tile of `D`: pixels, `x`, output channels. Which tile is compiled can be seen
+/// nowhere else but in the time it takes.
+pub(crate) const fn names_tile<D: Dot>(name: &str) -> bool {
+    let bytes = name.as_bytes();
+    let (mut numbers, mut found, mut at) = ([0usize; 2], 0, 0);
+    while at < bytes.len() {
+        match bytes[at] {
+            digit @ b'0'..=b'9' => {
+                numbers[found] = numbers[found] * 10 + (digit - b'0') as usize;
+            }
+            b'x' if found == 0 && numbers[0] > 0 => found = 1,
+            _ if found == 1 => break,
+            _ => numbers[0] = 0,
+        }
+        at += 1;
+    }
+    numbers[0] == D::MAX_MR && numbers[1] == D::MAX_NV * D::S::LANES
+}
+
 /// A thin function: `fn name(arguments) = body` with these features.
 macro_rules! leaf {
     ([$($feature:tt),*], fn $name:ident($($arg:ident: $type:ty),*) $(-> $ret:ty)? = $body:expr) => {
@@ -48,6 +69,7 @@ macro_rules! direct_int8 {
     ($static:ident: $panels:ty = $name:literal, [$($feature:tt),*], $chain:ty) => {
         static $static: Direct<$panels> = {
             use crate::{arch::leaf, direct, writers};
+            const { assert!(crate::arch::names_tile::<<$chain as direct::Chain>::D>($name)) };
             leaf!([$($feature),*], fn to_u8(job: &direct::Job<'_, $panels>, writer: &writers::ToU8<'_>) =
                 direct::run::<$chain, _>(job, writer));
             leaf!([$($feature),*], fn to_f32(job: &direct::Job<'_, $panels>, writer: &writers::ToF32<'_>) =
@@ -68,6 +90,7 @@ macro_rules! winograd_int8 {
     ($static:ident = $name:literal, [$($feature:tt),*], $dot:ty) => {
         static $static: Winograd = {
             use crate::{arch::leaf, winograd::generic, writers};
+            const { assert!(crate::arch::names_tile::<$dot>($name)) };
             leaf!([$($feature),*], fn to_u8(job: &generic::Job<'_>, writer: &writers::ToU8<'_>) =
                 generic::run::<$dot, _>(job, writer));
             leaf!([$($feature),*], fn to_f32(job: &generic::Job<'_>, writer: &writers::ToF32<'_>) =
@@ -89,6 +112,7 @@ macro_rules! direct_f32 {
     ($static:ident = $name:literal, [$($feature:tt),*], $chain:ty) => {
         static $static: FloatDirect = {
             use crate::{arch::leaf, direct, writers};
+            const { assert!(crate::arch::names_tile::<<$chain as direct::Chain>::D>($name)) };
             leaf!([$($feature),*], fn run(job: &direct::Job<'_, Packed>, writer: &writers::Float<'_>) =
                 direct::run::<$chain, _>(job, writer));
             FloatDirect {
