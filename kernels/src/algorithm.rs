@@ -7,11 +7,6 @@ use crate::{ConvShape, Isa, winograd};
 /// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
 pub const ALGORITHM_VARIABLE: &str = "EDGECAP_ALGORITHM";
 
-/// Products of a group's channels from which on Winograd's weights, 72 bytes for each, come from memory in every pass
-/// (4.7 MB at 256 → 256): with 20 × 32 pixels the definition then takes 0.6 of the time with `avx512vnni`, 0.95 with
-/// `avxvnni`, 1.15 with `avx2`.
-const MOST_WEIGHTS: usize = 1 << 16;
-
 /// How an int8 convolution is computed. Results are bit-identical on every tier within one algorithm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
@@ -50,9 +45,7 @@ impl Algorithm {
 
     /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
-        let depth = shape.group_in();
-        let small = depth * shape.group_out() < MOST_WEIGHTS;
-        if depth >= 16 && small && Self::candidates(shape).contains(&Algorithm::Winograd) {
+        if shape.group_in() >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
             Algorithm::Winograd
         } else {
             Algorithm::Direct

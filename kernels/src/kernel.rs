@@ -90,7 +90,7 @@ descriptor! {
         /// How the panels are cut.
         blocking: Blocking,
         /// How scratch memory is divided for groups of so many channels.
-        plan: fn(usize) -> winograd::Plan,
+        plan: fn(usize, usize) -> winograd::Plan,
         /// Runs a job; safe where the CPU has the features, for a job and a writer as `winograd::run` wants them.
         to_u8: unsafe fn(&winograd::Job<'_>, &ToU8<'_>),
         /// As `to_u8`.

@@ -17,6 +17,7 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     /// i16 lanes, 2 · LANES of them.
     type H: Copy;
 
+    unsafe fn zero_f() -> Self::F;
     unsafe fn splat_f(value: f32) -> Self::F;
     unsafe fn load_f(at: *const f32) -> Self::F;
     unsafe fn load_f_part(at: *const f32, n: usize) -> Self::F;
@@ -40,8 +41,8 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn store_i(value: Self::I, at: *mut i32);
     unsafe fn add_i(a: Self::I, b: Self::I) -> Self::I;
     unsafe fn sub_i(a: Self::I, b: Self::I) -> Self::I;
-    /// Arithmetic shift to the right.
-    unsafe fn shr_i(a: Self::I, bits: u32) -> Self::I;
+    /// Arithmetic shift to the right by `bits`, the same in every lane.
+    unsafe fn shr_i(a: Self::I, bits: Self::I) -> Self::I;
     unsafe fn shl_i<const BITS: u32>(a: Self::I) -> Self::I;
 
     /// Loads `n <= 2 · LANES` bytes, zero-extended; the other lanes are 0.
@@ -65,7 +66,7 @@ pub(crate) unsafe trait Dot: Copy + 'static {
     type V: Copy;
     /// Most vectors of output channels in a tile.
     const MAX_NV: usize;
-    /// Pixels in a full tile: 4, 6 or 8; not 6 for Winograd.
+    /// Pixels in a full tile: 4, 6 or 8.
     const MAX_MR: usize;
     /// Numbers in a 32-bit group.
     const PACK: usize;

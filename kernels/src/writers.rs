@@ -67,7 +67,7 @@ unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
                     m += 1;
                 }
             } else {
-                let (least, most) = (S::splat_f(0.0), S::splat_f(self.max));
+                let (least, most) = (S::zero_f(), S::splat_f(self.max));
                 for m in 0..M {
                     let value = S::min_f(S::max_f(values[m], least), most);
                     S::store_u8_part(value, at.add(m * step), place.n);
@@ -125,7 +125,7 @@ unsafe impl<S: Simd> Write<S, S::F> for Float<'_> {
             }
             if self.relu {
                 for value in &mut values {
-                    *value = S::max_f(*value, S::splat_f(0.0));
+                    *value = S::max_f(*value, S::zero_f());
                 }
             }
             let (at, step) = place.index(self.layout);

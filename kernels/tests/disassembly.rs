@@ -1,4 +1,5 @@
-//! No inner loop of a kernel keeps a vector on the stack: shown by disassembling the built test program itself.
+//! No inner loop of a kernel keeps a vector on the stack, and dot products are what the CPU has for them: shown by
+//! disassembling the built test program itself.
 //!
 //! A tile that needs one register too many still computes the right thing, at two thirds of the speed (a 4×3 tile of
 //! AVX-VNNI did), on CPUs that nobody tests on.
@@ -162,8 +163,8 @@ fn objdump() -> Command {
     Command::new(if found { cross } else { "objdump" })
 }
 
-#[test]
-fn no_inner_loop_spills() {
+/// This program taken apart, or `None`, said aloud, where that cannot be done.
+fn disassembly() -> Option<String> {
     let program = std::env::current_exe().expect("this program's path");
     // Names the kernels, so that the linker keeps them.
     assert!(Isa::ALL.iter().any(|isa| isa.is_available()));
@@ -171,33 +172,63 @@ fn no_inner_loop_spills() {
         .args(["-d", "--no-show-raw-insn", "--demangle"])
         .arg(&program)
         .output();
-    let out = match out {
-        Ok(out) if out.status.success() => out,
+    match out {
+        Ok(out) if out.status.success() => Some(String::from_utf8_lossy(&out.stdout).into_owned()),
         other => {
             println!("SKIPPED: no disassembly, objdump (binutils) is needed: {other:?}");
-            return;
+            None
         }
+    }
+}
+
+/// The innermost loops of a kernel that multiply, with the function that each belongs to.
+fn loops_of_products(text: &str, kernel: &str) -> Vec<(String, Vec<Line>)> {
+    let found = functions(text, &format!("::{kernel}::"));
+    assert!(!found.is_empty(), "no function of {kernel} in this program");
+    let mut loops = Vec::new();
+    for (name, code) in &found {
+        for inner in innermost_loops(code) {
+            if inner.iter().any(is_product) && !inner.iter().any(is_epilogue) {
+                loops.push((name.clone(), inner.to_vec()));
+            }
+        }
+    }
+    loops
+}
+
+#[test]
+fn a_dot_product_is_one_instruction_where_the_cpu_has_one() {
+    let Some(text) = disassembly() else {
+        return;
     };
-    let text = String::from_utf8_lossy(&out.stdout);
+    for kernel in KERNELS.iter().filter(|kernel| kernel.ends_with("VNNI")) {
+        let loops = loops_of_products(&text, kernel);
+        assert!(!loops.is_empty(), "{kernel}: no loops");
+        for (name, code) in loops {
+            let is_one = |line: &&Line| line.1.contains("vpdp") || !is_product(line);
+            let split: Vec<_> = code.iter().filter(|line| !is_one(line)).collect();
+            assert!(split.is_empty(), "{name} multiplies by {split:#x?}");
+        }
+    }
+}
+
+#[test]
+fn no_inner_loop_spills() {
+    let Some(text) = disassembly() else {
+        return;
+    };
     let mut loops_with_products = 0;
     let mut spilling = Vec::new();
     for kernel in KERNELS {
-        let found = functions(&text, &format!("::{kernel}::"));
-        assert!(!found.is_empty(), "no function of {kernel} in this program");
         // Of the largest loop: its products, and all of its instructions.
         let mut most = (0, 0);
-        for (name, code) in found {
-            for inner in innermost_loops(&code) {
-                if !inner.iter().any(is_product) || inner.iter().any(is_epilogue) {
-                    continue;
-                }
-                loops_with_products += 1;
-                let products = inner.iter().filter(|l| is_product(l)).count();
-                most = most.max((products, inner.len()));
-                let spills: Vec<_> = inner.iter().filter(|l| is_on_stack(l)).collect();
-                if !spills.is_empty() {
-                    spilling.push(format!("{name}: {spills:#x?}"));
-                }
+        for (name, inner) in loops_of_products(&text, kernel) {
+            loops_with_products += 1;
+            let products = inner.iter().filter(|l| is_product(l)).count();
+            most = most.max((products, inner.len()));
+            let spills: Vec<_> = inner.iter().filter(|l| is_on_stack(l)).collect();
+            if !spills.is_empty() {
+                spilling.push(format!("{name}: {spills:#x?}"));
             }
         }
         println!("{kernel}: {} products of {} instructions", most.0, most.1);

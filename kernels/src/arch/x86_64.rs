@@ -146,9 +146,9 @@ chain!(
 chain!(FMA_256 = "vfmadd", ["avx2", "fma"], dots::<avx2::F32>);
 
 // AVX-VNNI: `vpdpbusd` on 256 bits.
-direct_int8!(DIRECT_AVXVNNI: Packed = "qs8_direct_4x16c4__avxvnni", ["avx2", "fma", "avxvnni"], Plain<avx2::U8Vnni>);
+direct_int8!(DIRECT_AVXVNNI: Packed = "qs8_direct_6x16c4__avxvnni", ["avx2", "fma", "avxvnni"], Plain<avx2::U8Vnni>);
 winograd_int8!(
-    WINOGRAD_AVXVNNI = "qs8_winograd4_4x16c2__avxvnni",
+    WINOGRAD_AVXVNNI = "qs8_winograd4_6x16c2__avxvnni",
     ["avx2", "fma", "avxvnni"],
     avx2::I16Vnni
 );

@@ -7,7 +7,7 @@ use crate::direct::Job;
 use crate::kernel::{Direct, DotProduct, Ready, Tier, Winograd};
 use crate::packed::{Blocking, Packed, Panels};
 use crate::segments::SegmentedPacked;
-use crate::winograd::generic::{self as winograd, Plan};
+use crate::winograd::generic::{self as winograd, Plan, Shift};
 use crate::winograd::{IN, POINTS, TransformedWeights};
 use crate::writers::{Residual, ToF32, ToU8};
 use crate::{ConvDims, ConvShape, Isa, Scratch};
@@ -37,7 +37,7 @@ struct WinogradConstants {
     plan: Plan,
     zeros: Vec<u8>,
     padding: usize,
-    shift: [u32; POINTS],
+    shifts: Box<[Shift; POINTS]>,
 }
 
 impl Method {
@@ -126,10 +126,10 @@ impl Vector {
             weights.weights[at].to_le_bytes()
         })?;
         let constants = WinogradConstants {
-            plan: (kernel.plan)(depth),
+            plan: (kernel.plan)(depth, shape.group_out()),
             zeros: vec![0; depth],
             padding: shape.padding(),
-            shift: weights.shift,
+            shifts: Box::new(weights.shift.map(Shift::new)),
         };
         let method = Method::Winograd(kernel, packed, constants);
         Some(Self::new(method, &weights.bias, epilogue))
@@ -200,7 +200,7 @@ impl Vector {
                     let job = winograd::Job {
                         packed,
                         bias: self.bias.as_ptr(),
-                        shift: &constants.shift,
+                        shifts: &constants.shifts,
                         channels: constants.zeros.len(),
                         input: run.input,
                         in_layout: run.in_layout,

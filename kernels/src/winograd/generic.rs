@@ -4,11 +4,38 @@
 //! then for every block of output channels multiply point by point (a tile of MR Winograd tiles × NV vectors, the same
 //! core as the direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
 
-use super::{BIAS_POINT, IN, OUT, POINTS};
-use crate::direct::{LINE, Place, Plain, Tile, Write};
+mod input;
+mod output;
+
+use super::{BIAS_POINT, OUT, POINTS};
+use crate::direct::{LINE, Plain, Tile, Write};
 use crate::packed::Packed;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
+
+/// How a point's sums lose the bits that its weights have more: in every lane of a vector, since the compiler makes two
+/// instructions of a shift that it knows to be the same in all of them.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Shift {
+    /// What sums begin with: half a unit of the shift.
+    start: [i32; MOST_LANES],
+    /// By how much they are shifted to the right.
+    bits: [i32; MOST_LANES],
+}
+
+/// Most 32-bit lanes of a vector.
+const MOST_LANES: usize = 16;
+
+impl Shift {
+    /// By `bits`, less than 32.
+    pub fn new(bits: u32) -> Self {
+        Self {
+            start: [(1 << bits) >> 1; MOST_LANES],
+            bits: [bits as i32; MOST_LANES],
+        }
+    }
+}
 
 /// A Winograd convolution over concrete tensors.
 pub(crate) struct Job<'a> {
@@ -16,7 +43,7 @@ pub(crate) struct Job<'a> {
     pub packed: &'a Packed,
     /// Where the bias point's sums begin; padded, one per lane.
     pub bias: *const i32,
-    pub shift: &'a [u32; POINTS],
+    pub shifts: &'a [Shift; POINTS],
     /// Channels of a group, even.
     pub channels: usize,
     pub input: *const u8,
@@ -54,13 +81,31 @@ const fn products_point<D: Dot>(nv: usize) -> usize {
 /// Bytes that transformed inputs and products of a chunk may take: a part of a common second-level cache.
 const CHUNK_BYTES: usize = 320 << 10;
 
+/// Most tiles of a chunk, up to a multiple of MR.
+const MOST_TILES: usize = 40;
+
+/// Products of a group's channels from which on chunks take [`LARGE_CHUNK_BYTES`]. Weights take 72 bytes for each,
+/// which no second-level cache holds (4.7 MB at 256 → 256): they come from further away for every chunk anew, which
+/// takes longer than to read a chunk's inputs from there.
+const MANY_WEIGHTS: usize = 1 << 16;
+
+/// Enough for [`MOST_TILES`] of 512 channels.
+const LARGE_CHUNK_BYTES: usize = 2 << 20;
+
 impl Plan {
-    /// For groups of `channels` channels, with `D`.
-    pub fn new<D: Dot>(channels: usize) -> Self {
+    /// For groups of `channels` channels and `outs` outputs, with `D`.
+    pub fn new<D: Dot>(channels: usize, outs: usize) -> Self {
         // Whole cache lines, so that stores of vectors do not cross them.
         let row = channels.next_multiple_of(32);
         let per_tile = POINTS * (2 * row + 4 * D::S::LANES * D::MAX_NV);
-        let tiles = (CHUNK_BYTES / per_tile / D::MAX_MR * D::MAX_MR).clamp(D::MAX_MR, 40);
+        let most = MOST_TILES.next_multiple_of(D::MAX_MR);
+        let bytes = if channels * outs < MANY_WEIGHTS {
+            CHUNK_BYTES
+        } else {
+            LARGE_CHUNK_BYTES
+        };
+        let tiles = bytes / per_tile + D::MAX_MR / 2;
+        let tiles = (tiles / D::MAX_MR * D::MAX_MR).clamp(D::MAX_MR, most);
         Self {
             tiles,
             row,
@@ -86,12 +131,7 @@ where
     D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
     W: Write<D::S, <D::S as Simd>::I>,
 {
-    const {
-        assert!(
-            D::MAX_MR == 4 || D::MAX_MR == 8,
-            "`Chunk::run` has these tiles"
-        )
-    };
+    const { assert!(matches!(D::MAX_MR, 4 | 6 | 8), "`Chunk::run` has these") };
     let rows = &job.part.rows;
     if rows.is_empty() {
         return;
@@ -105,19 +145,19 @@ where
             let count = job.plan.tiles.min(last - start);
             // SAFETY: count <= plan.tiles; blocks hold 1..=3 vectors.
             unsafe {
-                for i in 0..count {
-                    let (ty, tx) = ((start + i) / across, (start + i) % across);
-                    transform_input::<D::S>(job, group, i, ty, tx);
-                }
+                let tiles = Tiles {
+                    start,
+                    count,
+                    across,
+                };
+                input::transform_inputs::<D::S>(job, group, tiles);
                 for b in 0..job.packed.blocks().len() {
                     let chunk = Chunk {
                         job,
                         writer,
                         group,
                         block: b,
-                        start,
-                        count,
-                        across,
+                        tiles,
                     };
                     match job.packed.blocks()[b].count {
                         1 => chunk.run::<D, 1>(),
@@ -129,6 +169,32 @@ where
             }
             start += count;
         }
+    }
+}
+
+/// The tiles of a chunk, row after row.
+#[derive(Clone, Copy)]
+struct Tiles {
+    /// Number of the first.
+    start: usize,
+    count: usize,
+    /// Tiles in a row.
+    across: usize,
+}
+
+impl Tiles {
+    /// Row and column of every tile.
+    #[inline(always)]
+    fn places(self) -> impl Iterator<Item = (usize, usize)> {
+        let (mut ty, mut tx) = (self.start / self.across, self.start % self.across);
+        (0..self.count).map(move |_| {
+            let place = (ty, tx);
+            tx += 1;
+            if tx == self.across {
+                (ty, tx) = (ty + 1, 0);
+            }
+            place
+        })
     }
 }
 
@@ -149,137 +215,13 @@ impl Job<'_> {
     }
 }
 
-/// `Bᵀ` on six vectors.
-///
-/// # Safety
-/// The features of `S` are on.
-#[inline(always)]
-unsafe fn b_transform<S: Simd>(d: [S::H; IN]) -> [S::H; IN] {
-    // SAFETY: no memory is touched.
-    unsafe {
-        let a = S::sub_h(d[4], S::shl_h::<2>(d[2]));
-        let b = S::sub_h(d[3], S::shl_h::<2>(d[1]));
-        let c = S::sub_h(d[4], d[2]);
-        let difference = S::sub_h(d[3], d[1]);
-        let e = S::add_h(difference, difference);
-        let f = S::add_h(S::shl_h::<2>(S::sub_h(d[0], d[2])), c);
-        let g = S::sub_h(S::sub_h(d[5], d[3]), S::shl_h::<2>(difference));
-        [
-            f,
-            S::add_h(a, b),
-            S::sub_h(a, b),
-            S::add_h(c, e),
-            S::sub_h(c, e),
-            g,
-        ]
-    }
-}
-
-/// Transforms the input of tile (ty, tx) into place `tile` of the chunk.
-///
-/// # Safety
-/// As [`run`]; `tile < plan.tiles`.
-#[inline(always)]
-unsafe fn transform_input<S: Simd>(job: &Job, group: usize, tile: usize, ty: usize, tx: usize) {
-    let layout = job.in_layout;
-    let (y, x) = (ty * OUT, tx * OUT);
-    let padding = job.padding as isize;
-    let first = group * job.channels;
-    // SAFETY: pixels at most `padding` outside the input are checked to be readable; `zeros` holds a group's channels.
-    unsafe {
-        if y + IN <= layout.height() + 2 * job.padding && x + IN <= layout.width() + 2 * job.padding
-        {
-            let corner = layout.index(y as isize - padding, x as isize - padding) + first;
-            let corner = job.input.add(corner);
-            let (row, pixel) = (layout.row_stride(), layout.pixel_stride());
-            transform_pixels::<S>(job, tile, |y, x| corner.add(y * row + x * pixel));
-        } else {
-            transform_pixels::<S>(job, tile, |i, j| {
-                let (y, x) = ((y + i) as isize - padding, (x + j) as isize - padding);
-                if y < layout.height() as isize + padding && x < layout.width() as isize + padding {
-                    job.input.add(layout.index(y, x) + first)
-                } else {
-                    job.zeros
-                }
-            });
-        }
-    }
-}
-
-/// Transforms 6 × 6 pixels into place `tile` of the chunk; `pixel(y, x)` points to a group's channels.
-///
-/// # Safety
-/// As [`run`]; `tile < plan.tiles`; every pixel has `channels` readable bytes.
-#[inline(always)]
-unsafe fn transform_pixels<S: Simd>(
-    job: &Job,
-    tile: usize,
-    pixel: impl Fn(usize, usize) -> *const u8,
-) {
-    let wide = 2 * S::LANES;
-    // SAFETY: every vector ends with or before the last channel, and rows of V hold at least `from + wide`.
-    unsafe {
-        if job.channels < wide {
-            transform_vector::<S>(job, tile, 0, |y, x| S::load_u8_h(pixel(y, x), job.channels));
-            return;
-        }
-        let mut first = 0;
-        while first < job.channels {
-            // The last vector begins early enough to end with the last channel; what it computes twice is the same.
-            let from = first.min(job.channels - wide);
-            transform_vector::<S>(job, tile, from, |y, x| {
-                S::load_u8_h(pixel(y, x).add(from), wide)
-            });
-            first += wide;
-        }
-    }
-}
-
-/// Transforms channels `from..from + 2 · LANES` of 6 × 6 pixels.
-///
-/// # Safety
-/// As [`run`]; `tile < plan.tiles`; a row of V holds `from + 2 · LANES` channels.
-#[inline(always)]
-unsafe fn transform_vector<S: Simd>(
-    job: &Job,
-    tile: usize,
-    from: usize,
-    load: impl Fn(usize, usize) -> S::H,
-) {
-    let point = job.plan.point;
-    // SAFETY: the caller's contract.
-    unsafe {
-        let mut half = [[S::zero_h(); IN]; IN];
-        for x in 0..IN {
-            let mut column = [S::zero_h(); IN];
-            for y in 0..IN {
-                column[y] = load(y, x);
-            }
-            let column = b_transform::<S>(column);
-            for y in 0..IN {
-                half[y][x] = column[y];
-            }
-        }
-        let mut to = job.v(0, tile).add(from);
-        for row in half {
-            for value in b_transform::<S>(row) {
-                S::store_h(value, to);
-                to = to.wrapping_add(point);
-            }
-        }
-    }
-}
-
 /// A chunk of tiles and a block of output channels.
 struct Chunk<'a, 'b, W> {
     job: &'b Job<'a>,
     writer: &'b W,
     group: usize,
     block: usize,
-    /// Number of the first tile.
-    start: usize,
-    count: usize,
-    across: usize,
+    tiles: Tiles,
 }
 
 impl<W> Chunk<'_, '_, W> {
@@ -291,25 +233,21 @@ impl<W> Chunk<'_, '_, W> {
         D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
         W: Write<D::S, <D::S as Simd>::I>,
     {
-        // SAFETY: MAX_MR is 8 or 4.
+        // SAFETY: the caller's contract; MR is MAX_MR.
         unsafe {
-            if D::MAX_MR == 8 {
-                self.multiply::<D, 8, NV>();
-            } else {
-                self.multiply::<D, 4, NV>();
+            match D::MAX_MR {
+                8 => self.multiply::<D, 8, NV>(),
+                6 => self.multiply::<D, 6, NV>(),
+                _ => self.multiply::<D, 4, NV>(),
             }
-            for i in 0..self.count {
-                for n in 0..NV {
-                    self.transform_output::<D, NV>(i, n);
-                }
-            }
+            self.transform_outputs::<D, NV>();
         }
     }
 
     /// Products of the chunk: `[tile / MR][point][tile % MR][vector][lane]`, with a free line behind every point.
     ///
     /// # Safety
-    /// As [`run`].
+    /// As [`run`]; MR is `D::MAX_MR`.
     #[inline(always)]
     unsafe fn multiply<D, const MR: usize, const NV: usize>(&self)
     where
@@ -321,46 +259,22 @@ impl<W> Chunk<'_, '_, W> {
         let point_bytes = packed.depth() * NV * lanes * 4;
         let lane = (self.group * packed.vectors() + packed.blocks()[self.block].first) * lanes;
         for point in 0..POINTS {
-            let shift = job.shift[point];
-            let start = [(1i32 << shift) >> 1; 16];
             let weights = &panel[point * point_bytes..(point + 1) * point_bytes];
+            let bias = (point == BIAS_POINT).then(|| {
+                // SAFETY: lane + NV · lanes <= the padded number of output channels, of which each has a bias.
+                unsafe { job.bias.add(lane) }
+            });
             let mut first = 0;
-            while first < self.count {
+            while first < self.tiles.count {
                 // SAFETY: first + MR <= plan.tiles, as both are multiples of MR; V and the products hold that many
                 // tiles.
                 unsafe {
-                    let mut acc = [[D::load_acc(start.as_ptr().cast()); NV]; MR];
-                    if point == BIAS_POINT {
-                        for n in 0..NV {
-                            let bias = D::load_acc(job.bias.add(lane + n * lanes).cast());
-                            for row in &mut acc {
-                                row[n] = bias;
-                            }
-                        }
-                    }
-                    let tile = Tile {
-                        x: job.v(point, first).cast(),
-                        x_step: job.plan.row * 2,
-                        taps: &[0],
-                        depth: packed.depth(),
-                        weights: weights.as_ptr(),
-                        segments: &[],
-                    };
-                    // The next point's weights, or the next block's, come from memory while these are multiplied.
-                    let acc = if first == 0 {
-                        Plain::<D>::products::<MR, NV, true>(acc, &tile, point_bytes)
+                    if first == 0 {
+                        self.multiply_tile::<D, MR, NV, true>(point, first, weights, bias);
+                    } else if MR > 4 && self.tiles.count - first <= 4 {
+                        self.multiply_tile::<D, 4, NV, false>(point, first, weights, bias);
                     } else {
-                        Plain::<D>::products::<MR, NV, false>(acc, &tile, 0)
-                    };
-                    let to = job
-                        .scratch
-                        .cast::<i32>()
-                        .add((first / MR * POINTS + point) * products_point::<D>(NV));
-                    for m in 0..MR {
-                        for n in 0..NV {
-                            let product = D::S::shr_i(acc[m][n], shift);
-                            D::S::store_i(product, to.add((m * NV + n) * lanes));
-                        }
+                        self.multiply_tile::<D, MR, NV, false>(point, first, weights, bias);
                     }
                 }
                 first += MR;
@@ -368,85 +282,57 @@ impl<W> Chunk<'_, '_, W> {
         }
     }
 
-    /// `Aᵀ M A` of tile `i`, vector `n`, to the writer.
+    /// Products of M tiles from tile `first`, a multiple of MR, at one point. With `AHEAD`, what lies behind `weights`
+    /// is called into the caches meanwhile: the next point's weights, or the next block's.
     ///
     /// # Safety
-    /// As [`run`]; `i < count`.
+    /// As [`run`]; M is at most MR; `weights` are the point's; at `bias` are NV vectors.
     #[inline(always)]
-    unsafe fn transform_output<D, const NV: usize>(&self, i: usize, n: usize)
-    where
-        D: Dot,
-        W: Write<D::S, <D::S as Simd>::I>,
+    unsafe fn multiply_tile<D, const M: usize, const NV: usize, const AHEAD: bool>(
+        &self,
+        point: usize,
+        first: usize,
+        weights: &[u8],
+        bias: Option<*const i32>,
+    ) where
+        D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
     {
         let job = self.job;
-        let (lanes, packed, mr) = (D::S::LANES, job.packed, D::MAX_MR);
-        let vector = packed.blocks()[self.block].first + n;
-        let outs = (packed.outs() - vector * lanes).min(lanes);
-        let (ty, tx) = (
-            (self.start + i) / self.across,
-            (self.start + i) % self.across,
-        );
-        // SAFETY: the products of tile i were written by `multiply`; pixels are clipped to the part and the output.
+        let lanes = D::S::LANES;
+        let shift = &job.shifts[point];
+        const { assert!(D::S::LANES <= MOST_LANES) };
+        // SAFETY: V and the products hold tiles first..first + M, a vector has at most MOST_LANES lanes, the panel
+        // holds depth · NV vectors for the point (caller).
         unsafe {
-            let point = products_point::<D>(NV);
-            let from = job
-                .scratch
-                .cast::<i32>()
-                .add(i / mr * POINTS * point + ((i % mr) * NV + n) * lanes);
-            let mut half = [[D::S::load_i(from); IN]; OUT];
-            for x in 0..IN {
-                let mut column = [half[0][0]; IN];
-                for y in 0..IN {
-                    column[y] = D::S::load_i(from.add((y * IN + x) * point));
-                }
-                let column = a_transform::<D::S>(column);
-                for y in 0..OUT {
-                    half[y][x] = column[y];
-                }
-            }
-            for y in 0..OUT {
-                let oy = ty * OUT + y;
-                if !job.part.rows.contains(&oy) {
-                    continue;
-                }
-                let row = a_transform::<D::S>(half[y]);
-                let place = Place {
-                    lane: (self.group * packed.vectors() + vector) * lanes,
-                    channel: self.group * packed.outs() + vector * lanes,
-                    n: outs,
-                    y: oy,
-                    x: tx * OUT,
-                    step: 1,
-                };
-                let columns = job.out_layout.width() - tx * OUT;
-                if columns >= OUT {
-                    self.writer.write(row, place);
-                } else {
-                    for x in 0..columns {
-                        let x_of = place.x + x;
-                        self.writer.write([row[x]], Place { x: x_of, ..place });
+            let mut acc = [[D::load_acc(shift.start.as_ptr().cast()); NV]; M];
+            if let Some(bias) = bias {
+                for n in 0..NV {
+                    let bias = D::load_acc(bias.add(n * lanes).cast());
+                    for row in &mut acc {
+                        row[n] = bias;
                     }
                 }
             }
+            let tile = Tile {
+                x: job.v(point, first).cast(),
+                x_step: job.plan.row * 2,
+                taps: &[0],
+                depth: job.packed.depth(),
+                weights: weights.as_ptr(),
+                segments: &[],
+            };
+            let acc = Plain::<D>::products::<M, NV, AHEAD>(acc, &tile, weights.len());
+            let to = job
+                .scratch
+                .cast::<i32>()
+                .add((first / D::MAX_MR * POINTS + point) * products_point::<D>(NV));
+            let bits = D::S::load_i(shift.bits.as_ptr());
+            for m in 0..M {
+                for n in 0..NV {
+                    let product = D::S::shr_i(acc[m][n], bits);
+                    D::S::store_i(product, to.add((m * NV + n) * lanes));
+                }
+            }
         }
-    }
-}
-
-/// `Aᵀ` on six vectors.
-///
-/// # Safety
-/// The features of `S` are on.
-#[inline(always)]
-unsafe fn a_transform<S: Simd>(m: [S::I; IN]) -> [S::I; OUT] {
-    // SAFETY: no memory is touched.
-    unsafe {
-        let (s, d) = (S::add_i(m[1], m[2]), S::sub_i(m[1], m[2]));
-        let (s2, d2) = (S::add_i(m[3], m[4]), S::sub_i(m[3], m[4]));
-        [
-            S::add_i(S::add_i(m[0], s), s2),
-            S::add_i(d, S::add_i(d2, d2)),
-            S::add_i(s, S::shl_i::<2>(s2)),
-            S::add_i(S::add_i(d, S::shl_i::<3>(d2)), m[5]),
-        ]
     }
 }

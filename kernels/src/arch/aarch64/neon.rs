@@ -33,6 +33,7 @@ unsafe impl Simd for Neon {
     type H = int16x8_t;
 
     ops! {
+        fn zero_f() -> float32x4_t = vdupq_n_f32(0.0);
         fn splat_f(value: f32) -> float32x4_t = vdupq_n_f32(value);
         fn load_f(at: *const f32) -> float32x4_t = vld1q_f32(at);
         fn load_f_part(at: *const f32, n: usize) -> float32x4_t = vld1q_f32(load_part::<f32, 4>(at, n).as_ptr());
@@ -84,7 +85,7 @@ unsafe impl Simd for Neon {
         fn store_i(value: int32x4_t, at: *mut i32) = vst1q_s32(at, value);
         fn add_i(a: int32x4_t, b: int32x4_t) -> int32x4_t = vaddq_s32(a, b);
         fn sub_i(a: int32x4_t, b: int32x4_t) -> int32x4_t = vsubq_s32(a, b);
-        fn shr_i(a: int32x4_t, bits: u32) -> int32x4_t = vshlq_s32(a, vdupq_n_s32(-(bits as i32)));
+        fn shr_i(a: int32x4_t, bits: int32x4_t) -> int32x4_t = vshlq_s32(a, vnegq_s32(bits));
         fn shl_i<const BITS: u32>(a: int32x4_t) -> int32x4_t = vshlq_s32(a, vdupq_n_s32(BITS as i32));
         fn load_u8_h(at: *const u8, n: usize) -> int16x8_t = {
             let bytes = if n == 8 {

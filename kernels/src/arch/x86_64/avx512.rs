@@ -21,6 +21,22 @@ fn mask32(n: usize) -> __mmask32 {
     ((1u64 << n) - 1) as __mmask32
 }
 
+/// `vpermd`. Where parts of what the intrinsic returns are stored, LLVM permutes once for each of them.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn permute(value: __m512i, order: __m512i) -> __m512i {
+    let mut value = value;
+    // SAFETY: registers only; the features are on.
+    unsafe {
+        asm!(
+            "vpermd {0}, {1}, {0}",
+            inout(zmm_reg) value, in(zmm_reg) order,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    value
+}
+
 // SAFETY: 16 lanes of 32 bits; masked accesses touch the first n lanes only.
 unsafe impl Simd for Avx512 {
     const LANES: usize = 16;
@@ -29,6 +45,7 @@ unsafe impl Simd for Avx512 {
     type H = __m512i;
 
     ops! {
+        fn zero_f() -> __m512 = _mm512_setzero_ps();
         fn splat_f(value: f32) -> __m512 = _mm512_set1_ps(value);
         fn load_f(at: *const f32) -> __m512 = _mm512_loadu_ps(at);
         fn load_f_part(at: *const f32, n: usize) -> __m512 = _mm512_maskz_loadu_ps(mask16(n), at);
@@ -61,7 +78,7 @@ unsafe impl Simd for Avx512 {
             // Lane i of 128 bits holds lanes 4i..4i + 4 of every value.
             let bytes = _mm512_max_epi8(_mm512_packs_epi16(words, more), _mm512_setzero_si512());
             let order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-            let bytes = _mm512_permutexvar_epi32(order, bytes);
+            let bytes = permute(bytes, order);
             _mm_storeu_si128(at.cast(), _mm512_castsi512_si128(bytes));
             _mm_storeu_si128(at.add(step).cast(), _mm512_extracti32x4_epi32::<1>(bytes));
             _mm_storeu_si128(at.add(2 * step).cast(), _mm512_extracti32x4_epi32::<2>(bytes));
@@ -79,7 +96,7 @@ unsafe impl Simd for Avx512 {
         fn store_i(value: __m512i, at: *mut i32) = _mm512_storeu_si512(at.cast(), value);
         fn add_i(a: __m512i, b: __m512i) -> __m512i = _mm512_add_epi32(a, b);
         fn sub_i(a: __m512i, b: __m512i) -> __m512i = _mm512_sub_epi32(a, b);
-        fn shr_i(a: __m512i, bits: u32) -> __m512i = _mm512_srav_epi32(a, _mm512_set1_epi32(bits as i32));
+        fn shr_i(a: __m512i, bits: __m512i) -> __m512i = _mm512_srav_epi32(a, bits);
         fn shl_i<const BITS: u32>(a: __m512i) -> __m512i = _mm512_slli_epi32::<BITS>(a);
         fn load_u8_h(at: *const u8, n: usize) -> __m512i =
             if n == 32 {

@@ -47,6 +47,7 @@ unsafe impl Simd for Sse41 {
     type H = __m128i;
 
     ops! {
+        fn zero_f() -> __m128 = _mm_setzero_ps();
         fn splat_f(value: f32) -> __m128 = _mm_set1_ps(value);
         fn load_f(at: *const f32) -> __m128 = _mm_loadu_ps(at);
         fn load_f_part(at: *const f32, n: usize) -> __m128 = _mm_loadu_ps(load_part::<f32, 4>(at, n).as_ptr());
@@ -96,7 +97,7 @@ unsafe impl Simd for Sse41 {
         fn store_i(value: __m128i, at: *mut i32) = _mm_storeu_si128(at.cast(), value);
         fn add_i(a: __m128i, b: __m128i) -> __m128i = _mm_add_epi32(a, b);
         fn sub_i(a: __m128i, b: __m128i) -> __m128i = _mm_sub_epi32(a, b);
-        fn shr_i(a: __m128i, bits: u32) -> __m128i = _mm_sra_epi32(a, _mm_cvtsi32_si128(bits as i32));
+        fn shr_i(a: __m128i, bits: __m128i) -> __m128i = _mm_sra_epi32(a, _mm_srli_si128::<12>(bits));
         fn shl_i<const BITS: u32>(a: __m128i) -> __m128i = _mm_sll_epi32(a, _mm_cvtsi32_si128(BITS as i32));
         fn load_u8_h(at: *const u8, n: usize) -> __m128i =
             if n == 8 {

@@ -1,0 +1,179 @@
+//! `Y = Aᵀ M A`: vectors of output channels, straight into the writer.
+
+use super::super::{IN, OUT, POINTS};
+use super::{Chunk, products_point};
+use crate::direct::{Place, Write};
+use crate::simd::{Dot, Simd};
+
+impl<W> Chunk<'_, '_, W> {
+    /// `Aᵀ M A` of the chunk's tiles to the writer.
+    ///
+    /// # Safety
+    /// As [`run`]; the chunk was multiplied.
+    #[inline(always)]
+    pub(super) unsafe fn transform_outputs<D, const NV: usize>(&self)
+    where
+        D: Dot,
+        W: Write<D::S, <D::S as Simd>::I>,
+    {
+        let job = self.job;
+        let (lanes, packed) = (D::S::LANES, job.packed);
+        let rows = &job.part.rows;
+        let width = job.out_layout.width();
+        let (vectors, outs) = (packed.vectors(), packed.outs());
+        let first = packed.blocks()[self.block].first;
+        for (i, (ty, tx)) in self.tiles.places().enumerate() {
+            let (y, x) = (ty * OUT, tx * OUT);
+            let whole = rows.start <= y && y + OUT <= rows.end && x + OUT <= width;
+            for n in 0..NV {
+                let vector = first + n;
+                let place = Place {
+                    lane: (self.group * vectors + vector) * lanes,
+                    channel: self.group * outs + vector * lanes,
+                    n: (outs - vector * lanes).min(lanes),
+                    y,
+                    x,
+                    step: 1,
+                };
+                // SAFETY: the products of tile i were written by `multiply`; pixels are clipped to the part and the
+                // output.
+                unsafe { self.transform_output::<D, NV>(i, n, place, whole) };
+            }
+        }
+    }
+
+    /// `Aᵀ M A` of tile `i`, vector `n`, row by row to the writer. Rows are summed up as they come: that takes 16
+    /// vectors, keeping all of `M A` would take 24.
+    ///
+    /// # Safety
+    /// As [`run`]; the tile was multiplied, and `n < NV`; `place` is its first pixel's, and where it is `whole` all its
+    /// pixels lie in the part and the output.
+    #[inline(always)]
+    unsafe fn transform_output<D, const NV: usize>(
+        &self,
+        i: usize,
+        n: usize,
+        place: Place,
+        whole: bool,
+    ) where
+        D: Dot,
+        W: Write<D::S, <D::S as Simd>::I>,
+    {
+        let point = products_point::<D>(NV);
+        let (tiles, tile) = (i / D::MAX_MR, i % D::MAX_MR);
+        // SAFETY: 36 points of the tile lie in the products (caller).
+        unsafe {
+            let from = self.job.scratch.cast::<i32>();
+            let from = from.add(tiles * POINTS * point + (tile * NV + n) * D::S::LANES);
+            let (mut s, d) = sum_and_difference::<D::S>(
+                product_row::<D::S>(from, point, 1),
+                product_row::<D::S>(from, point, 2),
+            );
+            let (s2, d2) = sum_and_difference::<D::S>(
+                product_row::<D::S>(from, point, 3),
+                product_row::<D::S>(from, point, 4),
+            );
+            let mut row = product_row::<D::S>(from, point, 0);
+            for x in 0..OUT {
+                row[x] = D::S::add_i(D::S::add_i(row[x], s[x]), s2[x]);
+            }
+            self.put::<D>(row, place, 0, whole);
+            for x in 0..OUT {
+                row[x] = D::S::add_i(d[x], D::S::add_i(d2[x], d2[x]));
+            }
+            self.put::<D>(row, place, 1, whole);
+            for x in 0..OUT {
+                s[x] = D::S::add_i(s[x], D::S::shl_i::<2>(s2[x]));
+            }
+            self.put::<D>(s, place, 2, whole);
+            let mut row = product_row::<D::S>(from, point, 5);
+            for x in 0..OUT {
+                row[x] = D::S::add_i(D::S::add_i(d[x], D::S::shl_i::<3>(d2[x])), row[x]);
+            }
+            self.put::<D>(row, place, 3, whole);
+        }
+    }
+
+    /// Hands row `y` of a tile to the writer.
+    ///
+    /// # Safety
+    /// As [`transform_output`](Self::transform_output).
+    #[inline(always)]
+    unsafe fn put<D>(&self, row: [<D::S as Simd>::I; OUT], place: Place, y: usize, whole: bool)
+    where
+        D: Dot,
+        W: Write<D::S, <D::S as Simd>::I>,
+    {
+        let place = Place {
+            y: place.y + y,
+            ..place
+        };
+        // SAFETY: the row lies in the part and the output, or is clipped to them.
+        unsafe {
+            if whole {
+                self.writer.write(row, place);
+            } else if self.job.part.rows.contains(&place.y) {
+                let columns = OUT.min(self.job.out_layout.width() - place.x);
+                for x in 0..columns {
+                    let x_of = place.x + x;
+                    self.writer.write([row[x]], Place { x: x_of, ..place });
+                }
+            }
+        }
+    }
+}
+
+/// Row `y` of a tile's products, times `A`.
+///
+/// # Safety
+/// The features of `S` are on; 36 points lie at `from`, `point` numbers apart; `y < 6`.
+#[inline(always)]
+unsafe fn product_row<S: Simd>(from: *const i32, point: usize, y: usize) -> [S::I; OUT] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let mut row = [S::load_i(from.add(y * IN * point)); IN];
+        for x in 1..IN {
+            row[x] = S::load_i(from.add((y * IN + x) * point));
+        }
+        a_transform::<S>(row)
+    }
+}
+
+/// Sums and differences by element.
+///
+/// # Safety
+/// The features of `S` are on.
+#[inline(always)]
+unsafe fn sum_and_difference<S: Simd>(
+    a: [S::I; OUT],
+    b: [S::I; OUT],
+) -> ([S::I; OUT], [S::I; OUT]) {
+    let (mut sum, mut difference) = (a, a);
+    for x in 0..OUT {
+        // SAFETY: no memory is touched.
+        unsafe {
+            sum[x] = S::add_i(a[x], b[x]);
+            difference[x] = S::sub_i(a[x], b[x]);
+        }
+    }
+    (sum, difference)
+}
+
+/// `Aᵀ` on six vectors.
+///
+/// # Safety
+/// The features of `S` are on.
+#[inline(always)]
+unsafe fn a_transform<S: Simd>(m: [S::I; IN]) -> [S::I; OUT] {
+    // SAFETY: no memory is touched.
+    unsafe {
+        let (s, d) = (S::add_i(m[1], m[2]), S::sub_i(m[1], m[2]));
+        let (s2, d2) = (S::add_i(m[3], m[4]), S::sub_i(m[3], m[4]));
+        [
+            S::add_i(S::add_i(m[0], s), s2),
+            S::add_i(d, S::add_i(d2, d2)),
+            S::add_i(s, S::shl_i::<2>(s2)),
+            S::add_i(S::add_i(d, S::shl_i::<3>(d2)), m[5]),
+        ]
+    }
+}
