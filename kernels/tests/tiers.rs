@@ -411,6 +411,33 @@ proptest! {
     }
 }
 
+/// Winograd in several chunks of tiles, whose last tile of a register block is full, half full or nearly empty; the
+/// first with so many weights that chunks are as large as they get.
+#[test]
+#[cfg_attr(miri, ignore = "hours under Miri")]
+fn winograd_of_many_tiles_equals_scalar() {
+    for (channels, outs, height, width) in [
+        (256, 256, 17, 37),
+        (32, 17, 25, 39),
+        (72, 24, 21, 35),
+        (192, 33, 13, 20),
+    ] {
+        let case = Case {
+            shape: conv(channels, outs, 1, 3, 1),
+            height,
+            width,
+            input_max: 127,
+            values: Values::Small,
+            around: 1,
+            residual: true,
+            to_f32: false,
+            parts: 1,
+            seed: 1,
+        };
+        check_algorithm(&case, Algorithm::Winograd);
+    }
+}
+
 /// The kernel that a layer of ours runs on, all of whose weights are `weight`.
 fn kernel_of(isa: Isa, shape: ConvShape, weight: i8) -> &'static str {
     let params = QConvParams {
