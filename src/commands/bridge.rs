@@ -1,6 +1,6 @@
 //! `edgecap bridge`: hands on what a camera publishes that already runs elsewhere.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Priority, Subscriber};
@@ -15,7 +15,6 @@ use crate::sink::{Packet, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `edgecap bridge`.
 #[derive(Debug, clap::Args)]
@@ -49,7 +48,7 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         .as_ref()
         .map_or_else(String::new, |p| format!(" at {}", p.url()));
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
-    let (mut cleaned, mut is_running) = (Instant::now(), false);
+    let mut is_running = false;
     while !stop.requested() {
         // Who is behind sends the newest, and the end in any case.
         let mut waiting = bodies.next(LOOK_UP)?.map(|frame| Box::new(*frame));
@@ -81,10 +80,6 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         }
         if let Some(flight) = &flight {
             flight.look(crashed);
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
-            cleaned = Instant::now();
         }
     }
     sinks.finish().1?;

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Message, Subscriber};
@@ -20,7 +20,6 @@ use crate::sink::{EventSink, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `edgecap events`.
 #[derive(Debug, clap::Args)]
@@ -99,17 +98,12 @@ fn follow<M: Message>(
     mut take: impl FnMut(&M) -> anyhow::Result<bool>,
 ) -> anyhow::Result<()> {
     let stream = Subscriber::<M>::open(camera)?;
-    let mut cleaned = Instant::now();
     while !stop.requested() {
         if let Some(message) = stream.next(LOOK_UP)?
             && message.flags() & FLAG_END_OF_STREAM == 0
             && !take(&message)?
         {
             return Ok(());
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            stream.clean_up();
-            cleaned = Instant::now();
         }
     }
     Ok(())

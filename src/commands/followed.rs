@@ -15,7 +15,6 @@ use crate::bridge::websocket::Hub;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 /// How soon a camera that cannot be followed is tried again.
 const TRY_EVERY: Duration = Duration::from_secs(5);
 
@@ -115,7 +114,6 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
     let mut events = EventRelay::to_page(camera, hub)?;
     let pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
     let mut told = false;
-    let mut cleaned = Instant::now();
     let mut published = Instant::now();
     while !stop.requested() {
         // Every frame belongs into the last minute, not the newest only.
@@ -138,10 +136,6 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
                 tracing::warn!("{camera} publishes no pictures: 'edgecap run --show-picture' does");
                 told = true;
             }
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
-            cleaned = Instant::now();
         }
     }
     Ok(())

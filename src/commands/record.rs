@@ -19,7 +19,6 @@ use crate::sink::SinkError;
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// How long an ended input may take to begin anew: a process that is started again ends its stream, too.
 const COMES_BACK: Duration = Duration::from_secs(3);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `edgecap record`.
 #[derive(Debug, clap::Args)]
@@ -61,7 +60,6 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
     ));
     let mut ended = None;
     let began = Instant::now();
-    let mut cleaned = Instant::now();
     let is_over =
         |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
     let limit = args.seconds.map(|s| Duration::from_secs(s.into()));
@@ -80,10 +78,6 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
                 path: args.to.clone(),
                 cause,
             })?;
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            stream.clean_up();
-            cleaned = Instant::now();
         }
     }
     let frames = file.frames();

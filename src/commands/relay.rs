@@ -1,6 +1,6 @@
 //! Hands on what a camera publishes besides bodies: events, and pictures where the user wants to see them.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use edgecap_client::message::{EventFrame, FLAG_END_OF_STREAM, PictureFrame};
 use edgecap_client::{LinkError, Priority, Subscriber};
@@ -9,13 +9,10 @@ use super::bridges::BridgeArgs;
 use crate::bridge::websocket::Hub;
 use crate::sink::{Packet, SinkError, Sinks};
 
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
-
 /// From a camera's stream of events to sinks.
 pub struct EventRelay {
     events: Subscriber<EventFrame>,
     sinks: Sinks<EventFrame>,
-    cleaned: Instant,
 }
 
 impl EventRelay {
@@ -51,7 +48,6 @@ impl EventRelay {
         Ok(Self {
             events: Subscriber::open_with(camera, priority)?,
             sinks,
-            cleaned: Instant::now(),
         })
     }
 
@@ -68,10 +64,6 @@ impl EventRelay {
                     picture: None,
                 })?;
             }
-        }
-        if self.cleaned.elapsed() > CLEAN_UP_EVERY {
-            self.events.clean_up();
-            self.cleaned = Instant::now();
         }
         Ok(())
     }

@@ -15,7 +15,6 @@ use super::tally::Tally;
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// How long nothing may come before the user is told.
 const QUIET: Duration = Duration::from_secs(3);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `edgecap watch`.
 #[derive(Debug, clap::Args)]
@@ -39,7 +38,7 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
         "watching shared memory {} (Ctrl-C stops)",
         service_name::<BodyFrame>(&args.name)
     ));
-    let (mut last, mut told, mut cleaned) = (Instant::now(), false, Instant::now());
+    let (mut last, mut told) = (Instant::now(), false);
     let mut tally = Tally::default();
     while !stop.requested() {
         if let Some(frame) = bodies.next(LOOK_UP)? {
@@ -59,10 +58,6 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
             };
             table.say(why);
             told = true;
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
-            cleaned = Instant::now();
         }
     }
     table.finish();

@@ -9,8 +9,6 @@ use super::{Packet, Sink, SinkError};
 use crate::camera::monotonic_ns;
 use crate::message::{BodyFrame, EventFrame, ObservationFrame, PictureFrame};
 
-/// How often leftovers of killed processes are looked for.
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 /// How long readers may take to read the last messages: these lie in this process's memory.
 const LAST_WORDS: Duration = Duration::from_millis(1500);
 
@@ -73,7 +71,6 @@ impl Streamed for PictureFrame {
 pub struct SharedMemorySink<M: Streamed> {
     publisher: Publisher<M>,
     last: Box<M>,
-    cleaned: Instant,
     ended: Option<Instant>,
 }
 
@@ -86,7 +83,6 @@ impl<M: Streamed> SharedMemorySink<M> {
         Ok(Self {
             publisher: Publisher::open(camera)?,
             last: Box::default(),
-            cleaned: Instant::now(),
             ended: None,
         })
     }
@@ -100,12 +96,7 @@ impl<M: Streamed> SharedMemorySink<M> {
 impl<M: Streamed> Sink<M> for SharedMemorySink<M> {
     fn take(&mut self, packet: &Packet<'_, M>) -> Result<(), SinkError> {
         *self.last = *packet.message;
-        self.publish()?;
-        if self.cleaned.elapsed() > CLEAN_UP_EVERY {
-            self.publisher.clean_up();
-            self.cleaned = Instant::now();
-        }
-        Ok(())
+        self.publish()
     }
 
     fn end(&mut self) -> Result<(), SinkError> {

@@ -226,9 +226,6 @@ int edgecap_bodies_newest(edgecap_bodies *reader, uint32_t timeout_ms, const edg
 /* How many processes publish these bodies now: 0 or 1; -1 when it failed. */
 int edgecap_bodies_publishers(edgecap_bodies *reader);
 
-/* Frees what killed processes left behind: call it every few seconds in a program that runs for weeks. */
-void edgecap_bodies_clean_up(edgecap_bodies *reader);
-
 /* Closes a reader; its frame is gone with it.  NULL is no reader, and nothing happens. */
 void edgecap_bodies_close(edgecap_bodies *reader);
 
@@ -237,7 +234,6 @@ edgecap_events *edgecap_events_open(const char *camera);
 int edgecap_events_next(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
 int edgecap_events_newest(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
 int edgecap_events_publishers(edgecap_events *reader);
-void edgecap_events_clean_up(edgecap_events *reader);
 void edgecap_events_close(edgecap_events *reader);
 
 /* The same for observations. */
@@ -245,7 +241,6 @@ edgecap_observations *edgecap_observations_open(const char *camera);
 int edgecap_observations_next(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
 int edgecap_observations_newest(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
 int edgecap_observations_publishers(edgecap_observations *reader);
-void edgecap_observations_clean_up(edgecap_observations *reader);
 void edgecap_observations_close(edgecap_observations *reader);
 
 /* Takes a body of a frame to the floor-aligned world: 1 when `there` was written, 0 while no floor is known, -1 when it failed. */

@@ -65,7 +65,6 @@ template <typename Handle, typename Frame> struct Calls {
     int (*next)(Handle *, uint32_t, const Frame **);
     int (*newest)(Handle *, uint32_t, const Frame **);
     int (*publishers)(Handle *);
-    void (*clean_up)(Handle *);
     void (*close)(Handle *);
 };
 
@@ -90,9 +89,6 @@ public:
             throw Error(edgecap_error());
         return count;
     }
-
-    // Frees what killed processes left behind: call it every few seconds in a program that runs for weeks.
-    void clean_up() { calls_.clean_up(reader_.get()); }
 
 protected:
     Reader(const std::string &camera, const Calls<Handle, Frame> &calls)
@@ -120,7 +116,7 @@ class Bodies : public Reader<edgecap_bodies, edgecap_body_frame> {
 public:
     explicit Bodies(const std::string &camera = "camera0")
         : Reader(camera, {edgecap_bodies_open, edgecap_bodies_next, edgecap_bodies_newest, edgecap_bodies_publishers,
-                          edgecap_bodies_clean_up, edgecap_bodies_close}) {}
+                          edgecap_bodies_close}) {}
 };
 
 // What has happened. Silence is no failure: a frame comes when something has.
@@ -128,7 +124,7 @@ class Events : public Reader<edgecap_events, edgecap_event_frame> {
 public:
     explicit Events(const std::string &camera = "camera0")
         : Reader(camera, {edgecap_events_open, edgecap_events_next, edgecap_events_newest, edgecap_events_publishers,
-                          edgecap_events_clean_up, edgecap_events_close}) {}
+                          edgecap_events_close}) {}
 };
 
 // Everybody as seen in one picture, before the fit.
@@ -136,7 +132,7 @@ class Observations : public Reader<edgecap_observations, edgecap_observation_fra
 public:
     explicit Observations(const std::string &camera = "camera0")
         : Reader(camera, {edgecap_observations_open, edgecap_observations_next, edgecap_observations_newest,
-                          edgecap_observations_publishers, edgecap_observations_clean_up, edgecap_observations_close}) {}
+                          edgecap_observations_publishers, edgecap_observations_close}) {}
 };
 
 } // namespace edgecap

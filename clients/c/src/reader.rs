@@ -108,19 +108,6 @@ pub(crate) unsafe fn publishers<M: Message>(call: &'static str, reader: *mut Rea
     })
 }
 
-/// Frees what killed processes left behind.
-///
-/// # Safety
-/// `reader` is null or one that is open.
-pub(crate) unsafe fn clean_up<M: Message>(call: &'static str, reader: *mut Reader<M>) {
-    guarded((), || {
-        // SAFETY: this function's own condition.
-        let reader = unsafe { of(call, reader) }?;
-        reader.subscriber.clean_up();
-        Ok(())
-    });
-}
-
 /// Closes a reader; null is none.
 ///
 /// # Safety

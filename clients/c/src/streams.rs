@@ -8,7 +8,7 @@ use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
 use crate::reader::{self, Reader};
 
 macro_rules! stream {
-    ($reader:ident of $message:ty: $open:ident, $next:ident, $newest:ident, $publishers:ident, $clean_up:ident, $close:ident) => {
+    ($reader:ident of $message:ty: $open:ident, $next:ident, $newest:ident, $publishers:ident, $close:ident) => {
         /// A reader of one camera's stream.
         #[allow(non_camel_case_types, reason = "its name in C")]
         pub type $reader = Reader<$message>;
@@ -64,16 +64,6 @@ macro_rules! stream {
             unsafe { reader::publishers(stringify!($publishers), reader) }
         }
 
-        /// Frees what killed processes left behind.
-        ///
-        /// # Safety
-        /// `reader` is null or one that is open.
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $clean_up(reader: *mut $reader) {
-            // SAFETY: this function's own condition.
-            unsafe { reader::clean_up(stringify!($clean_up), reader) }
-        }
-
         /// Closes a reader; its message is gone with it. Null is no reader and nothing happens.
         ///
         /// # Safety
@@ -87,8 +77,8 @@ macro_rules! stream {
 }
 
 stream!(edgecap_bodies of BodyFrame: edgecap_bodies_open, edgecap_bodies_next, edgecap_bodies_newest,
-    edgecap_bodies_publishers, edgecap_bodies_clean_up, edgecap_bodies_close);
+    edgecap_bodies_publishers, edgecap_bodies_close);
 stream!(edgecap_observations of ObservationFrame: edgecap_observations_open, edgecap_observations_next,
-    edgecap_observations_newest, edgecap_observations_publishers, edgecap_observations_clean_up, edgecap_observations_close);
+    edgecap_observations_newest, edgecap_observations_publishers, edgecap_observations_close);
 stream!(edgecap_events of EventFrame: edgecap_events_open, edgecap_events_next, edgecap_events_newest,
-    edgecap_events_publishers, edgecap_events_clean_up, edgecap_events_close);
+    edgecap_events_publishers, edgecap_events_close);

@@ -6,7 +6,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -105,7 +105,24 @@ impl Domain {
         let root = RootPath::new(self.path.as_os_str().as_encoded_bytes());
         config.global.set_root_path(&root.map_err(|e| wrong(&e))?);
         config.global.prefix = FileName::new(b"e_").map_err(|e| wrong(&e))?;
+        // The writer does it, see `Link::clean_up`.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
         Ok(config)
+    }
+
+    /// Removes what node `id`, which is dead, did not finish: iceoryx2 does not list it, and its folder would stay.
+    pub(crate) fn remove_unfinished(&self, id: u128) {
+        let Ok(entries) = fs::read_dir(self.path.join("nodes").join(id.to_string())) else {
+            return;
+        };
+        for entry in entries.flatten() {
+            // What is complete can only be read.
+            if entry.metadata().is_ok_and(|m| m.mode() & 0o200 != 0) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// Reserves the memory behind all that is in it: a write into memory that is not there would end the process.

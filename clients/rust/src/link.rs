@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use iceoryx2::node::NodeBuilder;
+use iceoryx2::node::{NodeBuilder, NodeState, NodeView};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 
@@ -90,5 +90,18 @@ impl<M: Message> Link<M> {
             node,
             domain: Rc::new(domain),
         })
+    }
+
+    /// Frees what killed processes hold in this domain. Only the writer may call it: a reader's place is lost for good
+    /// if the writer connects to it while another process clears it away.
+    pub(crate) fn clean_up(&self) {
+        // What cannot be freed now is tried again at the next call.
+        let _ = Node::<FileService>::list(self.node.config(), |state| {
+            if let NodeState::Dead(dead) = state {
+                self.domain.remove_unfinished(dead.id().value());
+                let _ = dead.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        });
     }
 }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
@@ -16,6 +17,9 @@ use crate::place::{self, Place};
 use crate::ring::{BUFFER, RingWriter};
 use crate::service::FileService;
 use crate::stream::{Message, check_camera, file_stem, ring_path, service_name};
+
+/// How often leftovers of killed readers are looked for.
+const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 
 /// The one writer of a stream.
 #[derive(Debug)]
@@ -33,6 +37,7 @@ struct Made<M: Message> {
     port: Port<FileService, M, u64>,
     notifier: Notifier<FileService>,
     link: Link<M>,
+    cleaned: Instant,
     _claim: Arc<Claim>,
     _place: Place,
 }
@@ -60,7 +65,7 @@ impl<M: Message> Publisher<M> {
     }
 
     /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its
-    /// oldest. Where somebody removed the files under it, they are made anew.
+    /// oldest. Where somebody removed the files under it, they are made anew; what killed readers left is freed.
     ///
     /// # Errors
     /// [`LinkError::SharedMemory`]; while they are made anew, as [`open`](Self::open).
@@ -83,6 +88,10 @@ impl<M: Message> Publisher<M> {
             .map_err(|e| failed(&e))?;
         // A reader that died without cleaning up makes this fail; the message itself has been delivered.
         let _ = made.notifier.notify();
+        if made.cleaned.elapsed() > CLEAN_UP_EVERY {
+            made.link.clean_up();
+            made.cleaned = Instant::now();
+        }
         Ok(())
     }
 
@@ -92,10 +101,10 @@ impl<M: Message> Publisher<M> {
         self.made.as_ref().map_or(0, count)
     }
 
-    /// Frees what killed readers left behind; call it every few seconds in a process that runs for weeks.
+    /// Frees what killed readers left behind, now: [`publish`](Self::publish) does it every ten seconds.
     pub fn clean_up(&self) {
         if let Some(made) = &self.made {
-            let _ = made.link.node.try_cleanup_dead_nodes();
+            made.link.clean_up();
         }
     }
 }
@@ -154,6 +163,7 @@ impl<M: Message> Made<M> {
             port,
             notifier,
             link,
+            cleaned: Instant::now(),
             _claim: claim,
             _place: place,
         })

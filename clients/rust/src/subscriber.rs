@@ -28,6 +28,9 @@ use crate::stream::{Message, check_camera, service_name};
 /// The kernel counts waits in microseconds and takes none for a wait without end: shorter ones only look.
 const SHORTEST_WAIT: Duration = Duration::from_micros(10);
 
+/// When a reader that found no place tries again: by then the publisher has freed those of killed readers.
+const TRY_AGAIN: Duration = Duration::from_secs(10);
+
 /// What the last message of a file says.
 const END_OF_FILE: u32 = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
 
@@ -50,8 +53,9 @@ struct Inner<M: Message> {
     camera: String,
     priority: Priority,
     ring: RingReader<M>,
-    /// The publisher's life that was joined, or could not be.
+    /// The publisher's life that was joined, or could not be at `tried`.
     life: Option<u64>,
+    tried: Instant,
     joined: Option<Joined<M>>,
 }
 
@@ -125,6 +129,7 @@ impl<M: Message> Subscriber<M> {
             priority,
             ring: RingReader::new(folders, camera)?,
             life: None,
+            tried: Instant::now(),
             joined: None,
         };
         inner.join();
@@ -207,13 +212,6 @@ impl<M: Message> Subscriber<M> {
         inner.join();
         usize::from(inner.ring.is_alive())
     }
-
-    /// Frees what killed readers left behind; call it every few seconds in a process that runs for weeks.
-    pub fn clean_up(&self) {
-        if let Some(joined) = &self.0.borrow().joined {
-            let _ = joined.link.node.try_cleanup_dead_nodes();
-        }
-    }
 }
 
 impl<M: Message> Inner<M> {
@@ -234,14 +232,15 @@ impl<M: Message> Inner<M> {
             }
             return;
         }
-        if source.map(|(_, life)| life) == self.life {
+        let waits = self.joined.is_some() || self.tried.elapsed() < TRY_AGAIN;
+        if source.map(|(_, life)| life) == self.life && waits {
             return;
         }
         let Some((folder, life)) = source else {
             return;
         };
         let folder = folder.to_owned();
-        (self.life, self.joined) = (Some(life), None);
+        (self.life, self.joined, self.tried) = (Some(life), None, Instant::now());
         if let Ok(Some(domain)) = Domain::join(&folder, life) {
             self.joined = Joined::new(domain, &self.camera, self.priority).ok();
         }
@@ -305,13 +304,9 @@ impl<M: Message> Joined<M> {
         let service = service_name::<M>(camera);
         let failed = |e: &dyn core::fmt::Display| LinkError::failed(&service, e);
         let link = Link::<M>::open(domain, camera, Side::Reader)?;
-        let readers = || link.messages.dynamic_config().number_of_subscribers();
-        if priority == Priority::Reader && readers() >= MAX_SUBSCRIBERS {
-            // Those that were killed do not count.
-            let _ = link.node.try_cleanup_dead_nodes();
-            if readers() >= MAX_SUBSCRIBERS {
-                return Err(failed(&"no place left"));
-            }
+        let readers = link.messages.dynamic_config().number_of_subscribers();
+        if priority == Priority::Reader && readers >= MAX_SUBSCRIBERS {
+            return Err(failed(&"no place left"));
         }
         let listener = link
             .wake
@@ -348,6 +343,27 @@ mod tests {
             }
             inner.joined.is_some()
         })
+    }
+
+    #[test]
+    fn a_reader_without_a_place_takes_one_that_is_freed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let open = || Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let mut others: Vec<_> = (0..MAX_SUBSCRIBERS).map(|_| open()).collect();
+        assert_eq!(publisher.subscriber_count(), MAX_SUBSCRIBERS);
+        let mut inner = open().0.into_inner();
+        others.pop();
+        inner.join();
+        assert!(inner.joined.is_none());
+        publisher.publish(&BodyFrame::default()).unwrap();
+        assert!(inner.receive().unwrap().is_some());
+        inner.tried = Instant::now().checked_sub(TRY_AGAIN).unwrap();
+        inner.join();
+        assert!(inner.joined.is_some());
+        assert!(inner.receive().unwrap().is_none());
+        publisher.publish(&BodyFrame::default()).unwrap();
+        assert!(inner.receive().unwrap().is_some());
     }
 
     #[test]

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{LinkError, Priority, Subscriber};
 
+use super::STEP;
 use super::pace::{Fresh, Pace};
-use super::{CLEAN_UP_EVERY, STEP};
 use crate::camera::{View, calibration, monotonic_ns};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::{names, pictured};
@@ -171,7 +171,7 @@ fn read(
     over: &AtomicBool,
 ) -> Result<(), LinkError> {
     let observations = Subscriber::<ObservationFrame>::open_with(name, Priority::Reserved)?;
-    let (mut fresh, mut cleaned) = (Fresh::default(), Instant::now());
+    let mut fresh = Fresh::default();
     while !over.load(Ordering::Relaxed) {
         if let Some(frame) = observations.next(STEP)? {
             let ended = frame.flags & FLAG_END_OF_STREAM != 0;
@@ -179,10 +179,6 @@ fn read(
             {
                 break;
             }
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            observations.clean_up();
-            cleaned = Instant::now();
         }
     }
     Ok(())

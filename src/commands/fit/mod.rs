@@ -37,7 +37,6 @@ use settings::{config, fitter};
 
 /// Longest wait for an observation: signals and the supervisor want to be heard.
 const STEP: Duration = Duration::from_millis(200);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 /// Name of the bodies that several cameras see, when the user gives none.
 pub const ROOM: &str = "room";
 
@@ -188,7 +187,6 @@ fn live(
     let observations = Subscriber::<ObservationFrame>::open_with(task.name(), Priority::Reserved)?;
     let mut pace = Pace::new(task.rate);
     let mut out = Box::new(BodyFrame::default());
-    let mut cleaned = Instant::now();
     let mut fit_us = 0;
     let mut frames = 0;
     let mut fresh = Fresh::default();
@@ -228,10 +226,6 @@ fn live(
                 fitter.predict(monotonic_ns(), &mut out);
                 out.fit_us = fit_us;
                 take(&mut out)?;
-            }
-            if cleaned.elapsed() > CLEAN_UP_EVERY {
-                observations.clean_up();
-                cleaned = Instant::now();
             }
         }
         Ok(())

@@ -31,7 +31,6 @@ use crate::supervise::{Beat, Child, Progress, stop_all};
 const LAST_BODIES: Duration = Duration::from_secs(3);
 /// How often the children are looked at, whatever comes from them.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-const CLEAN_UP_EVERY: Duration = Duration::from_secs(1);
 
 /// What sees, and what becomes of it.
 pub struct Plan {
@@ -183,7 +182,6 @@ fn watch(
 ) -> anyhow::Result<()> {
     let mut infers_done: Option<Instant> = None;
     let mut end_seen = false;
-    let mut cleaned = Instant::now();
     let mut flow = Flow::default();
     let (mut starts, mut fits) = (0, 0);
     while !stop.requested() {
@@ -247,10 +245,6 @@ fn watch(
                 )
                 .into());
             }
-        }
-        if cleaned.elapsed() > CLEAN_UP_EVERY {
-            bodies.clean_up();
-            cleaned = Instant::now();
         }
     }
     pulse.stopping();

@@ -357,11 +357,14 @@ fn readers_that_are_killed_leave_the_writer_alone() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    let reader = Subscriber::<BodyFrame>::open_at(&folder, CAMERA).unwrap();
     publisher.clean_up();
+    let reader = Subscriber::<BodyFrame>::open_at(&folder, CAMERA).unwrap();
     publisher.publish(&BodyFrame::default()).unwrap();
     assert!(reader.next(PATIENCE).unwrap().is_some());
     assert_eq!(publisher.subscriber_count(), 1);
+    // Of nodes that joined a service there are this writer's and this reader's, each in two.
+    let joined = |f: &&PathBuf| f.extension().is_some_and(|e| e == "service_tag");
+    assert_eq!(files(&folder).iter().filter(joined).count(), 4);
 }
 
 #[test]
