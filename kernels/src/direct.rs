@@ -152,6 +152,9 @@ pub(crate) struct Tile<'a> {
 type Acc<C> = <<C as Chain>::D as Dot>::Acc;
 type Vectors<C> = <<C as Chain>::D as Dot>::S;
 
+/// As many lines as a step of [`Plain::products`] reads.
+pub(crate) const ALL: usize = usize::MAX;
+
 /// Sums with [`Dot::dot`].
 pub(crate) struct Plain<D>(PhantomData<D>);
 
@@ -166,17 +169,18 @@ unsafe impl<D: Dot> Chain for Plain<D> {
         tile: &Tile,
     ) -> [[D::Acc; NV]; MR] {
         // SAFETY: the caller's contract.
-        unsafe { Self::products::<MR, NV, false>(acc, tile, 0) }
+        unsafe { Self::products::<MR, NV, 0>(acc, tile, 0) }
     }
 }
 
 impl<D: Dot> Plain<D> {
-    /// [`Chain::sum`]. With `AHEAD`, weights `ahead` bytes behind those that are read are called into the caches.
+    /// [`Chain::sum`]. With every step that many lines from `ahead` bytes behind its weights are called into the caches:
+    /// AHEAD, at most those that it reads.
     ///
     /// # Safety
     /// As [`Chain`].
     #[inline(always)]
-    pub unsafe fn products<const MR: usize, const NV: usize, const AHEAD: bool>(
+    pub unsafe fn products<const MR: usize, const NV: usize, const AHEAD: usize>(
         mut acc: [[D::Acc; NV]; MR],
         tile: &Tile,
         ahead: usize,
@@ -193,8 +197,8 @@ impl<D: Dot> Plain<D> {
                     for n in 1..NV {
                         weights[n] = D::weights(w.add(n * vector));
                     }
-                    if AHEAD {
-                        for n in 0..(NV * vector).div_ceil(LINE) {
+                    if AHEAD > 0 {
+                        for n in 0..AHEAD.min((NV * vector).div_ceil(LINE)) {
                             prefetch(w.wrapping_add(ahead + n * LINE));
                         }
                     }

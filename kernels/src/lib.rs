@@ -1,6 +1,6 @@
 //! int8 and f32 kernels: packing, micro-kernels per instruction set, scalar reference beside them, run-time dispatch.
 //!
-//! No I/O, no threads, no dependencies.
+//! No I/O, no threads; libc alone.
 //!
 //! Every operation is built once (weights packed for one [`Isa`]), then run without allocating. `run` is safe and takes
 //! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and
@@ -36,6 +36,8 @@ mod scratch;
 mod segments;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod simd;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod slab;
 mod tensor;
 mod winograd;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]

@@ -8,8 +8,8 @@
 
 use crate::ConvShape;
 use crate::phase::{Phase, Tap};
-use crate::scratch::Scratch;
 use crate::simd::{Dot, Simd};
+use crate::slab::Piece;
 
 /// Most taps of a phase: 7 × 7.
 pub(crate) const MAX_TAPS: usize = 49;
@@ -28,7 +28,7 @@ pub(crate) struct Packed {
     blocking: Blocking,
     blocks: Vec<Block>,
     panels: Vec<usize>,
-    data: Scratch,
+    data: Piece,
 }
 
 /// What a direct kernel reads: packed weights, and where a tap's sums have to leave i16.
@@ -188,7 +188,7 @@ impl Packed {
         let taps: usize = phases.iter().map(|phase| phase.taps.len()).sum();
         let vectors: usize = blocks.iter().map(|block| block.count).sum();
         let mut data =
-            Scratch::new(shape.groups() * vectors * taps * order.len() * blocking.lanes * 4);
+            Piece::new(shape.groups() * vectors * taps * order.len() * blocking.lanes * 4);
         let bytes = data.as_mut_bytes();
         let numbers = blocking.numbers();
         let mut panels = Vec::new();

@@ -29,12 +29,6 @@ impl Scratch {
     }
 
     /// All bytes; the first is aligned to 64.
-    pub(crate) fn as_bytes(&self) -> &[u8] {
-        // SAFETY: a Line is 64 bytes without padding, so the vector's lines are `64 · lines.len()` initialised bytes.
-        unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.lines.len() * 64) }
-    }
-
-    /// All bytes; the first is aligned to 64.
     pub(crate) fn as_mut_bytes(&mut self) -> &mut [u8] {
         // SAFETY: a Line is 64 bytes without padding, so the vector's lines are `64 · lines.len()` initialised bytes.
         unsafe {

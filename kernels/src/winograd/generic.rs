@@ -8,7 +8,7 @@ mod input;
 mod output;
 
 use super::{BIAS_POINT, OUT, POINTS};
-use crate::direct::{LINE, Plain, Tile, Write};
+use crate::direct::{ALL, LINE, Plain, Tile, Write};
 use crate::packed::Packed;
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
@@ -85,9 +85,9 @@ const CHUNK_BYTES: usize = 320 << 10;
 const MOST_TILES: usize = 40;
 
 /// Products of a group's channels from which on chunks take [`LARGE_CHUNK_BYTES`]. Weights take 72 bytes for each,
-/// which no second-level cache holds (4.7 MB at 256 → 256): they come from further away for every chunk anew, which
-/// takes longer than to read a chunk's inputs from there.
-const MANY_WEIGHTS: usize = 1 << 16;
+/// which hardly fits a second-level cache (1.8 MB at 192 → 128): they come from further away for every chunk anew,
+/// which takes longer than to read a chunk's inputs from there.
+const MANY_WEIGHTS: usize = 1 << 14;
 
 /// Enough for [`MOST_TILES`] of 512 channels.
 const LARGE_CHUNK_BYTES: usize = 2 << 20;
@@ -258,6 +258,10 @@ impl<W> Chunk<'_, '_, W> {
         let panel = packed.weights(packed.panel(self.group, self.block, 0));
         let point_bytes = packed.depth() * NV * lanes * 4;
         let lane = (self.group * packed.vectors() + packed.blocks()[self.block].first) * lanes;
+        // The next point's weights are called while this one's are multiplied: one line a step with each of the first
+        // tiles, where there are as many tiles as a step reads lines, else all with the first.
+        let step_lines = (NV * lanes * 4).div_ceil(LINE);
+        let spread = self.tiles.count >= step_lines * MR;
         for point in 0..POINTS {
             let weights = &panel[point * point_bytes..(point + 1) * point_bytes];
             let bias = (point == BIAS_POINT).then(|| {
@@ -269,12 +273,14 @@ impl<W> Chunk<'_, '_, W> {
                 // SAFETY: first + MR <= plan.tiles, as both are multiples of MR; V and the products hold that many
                 // tiles.
                 unsafe {
-                    if first == 0 {
-                        self.multiply_tile::<D, MR, NV, true>(point, first, weights, bias);
+                    if !spread && first == 0 {
+                        self.multiply_tile::<D, MR, NV, ALL>(point, first, weights, bias);
+                    } else if spread && first / MR < step_lines {
+                        self.multiply_tile::<D, MR, NV, 1>(point, first, weights, bias);
                     } else if MR > 4 && self.tiles.count - first <= 4 {
-                        self.multiply_tile::<D, 4, NV, false>(point, first, weights, bias);
+                        self.multiply_tile::<D, 4, NV, 0>(point, first, weights, bias);
                     } else {
-                        self.multiply_tile::<D, MR, NV, false>(point, first, weights, bias);
+                        self.multiply_tile::<D, MR, NV, 0>(point, first, weights, bias);
                     }
                 }
                 first += MR;
@@ -282,13 +288,14 @@ impl<W> Chunk<'_, '_, W> {
         }
     }
 
-    /// Products of M tiles from tile `first`, a multiple of MR, at one point. With `AHEAD`, what lies behind `weights`
-    /// is called into the caches meanwhile: the next point's weights, or the next block's.
+    /// Products of M tiles from tile `first`, a multiple of MR, at one point. Of what lies behind `weights`, the next
+    /// point's or the next block's, every step calls AHEAD lines into the caches: of those that a step there reads, the
+    /// ones from the number of this tile among those of its size.
     ///
     /// # Safety
     /// As [`run`]; M is at most MR; `weights` are the point's; at `bias` are NV vectors.
     #[inline(always)]
-    unsafe fn multiply_tile<D, const M: usize, const NV: usize, const AHEAD: bool>(
+    unsafe fn multiply_tile<D, const M: usize, const NV: usize, const AHEAD: usize>(
         &self,
         point: usize,
         first: usize,
@@ -321,7 +328,8 @@ impl<W> Chunk<'_, '_, W> {
                 weights: weights.as_ptr(),
                 segments: &[],
             };
-            let acc = Plain::<D>::products::<M, NV, AHEAD>(acc, &tile, weights.len());
+            let ahead = weights.len() + first / D::MAX_MR * LINE;
+            let acc = Plain::<D>::products::<M, NV, AHEAD>(acc, &tile, ahead);
             let to = job
                 .scratch
                 .cast::<i32>()
