@@ -174,8 +174,8 @@ unsafe impl<D: Dot> Chain for Plain<D> {
 }
 
 impl<D: Dot> Plain<D> {
-    /// [`Chain::sum`]. With every step that many lines from `ahead` bytes behind its weights are called into the caches:
-    /// AHEAD, at most those that it reads.
+    /// [`Chain::sum`]. Every step calls AHEAD lines from `ahead` bytes behind its weights into the caches, at most as
+    /// many as it reads.
     ///
     /// # Safety
     /// As [`Chain`].

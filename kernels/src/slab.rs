@@ -1,8 +1,8 @@
 //! Memory for weights, in large pages where the system has them.
 //!
-//! A network reads some 30 MB of weights once a frame. In pages of 4 KiB these are 7,000 addresses, more than a CPU keeps:
-//! looking them up takes longer than reading what is there. Weights of one layer are too few for pages of 2 MiB, so
-//! that layers share them.
+//! A network reads some 30 MB of weights once a frame. In pages of 4 KiB these are 7,000 addresses, more than a CPU
+//! keeps, and looking them up takes time. Weights of one layer are too few for pages of 2 MiB, so that layers share
+//! them.
 
 use std::alloc::{Layout, handle_alloc_error};
 use std::ptr::NonNull;
@@ -119,8 +119,8 @@ fn mapped(len: usize) -> Option<NonNull<u8>> {
         return None;
     }
     let before = map.cast::<u8>().align_offset(PAGE);
-    // SAFETY: before < PAGE (`align_offset`), so that before + len < whole; what lies in the map before and behind those
-    // `len` bytes is whole small pages and nobody's. The advice changes no contents.
+    // SAFETY: before < PAGE (`align_offset`), so that before + len < whole; what lies in the map before and behind
+    // those `len` bytes is whole small pages and nobody's. The advice changes no contents.
     unsafe {
         let start = map.cast::<u8>().add(before);
         if before > 0 {
