@@ -110,6 +110,8 @@ impl<M: Streamed> Sink<M> for SharedMemorySink<M> {
 
     fn finish(mut self: Box<Self>) -> Result<Option<String>, SinkError> {
         self.end()?;
+        // Nobody waits for readers that were killed.
+        self.publisher.clean_up();
         let began = self.ended.unwrap_or_else(Instant::now);
         while self.publisher.subscriber_count() > 0 && began.elapsed() < LAST_WORDS {
             std::thread::sleep(Duration::from_millis(5));
