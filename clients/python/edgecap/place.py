@@ -15,22 +15,29 @@ def runtime_dir() -> str:
         return named
     if _is_own(SERVICE_DIR):
         return SERVICE_DIR
-    user = os.geteuid()
-    for session in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{user}"):
+    for session in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{os.geteuid()}"):
         if session and _is_own(session):
             return os.path.join(session, "edgecap")
-    memory, home = f"/dev/shm/edgecap-{user}", os.path.expanduser("~")
-    is_taken = os.path.lexists(memory) and os.lstat(memory).st_uid != user
+    memory, home = _without_session(), os.path.expanduser("~")
+    is_taken = os.path.lexists(memory) and os.lstat(memory).st_uid != os.geteuid()
     return os.path.join(home, ".cache/edgecap/run") if is_taken and _is_own(home) else memory
 
 
 def reading_dirs() -> list[str]:
-    """The folders that a reader looks in, this user's own first; the service's where it may be read."""
+    """The folders that a reader looks in, this user's own first; then the service's where it may be read, and that of
+    a publisher of this user who began without a session."""
     dirs = [runtime_dir()]
-    is_named = bool(os.environ.get("EDGECAP_RUNTIME_DIR"))
-    if not is_named and dirs[0] != SERVICE_DIR and os.access(SERVICE_DIR, os.R_OK | os.X_OK):
+    if os.environ.get("EDGECAP_RUNTIME_DIR"):
+        return dirs
+    if os.access(SERVICE_DIR, os.R_OK | os.X_OK):
         dirs.append(SERVICE_DIR)
-    return dirs
+    if _is_own(_without_session()):
+        dirs.append(_without_session())
+    return list(dict.fromkeys(dirs))
+
+
+def _without_session() -> str:
+    return f"/dev/shm/edgecap-{os.geteuid()}"
 
 
 def cameras() -> list[str]:

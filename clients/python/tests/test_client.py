@@ -66,6 +66,32 @@ class Streams(InPlace):
         self.assertIn("edgecap run --name hall", said)
         self.assertIsInstance(failed.exception, TimeoutError)
 
+    def test_a_short_wait_for_a_silent_publisher_is_short(self) -> None:
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            took = []
+            for _ in range(10):
+                begin = time.monotonic()
+                self.assertIsNone(stream.next(0.001))
+                took.append(time.monotonic() - begin)
+        writer.close()
+        # The shortest: any of them may have waited for the processor.
+        self.assertLess(min(took), 0.1)
+
+    def test_a_message_wakes_who_waits_for_it(self) -> None:
+        writer, took = Writer(self.folder), []
+        with edgecap.bodies() as stream:
+            for n in range(10):
+                thread = threading.Timer(0.01, writer.publish, (frame(n),))
+                thread.start()
+                begin = time.monotonic()
+                self.assertEqual(stream.next(5).sequence, n)
+                took.append(time.monotonic() - begin)
+                thread.join()
+        writer.close()
+        # Who is not woken looks every 0.2 s.
+        self.assertLess(min(took), 0.1)
+
     def test_an_error_names_the_cameras_that_there_are(self) -> None:
         writer = Writer(self.folder, "door")
         self.assertEqual(edgecap.cameras(), ["door"])

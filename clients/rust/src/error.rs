@@ -22,6 +22,17 @@ pub enum LinkError {
         /// What was found.
         cause: String,
     },
+    /// What the folder of this installation lies in is not there.
+    #[error(
+        "runtime folder {}: {cause}; make it, or name another folder in EDGECAP_RUNTIME_DIR",
+        folder.display()
+    )]
+    NoPlace {
+        /// The folder.
+        folder: PathBuf,
+        /// What was found.
+        cause: String,
+    },
     /// Another process publishes this stream already.
     #[error(
         "another process already publishes {service}; stop it, or give this camera another --name"

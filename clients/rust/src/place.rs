@@ -2,8 +2,8 @@
 //!
 //! A writer takes the first that fits: `$EDGECAP_RUNTIME_DIR`; `/run/edgecap` where it belongs to this user (a
 //! service's `RuntimeDirectory`); `edgecap` in `$XDG_RUNTIME_DIR` or `/run/user/<uid>`; `/dev/shm/edgecap-<uid>`, or
-//! where somebody else took that name, `~/.cache/edgecap/run`. A reader looks there too, and in `/run/edgecap` where it
-//! may read it.
+//! where somebody else took that name, `~/.cache/edgecap/run`. A reader looks there too, in `/run/edgecap` where it may
+//! read it, and in `/dev/shm/edgecap-<uid>`: who publishes may have begun before this user had a session.
 //!
 //! Only the folder's owner may write there. Its group may read if the folder's mode says so (0750): then it may read
 //! the streams and nothing else.
@@ -18,6 +18,7 @@ use std::fs::{self, DirBuilder, File, Metadata, Permissions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use rustix::fs::{FlockOperation, Mode, OFlags};
 
@@ -41,8 +42,13 @@ pub struct Place {
     _held: File,
 }
 
-/// The folder that this user's processes publish in; it need not exist yet.
+/// The folder that this process publishes in; it need not exist yet. Found once: sessions come and go while it runs.
 pub fn runtime_dir() -> PathBuf {
+    static FOUND: OnceLock<PathBuf> = OnceLock::new();
+    FOUND.get_or_init(search).clone()
+}
+
+fn search() -> PathBuf {
     if let Some(named) = named() {
         return named;
     }
@@ -58,7 +64,7 @@ pub fn runtime_dir() -> PathBuf {
     if let Some(session) = sessions.into_iter().find(|s| is_own(s)) {
         return session.join("edgecap");
     }
-    let memory = PathBuf::from(format!("/dev/shm/edgecap-{user}"));
+    let memory = without_session();
     let is_taken = fs::symlink_metadata(&memory).is_ok_and(|m| m.uid() != user);
     match std::env::home_dir().filter(|home| is_taken && is_own(home)) {
         Some(home) => home.join(".cache/edgecap/run"),
@@ -69,11 +75,25 @@ pub fn runtime_dir() -> PathBuf {
 /// The folders that a reader looks in, this user's own first.
 pub fn reading_dirs() -> Vec<PathBuf> {
     let mut dirs = vec![runtime_dir()];
-    let service = PathBuf::from(SERVICE_FOLDER);
-    if named().is_none() && dirs[0] != service && fs::read_dir(&service).is_ok() {
-        dirs.push(service);
+    if named().is_some() {
+        return dirs;
+    }
+    let (service, memory) = (PathBuf::from(SERVICE_FOLDER), without_session());
+    let others = [
+        Some(search()),
+        fs::read_dir(&service).is_ok().then_some(service),
+        is_own(&memory).then_some(memory),
+    ];
+    for other in others.into_iter().flatten() {
+        if !dirs.contains(&other) {
+            dirs.push(other);
+        }
     }
     dirs
+}
+
+fn without_session() -> PathBuf {
+    format!("/dev/shm/edgecap-{}", user()).into()
 }
 
 fn named() -> Option<PathBuf> {
@@ -136,8 +156,19 @@ impl Place {
             made.map_err(|e| failed(&e))?;
         }
         match private_folder(folder) {
-            Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(failed(&e)),
-            _ => {}
+            Ok(()) => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                let parent = folder.parent().unwrap_or(folder).display();
+                let why = format!(
+                    "{parent} is not there; a session's goes with the last logout, unless 'loginctl enable-linger' keeps it"
+                );
+                return Err(LinkError::NoPlace {
+                    folder: folder.to_owned(),
+                    cause: why,
+                });
+            }
+            Err(e) => return Err(failed(&e)),
         }
         let meta = sealed(folder)?;
         if meta.uid() != user() {

@@ -390,6 +390,56 @@ mod tests {
     use crate::message::BodyFrame;
     use crate::publisher::Publisher;
 
+    fn silent() -> (
+        tempfile::TempDir,
+        Publisher<BodyFrame>,
+        RingReader<BodyFrame>,
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let publisher = Publisher::open_at(folder.path(), "camera0").unwrap();
+        let reader = RingReader::new(vec![folder.path().to_owned()], "camera0").unwrap();
+        (folder, publisher, reader)
+    }
+
+    #[test]
+    fn a_message_wakes_who_waits_for_it() {
+        let (_folder, mut publisher, mut reader) = silent();
+        let mut took = Vec::new();
+        for sequence in 0..10 {
+            let message = BodyFrame {
+                sequence,
+                ..BodyFrame::default()
+            };
+            took.push(std::thread::scope(|s| {
+                let waits = s.spawn(|| {
+                    let begin = Instant::now();
+                    while reader.read().unwrap().is_none() {
+                        reader.wait(Duration::from_secs(5));
+                    }
+                    begin.elapsed()
+                });
+                std::thread::sleep(Duration::from_millis(10));
+                publisher.publish(&message).unwrap();
+                waits.join().unwrap()
+            }));
+        }
+        // The shortest: any of them may have waited for the processor.
+        let shortest = took.into_iter().min().unwrap();
+        assert!(shortest < LOOK_EVERY / 2, "{shortest:?}");
+    }
+
+    #[test]
+    fn a_short_wait_for_a_silent_publisher_is_short() {
+        let (_folder, _publisher, reader) = silent();
+        let wait = |_| {
+            let begin = Instant::now();
+            reader.wait(Duration::from_millis(1));
+            begin.elapsed()
+        };
+        let shortest = (0..10).map(wait).min().unwrap();
+        assert!(shortest < LOOK_EVERY / 2, "{shortest:?}");
+    }
+
     #[test]
     fn a_user_who_has_no_inotify_left_reads_too() {
         // None at all, and one that takes no file more.

@@ -3,6 +3,7 @@
 #[path = "../../../../tests/program/tools.rs"]
 mod tools;
 
+mod found;
 mod place;
 mod python_layout;
 mod shared_memory;

