@@ -2,9 +2,11 @@
 //!
 //! Instants are the capture times of the fastest camera. What another saw then is interpolated in the picture between
 //! its frames before and after: joints of one person go along a straight line, other values are those of the nearer
-//! frame. Where its next frame does not come in time, the last one counts if it is no more than 25 ms older. A camera
-//! that has been silent for 100 ms, or for twice its own interval where that is longer, is not waited for; it counts
-//! again with its next frame. Nor is one that sees nobody.
+//! frame. Where its next frame does not come in time, the last one counts if it is no more than 25 ms older.
+//!
+//! In time is 100 ms after that frame is due, by the interval and the latency that the camera has had. A camera that
+//! has been silent for 100 ms, or for twice its own interval where that is longer, is not waited for; it counts again
+//! with its next frame. Nor is one that sees nobody.
 //!
 //! Pure: times come from frames and from the caller.
 
@@ -17,8 +19,12 @@ use crate::multiview::between;
 
 /// A camera without a frame for so long has dropped out, nanoseconds.
 const SILENT: u64 = 100_000_000;
-/// Nor is any frame waited for longer than this; those of files, whose replays start one after the other, than that.
-const PATIENCE: [u64; 2] = [100_000_000, 2_000_000_000];
+/// A frame is waited for until so long after it is due, …
+const PATIENCE: u64 = 100_000_000;
+/// … where that is no longer than this after the leading camera's came. Bodies of all would be late for its sake.
+const LONGEST: u64 = 1_000_000_000;
+/// Replays of files start one after the other: their frames are waited for so long.
+const PATIENCE_FILES: u64 = 2_000_000_000;
 /// Frames nearer than this are of one instant.
 const SAME: u64 = 2_000_000;
 /// A frame that is so much older than the instant still tells where people are.
@@ -27,6 +33,8 @@ const NEAR: u64 = 25_000_000;
 const GAP: u64 = 400_000_000;
 /// Times that go back by more than this belong to another recording.
 const RESTART: u64 = 500_000_000;
+/// Longer than this between two frames is a pause, which does not tell how fast a camera is.
+const PAUSE: u64 = 1_000_000_000;
 /// Frames of a camera that are kept.
 const KEPT: usize = 256;
 /// A camera takes the lead where its interval is a smaller share of the leading one's than this.
@@ -55,6 +63,14 @@ struct Seen {
     people: Vec<Observation>,
 }
 
+impl Seen {
+    /// From capture to arrival, nanoseconds. The two clocks of a replay have nothing to do with each other: only
+    /// differences between cameras mean something.
+    fn latency(&self) -> f64 {
+        self.arrived as f64 - self.capture_ns as f64
+    }
+}
+
 #[derive(Debug, Clone, Default)]
 struct Stream {
     /// By rising time.
@@ -62,6 +78,10 @@ struct Stream {
     arrived: Option<u64>,
     /// Between frames, nanoseconds.
     interval: Option<f64>,
+    /// From capture to arrival, nanoseconds.
+    latency: Option<f64>,
+    /// Whether it has shown an instant, so that its times go with those of the others.
+    joined: bool,
     ended: bool,
 }
 
@@ -73,6 +93,47 @@ impl Stream {
 
     fn newest(&self) -> Option<u64> {
         self.frames.back().map(|f| f.capture_ns)
+    }
+
+    /// How long after the leading camera's frame came one of this camera is waited for, nanoseconds.
+    fn patience(&self, pending: &Seen) -> u64 {
+        if pending.file_time {
+            return PATIENCE_FILES;
+        }
+        // Of what is between frames farther apart the next one tells nothing.
+        let step = self.interval.filter(|i| *i <= GAP as f64).unwrap_or(0.0);
+        let late = self
+            .latency
+            .map_or(0.0, |own| own + step - pending.latency());
+        let patience = PATIENCE + late.max(0.0) as u64;
+        if patience > LONGEST {
+            PATIENCE
+        } else {
+            patience
+        }
+    }
+
+    /// Takes in a frame, which is newer than the others, and how fast and how late the camera is.
+    fn push(&mut self, seen: Seen) {
+        if let Some(newest) = self.newest() {
+            let step = (seen.capture_ns - newest).min(PAUSE);
+            smooth(&mut self.interval, step as f64);
+        }
+        smooth(&mut self.latency, seen.latency());
+        self.ended = false;
+        self.arrived = Some(seen.arrived);
+        if self.frames.len() == KEPT {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(seen);
+    }
+
+    /// Leaves out what no later instant needs.
+    fn forget(&mut self, instant: u64) {
+        // One before the instant stays, to interpolate from.
+        while self.frames.len() > 1 && self.frames[1].capture_ns <= instant {
+            self.frames.pop_front();
+        }
     }
 
     /// The first frame after an instant.
@@ -107,6 +168,12 @@ impl Stream {
             _ => (off(nearest) <= NEAR).then(|| nearest.people.clone()),
         }
     }
+}
+
+/// Lets a new value count a tenth.
+fn smooth(usual: &mut Option<f64>, value: f64) {
+    let usual = usual.get_or_insert(value);
+    *usual += 0.1 * (value - *usual);
 }
 
 /// Brings the observations of several cameras to common instants.
@@ -145,18 +212,9 @@ impl Synchroniser {
                 }
             } else if frame.capture_ns <= newest {
                 return;
-            } else {
-                let step = (frame.capture_ns - newest).min(1_000_000_000) as f64;
-                let usual = stream.interval.get_or_insert(step);
-                *usual += 0.1 * (step - *usual);
             }
         }
-        stream.ended = false;
-        stream.arrived = Some(now);
-        if stream.frames.len() == KEPT {
-            stream.frames.pop_front();
-        }
-        stream.frames.push_back(Seen {
+        stream.push(Seen {
             capture_ns: frame.capture_ns,
             arrived: now,
             file_time: frame.flags & FLAG_FILE_TIME != 0,
@@ -178,16 +236,19 @@ impl Synchroniser {
     /// The next instant, once what was seen then is known of all cameras that count; call it until there is none.
     pub fn next(&mut self, now: u64) -> Option<FrameSet> {
         self.choose_lead(now);
+        self.start_over();
         let lead = &self.streams[self.lead];
         let pending = lead.pending(self.last)?;
         let instant = pending.capture_ns;
+        let waited = now.saturating_sub(pending.arrived);
         // Who sees nobody looks less often, and will hardly see somebody all at once.
         let is_awaited = |s: &Stream| {
             let newest = s.frames.back().filter(|f| !f.people.is_empty());
-            newest.is_some_and(|f| f.capture_ns.saturating_add(SAME) < instant) && s.is_live(now)
+            newest.is_some_and(|f| f.capture_ns.saturating_add(SAME) < instant)
+                && s.is_live(now)
+                && waited < s.patience(pending)
         };
-        let waits = now.saturating_sub(pending.arrived) < PATIENCE[usize::from(pending.file_time)];
-        if waits && self.streams.iter().any(is_awaited) {
+        if self.streams.iter().any(is_awaited) {
             return None;
         }
         let set = FrameSet {
@@ -197,13 +258,22 @@ impl Synchroniser {
             views: self.streams.iter().map(|s| s.at(instant)).collect(),
         };
         self.last = Some(instant);
-        for stream in &mut self.streams {
-            // One before the instant stays, to interpolate from.
-            while stream.frames.len() > 1 && stream.frames[1].capture_ns <= instant {
-                stream.frames.pop_front();
-            }
+        for (stream, view) in self.streams.iter_mut().zip(&set.views) {
+            stream.joined |= view.is_some();
+            stream.forget(instant);
         }
         Some(set)
+    }
+
+    /// Times begin anew where the leading camera's are those of another recording than the last instant's. One that has
+    /// shown instants is only late.
+    fn start_over(&mut self) {
+        let lead = &self.streams[self.lead];
+        let newest = lead.newest().filter(|_| !lead.joined);
+        let is_over = |last: u64| newest.is_some_and(|n| n.saturating_add(RESTART) < last);
+        if self.last.is_some_and(is_over) {
+            self.last = None;
+        }
     }
 
     /// The fastest camera that counts; one that has ended or dropped out while frames of it are left.
@@ -255,23 +325,49 @@ mod tests {
         Some(set.views[view].as_ref()?.first()?.joints2d[3][0])
     }
 
-    /// Cameras of these intervals and offsets, milliseconds, frames arriving 20 ms after capture; what comes out of
-    /// them.
-    fn run(cameras: &[(u64, u64)], ms: u64, skip: impl Fn(usize, u64) -> bool) -> Vec<FrameSet> {
+    /// Milliseconds between a camera's frames, from 0 to its first one, and from capture to arrival.
+    #[derive(Debug, Clone, Copy)]
+    struct Camera(u64, u64, u64);
+
+    /// What comes out of cameras within so many milliseconds, and the one at which it does. `skip` leaves out frames,
+    /// by camera and time of capture.
+    fn timed(
+        cameras: &[Camera],
+        ms: u64,
+        skip: impl Fn(usize, u64) -> bool,
+    ) -> Vec<(u64, FrameSet)> {
         let mut sync = Synchroniser::new(cameras.len());
         let mut out = Vec::new();
         for now in 0..ms {
-            for (k, &(interval, offset)) in cameras.iter().enumerate() {
-                let taken = now.checked_sub(20 + offset);
+            for (k, &Camera(interval, offset, latency)) in cameras.iter().enumerate() {
+                let taken = now.checked_sub(latency + offset);
                 if let Some(t) = taken.filter(|t| t % interval == 0 && !skip(k, t + offset)) {
                     sync.push(k, &frame(t + offset), now * MS);
                 }
             }
             while let Some(set) = sync.next(now * MS) {
-                out.push(set);
+                out.push((now, set));
             }
         }
         out
+    }
+
+    /// The same without when, of intervals and offsets; frames arrive 20 ms after capture.
+    fn run(cameras: &[(u64, u64)], ms: u64, skip: impl Fn(usize, u64) -> bool) -> Vec<FrameSet> {
+        let cameras: Vec<_> = cameras.iter().map(|&(i, o)| Camera(i, o, 20)).collect();
+        let sets = timed(&cameras, ms, skip);
+        sets.into_iter().map(|(_, set)| set).collect()
+    }
+
+    /// Once their rates are known, cameras that both see somebody are together in every instant.
+    fn assert_together(cameras: [Camera; 2]) {
+        let sets = timed(&cameras, 5000, |_, _| false);
+        let times = sets.iter().map(|(_, s)| s.capture_ns / MS);
+        assert!(times.max() > Some(4000), "{cameras:?}: nothing comes");
+        for (_, set) in sets.iter().filter(|(now, _)| *now > 1500) {
+            let at = set.capture_ns / MS;
+            assert!(set.views.iter().all(Option::is_some), "{cameras:?}: {at}");
+        }
     }
 
     #[test]
@@ -332,5 +428,123 @@ mod tests {
         assert_eq!(left, 2);
         sync.push(1, &frame(70), 80 * MS);
         assert!(!sync.has_ended(), "one that goes on has not ended");
+    }
+
+    #[test]
+    fn slow_cameras_are_together_at_any_phase() {
+        for [a, b] in [[200, 200], [167, 167], [167, 200], [250, 250], [300, 300]] {
+            for phase in (0..b).step_by(10) {
+                assert_together([Camera(a, 0, 170), Camera(b, phase, 170)]);
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_of_unequal_latencies_are_together() {
+        let fast = Camera(33, 0, 40);
+        for (interval, latency) in [(167, 170), (167, 250), (67, 200), (33, 400)] {
+            for phase in [0, 5, 30] {
+                let late = Camera(interval, phase, latency);
+                assert_together([fast, late]);
+                assert_together([late, fast]);
+            }
+        }
+    }
+
+    #[test]
+    fn instants_of_fast_cameras_are_out_as_soon_as_all_have_shown_them() {
+        for phase in 3..31 {
+            let sets = timed(&[Camera(33, 0, 40), Camera(33, phase, 40)], 3000, |_, _| {
+                false
+            });
+            for (now, set) in sets.iter().filter(|(now, _)| *now > 500) {
+                assert_eq!(now - set.capture_ns / MS, 40 + phase);
+            }
+        }
+    }
+
+    #[test]
+    fn a_slow_camera_that_dies_holds_the_others_up_for_once() {
+        let cameras = [Camera(33, 0, 40), Camera(167, 0, 250)];
+        let sets = timed(&cameras, 5000, |k, t| k == 1 && t > 2500);
+        let (mut together, mut alone) = (0, 0);
+        for (now, set) in sets.iter().filter(|(now, _)| *now > 1500) {
+            let waited = now - set.capture_ns / MS - 40;
+            // Its frame after the instant comes no later than one interval and 210 ms after the other's.
+            assert!(waited <= 100 + 167 + 210, "{waited} at {now}");
+            // Its last frame is of 2338.
+            together += usize::from(set.views[1].is_some());
+            if *now > 2338 + 250 + 2 * 167 + 1 {
+                alone += 1;
+                assert_eq!(waited, 0, "at {now}");
+            }
+        }
+        assert!(together > 30 && alone > 50, "{together}, {alone}");
+    }
+
+    #[test]
+    fn cameras_that_cannot_come_in_time_hold_the_others_up_no_more_than_others() {
+        // One is seconds late, frames of the other are too far apart to interpolate.
+        for other in [Camera(33, 0, 3000), Camera(600, 500, 40)] {
+            let sets = timed(&[Camera(33, 0, 40), other], 9000, |_, _| false);
+            for (now, set) in sets.iter().filter(|(now, _)| *now > 6000) {
+                let waited = now - set.capture_ns / MS - 40;
+                assert!(waited <= 100, "{other:?}: {waited} at {now}");
+            }
+        }
+    }
+
+    /// Replays into a fit that is left running: the one that leads ends, the other starts over, the first ends.
+    #[test]
+    fn a_camera_that_started_over_is_not_silent_when_it_takes_the_lead() {
+        let mut sync = Synchroniser::new(2);
+        let end = ObservationFrame {
+            flags: FLAG_END_OF_STREAM,
+            ..ObservationFrame::default()
+        };
+        let mut out = Vec::new();
+        for k in 0..600 {
+            let now = 33 * k;
+            match k {
+                // Both of a file of a minute, near its end.
+                0..200 => sync.push(0, &frame(50_000 + now), now * MS),
+                200 => sync.push(0, &end, now * MS),
+                // From the beginning.
+                300.. => sync.push(0, &frame(33 * (k - 300)), now * MS),
+                _ => {}
+            }
+            match k {
+                0..400 => sync.push(1, &frame(50_000 + now), now * MS),
+                400 => sync.push(1, &end, now * MS),
+                _ => {}
+            }
+            while let Some(set) = sync.next(now * MS) {
+                out.push((k, set.capture_ns / MS));
+            }
+        }
+        let late: Vec<_> = out.iter().filter(|(k, _)| *k > 420).collect();
+        assert!(late.len() > 170, "{} instants", late.len());
+        for (k, at) in late {
+            assert!(*at <= 33 * (k - 300), "{at}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_looks_seldom_does_not_take_the_times_back() {
+        let mut sync = Synchroniser::new(2);
+        let mut times = Vec::new();
+        for now in 0..4000 {
+            // The one that leads falters while the newest frame of the other is 0.8 s old.
+            if now % 33 == 0 && !(1700..1900).contains(&now) {
+                sync.push(0, &frame(now), now * MS);
+            }
+            if now % 900 == 0 {
+                let mut nobody = frame(now);
+                nobody.count = 0;
+                sync.push(1, &nobody, now * MS);
+            }
+            times.extend(std::iter::from_fn(|| sync.next(now * MS)).map(|s| s.capture_ns));
+        }
+        assert!(times.len() > 100 && times.is_sorted(), "{times:?}");
     }
 }
