@@ -14,6 +14,7 @@ use super::followed::Followed;
 use super::say;
 use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
+use crate::export::Clock;
 use crate::record::{BodiesRow, RowReader, Times};
 
 /// How long to wait before looking at the signals again.
@@ -86,12 +87,10 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
     let camera = path.file_stem().unwrap_or_default().to_string_lossy();
     let server = PageServer::start("--listen", page, Past::Record, false)?;
-    let (mut frames, mut last) = (0_u64, 0);
+    let (mut frames, mut timeline) = (0_u64, Timeline::default());
     while let Some(row) = rows.read()? {
         let mut frame = row.message();
-        // The page goes by when frames were published; a record's own times may say nothing, or begin again.
-        frame.publish_ns = frame.due_ns().max(last + 1);
-        last = frame.publish_ns;
+        timeline.put(&mut frame);
         server.hub().publish(&camera, &frame);
         frames += 1;
         if stop.requested() {
@@ -115,4 +114,88 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
         std::thread::sleep(LOOK_UP);
     }
     Ok(())
+}
+
+/// When frames of a record are published for the page, which goes by that: one after the other, though the record's own
+/// times may say nothing, or begin again. All in nanoseconds.
+#[derive(Debug, Default)]
+struct Timeline {
+    clock: Clock,
+    last: u64,
+    /// The last step that the record's times tell.
+    step: u64,
+}
+
+impl Timeline {
+    /// Moves a frame to where it follows the one before.
+    fn put(&mut self, frame: &mut BodyFrame) {
+        let told = self.clock.look(frame.due_ns(), self.step);
+        let now = told.unwrap_or_default().max(self.last.saturating_add(1));
+        if told.is_some() && self.last > 0 {
+            self.step = now - self.last;
+        }
+        frame.publish_at(now);
+        self.last = now;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::FLAG_FILE_TIME;
+
+    const STEP: u64 = 40_000_000;
+
+    fn live(k: u64) -> BodyFrame {
+        let now = 7_000_000_000 + k * STEP;
+        BodyFrame {
+            capture_ns: now - 30_000_000,
+            pose_ns: now - 30_000_000,
+            publish_ns: now,
+            ..BodyFrame::default()
+        }
+    }
+
+    fn of_film(k: u64) -> BodyFrame {
+        BodyFrame {
+            flags: FLAG_FILE_TIME,
+            pose_ns: k * STEP,
+            publish_ns: 7_000_000_000 + k,
+            ..BodyFrame::default()
+        }
+    }
+
+    fn put(frames: impl Iterator<Item = BodyFrame>) -> Vec<BodyFrame> {
+        let mut timeline = Timeline::default();
+        let put = frames.map(|mut frame| {
+            timeline.put(&mut frame);
+            frame
+        });
+        put.collect()
+    }
+
+    #[test]
+    fn two_passes_last_twice_as_long_and_every_step_is_the_record_s() {
+        for frame in [live, of_film] {
+            let put = put((1..=50).chain(1..=50).map(frame));
+            let times: Vec<u64> = put.iter().map(|f| f.publish_ns).collect();
+            assert_eq!(times[0], frame(1).due_ns());
+            let steps: Vec<u64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+            assert_eq!(steps, [STEP; 99]);
+        }
+    }
+
+    #[test]
+    fn frames_of_a_later_pass_are_as_old_as_they_were() {
+        for frame in put((0..20).chain(0..20).map(live)) {
+            assert_eq!(frame.publish_ns - frame.capture_ns, 30_000_000);
+        }
+    }
+
+    #[test]
+    fn frames_whose_times_say_nothing_come_one_after_the_other() {
+        let photos = put((0..5).map(|_| of_film(0)));
+        let times: Vec<u64> = photos.iter().map(|f| f.publish_ns).collect();
+        assert_eq!(times, [1, 2, 3, 4, 5]);
+    }
 }

@@ -12,6 +12,7 @@ use super::exit::Failure;
 use super::say;
 use crate::camera::DEFAULT_FOV;
 use crate::counted::counted;
+use crate::export::inhabited_steps;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 use crate::supervise::tie;
@@ -131,25 +132,18 @@ impl ViewFile {
         self.times.len() > 1 && self.is_in_order()
     }
 
-    /// Frames a second while somebody is in view: live cameras look at empty places less often, and files lack frames.
+    /// Frames a second while somebody is in view; steps over frames that the file lacks do not count.
     pub fn rate(&self) -> Option<f64> {
-        let steps = |people: bool| -> Vec<u64> {
-            let each = self.times.windows(2).zip(self.frames.windows(2));
-            let mut steps: Vec<u64> = each
-                .filter(|(_, seen)| !people || seen.iter().all(|s| !s.is_empty()))
-                .filter_map(|(t, _)| t[1].checked_sub(t[0]).filter(|step| *step > 0))
-                .collect();
-            steps.sort_unstable();
-            steps
-        };
-        let steps = match steps(true) {
-            none if none.is_empty() => steps(false),
-            some => some,
-        };
-        let median = *steps.get(steps.len() / 2)? as f64;
+        let each = self.times.windows(2).zip(self.frames.windows(2));
+        let steps = each.filter_map(|(times, seen)| {
+            let step = times[1].checked_sub(times[0]).filter(|step| *step > 0)?;
+            Some((step as f64 * 1e-9, seen.iter().all(|s| !s.is_empty())))
+        });
+        let steps = inhabited_steps(steps);
+        let median = *steps.get(steps.len() / 2)?;
         // The median alone would be as coarse as the file's clock, which often counts milliseconds.
-        let usual = steps.partition_point(|s| *s as f64 <= USUAL * median);
-        let sum: f64 = steps[..usual].iter().map(|s| *s as f64 * 1e-9).sum();
+        let usual = steps.partition_point(|step| *step <= USUAL * median);
+        let sum: f64 = steps[..usual].iter().sum();
         Some((usual as f64 / sum).min(MOST_RATE))
     }
 }

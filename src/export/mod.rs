@@ -21,6 +21,7 @@ pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
 pub use motion::{Axes, Motion};
 pub use take::Take;
+pub use times::{Clock, inhabited_steps};
 
 use std::path::{Path, PathBuf};
 

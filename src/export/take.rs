@@ -146,11 +146,18 @@ impl Take {
         first.map_or(0.0, |frame| self.frames[frame].time)
     }
 
-    /// Frames a second: of the median step.
+    /// Frames a second while somebody is in view: of the median step.
     pub fn rate(&self) -> f64 {
-        let steps = self.frames.windows(2).map(|w| w[1].time - w[0].time);
-        let mut steps: Vec<f64> = steps.collect();
-        steps.sort_by(f64::total_cmp);
+        let mut inhabited = vec![false; self.frames.len()];
+        for sample in self.people.values().flatten() {
+            inhabited[sample.frame] = true;
+        }
+        let each = self.frames.windows(2).zip(inhabited.windows(2));
+        let steps = each.map(|(frames, inhabited)| {
+            let step = frames[1].time - frames[0].time;
+            (step, inhabited[0] && inhabited[1])
+        });
+        let steps = times::inhabited_steps(steps);
         let median = steps.get(steps.len() / 2);
         median.map_or(RATE, |step| 1.0 / step.max(SHORTEST_STEP))
     }

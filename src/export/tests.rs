@@ -59,6 +59,25 @@ fn bodies_that_are_held_are_one_frame_and_the_others_keep_their_times() {
 }
 
 #[test]
+fn somebody_in_a_place_that_was_mostly_empty_has_all_their_poses() {
+    // Three pictures a second of nobody for 20 s, then 30 of somebody for one.
+    let mut messages: Vec<Message<'_>> = (0..60).map(|k| (k, k * SECOND / 3, &[][..])).collect();
+    messages.extend((60..90).map(|k| (k, 18 * SECOND + k * SECOND / 30, &[1][..])));
+    let take = take(&messages);
+    assert!((take.rate() - 30.0).abs() < 1e-3, "{}", take.rate());
+    let motion = Motion::all(&take).unwrap().next().unwrap();
+    assert_eq!(motion.moments.len(), 30);
+}
+
+#[test]
+fn whoever_is_in_no_two_frames_in_a_row_has_the_rate_of_all() {
+    let who = |k: u64| -> &[u32] { if k % 2 == 0 { &[1] } else { &[] } };
+    let messages: Vec<Message<'_>> = (0..9).map(|k| (k, k * SECOND / 10, who(k))).collect();
+    let rate = take(&messages).rate();
+    assert!((rate - 10.0).abs() < 1e-6, "{rate}");
+}
+
+#[test]
 fn a_frame_that_was_overtaken_is_left_out() {
     let take = take(&[
         (0, 0, &[1]),

@@ -28,18 +28,30 @@ pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
         let numbers = 0..stamps.len();
         return numbers.map(|k| Some(k as f64 / RATE)).collect();
     };
-    let mut clock = Clock {
-        usual,
-        origin: stamps[0].1,
-        began: 0,
-        newest: None,
-    };
-    stamps.iter().map(|&(_, time)| clock.look(time)).collect()
+    let mut clock = Clock::default();
+    let times = stamps.iter().map(|&(_, time)| {
+        let now = clock.look(time, usual)?;
+        Some((now - stamps[0].1) as f64 * 1e-9)
+    });
+    times.collect()
 }
 
-/// One clock of several recordings. All in nanoseconds.
-struct Clock {
-    usual: u64,
+/// Steps between frames that follow each other, seconds, sorted: those with somebody in both frames (`true`), as live
+/// cameras look at empty places less often; all of them where there are none.
+pub fn inhabited_steps(steps: impl Iterator<Item = (f64, bool)>) -> Vec<f64> {
+    let (inhabited, others): (Vec<_>, Vec<_>) = steps.partition(|(_, inhabited)| *inhabited);
+    let chosen = match inhabited.is_empty() {
+        true => others,
+        false => inhabited,
+    };
+    let mut steps: Vec<f64> = chosen.into_iter().map(|(step, _)| step).collect();
+    steps.sort_by(f64::total_cmp);
+    steps
+}
+
+/// The clock of the first of several recordings, on which the others follow it. All in nanoseconds.
+#[derive(Debug, Default)]
+pub struct Clock {
     /// The recording's first time on its own clock, and on this one.
     origin: u64,
     began: u64,
@@ -47,12 +59,12 @@ struct Clock {
 }
 
 impl Clock {
-    /// Seconds of a frame that is later than all before.
-    fn look(&mut self, time: u64) -> Option<f64> {
+    /// The time of a frame that is later than all before; one that begins another recording comes `usual` after them.
+    pub fn look(&mut self, time: u64, usual: u64) -> Option<u64> {
         if let Some(newest) = self.newest {
             let known = self.origin.saturating_add(newest - self.began);
             if time.saturating_add(RESTART_NS) < known {
-                (self.origin, self.began) = (time, newest.saturating_add(self.usual));
+                (self.origin, self.began) = (time, newest.saturating_add(usual));
             }
         }
         let now = self.began.saturating_add(time.saturating_sub(self.origin));
@@ -60,6 +72,6 @@ impl Clock {
             return None;
         }
         self.newest = Some(now);
-        Some(now as f64 * 1e-9)
+        Some(now)
     }
 }
