@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `/edgecap/<camera>/frame` | i number of the frame, i people, s `floor` or `camera`: the axes of what follows; a bundle of its own, first |
 //! | `/edgecap/<camera>/body/<id>/<joint>` | f x, f y, f z in metres, f confidence 0–1; 21 of them, named as the joints are |
-//! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more |
+//! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more, or no frame comes |
 //! | `/edgecap/<camera>/event/<event>` | i person, 0 nobody; s zone or hand, or empty; f seconds, or 0 |
 //!
 //! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x
@@ -78,6 +78,15 @@ impl OscBridge {
         self.present = bodies.iter().map(|b| b.id).collect();
         self.number = frame.sequence;
     }
+
+    /// Nobody is there any more, as of now.
+    fn send_nobody(&mut self) {
+        self.send(&BodyFrame {
+            sequence: self.number,
+            flags: FLAG_FILE_TIME,
+            ..BodyFrame::default()
+        });
+    }
 }
 
 impl Sink<BodyFrame> for OscBridge {
@@ -86,13 +95,14 @@ impl Sink<BodyFrame> for OscBridge {
         Ok(())
     }
 
+    fn quiet(&mut self) {
+        if !self.present.is_empty() {
+            self.send_nobody();
+        }
+    }
+
     fn end(&mut self) -> Result<(), SinkError> {
-        // Nobody is there any more, as of now.
-        self.send(&BodyFrame {
-            sequence: self.number,
-            flags: FLAG_FILE_TIME,
-            ..BodyFrame::default()
-        });
+        self.send_nobody();
         Ok(())
     }
 
@@ -147,5 +157,77 @@ impl Sink<EventFrame> for OscEvents {
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use std::net::{Ipv4Addr, UdpSocket};
+    use std::time::Duration;
+
+    use rosc::{OscMessage, OscPacket, decoder};
+
+    use super::*;
+
+    /// Somebody on this machine to whom bundles are sent.
+    pub struct Listener(UdpSocket);
+
+    impl Default for Listener {
+        fn default() -> Self {
+            let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+            let patience = Some(Duration::from_secs(60));
+            socket.set_read_timeout(patience).unwrap();
+            Self(socket)
+        }
+    }
+
+    impl Listener {
+        pub fn address(&self) -> SocketAddr {
+            self.0.local_addr().unwrap()
+        }
+
+        /// The messages of the next bundle.
+        pub fn bundle(&self) -> Vec<OscMessage> {
+            let mut bytes = [0; 65536];
+            let length = self.0.recv(&mut bytes).unwrap();
+            let (_, packet) = decoder::decode_udp(&bytes[..length]).unwrap();
+            let OscPacket::Bundle(bundle) = packet else {
+                panic!("expected a bundle, found {packet:?}");
+            };
+            let messages = bundle.content.into_iter().map(|packet| match packet {
+                OscPacket::Message(message) => message,
+                OscPacket::Bundle(_) => panic!("expected messages"),
+            });
+            messages.collect()
+        }
+    }
+
+    #[test]
+    fn everybody_is_gone_once_when_frames_stay_away_and_comes_back_with_them() {
+        let listener = Listener::default();
+        let mut bridge = OscBridge::new("hall", listener.address()).unwrap();
+        let mut frame = BodyFrame {
+            sequence: 3,
+            count: 1,
+            ..BodyFrame::default()
+        };
+        frame.bodies[0].id = 6;
+        let people = || {
+            let [head] = &listener.bundle()[..] else {
+                panic!("expected a head");
+            };
+            assert_eq!(head.addr, "/edgecap/hall/frame");
+            assert_eq!(head.args[0], Int(3));
+            head.args[1].clone()
+        };
+        for _ in 0..2 {
+            bridge.send(&frame);
+            assert_eq!(people(), Int(1));
+            assert_eq!(listener.bundle().len(), JOINT_NAMES.len());
+            bridge.quiet();
+            assert_eq!(people(), Int(0));
+            assert_eq!(listener.bundle()[0].addr, "/edgecap/hall/body/6/gone");
+            bridge.quiet();
+        }
     }
 }

@@ -4,7 +4,8 @@
 //! T-pose. Somebody who stands and faces the camera is without rotation. Hips are where the pelvis is on the floor, or
 //! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera.
 //!
-//! Who listens at a port whose person has gone, and at every port in use at the end, gets `/VMC/Ext/OK` 0.
+//! Who listens at a port whose person has gone gets `/VMC/Ext/OK` 0: at every port in use when no frames come any more,
+//! and at the end.
 
 use std::io;
 use std::net::SocketAddr;
@@ -81,6 +82,16 @@ impl VmcBridge {
         self.outlet.send(port as u16, time, gone);
     }
 
+    /// Lets every port go, as of now, whatever clock the frames had.
+    fn free_all(&mut self) {
+        let time = time_of(0, FLAG_FILE_TIME);
+        for port in 0..MOST_PEOPLE {
+            if self.ports[port].is_some() {
+                self.free(port, time);
+            }
+        }
+    }
+
     /// The port of somebody, or a free one.
     fn port_of(&self, id: u32) -> Option<usize> {
         let theirs = self
@@ -140,18 +151,47 @@ impl Sink<BodyFrame> for VmcBridge {
         Ok(())
     }
 
+    fn quiet(&mut self) {
+        self.free_all();
+    }
+
     fn end(&mut self) -> Result<(), SinkError> {
-        // As of now, whatever clock the frames had.
-        let time = time_of(0, FLAG_FILE_TIME);
-        for port in 0..MOST_PEOPLE {
-            if self.ports[port].is_some() {
-                self.free(port, time);
-            }
-        }
+        self.free_all();
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bridge::osc::tests::Listener;
+
+    #[test]
+    fn who_listens_hears_once_that_frames_stay_away_and_then_goes_on() {
+        let listener = Listener::default();
+        let mut bridge = VmcBridge::new(listener.address()).unwrap();
+        let mut frame = BodyFrame {
+            count: 1,
+            ..BodyFrame::default()
+        };
+        frame.bodies[0].id = 6;
+        let ok = || {
+            let [first, ..] = &listener.bundle()[..] else {
+                panic!("expected messages");
+            };
+            assert_eq!(first.addr, "/VMC/Ext/OK");
+            first.args.clone()
+        };
+        for _ in 0..2 {
+            bridge.send(&frame);
+            assert_eq!(ok(), [Int(1)]);
+            bridge.quiet();
+            assert_eq!(ok(), [Int(0)]);
+            bridge.quiet();
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! `edgecap bridge`: hands on what a camera publishes that already runs elsewhere.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Priority, Subscriber};
@@ -11,7 +11,7 @@ use super::input::DEFAULT_NAME;
 use super::relay::EventRelay;
 use super::say;
 use super::stop::Stop;
-use crate::sink::{Packet, Sinks};
+use crate::sink::{Packet, Silence, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
@@ -48,7 +48,7 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         .as_ref()
         .map_or_else(String::new, |p| format!(" at {}", p.url()));
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
-    let mut is_running = false;
+    let (mut is_running, mut silence) = (false, Silence::default());
     while !stop.requested() {
         // Who is behind sends the newest, and the end in any case.
         let mut waiting = bodies.next(LOOK_UP)?.map(|frame| Box::new(*frame));
@@ -61,6 +61,7 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
                 continue;
             }
             is_running = true;
+            silence.hear(Instant::now());
             if waiting.as_ref().is_none_or(|next| is_end(next)) {
                 sinks.take(&Packet {
                     message: &*frame,
@@ -71,6 +72,9 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         }
         if let Some(events) = &mut events {
             events.look()?;
+        }
+        if silence.begins(Instant::now()) {
+            sinks.quiet();
         }
         // One that goes without saying so has crashed.
         let crashed = is_running && bodies.publisher_count() == 0;

@@ -44,7 +44,7 @@ impl<T: Row> FlightRecorder<T> {
         self.bytes += bytes.len();
         self.frames.push_back((now, bytes));
         while let Some((at, oldest)) = self.frames.front()
-            && (now - *at > KEPT || self.bytes > MOST_BYTES)
+            && (is_old(*at, now) || self.bytes > MOST_BYTES)
         {
             self.bytes -= oldest.len();
             self.frames.pop_front();
@@ -52,28 +52,27 @@ impl<T: Row> FlightRecorder<T> {
         Ok(())
     }
 
-    /// Frames that are kept.
-    pub fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.frames.is_empty()
-    }
-
-    /// Writes what is kept as a binary record; it stays kept.
+    /// Writes the frames of the last minute before `now` as a binary record, and says whether there were any: without
+    /// them there is no file. They stay kept.
     ///
     /// # Errors
     /// Those of the file.
-    pub fn save(&self, path: &Path) -> io::Result<()> {
+    pub fn save(&self, now: Instant, path: &Path) -> io::Result<bool> {
+        // Only frames that come drive others out.
+        let is_there = |(at, _): &&(Instant, Vec<u8>)| !is_old(*at, now);
+        let mut frames = self.frames.iter().filter(is_there).peekable();
+        if frames.peek().is_none() {
+            return Ok(false);
+        }
         let mut bytes = head::<T>(Format::Binary);
         bytes.reserve(self.bytes);
-        for (_, frame) in &self.frames {
-            bytes.extend(frame);
-        }
-        output::write(path, &bytes)
+        bytes.extend(frames.flat_map(|(_, frame)| frame));
+        output::write(path, &bytes).map(|()| true)
     }
+}
+
+fn is_old(at: Instant, now: Instant) -> bool {
+    now.saturating_duration_since(at) > KEPT
 }
 
 #[cfg(test)]
@@ -82,10 +81,9 @@ mod tests {
     use crate::message::BodyFrame;
     use crate::record::{BodiesRow, RowReader};
 
-    #[test]
-    fn the_last_minute_is_kept_and_saved() {
-        let mut flight = FlightRecorder::<BodiesRow>::default();
-        let began = Instant::now();
+    /// A frame a second for 100 s.
+    fn flight(began: Instant) -> FlightRecorder<BodiesRow> {
+        let mut flight = FlightRecorder::default();
         for second in 0..100 {
             let frame = BodyFrame {
                 sequence: second,
@@ -94,16 +92,36 @@ mod tests {
             let now = began + Duration::from_secs(second);
             flight.add(now, &frame, "").unwrap();
         }
+        flight
+    }
+
+    /// Numbers of the frames that are saved `now`; none where there is no file.
+    fn saved(flight: &FlightRecorder<BodiesRow>, now: Instant) -> Vec<u64> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.record");
-        flight.save(&path).unwrap();
-        let bytes = std::fs::read(path).unwrap();
+        let is_there = flight.save(now, &path).unwrap();
+        assert_eq!(path.exists(), is_there);
+        let bytes = std::fs::read(path).unwrap_or_default();
         let mut reader = RowReader::<_, BodiesRow>::new(&bytes[..], "flight");
-        let mut numbers = Vec::new();
-        while let Some(row) = reader.read().unwrap() {
-            numbers.push(row.frame);
-        }
-        assert_eq!(numbers, (39..100).collect::<Vec<_>>());
-        assert_eq!(flight.len(), 61);
+        let rows = std::iter::from_fn(|| reader.read().unwrap());
+        rows.map(|row| row.frame).collect()
+    }
+
+    #[test]
+    fn the_last_minute_is_kept_and_saved() {
+        let began = Instant::now();
+        let flight = flight(began);
+        let newest = began + Duration::from_secs(99);
+        assert_eq!(saved(&flight, newest), (39..100).collect::<Vec<_>>());
+        assert_eq!(flight.frames.len(), 61);
+    }
+
+    #[test]
+    fn what_is_old_when_it_is_asked_for_is_not_saved() {
+        let began = Instant::now();
+        let flight = flight(began);
+        let after = |seconds| saved(&flight, began + Duration::from_secs(seconds));
+        assert_eq!(after(150), (90..100).collect::<Vec<_>>());
+        assert!(after(36_000).is_empty());
     }
 }

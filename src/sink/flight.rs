@@ -50,16 +50,13 @@ impl FlightSink {
     /// [`SinkError::Create`].
     pub fn save(&self) -> Result<Option<PathBuf>, SinkError> {
         let inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if inner.flight.is_empty() {
-            return Ok(None);
-        }
         let now = SystemTime::now()
             .duration_since(SystemTime::UNIX_EPOCH)
             .unwrap_or_default();
         let name = format!("{}-{}.record", inner.camera, now.as_millis());
         let path = inner.folder.join(name);
-        match inner.flight.save(&path) {
-            Ok(()) => Ok(Some(path)),
+        match inner.flight.save(Instant::now(), &path) {
+            Ok(is_there) => Ok(is_there.then_some(path)),
             Err(cause) => Err(SinkError::Create { path, cause }),
         }
     }

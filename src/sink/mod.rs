@@ -8,6 +8,7 @@ mod patient;
 mod picture;
 mod record;
 mod shared_memory;
+mod silence;
 
 pub use error::SinkError;
 pub use events::EventSink;
@@ -17,6 +18,7 @@ pub use patient::PatientRecord;
 pub use picture::PictureSink;
 pub use record::RecordSink;
 pub use shared_memory::{SharedMemorySink, Streamed};
+pub use silence::{Rhythm, Silence};
 
 use crate::capture::Frame;
 
@@ -42,6 +44,10 @@ pub trait Sink<M> {
     /// Says that results were to follow and never came, before [`finish`](Self::finish): what there is must not take
     /// the place of more.
     fn break_off(&mut self) {}
+
+    /// Says that no result has come for a while, although the stream has not ended: what shows people shows nobody
+    /// until the next one.
+    fn quiet(&mut self) {}
 
     /// Tells whoever reads that nothing follows; [`finish`](Self::finish) comes next.
     ///
@@ -94,6 +100,11 @@ impl<M> Sinks<M> {
     /// Tells every sink that results were to follow and never came.
     pub fn break_off(&mut self) {
         self.0.iter_mut().for_each(|sink| sink.break_off());
+    }
+
+    /// Tells every sink that no result has come for a while.
+    pub fn quiet(&mut self) {
+        self.0.iter_mut().for_each(|sink| sink.quiet());
     }
 
     /// Has every sink tell that nothing follows, whether or not another one failed.

@@ -8,10 +8,10 @@ use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations};
 use edgecap::camera::monotonic_ns;
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::record::{BodiesRow, RowReader};
-use edgecap_client::Publisher;
 use edgecap_client::message::{
     Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, World, WorldState,
 };
+use edgecap_client::{Publisher, Subscriber};
 use glam::{DQuat, DVec3};
 
 use crate::program::stand_in::{StandIn, Watched};
@@ -310,6 +310,12 @@ fn unity(bones: &BTreeMap<String, (DVec3, DQuat)>, bone: &str) -> (DVec3, DQuat)
     (at + turn * place, turn * own)
 }
 
+/// Whether somebody is sent, as VMC says it.
+fn ok(messages: &[Osc]) -> Option<f32> {
+    let ok = messages.iter().find(|m| m.address == "/VMC/Ext/OK");
+    ok.map(|m| m.numbers[0])
+}
+
 #[test]
 fn vmc_poses_an_avatar_as_the_body_is_posed() {
     let (socket, address) = listen();
@@ -357,10 +363,6 @@ fn vmc_poses_an_avatar_as_the_body_is_posed() {
     assert!((place.y - f64::from(height)).abs() < 1e-5);
 
     // Nobody is there for longer than a port is kept: it is told once.
-    let ok = |messages: &[Osc]| {
-        let ok = messages.iter().find(|m| m.address == "/VMC/Ext/OK");
-        ok.map(|m| m.numbers[0])
-    };
     let mut empty = frame(4);
     empty.count = 0;
     let next = |publisher: &mut Publisher<BodyFrame>, frame: &BodyFrame, wanted: f32| {
@@ -379,6 +381,32 @@ fn vmc_poses_an_avatar_as_the_body_is_posed() {
     end.count = 0;
     end.flags |= FLAG_END_OF_STREAM;
     next(&mut publisher, &end, 0.0);
+}
+
+/// As that of a camera which was unplugged.
+#[test]
+fn people_of_a_publisher_that_has_fallen_silent_are_gone_until_it_goes_on() {
+    let ((osc, to_osc), (vmc, to_vmc)) = (listen(), listen());
+    let name = stream("bridge-quiet");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let more = ["--osc", &to_osc, "--vmc", &to_vmc];
+    let _run = Running::start(&[&["bridge", "--camera", &name], &more[..]].concat());
+    for number in [3, 4] {
+        eventually("an avatar", || {
+            publisher.publish(&frame(number)).unwrap();
+            let (_, messages) = receive(&vmc)?;
+            (ok(&messages) == Some(1.0)).then_some(())
+        });
+        eventually("that nobody is sent", || {
+            let (_, messages) = receive(&vmc)?;
+            (ok(&messages) == Some(0.0)).then_some(())
+        });
+        let gone = format!("/edgecap/{name}/body/6/gone");
+        eventually("that somebody is gone", || {
+            let (_, messages) = receive(&osc)?;
+            (messages[0].address == gone).then_some(())
+        });
+    }
 }
 
 #[test]
@@ -413,6 +441,24 @@ fn saved(folder: &std::path::Path) -> Vec<usize> {
         std::iter::from_fn(|| rows.read().unwrap()).count()
     });
     frames.collect()
+}
+
+#[test]
+fn the_last_minute_of_a_film_is_saved_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = folder.path().join("flight");
+    let name = stream("film-flight");
+    let args = ["run", "--input", "demo", "--name", &name, "--flight"];
+    let run = Running::start(&[&args[..], &[flight.to_str().unwrap()]].concat());
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    eventually("a frame", || {
+        bodies.next(Duration::from_secs(1)).unwrap().map(drop)
+    });
+    signal(run.pid(), "USR1");
+    eventually("a record", || (saved(&flight).len() == 1).then_some(()));
+    drop(bodies);
+    signal(run.pid(), "TERM");
+    eventually("the end", || run.has_ended().then_some(()));
 }
 
 #[test]

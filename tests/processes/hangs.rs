@@ -249,6 +249,28 @@ fn what_waited_while_fit_stood_still_is_not_published_as_new() {
 }
 
 #[test]
+fn bodies_count_on_where_another_infer_begins_anew() {
+    let name = stream("count-on");
+    let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let _fit = Running::start(&["fit", "--name", &name]);
+    eventually("fit", || {
+        (observations.subscriber_count() > 0).then_some(())
+    });
+    let published = [6, 7, 0, 1, 3].map(|sequence| {
+        // Fresh for as long as this test may take.
+        let mut fresh = observation(sequence);
+        fresh.publish_ns += 60_000_000_000;
+        observations.publish(&fresh).unwrap();
+        eventually("a body", || {
+            let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+            Some(body.sequence)
+        })
+    });
+    assert_eq!(published, [6, 7, 8, 9, 11]);
+}
+
+#[test]
 fn extrapolation_ends_when_nothing_was_seen_for_long() {
     let name = stream("extrapolation");
     let mut observations = Publisher::<ObservationFrame>::open(&name).unwrap();

@@ -134,7 +134,7 @@ typedef struct edgecap_world {
 
 /* Everyone with an identity. */
 typedef struct edgecap_body_frame {
-    uint64_t sequence;   /* of the newest picture behind this frame, from 0 */
+    uint64_t sequence;   /* of the newest picture behind this frame, from 0; goes on where infer is started again */
     uint64_t capture_ns; /* when that picture was taken */
     uint64_t pose_ns;    /* the time the bodies are given for */
     uint64_t publish_ns; /* when this frame was published; minus capture_ns it is the latency */

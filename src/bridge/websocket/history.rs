@@ -29,6 +29,12 @@ struct Kept {
     bytes: Bytes,
 }
 
+impl Kept {
+    fn is_old(&self, now: Instant, keep: Duration) -> bool {
+        now.saturating_duration_since(self.at) > keep
+    }
+}
+
 impl History {
     /// Keeps frames for so long; zero: none, [`Duration::MAX`]: a record's, from its first to its last.
     pub fn new(keep: Duration) -> Self {
@@ -52,13 +58,15 @@ impl History {
         self.every
     }
 
-    /// What is kept, oldest first.
-    pub fn frames(&self) -> impl Iterator<Item = &Bytes> {
-        self.frames.iter().map(|kept| &kept.bytes)
+    /// What is kept of the time before `now`, oldest first.
+    pub fn frames(&self, now: Instant) -> impl Iterator<Item = &Bytes> {
+        let past = self.frames.iter();
+        past.filter(move |kept| !kept.is_old(now, self.keep))
+            .map(|kept| &kept.bytes)
     }
 
-    /// Keeps a frame.
-    pub fn remember(&mut self, bytes: Bytes) {
+    /// Keeps a frame that came `now`.
+    pub fn remember(&mut self, now: Instant, bytes: Bytes) {
         if self.keep.is_zero() {
             return;
         }
@@ -71,12 +79,16 @@ impl History {
         self.bytes += bytes.len();
         let number = self.count;
         self.count += 1;
-        let at = Instant::now();
-        self.frames.push_back(Kept { number, at, bytes });
+        let kept = Kept {
+            number,
+            at: now,
+            bytes,
+        };
+        self.frames.push_back(kept);
         if self.keep == Duration::MAX {
             self.thin_out();
         } else {
-            self.forget();
+            self.forget(now);
         }
     }
 
@@ -90,9 +102,9 @@ impl History {
         }
     }
 
-    fn forget(&mut self) {
+    fn forget(&mut self, now: Instant) {
         while let Some(oldest) = self.frames.front()
-            && (oldest.at.elapsed() > self.keep || self.bytes > self.most)
+            && (oldest.is_old(now, self.keep) || self.bytes > self.most)
         {
             self.bytes -= oldest.bytes.len();
             self.frames.pop_front();
@@ -110,14 +122,15 @@ mod tests {
             most: 1200,
             ..History::new(keep)
         };
+        let now = Instant::now();
         for n in 0..count {
-            history.remember(n.to_le_bytes().repeat(50).into());
+            history.remember(now, n.to_le_bytes().repeat(50).into());
             assert!(history.bytes <= 1200);
-            let newest = history.frames().last().unwrap();
+            let newest = history.frames(now).last().unwrap();
             assert_eq!(newest[..2], n.to_le_bytes());
         }
         let number = |b: &Bytes| u16::from_le_bytes([b[0], b[1]]);
-        (history.frames().map(number).collect(), history.every())
+        (history.frames(now).map(number).collect(), history.every())
     }
 
     #[test]
@@ -133,7 +146,8 @@ mod tests {
         let minute = Duration::from_secs(3600);
         assert_eq!(kept_of(100, minute), ((88..100).collect(), 1));
         let mut none = History::new(Duration::ZERO);
-        none.remember(Bytes::from_static(b"frame"));
-        assert_eq!(none.frames().count(), 0);
+        let now = Instant::now();
+        none.remember(now, Bytes::from_static(b"frame"));
+        assert_eq!(none.frames(now).count(), 0);
     }
 }

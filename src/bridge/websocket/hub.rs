@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::hash::{BuildHasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tungstenite::{Bytes, Message};
 
@@ -82,7 +82,7 @@ impl Hub {
             .clients
             .retain(|place| place.put(camera, |mailbox| mailbox.replace(&packet)));
         if !inner.history.keep().is_zero() && !packet.is_end() {
-            inner.history.remember(packet.binary());
+            inner.history.remember(Instant::now(), packet.binary());
         }
     }
 
@@ -198,7 +198,7 @@ impl Hub {
     }
 
     fn serve_bodies(&self, client: &Client, line: Line<'_>) {
-        let (mailbox, past) = self.join(client);
+        let (mailbox, past) = self.join(client, Instant::now());
         let take = |patience| {
             let packet: Arc<Packet> = mailbox.take(patience)?;
             Some(match client.is_binary {
@@ -230,12 +230,12 @@ impl Hub {
         line.serve(Vec::new(), &take);
     }
 
-    /// A client's place, and what it is to see of the past.
-    fn join(&self, client: &Client) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Bytes>) {
+    /// A client's place, and what it is to see of the past: nothing old, however long no frame has come.
+    fn join(&self, client: &Client, now: Instant) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Bytes>) {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
         inner.clients.push(Place::new(client, &mailbox));
-        let past = inner.history.frames().cloned();
+        let past = inner.history.frames(now).cloned();
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
     }
@@ -268,5 +268,27 @@ impl<T> Place<T> {
             put(&mailbox);
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_comes_after_a_silence_sees_nothing_old_but_all_of_a_record() {
+        let client = Client {
+            camera: None,
+            wants_history: true,
+            is_binary: true,
+        };
+        let minute = Duration::from_secs(60);
+        for (keep, kept_after) in [(minute, [1, 0]), (Duration::MAX, [1, 1])] {
+            let hub = Hub::new(keep, false);
+            hub.publish("hall", &BodyFrame::default());
+            let now = Instant::now();
+            let past = |later| hub.join(&client, now + later).1.len();
+            assert_eq!([Duration::ZERO, 2 * minute].map(past), kept_after);
+        }
     }
 }

@@ -19,17 +19,15 @@ use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::multiview::live::{LiveFit, Synchroniser};
 use crate::multiview::{MOST_VIEWS, to_view};
-use crate::sink::{Packet, Sinks};
+use crate::sink::{Packet, Rhythm, Sinks};
 use crate::supervise::{Beat, Heartbeat};
 
 /// Observations that may wait while one instant is fitted.
 const WAITING: usize = 64;
 /// How soon it is looked again whether a camera that is waited for has dropped out.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
-/// Silence of a camera that is said, …
+/// Silence of a camera that is said, where its frames do not come more slowly.
 const SAID_AFTER: Duration = Duration::from_secs(1);
-/// … or twice the time between its last frames, where that is longer, of which no more than this counts.
-const SLOWEST: Duration = Duration::from_secs(60);
 /// A camera that has not come at all is spoken of after this.
 const AWAITED: Duration = Duration::from_secs(5);
 
@@ -257,9 +255,7 @@ struct Cameras<'a> {
 
 #[derive(Clone, Default)]
 struct Camera {
-    heard: Option<Instant>,
-    /// Between its last two frames.
-    interval: Duration,
+    rhythm: Rhythm,
     ended: bool,
     size: Option<[u32; 2]>,
     is_file: bool,
@@ -268,18 +264,11 @@ struct Camera {
 }
 
 impl Camera {
-    fn hear(&mut self, now: Instant) {
-        if let Some(before) = self.heard.replace(now) {
-            self.interval = now.saturating_duration_since(before).min(SLOWEST);
-        }
-    }
-
     /// Whether more time has passed without a frame than usually does; of one that has not come at all, since `began`.
     fn is_silent(&self, began: Instant, now: Instant) -> bool {
-        match self.heard {
-            Some(heard) => now.saturating_duration_since(heard) > SAID_AFTER.max(2 * self.interval),
-            None => now.saturating_duration_since(began) > AWAITED,
-        }
+        let is_awaited = || now.saturating_duration_since(began) > AWAITED;
+        let is_silent = self.rhythm.is_silent(SAID_AFTER, now);
+        is_silent.unwrap_or_else(is_awaited)
     }
 }
 
@@ -301,7 +290,7 @@ impl<'a> Cameras<'a> {
     ) -> anyhow::Result<()> {
         let name = &self.names[camera];
         let own = &mut self.each[camera];
-        own.hear(Instant::now());
+        own.rhythm.hear(Instant::now());
         own.ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if own.ended {
             return Ok(());
@@ -358,13 +347,13 @@ mod tests {
         let mut camera = Camera::default();
         assert!(!camera.is_silent(began, at(4.0)) && camera.is_silent(began, at(6.0)));
         for k in 0..3 {
-            camera.hear(at(10.0 + 2.0 * f64::from(k)));
+            camera.rhythm.hear(at(10.0 + 2.0 * f64::from(k)));
         }
         assert!(!camera.is_silent(began, at(17.9)));
         assert!(camera.is_silent(began, at(18.1)));
         // A fast one is, and one that was away for long is no slow one.
-        camera.hear(at(1000.0));
-        camera.hear(at(1000.1));
+        camera.rhythm.hear(at(1000.0));
+        camera.rhythm.hear(at(1000.1));
         assert!(!camera.is_silent(began, at(1001.0)) && camera.is_silent(began, at(1001.2)));
     }
 }

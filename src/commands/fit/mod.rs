@@ -2,6 +2,7 @@
 //! that are calibrated, or from a recorded file.
 
 mod cameras;
+mod numbers;
 mod pace;
 pub mod settings;
 
@@ -17,15 +18,18 @@ use serde::{Deserialize, Serialize};
 use super::apart::Apart;
 use super::events;
 use super::exit::Failure;
-use super::input::DEFAULT_NAME;
+use super::input::{DEFAULT_NAME, lens};
 use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
+use super::say;
 use super::stop::Stop;
+use numbers::Numbers;
 use pace::{Fresh, Pace};
 
-use crate::camera::{CameraFile, DEFAULT_FOV, monotonic_ns};
+use crate::camera::{DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
+use crate::counted::counted;
 use crate::events::EventConfig;
 use crate::fit::{FitConfig, Fitter};
 use crate::multiview::live::{LiveFit, without_meaning};
@@ -189,10 +193,11 @@ fn live(
     let mut out = Box::new(BodyFrame::default());
     let mut fit_us = 0;
     let mut frames = 0;
-    let mut fresh = Fresh::default();
+    let (mut fresh, mut numbers) = (Fresh::default(), Numbers::default());
     let mut fit = || -> anyhow::Result<()> {
         let mut take = |out: &mut BodyFrame| {
             frames += 1;
+            out.sequence = numbers.go_on(out.sequence);
             out.publish_ns = monotonic_ns();
             sinks.take(&Packet {
                 message: out,
@@ -251,7 +256,7 @@ fn recorded(
     mut sinks: Sinks<BodyFrame>,
     stop: &Stop,
 ) -> anyhow::Result<()> {
-    let given = camera.map(CameraFile::read).transpose()?;
+    let given = camera.map(lens).transpose()?;
     let for_frame = |width, height| given.unwrap_or_default().for_frame(width, height);
     let camera = match &given {
         Some(_) => CameraSource::Given(&for_frame),
@@ -262,7 +267,7 @@ fn recorded(
     let mut reader = ObservationReader::new(lines, input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
     let mut out = Box::new(BodyFrame::default());
-    let (mut frames, mut told) = (0, false);
+    let (mut frames, mut told, mut numbers) = (0, false, Numbers::default());
     let mut fit = || -> anyhow::Result<()> {
         while reader.read(&mut frame)? {
             if stop.requested() {
@@ -271,6 +276,7 @@ fn recorded(
             let start = Instant::now();
             fitter.update(&frame, &mut out);
             out.fit_us = start.elapsed().as_micros() as u32;
+            out.sequence = numbers.go_on(out.sequence);
             frames += 1;
             if fitter.counters().stale_frames > 0 && !told {
                 told = true;
@@ -304,5 +310,50 @@ fn recorded(
         }
     };
     let outcome = fit();
-    finish(sinks, frames, outcome).map(drop)
+    let words = finish(sinks, frames, outcome)?.join("; ");
+    let frames = counted(frames, "frame", "frames");
+    say::err(format!("{frames} {words}").trim_end());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Intrinsics;
+    use crate::record::{Format, ObservationsRow, Row, RowReader};
+    use crate::sink::RecordSink;
+
+    /// Two recordings after each other; the second one's clock goes on.
+    fn observations() -> Vec<u8> {
+        let mut lines = Vec::new();
+        for (sequence, time) in [(0, 1), (1, 2), (2, 3), (0, 4), (2, 5)] {
+            let frame = ObservationFrame {
+                sequence,
+                capture_ns: time * 40_000_000,
+                width: 640,
+                height: 480,
+                intrinsics: Intrinsics::from_horizontal_fov(640, 480, DEFAULT_FOV),
+                ..ObservationFrame::default()
+            };
+            serde_json::to_writer(&mut lines, &ObservationsRow::new(&frame, "")).unwrap();
+            lines.push(b'\n');
+        }
+        lines
+    }
+
+    #[test]
+    fn bodies_of_several_records_are_counted_as_those_of_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bodies.jsonl");
+        let mut sinks = Sinks::default();
+        sinks.push(RecordSink::<BodiesRow>::create(&path, Format::Jsonl).unwrap());
+        let lines = Box::new(std::io::Cursor::new(observations()));
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let input = Path::new("-");
+        recorded(&mut fitter, lines, input, None, sinks, &Stop::never()).unwrap();
+        let file = BufReader::new(File::open(&path).unwrap());
+        let mut rows = RowReader::<_, BodiesRow>::new(file, "bodies");
+        let numbers = std::iter::from_fn(|| rows.read().unwrap()).map(|row| row.frame);
+        assert_eq!(numbers.collect::<Vec<_>>(), [0, 1, 2, 3, 5]);
+    }
 }

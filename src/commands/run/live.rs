@@ -24,7 +24,7 @@ use crate::commands::table::Table;
 use crate::commands::tally::Tally;
 use crate::metrics::Meter;
 use crate::record::BodiesRow;
-use crate::sink::{Packet, Sinks};
+use crate::sink::{Packet, Silence, Sinks};
 use crate::supervise::{Beat, Child, Progress, stop_all};
 
 /// How long the last bodies may take after `infer` has ended.
@@ -112,7 +112,7 @@ pub fn run(
     Stop::wake_when_children_end()?;
     let mut fit = Child::new("fit", plan.fit)?;
     let mut infers = Infers::new(plan.infers)?;
-    let mut tally = Tally::default();
+    let (mut tally, mut silence) = (Tally::default(), Silence::default());
     let told = Told {
         meter,
         pulse,
@@ -126,10 +126,14 @@ pub fn run(
                 return Ok(());
             }
             News::Look => {
+                if silence.begins(Instant::now()) {
+                    sinks.quiet();
+                }
                 events.as_mut().map_or(Ok(()), EventRelay::look)?;
                 return Ok(pictures.iter().try_for_each(PictureRelay::look)?);
             }
         };
+        silence.hear(Instant::now());
         meter.published(frame);
         tally.count(frame);
         table.update(frame, tally.left_out);
