@@ -13,7 +13,7 @@ use image::codecs::jpeg::JpegEncoder;
 use super::camera::PixelFormat;
 use super::error::CaptureError;
 use super::frame::Frame;
-use super::jpeg::JpegPicture;
+use super::jpeg::{self, JpegPicture};
 use super::raw::RawPicture;
 use super::source::Source;
 use super::square::PixelShape;
@@ -48,6 +48,8 @@ pub struct AviReader<R> {
     codec: [u8; 4],
     /// As the stream's header has it.
     shape: Option<PixelShape>,
+    /// Every chunk holds two JPEGs, of which each is every other line.
+    is_interlaced: bool,
     raw: RawPicture,
     jpeg: JpegPicture,
 }
@@ -62,6 +64,8 @@ struct Layout {
     /// Microseconds per frame from the main header.
     microseconds: u32,
     codec: Option<[u8; 4]>,
+    /// Lines of a picture, as the stream's format says.
+    height: u32,
     /// Number of streams seen so far.
     streams: u32,
     /// Index of the first video stream.
@@ -111,6 +115,8 @@ impl<R: Read + Seek> AviReader<R> {
             _ if layout.microseconds > 0 => (layout.microseconds, 1_000_000),
             _ => (1, 25),
         };
+        let first = layout.entries.iter().find(|e| e.length > 0);
+        let lines = first.and_then(|first| jpeg_height(&mut reader, *first));
         Ok(Self {
             reader,
             name,
@@ -121,6 +127,7 @@ impl<R: Read + Seek> AviReader<R> {
             rate,
             codec,
             shape: layout.shape,
+            is_interlaced: lines.is_some_and(|lines| 2 * u32::from(lines) == layout.height),
             raw: RawPicture::default(),
             jpeg: JpegPicture::default(),
         })
@@ -142,15 +149,24 @@ impl<R: Read + Seek> AviReader<R> {
         })
     }
 
-    /// Whether the pictures are JPEGs, which is all that [`Source::next_into`] decodes here.
+    /// Whether every picture is one JPEG, which is all that [`Source::next_into`] decodes here.
     pub fn is_motion_jpeg(&self) -> bool {
-        matches!(&self.codec(), b"MJPG" | b"JPEG" | b"AVRN" | b"LJPG")
+        !self.is_interlaced && matches!(&self.codec(), b"MJPG" | b"JPEG" | b"AVRN" | b"LJPG")
     }
 }
 
 /// Whether the first bytes are those of an AVI file.
 pub(crate) fn is_avi(head: &[u8]) -> bool {
     head.len() >= 12 && &head[..4] == b"RIFF" && &head[8..12] == b"AVI "
+}
+
+/// Lines of the JPEG in a chunk; `None` for other bytes, and for damage, which is told when the picture is wanted.
+fn jpeg_height<R: Read + Seek>(reader: &mut R, chunk: Entry) -> Option<u16> {
+    // Lies in the file as a whole.
+    let mut bytes = vec![0; chunk.length as usize];
+    reader.seek(SeekFrom::Start(chunk.offset)).ok()?;
+    reader.read_exact(&mut bytes).ok()?;
+    jpeg::height(&bytes)
 }
 
 /// Bytes of a JPEG up to the end of the densities that its first block may hold.
@@ -235,6 +251,8 @@ fn walk<R: Read + Seek>(
                 if let Some(codec) = bytes[16..20].try_into().ok().filter(|c| c != &[0; 4]) {
                     layout.codec = Some(codec);
                 }
+                // Below 0 for pictures that are stored from their top.
+                layout.height = u32_at(&bytes, 8).cast_signed().unsigned_abs();
                 layout.in_video = false;
             }
             b"vprp" if whole && length >= VPRP_BYTES as u64 && layout.is_of_video => {

@@ -22,7 +22,7 @@ pub enum CaptureError {
         /// What was expected, what was found, and the remedy.
         reason: String,
     },
-    /// One picture of many is damaged; the source goes on with the next one.
+    /// One picture of many is damaged or cannot be read; the source goes on with the next one.
     #[error("{input}: {reason}")]
     Picture {
         /// The file, or the video and frame number.
@@ -137,10 +137,20 @@ impl CaptureError {
         }
     }
 
-    /// Turns the error of a single file into that of one file among many.
+    /// Turns the error of a single file into that of one file among many, which costs nothing but that file.
     pub(crate) fn into_picture(self) -> Self {
         match self {
-            Self::Data { input, reason } => Self::Picture { input, reason },
+            Self::Data { input, reason } | Self::NoInput { input, reason } => {
+                Self::Picture { input, reason }
+            }
+            Self::Permission { input, remedy } => Self::Picture {
+                input,
+                reason: format!("permission denied; {remedy}"),
+            },
+            Self::Io { input, source } => Self::Picture {
+                input,
+                reason: format!("{source}; check the disk or the connection and try again"),
+            },
             other => other,
         }
     }

@@ -48,7 +48,7 @@ struct Probe {
     fps: f64,
     /// Times of the pictures in the order in which they are shown, nanoseconds from the first.
     times: Vec<u64>,
-    /// Number of pictures according to the file's header.
+    /// Number of pictures according to the file's header, without those that its edit list leaves out.
     announced: Option<u64>,
     /// Whether pixels are as wide as they are high.
     is_square: bool,
@@ -263,11 +263,17 @@ fn is_before_5_1(version: &str) -> bool {
 
 fn missing(program: &Path, film: &str, error: std::io::Error) -> CaptureError {
     let what = program.display();
+    // With it the film was looked at, and is of a kind that only ffmpeg reads.
+    let build = if cfg!(feature = "mp4") {
+        ""
+    } else {
+        " build with --features mp4,"
+    };
     match error.kind() {
         ErrorKind::NotFound => CaptureError::Unavailable {
             what: film.to_owned(),
             reason: format!(
-                "this film needs {what}, which is not installed; install it (apt install ffmpeg), build with --features mp4, or pipe YUV4MPEG2 into --input -"
+                "this film needs {what}, which is not installed; install it (apt install ffmpeg),{build} or pipe YUV4MPEG2 into --input -"
             ),
         },
         _ => CaptureError::from_io_named(&what.to_string(), error),
@@ -287,7 +293,7 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
         ])
         .args([
             "-show_entries",
-            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time",
+            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time,flags",
         ])
         .args(["-of", "csv"])
         .arg(input)
@@ -311,20 +317,27 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
     }
 }
 
-/// Lines `packet,TIME` and one `stream,SHAPE,RATE,COUNT`, fields in any order and `N/A` where unknown; `None` without a
-/// stream.
+/// Lines `packet,TIME,FLAGS` and one `stream,SHAPE,RATE,COUNT`, its fields in any order and `N/A` where unknown; `None`
+/// without a stream.
 fn parse_probe(text: &str) -> Option<Probe> {
     let mut seconds = Vec::new();
     let mut untimed = false;
+    let mut left_out = 0_u64;
     let mut stream = None;
     let mut is_square = true;
     for line in text.lines() {
         let mut fields = line.trim().split(',');
         match fields.next() {
-            Some("packet") => match fields.next().and_then(|t| t.parse::<f64>().ok()) {
-                Some(time) if time.is_finite() => seconds.push(time),
-                _ => untimed = true,
-            },
+            Some("packet") => {
+                let time = fields.next().and_then(|t| t.parse::<f64>().ok());
+                // To be decoded for the sake of others and not shown: ffmpeg does not give its picture.
+                let is_left_out = fields.next().is_some_and(|flags| flags.contains('D'));
+                match time.filter(|t| t.is_finite()) {
+                    _ if is_left_out => left_out += 1,
+                    Some(time) => seconds.push(time),
+                    None => untimed = true,
+                }
+            }
             Some("stream") => {
                 let (mut fps, mut announced) = (None, None);
                 for field in fields {
@@ -340,6 +353,7 @@ fn parse_probe(text: &str) -> Option<Probe> {
         }
     }
     let (fps, announced) = stream?;
+    let announced = announced.map(|n: u64| n.saturating_sub(left_out));
     if untimed {
         seconds.clear();
     }
@@ -448,6 +462,22 @@ mod tests {
             assert_eq!((probe.fps, probe.announced), (25.0, Some(50)));
             assert_eq!(probe.is_square, square, "{shape}");
         }
+    }
+
+    #[test]
+    fn packets_that_an_edit_list_leaves_out_are_not_pictures() {
+        for (flags, letters) in [("KD_", "D__"), ("KD", "D_"), ("_D_", "_D_")] {
+            let text = format!(
+                "packet,-0.2,{flags}\npacket,N/A,{letters}\npacket,0.1,___\npacket,0.0,K__\nstream,10/1,4\n"
+            );
+            let probe = parse_probe(&text).unwrap();
+            assert_eq!(probe.times, [0, 100_000_000]);
+            assert_eq!(probe.announced, Some(2));
+        }
+        let probe = parse_probe("packet,0.0,K_\npacket,0.1,__\nstream,10/1,2\n").unwrap();
+        assert_eq!((probe.times.len(), probe.announced), (2, Some(2)));
+        let probe = parse_probe("packet,0.0,_D\nstream,10/1,N/A\n").unwrap();
+        assert_eq!((probe.times.len(), probe.announced), (0, None));
     }
 
     #[test]

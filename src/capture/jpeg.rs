@@ -8,6 +8,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use super::exif::Orientation;
 use super::frame::Frame;
 use super::limits::{MAX_SIDE, check_size};
+use super::quiet::quietly;
 
 /// Decodes JPEG pictures and keeps its scratch memory between them.
 #[derive(Debug, Default)]
@@ -40,8 +41,12 @@ impl JpegPicture {
     pub fn decode(&mut self, bytes: &[u8], frame: &mut Frame) -> Result<(), String> {
         let head = scan(bytes)?;
         self.orientation = head.orientation;
+        quietly(|| self.draw(bytes, &head, frame)).unwrap_or_else(contradictory)
+    }
+
+    fn draw(&mut self, bytes: &[u8], head: &Head, frame: &mut Frame) -> Result<(), String> {
         let lenient = self.lenient;
-        let bytes = complete(bytes, &head, lenient, &mut self.completed)?;
+        let bytes = complete(bytes, head, lenient, &mut self.completed)?;
         let options = options(lenient).jpeg_set_out_colorspace(ColorSpace::RGB);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
         let (width, height) = size_of(&mut decoder)?;
@@ -78,7 +83,17 @@ impl JpegPicture {
         luma: &mut Vec<u8>,
     ) -> Result<Option<(usize, usize)>, String> {
         let head = scan(bytes)?;
-        let bytes = complete(bytes, &head, !strict, &mut self.completed)?;
+        quietly(|| self.draw_luma(bytes, &head, strict, luma)).unwrap_or_else(contradictory)
+    }
+
+    fn draw_luma(
+        &mut self,
+        bytes: &[u8],
+        head: &Head,
+        strict: bool,
+        luma: &mut Vec<u8>,
+    ) -> Result<Option<(usize, usize)>, String> {
+        let bytes = complete(bytes, head, !strict, &mut self.completed)?;
         let options = options(!strict).jpeg_set_out_colorspace(ColorSpace::Luma);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
         let (width, height) = size_of(&mut decoder)?;
@@ -143,18 +158,40 @@ fn damaged(error: impl std::fmt::Display) -> String {
     )
 }
 
+/// For a picture on which the decoder panics.
+fn contradictory<T>() -> Result<T, String> {
+    Err(damaged("its parts contradict each other"))
+}
+
+/// How many rows a picture has; `None` where its bytes do not say.
+pub(crate) fn height(bytes: &[u8]) -> Option<u16> {
+    let rows = scan(bytes).ok()?.frame.get(1..3)?;
+    Some(u16::from_be_bytes([rows[0], rows[1]]))
+}
+
+/// The sampling of a component that has one block, across and down, in each unit of the picture.
+const ONE_TO_ONE: u8 = 0x11;
+/// The decoder reads 64 bits ahead, and a block has at least two.
+const MAX_BLOCKS_AHEAD: u32 = 32;
+
 /// What the markers before the picture's data say.
-struct Head {
+struct Head<'a> {
     has_tables: bool,
     /// Adobe writes its inks inverted and says so with an APP14 marker.
     adobe: bool,
     orientation: Orientation,
+    /// The frame header: bits of a sample, rows and columns (u16 each), how many components, and of each its name, its
+    /// sampling across and down (4 bits each), its table.
+    frame: &'a [u8],
+    /// Not progressive.
+    is_sequential: bool,
+    has_restarts: bool,
     /// Where the start-of-scan marker lies.
     scan_at: usize,
 }
 
 /// Walks the markers up to the start of scan.
-fn scan(bytes: &[u8]) -> Result<Head, String> {
+fn scan(bytes: &[u8]) -> Result<Head<'_>, String> {
     if bytes.len() < 4 || bytes[..2] != [0xFF, 0xD8] {
         return Err("expected a JPEG picture, found other bytes; check the file".into());
     }
@@ -162,6 +199,9 @@ fn scan(bytes: &[u8]) -> Result<Head, String> {
         has_tables: false,
         adobe: false,
         orientation: Orientation::Upright,
+        frame: &[],
+        is_sequential: false,
+        has_restarts: false,
         scan_at: 0,
     };
     let mut at = 2;
@@ -178,12 +218,21 @@ fn scan(bytes: &[u8]) -> Result<Head, String> {
         }
         if marker == 0xDA {
             head.scan_at = at;
+            if head.is_sequential {
+                check_first_scan(&head, bytes.get(at + 4).copied().unwrap_or(0))?;
+            }
             return Ok(head);
         }
         let length = usize::from(u16::from_be_bytes([bytes[at + 2], bytes[at + 3]]));
         let body = bytes.get(at + 4..at + 2 + length).unwrap_or_default();
         head.has_tables |= marker == 0xC4;
+        head.has_restarts |= marker == 0xDD;
         head.adobe |= marker == 0xEE && body.starts_with(b"Adobe");
+        // Of the other kinds the decoder reads none.
+        if matches!(marker, 0xC0..=0xC2) {
+            head.frame = body;
+            head.is_sequential = marker != 0xC2;
+        }
         if let (0xE1, Some(exif)) = (marker, body.strip_prefix(b"Exif\0\0")) {
             head.orientation = Orientation::from_exif(exif);
         }
@@ -193,6 +242,28 @@ fn scan(bytes: &[u8]) -> Result<Head, String> {
         "expected a JPEG picture, found only its first part; the file was cut off, copy it again"
             .into(),
     )
+}
+
+/// Refuses pictures whose components lie one after the other, but for those that the decoder draws right. With finer rows
+/// of one component, or columns of another than the first, it panics or draws them wrong. It counts restarts on from one
+/// scan to the next, and drops rows of blocks that it has read ahead when it meets the next scan. `found`: components in
+/// the first scan.
+fn check_first_scan(head: &Head, found: u8) -> Result<(), String> {
+    let columns = head.frame.get(3..5);
+    let columns = columns.map_or(0, |c| u32::from(u16::from_be_bytes([c[0], c[1]])));
+    let components = head.frame.get(6..).unwrap_or_default().chunks_exact(3);
+    let wanted = components.len();
+    let mut samplings = components.map(|component| component[1]);
+    let first = samplings.next().unwrap_or(ONE_TO_ONE);
+    let is_plain = samplings.all(|sampling| sampling == ONE_TO_ONE) && first & 15 == 1;
+    let is_single = found == 1 || first == ONE_TO_ONE;
+    let is_wide = columns > 8 * MAX_BLOCKS_AHEAD * u32::from(first >> 4);
+    if usize::from(found) >= wanted || (is_plain && is_single && is_wide && !head.has_restarts) {
+        return Ok(());
+    }
+    Err(format!(
+        "expected all {wanted} components of the JPEG picture in one scan, found {found} in the first; save the picture anew, not component by component"
+    ))
 }
 
 /// Whether an end-of-image marker follows the picture's data. (Inside the data 0xFF is always followed by 0.)

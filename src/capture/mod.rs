@@ -22,6 +22,7 @@ mod natural;
 mod paced;
 mod photo;
 mod pipe;
+mod quiet;
 mod rate;
 mod raw;
 mod resize;

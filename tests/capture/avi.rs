@@ -361,3 +361,27 @@ fn pixels_that_are_not_square_are_made_so() {
     assert_eq!(size_of(&with_density(clip(2), 1)), (48, 32));
     assert_eq!(size_of(&with_density(with_aspect(3, 2), 0)), (48, 32));
 }
+
+/// Two fields in a chunk are one picture of twice their lines, which is not ours to put together.
+#[test]
+fn interlaced_pictures_are_not_read_at_half_their_height() {
+    let with_lines = |lines: i32| {
+        let mut bytes = clip(2);
+        let format = bytes.windows(4).position(|w| w == b"strf").unwrap() + 8;
+        bytes[format + 8..format + 12].copy_from_slice(&lines.to_le_bytes());
+        AviReader::new(Cursor::new(bytes), "clip.avi").unwrap()
+    };
+    let lines = HEIGHT as i32;
+    for (stated, ours) in [
+        (lines, true),
+        (-lines, true),
+        (2 * lines, false),
+        (-2 * lines, false),
+        // Others are mistaken.
+        (0, true),
+        (3 * lines, true),
+        (i32::MIN, true),
+    ] {
+        assert_eq!(with_lines(stated).is_motion_jpeg(), ours, "{stated}");
+    }
+}

@@ -351,6 +351,24 @@ fn pictures_come_out_of_the_child() {
     assert!(source.next().unwrap().is_none() && source.next().unwrap().is_none());
 }
 
+/// An edit list leaves the first pictures out: ffprobe has their packets, and ffmpeg does not give them.
+#[test]
+fn pictures_that_an_edit_list_leaves_out_are_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let packets = "packet,-1.0,KD_\\npacket,-0.5,_D_\\npacket,0.0,___\\npacket,2.0,___\\n";
+    let programs = stand_ins(
+        folder.path(),
+        &format!("{PICTURE}; {PICTURE}; echo 'a word of warning' >&2"),
+        &format!("printf '{packets}stream,2/1,4\\n'"),
+    );
+    let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
+    assert_eq!(source.frame_count(), Some(2));
+    for time_ns in [0, 2_000_000_000] {
+        assert_eq!(source.next().unwrap().unwrap().time_ns, time_ns);
+    }
+    assert!(source.next().unwrap().is_none());
+}
+
 #[test]
 fn pixels_that_are_not_square_are_made_so() {
     if Command::new("ffmpeg").arg("-version").output().is_err() {

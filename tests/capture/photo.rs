@@ -4,8 +4,8 @@ use std::io::Cursor;
 use std::path::Path;
 
 use edgecap::capture::{
-    Frame, InputSpec, OpenOptions, Orientation, PhotoDecoder, PhotoSource, Source, natural_order,
-    open,
+    Frame, InputSpec, JpegPicture, OpenOptions, Orientation, PhotoDecoder, PhotoSource, Source,
+    natural_order, open,
 };
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -204,32 +204,43 @@ fn flat_jpeg(values: &[u8], adobe: Option<u8>, tables: bool) -> Vec<u8> {
         b.extend_from_slice(&[k, 0]);
     }
     b.extend_from_slice(&[0, 63, 0]);
-    let mut bits = String::new();
-    for v in values {
-        let dc = i32::from(*v) - 128;
-        let category = 32 - dc.unsigned_abs().leading_zeros();
-        bits += [
-            "00", "010", "011", "100", "101", "110", "1110", "11110", "111110",
-        ][category as usize];
-        if category > 0 {
-            let code = if dc > 0 { dc } else { dc + (1 << category) - 1 };
-            bits += &format!("{code:0width$b}", width = category as usize);
-        }
-        // End of block.
-        bits += "1010";
+    let blocks = values.iter().map(|v| block(i32::from(*v) - 128));
+    push_bits(&mut b, blocks.collect());
+    b.extend_from_slice(&[0xFF, 0xD9]);
+    b
+}
+
+/// The bits of a block of one value, as much above the one before it.
+fn block(above: i32) -> String {
+    let category = 32 - above.unsigned_abs().leading_zeros();
+    let mut bits = [
+        "00", "010", "011", "100", "101", "110", "1110", "11110", "111110",
+    ][category as usize]
+        .to_owned();
+    if category > 0 {
+        let code = if above > 0 {
+            above
+        } else {
+            above + (1 << category) - 1
+        };
+        bits += &format!("{code:0width$b}", width = category as usize);
     }
+    // End of block.
+    bits + "1010"
+}
+
+/// The data of a scan.
+fn push_bits(jpeg: &mut Vec<u8>, mut bits: String) {
     while !bits.len().is_multiple_of(8) {
         bits.push('1');
     }
     for byte in bits.as_bytes().chunks(8) {
         let v = u8::from_str_radix(std::str::from_utf8(byte).unwrap(), 2).unwrap();
-        b.push(v);
+        jpeg.push(v);
         if v == 0xFF {
-            b.push(0);
+            jpeg.push(0);
         }
     }
-    b.extend_from_slice(&[0xFF, 0xD9]);
-    b
 }
 
 #[test]
@@ -288,6 +299,97 @@ fn pictures_without_huffman_tables_get_the_standard_ones() {
     stripped.extend_from_slice(&whole[at..]);
     assert!(stripped.len() < whole.len() - 300);
     assert_eq!(decode(&stripped).unwrap(), decode(&whole).unwrap());
+}
+
+/// How bright a block is.
+fn level(column: usize, row: usize) -> u8 {
+    (20 + (23 * column + 61 * row) % 200) as u8
+}
+
+/// A grey YCbCr picture that is stored component by component, `size` blocks of luma wide and high; `samplings`: across
+/// and down (4 bits each).
+fn stored_apart(samplings: [u8; 3], size: [usize; 2]) -> Vec<u8> {
+    let mut b = flat_jpeg(&[128; 3], None, true);
+    let at = |b: &[u8], marker: u8| b.windows(2).position(|w| w == [0xFF, marker]).unwrap();
+    b.truncate(at(&b, 0xDA));
+    let frame = at(&b, 0xC0);
+    b[frame + 5..frame + 7].copy_from_slice(&(8 * size[1] as u16).to_be_bytes());
+    b[frame + 7..frame + 9].copy_from_slice(&(8 * size[0] as u16).to_be_bytes());
+    let factors = |sampling: u8| [usize::from(sampling >> 4), usize::from(sampling & 15)];
+    let most = |k: usize| samplings.map(|s| factors(s)[k]).into_iter().max().unwrap();
+    for (k, sampling) in (0..3).zip(samplings) {
+        b[frame + 11 + 3 * k] = sampling;
+        b.extend_from_slice(&[0xFF, 0xDA, 0, 8, 1, k as u8 + 1, 0, 0, 63, 0]);
+        let blocks = |k: usize| size[k] * factors(sampling)[k] / most(k);
+        let (mut bits, mut before) = (String::new(), 128);
+        for (row, column) in (0..blocks(1)).flat_map(|r| (0..blocks(0)).map(move |c| (r, c))) {
+            let value = i32::from(if k == 0 { level(column, row) } else { 128 });
+            bits += &block(value - before);
+            before = value;
+        }
+        push_bits(&mut b, bits);
+    }
+    b.extend_from_slice(&[0xFF, 0xD9]);
+    b
+}
+
+/// What is said of a picture, by every way to decode it.
+fn refusals(bytes: &[u8]) -> Vec<String> {
+    let (mut frame, mut luma) = (Frame::default(), Vec::new());
+    vec![
+        decode(bytes).unwrap_err(),
+        JpegPicture::lenient()
+            .decode(bytes, &mut frame)
+            .unwrap_err(),
+        JpegPicture::default()
+            .luma(bytes, false, &mut luma)
+            .unwrap_err(),
+    ]
+}
+
+#[test]
+fn pictures_stored_component_by_component_are_read_right_or_refused() {
+    for (across, columns) in [(0x11, 33), (0x21, 66), (0x41, 132)] {
+        let bytes = stored_apart([across, 0x11, 0x11], [columns, 4]);
+        let frame = decode(&bytes).unwrap();
+        let mut luma = Vec::new();
+        let size = JpegPicture::default().luma(&bytes, true, &mut luma);
+        let side = 8 * columns;
+        assert_eq!(size.unwrap(), Some((side, 32)));
+        for (k, (rgb, luma)) in frame.rgb.chunks(3).zip(luma).enumerate() {
+            let wanted = level(k % side / 8, k / side / 8);
+            assert_eq!((rgb, luma), (&[wanted; 3][..], wanted), "{across:x}: {k}");
+        }
+    }
+    for samplings in [
+        [0x22, 0x11, 0x11],
+        [0x12, 0x11, 0x11],
+        [0x11, 0x12, 0x12],
+        [0x11, 0x11, 0x21],
+        [0x11, 0x11, 0x22],
+        [0x14, 0x12, 0x41],
+        [0x11, 0x41, 0x11],
+    ] {
+        for said in refusals(&stored_apart(samplings, [132, 4])) {
+            assert!(
+                said.contains("found 1 in the first"),
+                "{samplings:x?}: {said}"
+            );
+        }
+    }
+    // The last rows are short enough to be read ahead.
+    for (across, columns) in [(0x11, 32), (0x21, 64), (0x41, 4)] {
+        let bytes = stored_apart([across, 0x11, 0x11], [columns, 4]);
+        assert!(refusals(&bytes)[0].contains("expected all 3 components"));
+    }
+    // Two of three at once, of different widths.
+    let mut two = stored_apart([0x21, 0x11, 0x11], [132, 4]);
+    let scan = two.windows(2).position(|w| w == [0xFF, 0xDA]).unwrap();
+    two.splice(scan + 3..scan + 7, [10, 2, 1, 0, 2, 0]);
+    assert!(refusals(&two)[0].contains("found 2 in the first"));
+    let mut restarts = stored_apart([0x11; 3], [132, 4]);
+    restarts.splice(2..2, [0xFF, 0xDD, 0, 4, 0, 100]);
+    assert!(refusals(&restarts)[0].contains("found 1 in the first"));
 }
 
 #[test]
@@ -413,6 +515,42 @@ fn a_folder_is_read_in_natural_order_and_survives_one_bad_file() {
             (30, 3, 300_000_000)
         ]
     );
+}
+
+#[test]
+fn a_photo_of_a_folder_that_cannot_be_opened_costs_only_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = |name: &str, level: u8| {
+        let picture = RgbImage::from_pixel(4, 4, image::Rgb([level; 3]));
+        let path = folder.path().join(name);
+        std::fs::write(&path, png(&DynamicImage::ImageRgb8(picture))).unwrap();
+        path
+    };
+    photo("1.png", 10);
+    let gone = photo("2.png", 20);
+    let unreadable = photo("3.png", 30);
+    photo("4.png", 40);
+    let mut source = PhotoSource::folder(folder.path(), None).unwrap();
+    std::fs::remove_file(&gone).unwrap();
+    // Reading a folder is refused as a bad sector is.
+    std::fs::remove_file(&unreadable).unwrap();
+    std::fs::create_dir(&unreadable).unwrap();
+    let level = |frame: Option<Frame>| frame.map(|frame| frame.rgb[0]);
+    assert_eq!(level(source.next().unwrap()), Some(10));
+    for word in ["2.png: no such file", "3.png: Is a directory"] {
+        let error = source.next().unwrap_err();
+        assert!(error.is_skippable(), "{error}");
+        assert_eq!(error.exit_code(), 65);
+        assert!(error.to_string().contains(word), "{error}");
+    }
+    assert_eq!(level(source.next().unwrap()), Some(40));
+    assert!(source.next().unwrap().is_none());
+    // Of a photo alone the code says what was wrong.
+    for (path, code) in [(&gone, 66), (&unreadable, 74)] {
+        let error = PhotoSource::file(path, None).next().unwrap_err();
+        assert!(!error.is_skippable(), "{error}");
+        assert_eq!(error.exit_code(), code);
+    }
 }
 
 #[test]

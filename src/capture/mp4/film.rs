@@ -5,7 +5,6 @@
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
-use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
 
 use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
@@ -13,10 +12,12 @@ use openh264::formats::YUVSource;
 use re_mp4::{Mp4, Sample, StsdBoxContent, TrackKind};
 
 use super::boxes::{Guarded, Walk};
+use super::sps;
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::exif::Orientation;
 use crate::capture::frame::Frame;
 use crate::capture::limits::check_size;
+use crate::capture::quiet::quietly;
 use crate::capture::source::Source;
 use crate::capture::square::PixelShape;
 use crate::capture::yuv::{Matrix, Range, YuvToRgb};
@@ -42,6 +43,7 @@ pub struct Mp4Source {
     /// Bytes of the length before each unit.
     length_bytes: usize,
     orientation: Orientation,
+    range: Range,
     decoder: Decoder,
     /// Next sample to decode.
     position: usize,
@@ -79,7 +81,8 @@ fn moments(samples: &[Sample], tick: f64) -> VecDeque<Moment> {
 }
 
 impl Mp4Source {
-    /// Reads the headers. `None`: the film is in another codec than H.264.
+    /// Reads the headers. `None`: the film is in another codec than H.264, or in a kind of it that OpenH264 does not
+    /// read: 10 bits, 4:2:2, interlaced.
     ///
     /// # Errors
     /// [`CaptureError::Data`] when the file is damaged or has no video, [`CaptureError::Io`] when it cannot be read.
@@ -120,15 +123,16 @@ impl Mp4Source {
         }
         let config = &avc.avcc.contents;
         let mut stream = Vec::new();
-        let sets = config.sequence_parameter_sets.iter();
-        for unit in sets.chain(&config.picture_parameter_sets) {
+        let mut sets = config.sequence_parameter_sets.iter();
+        for unit in sets.clone().chain(&config.picture_parameter_sets) {
             stream.extend_from_slice(&START_CODE);
             stream.extend_from_slice(&unit.bytes);
         }
         let mut decoder = Decoder::new().map_err(|e| damaged(&e.to_string()))?;
-        decoder
-            .decode_with_options(&stream, no_flush())
-            .map_err(|e| damaged(&format!("found damage ({e})")))?;
+        if decoder.decode_with_options(&stream, no_flush()).is_err() {
+            return Ok(None);
+        }
+        let range = sets.find_map(|set| sps::range(&set.bytes));
         let moments = moments(&track.samples, 1e9 / track.timescale as f64);
         let seconds = moments.back().map_or(0, |last| last.time_ns) as f64 / 1e9;
         let matrix = &trak.tkhd.matrix;
@@ -144,6 +148,7 @@ impl Mp4Source {
                 _ => shape,
             },
             orientation,
+            range: range.unwrap_or_default(),
             samples: track.samples.clone(),
             last: Moment {
                 time_ns: 0,
@@ -230,7 +235,7 @@ impl Source for Mp4Source {
             match self.decoder.decode_with_options(&self.stream, no_flush()) {
                 Ok(None) => {}
                 Ok(Some(yuv)) => {
-                    let drawn = to_rgb(&yuv, frame);
+                    let drawn = to_rgb(&yuv, self.range, frame);
                     self.finish(frame);
                     return drawn.map(|()| true).map_err(picture);
                 }
@@ -247,7 +252,7 @@ impl Source for Mp4Source {
             let rest = self.decoder.flush_remaining().unwrap_or_default();
             for yuv in &rest {
                 let mut frame = Frame::default();
-                if to_rgb(yuv, &mut frame).is_ok() {
+                if to_rgb(yuv, self.range, &mut frame).is_ok() {
                     self.rest.push_back(frame);
                 }
             }
@@ -281,7 +286,7 @@ fn no_flush() -> DecodeOptions {
 }
 
 /// The decoder's planes → RGB.
-fn to_rgb(yuv: &DecodedYUV<'_>, frame: &mut Frame) -> Result<(), String> {
+fn to_rgb(yuv: &DecodedYUV<'_>, range: Range, frame: &mut Frame) -> Result<(), String> {
     let (width, height) = yuv.dimensions();
     check_size(width as u64, height as u64)?;
     frame.width = width as u32;
@@ -293,7 +298,7 @@ fn to_rgb(yuv: &DecodedYUV<'_>, frame: &mut Frame) -> Result<(), String> {
         Matrix::Bt601
     };
     let (y, u, _) = yuv.strides();
-    YuvToRgb::new(matrix, Range::Limited).planar(
+    YuvToRgb::new(matrix, range).planar(
         [yuv.y(), yuv.u(), yuv.v()],
         [y, u],
         (1, 1),
@@ -313,14 +318,4 @@ fn orientation(matrix: [i32; 4]) -> Orientation {
         [1, 0, 0, -1] => Orientation::MirroredDown,
         _ => Orientation::Upright,
     }
-}
-
-/// Runs a parser that panics on damaged tables; `None` when it did, without a word on the terminal.
-fn quietly<T>(parse: impl FnOnce() -> T) -> Option<T> {
-    let hook = panic::take_hook();
-    panic::set_hook(Box::new(|_| {}));
-    // Whatever the parser was building is dropped with it.
-    let result = panic::catch_unwind(AssertUnwindSafe(parse));
-    panic::set_hook(hook);
-    result.ok()
 }

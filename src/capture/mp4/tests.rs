@@ -225,3 +225,80 @@ fn pixels_that_are_not_square_are_made_so() {
         assert_eq!((frame.width, frame.height), size, "{across}:{down}");
     }
 }
+
+/// A parameter set of the tiny film's pictures, as long as its own. `profile` and `format`: which one, and what follows
+/// its number in those that say how colours are stored; `progressive` and `signal`: the bits there.
+fn set(profile: u8, format: &str, progressive: &str, signal: &str) -> Vec<u8> {
+    // The set's number; numbering of 4 bits, by the order of decoding; 3 references, no gaps; 32 × 16 pixels.
+    let bits = [
+        "1",
+        format,
+        "1",
+        "011",
+        "00100",
+        "0",
+        "010",
+        "1",
+        progressive,
+        "1",
+        "0",
+        signal,
+        "1",
+    ];
+    let bits = bits.concat();
+    let bytes = bits.as_bytes().chunks(8);
+    let byte = |bits: &[u8]| {
+        let bits = bits.iter().chain([b'0'; 8].iter()).take(8);
+        bits.fold(0, |n, bit| n << 1 | (bit - b'0'))
+    };
+    let mut set = vec![0x67, profile, 0, 10];
+    set.extend(bytes.map(byte));
+    set.resize(22, 0);
+    set
+}
+
+/// The tiny film with another parameter set.
+fn with_set(set: &[u8]) -> Vec<u8> {
+    let mut film = TINY.to_vec();
+    film[place_of(b"avcC") + 12..][..set.len()].copy_from_slice(set);
+    film
+}
+
+/// No signal about colours; one that says their range.
+const SILENT: &str = "0";
+const LIMITED: &str = "100110100000000";
+const FULL: &str = "100110110000000";
+
+#[test]
+fn h264_that_openh264_does_not_read_is_left_to_ffmpeg() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.mp4");
+    for (what, set, ours) in [
+        ("plain", set(66, "", "1", SILENT), true),
+        ("high", set(100, "0101100", "1", SILENT), true),
+        ("10 bits", set(110, "01001101100", "1", SILENT), false),
+        ("4:2:2", set(122, "0111100", "1", SILENT), false),
+        ("interlaced", set(100, "0101100", "00", SILENT), false),
+    ] {
+        std::fs::write(&path, with_set(&set)).unwrap();
+        let film = Mp4Source::open(&path).unwrap();
+        assert_eq!(film.is_some(), ours, "{what}");
+    }
+}
+
+#[test]
+fn black_and_white_are_what_the_stream_says() {
+    let first = |signal: &str| {
+        let film = with_set(&set(66, "", "1", signal));
+        opened(&film).unwrap().next().unwrap().unwrap().rgb
+    };
+    let limited = first(LIMITED);
+    assert_eq!(first(SILENT), limited);
+    let spread = |rgb: &[u8]| {
+        let mean = rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / rgb.len() as f64;
+        let off = rgb.iter().map(|v| (f64::from(*v) - mean).abs());
+        off.sum::<f64>() / rgb.len() as f64
+    };
+    let (narrow, wide) = (spread(&first(FULL)), spread(&limited));
+    assert!(narrow < 0.95 * wide, "{narrow} and {wide}");
+}
