@@ -1,11 +1,11 @@
-//! Stopping on SIGINT and SIGTERM.
+//! Stopping on SIGINT and SIGTERM, and on SIGHUP where nobody wants it ignored.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGCHLD, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGCHLD, SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
@@ -13,21 +13,25 @@ use signal_hook::low_level::emulate_default_handler;
 /// and its children, a terminal all of them.
 const AT_ONCE: Duration = Duration::from_millis(500);
 
-/// Set by SIGINT or SIGTERM; another that comes half a second later or more ends the process at once.
+/// Set by SIGINT, SIGTERM or SIGHUP; another that comes half a second later or more ends the process at once.
 #[derive(Debug, Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Takes over the two signals.
+    /// Takes over the signals. A terminal that is closed sends SIGHUP; `nohup` has it ignored.
     ///
     /// # Errors
     /// If the operating system refuses the handlers or a thread.
     pub fn on_signals() -> anyhow::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, Arc::clone(&flag))?;
+        let mut stopping = vec![SIGINT, SIGTERM];
+        if !is_ignored(SIGHUP) {
+            stopping.push(SIGHUP);
         }
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        for signal in &stopping {
+            signal_hook::flag::register(*signal, Arc::clone(&flag))?;
+        }
+        let mut signals = Signals::new(stopping)?;
         thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
@@ -63,4 +67,12 @@ impl Stop {
     pub fn requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
+}
+
+/// Whether this process was started with a signal ignored.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|m| u64::from_str_radix(m.trim(), 16).ok());
+    mask.is_some_and(|m| m & (1 << (signal - 1)) != 0)
 }

@@ -5,6 +5,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{self, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use edgecap_client::place::{self, RUNTIME_DIR_VARIABLE};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
@@ -149,6 +150,8 @@ impl Child {
         command
             .arg0(std::env::args_os().next().unwrap_or_default())
             .args([self.verb, "--job", &self.job])
+            // Whatever sessions begin or end meanwhile.
+            .env(RUNTIME_DIR_VARIABLE, place::runtime_dir())
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
         for variable in systemd::VARIABLES {

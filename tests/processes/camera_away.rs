@@ -5,9 +5,9 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{assert_fails, edgecap, eventually, signal, stream};
+use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
 use edgecap::camera::monotonic_ns;
-use edgecap::message::BodyFrame;
+use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::Subscriber;
 
 /// Waits for a body of a picture that is taken from now on.
@@ -103,6 +103,26 @@ fn stopping_does_not_wait_for_the_camera() {
     let asked = Instant::now();
     assert!(watched.stop().status.success());
     assert!(asked.elapsed() < Duration::from_secs(20));
+}
+
+#[test]
+fn infer_itself_stops_while_it_waits_for_the_camera() {
+    let camera = StandIn::new(30.0);
+    let name = stream("stop-infer");
+    // `run` would kill one that does not.
+    let infer = Running::start(&["infer", "--input", &camera.input(), "--name", &name]);
+    let observations = Subscriber::<ObservationFrame>::open(&name).unwrap();
+    eventually("an observation", || {
+        observations.next(Duration::from_millis(100)).unwrap()
+    });
+    camera.unplug();
+    // Within a second it has lost the camera, and looks for it.
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(!infer.has_ended(), "it waits");
+    drop(observations);
+    signal(infer.pid(), "TERM");
+    let out = infer.wait(Duration::from_secs(20));
+    assert!(out.status.success(), "{}", stderr(&out));
 }
 
 /// Frames, and how often the camera came back, as `edgecap status` has them.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::program::{edgecap, stderr};
+use crate::program::{assert_fails, edgecap, stderr};
 
 fn install(root: &Path, more: &[&str]) -> Output {
     let out = edgecap()
@@ -273,6 +273,78 @@ fn pages_and_completions_know_the_verbs() {
             .fold(text, |t, font| t.replace(font, " "));
         let plain = bare.replace("\\-", "-");
         assert_no_hidden_option(&format!("{page:?}"), &plain);
+    }
+}
+
+/// The service's user has to enter the folder of its settings.
+#[test]
+fn what_is_installed_can_be_read_whatever_root_keeps_to_itself() {
+    let root = tempfile::tempdir().unwrap();
+    let out = Command::new("sh")
+        .args([
+            "-c",
+            "umask 077; exec \"$0\" install --system --root \"$1\"",
+        ])
+        .arg(edgecap().get_program())
+        .arg(root.path())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    for folder in ["etc/edgecap", "usr/local/bin", "usr/local/share/man/man1"] {
+        assert_eq!(mode(&root.path().join(folder)), 0o755, "{folder}");
+    }
+}
+
+#[test]
+fn a_prefix_of_the_working_folder_is_refused() {
+    let args = ["install", "--system", "--prefix", "opt", "--dry-run"];
+    assert_fails(&args, 64, &["--prefix opt", "from / on"]);
+}
+
+/// What locks the service up or lets it do its work, and a score of all of it would not miss.
+const OF_THE_SERVICE: &[&str] = &[
+    "User=edgecap",
+    "Group=edgecap",
+    "SupplementaryGroups=video",
+    "UMask=0027",
+    "RuntimeDirectoryMode=0750",
+    "StateDirectoryMode=0750",
+    "DevicePolicy=closed",
+    "DeviceAllow=char-video4linux rw",
+    "CapabilityBoundingSet=",
+    "ProtectSystem=strict",
+    "ProtectHome=yes",
+    "PrivateTmp=yes",
+    "IPAddressDeny=any",
+    "IPAddressAllow=localhost",
+];
+const OF_BOTH_UNITS: &[&str] = &[
+    "Type=notify",
+    "Restart=always",
+    "RestartPreventExitStatus=64 65 78",
+    "WatchdogSec=20",
+    "LimitCORE=0",
+    "NoNewPrivileges=yes",
+    "MemoryDenyWriteExecute=yes",
+];
+
+#[test]
+fn the_units_say_what_they_have_to() {
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--system"]);
+    install(root.path(), &["--user"]);
+    let both = OF_BOTH_UNITS.to_vec();
+    for (path, expected) in [
+        (
+            "etc/systemd/system/edgecap.service",
+            [OF_THE_SERVICE, OF_BOTH_UNITS].concat(),
+        ),
+        ("home/somebody/.config/systemd/user/edgecap.service", both),
+    ] {
+        let unit = std::fs::read_to_string(root.path().join(path)).unwrap();
+        for line in expected {
+            assert!(unit.lines().any(|l| l == line), "{path} lacks {line}");
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::time::Duration;
 
 use edgecap::camera::monotonic_ns;
@@ -111,6 +112,23 @@ fn a_replay_is_what_was_published_with_its_latencies_in_its_own_time() {
 }
 
 #[test]
+fn a_replay_is_as_fast_as_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = record::<BodiesRow>(folder.path(), (0..3000).map(frame));
+    let name = stream("fast");
+    let run = Running::start(&[
+        "replay",
+        path.to_str().unwrap(),
+        "--name",
+        &name,
+        "--speed",
+        "100",
+    ]);
+    // A minute of record.
+    assert!(run.wait(Duration::from_secs(30)).status.success());
+}
+
+#[test]
 fn a_replay_in_a_loop_goes_on_until_it_is_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = record::<BodiesRow>(folder.path(), (0..5).map(frame));
@@ -202,6 +220,38 @@ fn a_recorder_that_is_killed_leaves_every_whole_frame() {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 100]).unwrap();
     assert_eq!(rows(&path), recorded[..recorded.len() - 1]);
+}
+
+/// A limit on the size of files stands in for a full disk.
+#[test]
+fn a_record_whose_first_frame_finds_no_room_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = stream("no-room");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    for (file, code) in [("new/take.jsonl", 74), ("new/take.record", 73)] {
+        let path = folder.path().join(file);
+        let mut sh = std::process::Command::new("sh");
+        sh.args(["-c", "trap '' XFSZ; ulimit -f 0; exec \"$@\"", "sh"]);
+        sh.arg(env!("CARGO_BIN_EXE_edgecap")).arg("record");
+        sh.arg(&path).args(["--camera", &name]);
+        sh.env("XDG_CONFIG_HOME", "/nonexistent");
+        let run = Running(
+            sh.stderr(Stdio::piped())
+                .stdout(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        );
+        let mut sent = 0;
+        eventually("the end", || {
+            publisher.publish(&frame(sent)).unwrap();
+            sent += 1;
+            run.has_ended().then_some(())
+        });
+        let out = run.wait(Duration::from_secs(10));
+        assert_eq!(out.status.code(), Some(code), "{}", stderr(&out));
+        let left = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 0, "{file}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What `run` and `watch` show: skeletons on a terminal, a line now and then elsewhere.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use crate::program::{Running, edgecap, eventually, signal, stream};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
-/// Starts a program on a terminal of its own and returns everything that it shows.
-fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
+/// A terminal from outside and from inside.
+fn terminal(columns: u16, rows: u16) -> (File, File) {
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
     grantpt(&terminal).unwrap();
     unlockpt(&terminal).unwrap();
@@ -27,6 +27,12 @@ fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
         .write(true)
         .open(name.to_str().unwrap())
         .unwrap();
+    (File::from(terminal), inside)
+}
+
+/// Starts a program on a terminal of its own and returns everything that it shows.
+fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
+    let (mut outside, inside) = terminal(columns, rows);
     let child = command
         .env("TERM", "xterm-256color")
         .env_remove("NO_COLOR")
@@ -38,7 +44,6 @@ fn shown_by(command: &mut Command, columns: u16, rows: u16) -> String {
     command.stderr(Stdio::null());
     let child = Running(child);
     let mut shown = Vec::new();
-    let mut outside = File::from(terminal);
     let mut part = [0; 65536];
     // A terminal that everybody has left answers with an error.
     while let Ok(n @ 1..) = outside.read(&mut part) {
@@ -147,6 +152,27 @@ fn watch_stops_when_asked_and_the_run_goes_on() {
 }
 
 #[test]
+fn a_terminal_that_takes_no_output_holds_nothing_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut outside, inside) = terminal(100, 40);
+    let mut command = demo("deaf", &folder);
+    command.arg("--live").stdout(Stdio::null()).stderr(inside);
+    let run = Running(command.env("TERM", "xterm-256color").spawn().unwrap());
+    command.stderr(Stdio::null());
+    let result = folder.path().join("bodies.jsonl");
+    let frames = || std::fs::read_to_string(&result).map_or(0, |t| t.lines().count());
+    eventually("frames", || (frames() > 5).then_some(()));
+    // Ctrl-S, and nobody reads what was shown before.
+    outside.write_all(b"\x13").unwrap();
+    let shown = frames();
+    eventually("more frames", || (frames() > shown + 30).then_some(()));
+    signal(run.pid(), "TERM");
+    eventually("the end", || run.has_ended().then_some(()));
+}
+
+#[test]
 fn names_that_cannot_be_are_refused() {
-    crate::program::assert_fails(&["watch", "--name", "a/b"], 64, &["a/b"]);
+    for option in ["--name", "--camera"] {
+        crate::program::assert_fails(&["watch", option, "a/b"], 64, &["expected", "a/b"]);
+    }
 }

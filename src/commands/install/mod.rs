@@ -6,7 +6,8 @@ mod step;
 
 use std::path::{Path, PathBuf};
 
-use rustix::process::geteuid;
+use rustix::fs::Mode;
+use rustix::process::{geteuid, umask};
 
 use super::exit::Failure;
 use super::say;
@@ -52,12 +53,21 @@ struct Whose {
 /// the rest is done first.
 pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     let layout = if args.whose.system {
+        if !args.prefix.is_absolute() {
+            return Err(Failure::usage(format!(
+                "--prefix {}: expected a folder from / on, found one of the working folder",
+                args.prefix.display()
+            ))
+            .into());
+        }
         if args.root.is_none() && !args.dry_run && !geteuid().is_root() {
             return Err(Failure::permission(
                 "install --system changes the machine: run it with sudo, or use --user, or look first with --dry-run",
             )
             .into());
         }
+        // The service's user has to enter the folders that are made, others read the manual.
+        umask(Mode::from_raw_mode(0o022));
         Layout::system(&args.prefix)
     } else {
         Layout::user()?

@@ -53,7 +53,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         say::err(&format!("the page: {}", page.url()));
     }
     let hub = page.as_ref().map(|p| p.hub());
-    args.bridges.add_to(&mut sinks, &chosen.name, hub)?;
+    let flight = args.bridges.add_to(&mut sinks, &chosen.name, hub)?;
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(
             path,
@@ -124,6 +124,9 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
             }
             if let Some(pictures) = &pictures {
                 pictures.look()?;
+            }
+            if let Some(flight) = &flight {
+                flight.look(false);
             }
         }
         let seen = seeing.join();

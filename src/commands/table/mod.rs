@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 
 use console::Term;
 use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use self::drawing::Drawing;
 use super::{log, say};
 use crate::counted::counted;
 use crate::overlay::{Glyphs, Screen, characters};
+
+mod drawing;
 
 const REDRAW: Duration = Duration::from_millis(50);
 /// Without a terminal the figures are logged this often.
@@ -35,8 +37,7 @@ pub struct TableArgs {
 /// Shows bodies as they come in.
 #[derive(Debug)]
 pub struct Table {
-    bar: ProgressBar,
-    terminal: Option<Term>,
+    terminal: Option<(Term, Drawing)>,
     plain: bool,
     /// The camera, where the lines of several come together.
     name: Option<String>,
@@ -57,15 +58,9 @@ impl Table {
     }
 
     fn with(terminal: Option<Term>, plain: bool, name: Option<String>) -> Self {
-        let target = match &terminal {
-            Some(terminal) => ProgressDrawTarget::term(terminal.clone(), 20),
-            None => ProgressDrawTarget::hidden(),
-        };
-        let bar = ProgressBar::with_draw_target(None, target);
-        bar.set_style(spinner());
+        let drawn_on = |terminal: Term| Some((terminal.clone(), Drawing::on(terminal)?));
         Self {
-            bar,
-            terminal,
+            terminal: terminal.and_then(drawn_on),
             plain,
             name,
             drawn: None,
@@ -86,11 +81,6 @@ impl Table {
             };
         }
         self.last_frame = Some(now);
-        if frame.frame_total > 0 && self.bar.length().is_none() {
-            self.bar.set_length(u64::from(frame.frame_total));
-            self.bar.set_style(progress());
-        }
-        self.bar.set_position(frame.sequence + 1);
         let every = match &self.terminal {
             Some(_) => REDRAW,
             None if log::to_journal() => JOURNAL_EVERY,
@@ -102,7 +92,7 @@ impl Table {
         self.drawn = Some(now);
         let figures = self.figures(frame, left_out);
         match &self.terminal {
-            Some(terminal) => {
+            Some((terminal, drawing)) => {
                 let mut message = figures;
                 if !self.plain {
                     for line in characters(
@@ -114,7 +104,9 @@ impl Table {
                         message.push_str(&line);
                     }
                 }
-                self.bar.set_message(format!("{message}\n{}", rows(frame)));
+                let total = Some(u64::from(frame.frame_total)).filter(|n| *n > 0);
+                let message = format!("{message}\n{}", rows(frame));
+                drawing.table(frame.sequence + 1, total, message);
             }
             None => {
                 let name = self
@@ -137,16 +129,17 @@ impl Table {
 
     /// Prints a line above the table.
     pub fn say(&self, line: &str) {
-        if self.terminal.is_some() {
-            self.bar.suspend(|| say::err(line));
-        } else {
-            say::err(line);
+        match &self.terminal {
+            Some((_, drawing)) => drawing.line(line),
+            None => say::err(line),
         }
     }
 
     /// Takes the table off the screen.
     pub fn finish(&self) {
-        self.bar.finish_and_clear();
+        if let Some((_, drawing)) = &self.terminal {
+            drawing.clear();
+        }
     }
 
     fn figures(&self, frame: &BodyFrame, left_out: u64) -> String {
@@ -199,15 +192,6 @@ fn room(terminal: &Term, people: usize) -> Screen {
         glyphs,
         coloured: console::colors_enabled_stderr(),
     }
-}
-
-fn spinner() -> ProgressStyle {
-    ProgressStyle::with_template("{spinner} frame {pos}  {msg}").expect("a valid template")
-}
-
-fn progress() -> ProgressStyle {
-    ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left  {msg}")
-        .expect("a valid template")
 }
 
 fn rows(frame: &BodyFrame) -> String {
