@@ -1,5 +1,6 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
-//! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link.
+//! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link, but where the program
+//! itself chose the name.
 
 mod device;
 mod folder;
@@ -22,6 +23,7 @@ use tempfile::NamedTempFile;
 
 pub use folder::AtomicFolder;
 pub use left::sweep;
+pub use link::steps as link_steps;
 pub use suffix::suffixed;
 pub use trial::try_place;
 
@@ -121,10 +123,19 @@ impl AtomicFile {
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(Self::new(Place::Device(device::open(path)?), path, None));
         }
+        Self::replacing_links(path)
+    }
+
+    /// As [`create`](Self::create), for a name that nobody has given: a link of this name is replaced, so that what it
+    /// leads to stays, and so is a device or pipe.
+    ///
+    /// # Errors
+    /// If the folder cannot be made or written.
+    pub fn replacing_links(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
         let made = (!folder.exists()).then(|| folder.to_owned());
         fs::create_dir_all(folder)?;
-        if path.is_dir() {
+        if path.is_dir() && !path.is_symlink() {
             return Err(io::Error::new(
                 io::ErrorKind::IsADirectory,
                 "it is a folder",
@@ -308,9 +319,9 @@ impl AtomicFile {
             file.set_len(*whole)?;
         }
         let mut beside = None;
-        if let Place::Beside(file) = place {
+        if let Place::Beside(mut file) = place {
             let path = match flushed.is_err() || self.is_broken {
-                true => stump::place(&self.path, file.as_file().metadata()?.len()),
+                true => stump::place(&self.path, file.as_file_mut()),
                 false => self.path.clone(),
             };
             file.persist(&path).map_err(|e| e.error)?;
@@ -514,6 +525,26 @@ mod tests {
         write(&link, b"new").unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_link_whose_name_nobody_gave_is_replaced_and_what_it_leads_to_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), "old").unwrap();
+        fs::create_dir(at("folder")).unwrap();
+        for leads_to in ["file", "folder", "away/file", "link"] {
+            std::os::unix::fs::symlink(leads_to, at("link")).unwrap();
+            let mut file = AtomicFile::replacing_links(&at("link")).unwrap();
+            file.write_all(b"new").unwrap();
+            file.finish().unwrap();
+            assert!(!at("link").is_symlink(), "{leads_to}");
+            assert_eq!(fs::read(at("link")).unwrap(), b"new");
+            fs::remove_file(at("link")).unwrap();
+        }
+        assert_eq!(fs::read(at("file")).unwrap(), b"old");
+        assert_eq!(fs::read_dir(at("folder")).unwrap().count(), 0);
+        assert!(AtomicFile::replacing_links(&at("folder")).is_err());
     }
 
     #[test]

@@ -244,10 +244,10 @@ fn scan(bytes: &[u8]) -> Result<Head<'_>, String> {
     )
 }
 
-/// Refuses pictures whose components lie one after the other, but for those that the decoder draws right. With finer rows
-/// of one component, or columns of another than the first, it panics or draws them wrong. It counts restarts on from one
-/// scan to the next, and drops rows of blocks that it has read ahead when it meets the next scan. `found`: components in
-/// the first scan.
+/// Refuses pictures whose components lie one after the other, but for those that the decoder draws right. With finer
+/// rows of one component, or columns of another than the first, it panics or draws them wrong. It counts restarts on
+/// from one scan to the next, and drops rows of blocks that it has read ahead when it meets the next scan. `found`:
+/// components in the first scan.
 fn check_first_scan(head: &Head, found: u8) -> Result<(), String> {
     let columns = head.frame.get(3..5);
     let columns = columns.map_or(0, |c| u32::from(u16::from_be_bytes([c[0], c[1]])));

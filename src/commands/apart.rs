@@ -1,7 +1,8 @@
 //! Files that a verb reads and writes, held against each other before it starts: a result that takes the name of its
 //! input replaces it, and two results of one name leave one of them.
 
-use std::fs;
+use std::collections::HashSet;
+use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +11,7 @@ use super::input::InputArgs;
 use super::outputs::RecordArgs;
 use crate::capture::{InputSpec, is_photo};
 use crate::config::Setting;
-use crate::output::STDOUT;
+use crate::output::{STDOUT, link_steps};
 
 /// What a verb reads and writes.
 #[derive(Debug, Default)]
@@ -28,13 +29,29 @@ struct Named {
 }
 
 /// Which file it is, whatever its name.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum What {
     Stdout,
     /// Device and number of a file or folder.
     There(u64, u64),
     /// A place in which nothing is.
     Free(PathBuf),
+}
+
+impl What {
+    fn there(found: &Metadata) -> Self {
+        Self::There(found.dev(), found.ino())
+    }
+
+    /// What has this name: a link, if it is one.
+    fn itself(path: &Path) -> Option<Self> {
+        fs::symlink_metadata(path).ok().as_ref().map(Self::there)
+    }
+
+    /// The same, and what it leads to, link after link.
+    fn on_the_way(path: &Path) -> impl Iterator<Item = Self> + use<> {
+        link_steps(path).filter_map(|step| Self::itself(&step))
+    }
 }
 
 impl Apart {
@@ -150,7 +167,7 @@ impl Named {
     fn new(option: &str, path: &Path) -> Option<Self> {
         let what = match fs::metadata(path) {
             _ if path.as_os_str() == STDOUT => What::Stdout,
-            Ok(found) if found.is_file() || found.is_dir() => What::There(found.dev(), found.ino()),
+            Ok(found) if found.is_file() || found.is_dir() => What::there(&found),
             Ok(_) => return None,
             Err(_) => What::Free(place(path)),
         };
@@ -167,20 +184,34 @@ impl Named {
         if self.what == What::Stdout {
             return false;
         }
-        let is_in = |inner: &Self, folder: &Self| {
-            let around = inner.path.canonicalize();
-            let around = around.ok().and_then(|p| Some(p.parent()?.to_owned()));
-            folder.path.is_dir()
-                && around
-                    .and_then(|p| Self::new("", &p))
-                    .is_some_and(|p| p.what == folder.what)
-        };
-        // A picture with skeletons is a PNG with the name of its photo.
-        let is_png = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-        self.what == from.what
-            || is_in(self, from) && is_photo(&self.path)
-            || is_in(from, self) && is_png(&from.path)
+        self.what == from.what || self.is_photo_in(from) || self.hides(from)
     }
+
+    /// Whether this is a photo in that folder, or one to which a link there leads.
+    fn is_photo_in(&self, folder: &Self) -> bool {
+        let is_this = |entry: PathBuf| What::on_the_way(&entry).any(|what| what == self.what);
+        is_photo(&self.path) && entries(&folder.path).any(is_this)
+    }
+
+    /// Whether pictures that are written into this folder may take the name of what is read, or of a link that leads
+    /// to it. They are PNGs, called like their photos or by numbers, and what links of such names lead to they leave
+    /// alone.
+    fn hides(&self, from: &Self) -> bool {
+        let is_png = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let pictures = entries(&self.path).filter(is_png);
+        let pictures: HashSet<What> = pictures.filter_map(|p| What::itself(&p)).collect();
+        let read = entries(&from.path).chain([from.path.clone()]);
+        !pictures.is_empty()
+            && read
+                .flat_map(|path| What::on_the_way(&path))
+                .any(|what| pictures.contains(&what))
+    }
+}
+
+/// What lies in a folder; nothing for what is none.
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let all = fs::read_dir(folder).into_iter().flatten().flatten();
+    all.map(|entry| entry.path())
 }
 
 impl std::fmt::Display for Named {
@@ -241,6 +272,52 @@ mod tests {
             ("film.avi", "photos"),
             ("photos", "photos/seen.jsonl"),
             ("photos", "photos/new.jsonl"),
+        ] {
+            assert!(!refused(from, to), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn photos_are_found_behind_links() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["real", "first", "second", "drawn"] {
+            fs::create_dir(at(name)).unwrap();
+        }
+        for name in ["real/a.png", "real/b.jpg", "drawn/b.png"] {
+            fs::write(at(name), name).unwrap();
+        }
+        for (leads_to, link) in [
+            ("../second/a.png", "first/a.png"),
+            ("../real/a.png", "second/a.png"),
+            ("../real/a.png", "drawn/a.png"),
+            ("real", "folder"),
+        ] {
+            std::os::unix::fs::symlink(leads_to, at(link)).unwrap();
+        }
+        let refused = |from: &str, to: &str| {
+            let apart = Apart::default().reads("--input", &at(from));
+            apart.writes("--overlay", &at(to)).check().is_err()
+        };
+        for (from, to) in [
+            ("first/a.png", "first"),
+            ("first/a.png", "second"),
+            ("first/a.png", "real"),
+            ("first", "second"),
+            ("first", "real"),
+            ("first", "folder"),
+            ("folder/a.png", "real"),
+            ("first", "real/a.png"),
+            ("first", "second/a.png"),
+        ] {
+            assert!(refused(from, to), "{from} {to}");
+        }
+        for (from, to) in [
+            ("real", "drawn"),
+            ("real/a.png", "second"),
+            ("real/b.jpg", "real"),
+            ("first", "drawn"),
+            ("first", "new"),
         ] {
             assert!(!refused(from, to), "{from} {to}");
         }

@@ -33,7 +33,7 @@ enum What {
 /// Looks at settings.
 ///
 /// # Errors
-/// What is wrong with them; exit code 78.
+/// What is wrong with them; exit code 78. 74 where what is printed cannot be written.
 pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
     match args.what {
         What::Check(args) => {
@@ -52,9 +52,9 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
             let settings = Settings::load(&run.settings)?;
             let effective = settings::effective(&run, &settings)?;
             effective.runs()?;
-            say::out(printed(&effective, &settings)?.trim_end());
+            say::whole(&printed(&effective, &settings)?)?;
         }
-        What::Sample => say::out(settings::SAMPLE.trim_end()),
+        What::Sample => say::whole(settings::SAMPLE)?,
     }
     Ok(())
 }

@@ -190,19 +190,18 @@ impl<'a> Figures<'a> {
         })
     }
 
-    /// Prints the table, then writes the figures as JSON where that is wanted.
+    /// Prints the table and writes the figures as JSON where that is wanted: each also where the other fails.
     fn show(self, report: &(impl Serialize + Display)) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(report)?;
         if let Self::Json = self {
-            say::out(&text);
-            return Ok(());
+            return say::whole(&text);
         }
-        say::out(report.to_string().trim_end());
+        let printed = say::whole(&report.to_string());
         if let Self::Both(path, mut file) = self {
             let written = writeln!(file, "{text}").and_then(|()| file.finish());
             written.map_err(|e| Failure::output(path, &e))?;
         }
-        Ok(())
+        printed
     }
 }
 

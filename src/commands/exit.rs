@@ -154,6 +154,20 @@ impl Failure {
     }
 }
 
+/// How a verb ended that has computed `frames`: what it broke off at, and what was only left out of an input that it
+/// has read to its end. Results of the latter are whole.
+pub fn without_left_out(
+    outcome: anyhow::Result<()>,
+    frames: u64,
+) -> (anyhow::Result<()>, anyhow::Result<()>) {
+    let is_left_out =
+        |e: &anyhow::Error| matches!(e.downcast_ref(), Some(CaptureError::Picture { .. }));
+    match outcome {
+        Err(e) if frames > 0 && is_left_out(&e) => (Ok(()), Err(e)),
+        outcome => (outcome, Ok(())),
+    }
+}
+
 /// Whether what ended with this code may go well when it is started again.
 pub fn may_pass(code: u8) -> bool {
     matches!(code, UNAVAILABLE | SOFTWARE | IO | TRY_LATER)
@@ -264,7 +278,10 @@ fn record_code(error: &RecordError) -> u8 {
 fn link_code(error: &LinkError) -> u8 {
     match error {
         LinkError::Name(_) => USAGE,
-        LinkError::Busy { .. } | LinkError::Version { .. } | LinkError::Full { .. } => UNAVAILABLE,
+        LinkError::Busy { .. }
+        | LinkError::Version { .. }
+        | LinkError::Full { .. }
+        | LinkError::NoPlace { .. } => UNAVAILABLE,
         LinkError::Place { .. } | LinkError::Permission { .. } => NO_PERMISSION,
         LinkError::SharedMemory { .. } => IO,
     }
@@ -294,6 +311,22 @@ mod tests {
             free: 4,
         };
         assert_eq!(code(&full.into()), UNAVAILABLE);
+    }
+
+    #[test]
+    fn what_was_left_out_breaks_nothing_off() {
+        let bad = || CaptureError::Picture {
+            input: "2.jpg".into(),
+            reason: "damaged".into(),
+        };
+        let left_out = || Err(anyhow::Error::from(bad()).context("left out"));
+        let (outcome, after) = without_left_out(left_out(), 1);
+        assert!(outcome.is_ok());
+        assert_eq!(code(&after.unwrap_err()), DATA);
+        let (outcome, after) = without_left_out(left_out(), 0);
+        assert!(outcome.is_err() && after.is_ok(), "there is no result");
+        let cut = CaptureError::data("a.avi", "cut off");
+        assert!(without_left_out(Err(cut.into()), 1).0.is_err());
     }
 
     #[test]

@@ -1,14 +1,19 @@
 //! Which input a verb reads: what the user named, else the first camera, else the bundled clip.
 
 use std::convert::Infallible;
+use std::ffi::OsStr;
 use std::fmt;
+use std::io::ErrorKind;
 use std::os::unix::fs::FileTypeExt;
+use std::path::Path;
 use std::str::FromStr;
 
+use anyhow::Context;
+use clap::builder::TypedValueParser;
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
-use crate::camera::{CameraFile, DEFAULT_FOV, SystemClock};
+use crate::camera::{CameraError, CameraFile, DEFAULT_FOV, SystemClock};
 use crate::capture::camera::ControlSetting;
 use crate::capture::demo;
 use crate::capture::{
@@ -25,7 +30,7 @@ pub const DEFAULT_NAME: &str = "camera0";
 pub struct InputArgs {
     /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
     /// [default: the first camera, else the bundled demo clip, over and over]
-    #[arg(long, value_name = "INPUT")]
+    #[arg(long, value_name = "INPUT", value_parser = Words)]
     pub input: Option<String>,
     /// Name under which observations and bodies are published [default: camera0 where no input is given, of 'camera'
     /// and of '-'; else the file's or device's name without its ending, such as clip or video0]
@@ -53,6 +58,29 @@ pub struct InputArgs {
     /// Play a film as a camera would show it, over and over: at its own rate, frames dropped when they come too late
     #[arg(long)]
     pub live: bool,
+}
+
+/// Names in UTF-8: settings, records and the tasks of children hold them as text.
+#[derive(Debug, Clone)]
+struct Words;
+
+impl TypedValueParser for Words {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        _: Option<&clap::Arg>,
+        given: &OsStr,
+    ) -> Result<String, clap::Error> {
+        given.to_str().map(str::to_owned).ok_or_else(|| {
+            let message = format!(
+                "--input: expected a path in UTF-8, found {}; rename it, or give a link to it (ln -s)",
+                given.display()
+            );
+            clap::Error::raw(clap::error::ErrorKind::InvalidUtf8, message).with_cmd(command)
+        })
+    }
 }
 
 fn parse_fps(text: &str) -> Result<f64, String> {
@@ -266,13 +294,28 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
     })
 }
 
+/// The lens that a file describes.
+///
+/// # Errors
+/// If it cannot be read or is wrong; where it is not there, somebody may have meant a camera's name.
+pub fn lens(file: &Path) -> anyhow::Result<CameraFile> {
+    let read = CameraFile::read(file);
+    let is_missing = matches!(&read, Err(CameraError::Read { source, .. }) if source.kind() == ErrorKind::NotFound);
+    match is_missing {
+        true => read.context(
+            "--camera (lens in the settings) is the file of the lens, --name the camera's name",
+        ),
+        false => Ok(read?),
+    }
+}
+
 /// The camera that the arguments name.
 ///
 /// # Errors
 /// If its file is wrong.
 pub fn camera_file(args: &InputArgs, chosen: &NamedInput) -> anyhow::Result<CameraFile> {
     Ok(match &args.lens {
-        Some(Setting::File(path)) => CameraFile::read(path)?,
+        Some(Setting::File(path)) => lens(path)?,
         Some(Setting::Given(lens)) => *lens,
         None if chosen.spec == InputSpec::Demo => demo::camera(),
         None => {

@@ -62,6 +62,9 @@ fn of_default(level: Level) -> Targets {
 /// What `wanted` lets through: a level, or levels of parts of the program (`warn,edgecap::capture=debug`). Parts alone,
 /// or a level that does not exist, which reads like a part's name, leave the others as they are by default.
 fn chosen(wanted: &str, by_default: Level) -> Result<Targets, ParseError> {
+    // Nothing between two commas would be read as the level of errors.
+    let parts = wanted.split(',').map(str::trim).filter(|p| !p.is_empty());
+    let wanted = parts.collect::<Vec<_>>().join(",");
     if wanted.is_empty() {
         return Ok(of_default(by_default));
     }
@@ -148,6 +151,17 @@ mod tests {
         assert!(!lets_through(part, "edgecap::fit", Level::INFO));
         assert!(lets_through(part, "edgecap::fit", Level::WARN));
         assert!(!lets_through(part, "calib_targets_charuco", Level::WARN));
+    }
+
+    #[test]
+    fn a_comma_too_many_silences_nothing() {
+        for wanted in ["info,", ",info", "info, ,"] {
+            assert!(
+                lets_through(wanted, "edgecap::capture", Level::INFO),
+                "{wanted}"
+            );
+        }
+        assert!(lets_through(",", "edgecap::capture", Level::WARN));
     }
 
     #[test]

@@ -162,7 +162,7 @@ pub fn main() -> u8 {
         Verb::Config(args) => config::config(args),
         Verb::Status(args) => status::status(args),
         Verb::Install(args) => install::install(args),
-        Verb::Completions { shell } => install::completions(shell).map(|script| say::out(&script)),
+        Verb::Completions { shell } => install::completions(shell).and_then(|s| say::whole(&s)),
         Verb::Doctor(args) => doctor::doctor(args),
         Verb::Model(args) => model::model(args),
     };

@@ -58,6 +58,45 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
         "recording {} (Ctrl-C stops)",
         edgecap_client::service_name::<M>(&args.camera)
     ));
+    let taken = take(args, &stop, &stream, &mut file);
+    let frames = file.frames();
+    if frames == 0 {
+        file.give_up();
+        taken?;
+        return Err(Failure::unavailable(format!(
+            "{}: nobody published, nothing was recorded; 'edgecap status' says which cameras run",
+            edgecap_client::service_name::<M>(&args.camera)
+        ))
+        .into());
+    }
+    taken?;
+    let bytes = file.bytes();
+    let finished = file.finish().and_then(|is_there| match is_there {
+        true => Ok(()),
+        false => Err(std::io::Error::other(
+            "somebody removed, moved or cut the record",
+        )),
+    });
+    finished.map_err(|cause| SinkError::Write {
+        path: args.to.clone(),
+        cause,
+    })?;
+    say::out(&format!(
+        "{}, {:.1} MB → {}",
+        counted(frames, "frame", "frames"),
+        bytes as f64 / 1e6,
+        args.to.display()
+    ));
+    Ok(())
+}
+
+/// Takes frames until the user stops it, the input ends, or the time is over.
+fn take<T: Row<Message = M>, M: Message + Times>(
+    args: &RecordVerb,
+    stop: &Stop,
+    stream: &Subscriber<M>,
+    file: &mut GrowingRecord<T>,
+) -> anyhow::Result<()> {
     let mut ended = None;
     let began = Instant::now();
     let is_over =
@@ -80,34 +119,6 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
             })?;
         }
     }
-    let frames = file.frames();
-    if frames == 0 {
-        drop(file);
-        // It would be a record of nothing.
-        let _ = std::fs::remove_file(&args.to);
-        return Err(Failure::unavailable(format!(
-            "{}: nobody published, nothing was recorded; 'edgecap status' says which cameras run",
-            edgecap_client::service_name::<M>(&args.camera)
-        ))
-        .into());
-    }
-    let bytes = file.bytes();
-    let finished = file.finish().and_then(|is_there| match is_there {
-        true => Ok(()),
-        false => Err(std::io::Error::other(
-            "somebody removed, moved or cut the record",
-        )),
-    });
-    finished.map_err(|cause| SinkError::Write {
-        path: args.to.clone(),
-        cause,
-    })?;
-    say::out(&format!(
-        "{}, {:.1} MB → {}",
-        counted(frames, "frame", "frames"),
-        bytes as f64 / 1e6,
-        args.to.display()
-    ));
     Ok(())
 }
 

@@ -24,6 +24,23 @@ pub fn result(line: &str) -> anyhow::Result<bool> {
     }
 }
 
+/// The whole result of a verb on standard output. Whoever has read enough of it may leave.
+///
+/// # Errors
+/// As [`result`].
+pub fn whole(text: &str) -> anyhow::Result<()> {
+    result(text.trim_end()).map(drop)
+}
+
+/// What was done and, behind it, where the results are, as the sinks say.
+pub fn concluded(done: &str, places: &[String]) -> String {
+    let places = places.join("; ");
+    match places.is_empty() || places.starts_with('→') {
+        true => format!("{done} {places}").trim_end().to_owned(),
+        false => format!("{done}; {places}"),
+    }
+}
+
 /// A line on standard error.
 pub fn err(line: &str) {
     at(Stderr::new(), Level::INFO, line);
@@ -42,4 +59,25 @@ fn at(mut to: Stderr, level: Level, line: &str) {
         format!("{line}\n")
     };
     let _ = to.write_all(line.as_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_done_stands_apart_from_where_it_is() {
+        for (places, line) in [
+            (&[][..], "2 frames"),
+            (&["→ a.jsonl"], "2 frames → a.jsonl"),
+            (&["2 pictures → ov"], "2 frames; 2 pictures → ov"),
+            (
+                &["→ a.jsonl", "2 pictures → ov"],
+                "2 frames → a.jsonl; 2 pictures → ov",
+            ),
+        ] {
+            let places: Vec<String> = places.iter().map(ToString::to_string).collect();
+            assert_eq!(concluded("2 frames", &places), line);
+        }
+    }
 }

@@ -20,7 +20,7 @@ const QUIET: Duration = Duration::from_secs(3);
 #[derive(Debug, clap::Args)]
 pub struct WatchArgs {
     /// The camera: the --name of the run that publishes
-    #[arg(long, value_name = "NAME", default_value = DEFAULT_NAME)]
+    #[arg(long, visible_alias = "camera", value_name = "NAME", default_value = DEFAULT_NAME)]
     name: String,
     #[command(flatten)]
     table: TableArgs,

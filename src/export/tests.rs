@@ -71,7 +71,7 @@ fn somebody_in_a_place_that_was_mostly_empty_has_all_their_poses() {
 
 #[test]
 fn whoever_is_in_no_two_frames_in_a_row_has_the_rate_of_all() {
-    let who = |k: u64| -> &[u32] { if k % 2 == 0 { &[1] } else { &[] } };
+    let who = |k: u64| -> &[u32] { if k.is_multiple_of(2) { &[1] } else { &[] } };
     let messages: Vec<Message<'_>> = (0..9).map(|k| (k, k * SECOND / 10, who(k))).collect();
     let rate = take(&messages).rate();
     assert!((rate - 10.0).abs() < 1e-6, "{rate}");

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use rustix::io::Errno;
@@ -10,6 +11,12 @@ use super::parent;
 
 /// As many links as the system itself follows.
 const MOST_LINKS: usize = 40;
+
+/// `path`, and what it leads to, link after link.
+pub fn steps(path: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+    let next = |link: &PathBuf| Some(parent(link).join(fs::read_link(link).ok()?));
+    iter::successors(Some(path.to_owned()), next).take(MOST_LINKS + 1)
+}
 
 /// The file behind `path`, which need not be there yet; `path` itself where it is no link.
 ///
@@ -24,21 +31,18 @@ pub fn behind_links(path: &Path) -> io::Result<PathBuf> {
     if fs::metadata(path).is_ok() {
         return Ok(path.to_owned());
     }
-    let mut target = path.to_owned();
-    for _ in 0..MOST_LINKS {
-        let Ok(next) = fs::read_link(&target) else {
-            if target != path && !parent(&target).is_dir() {
-                let what = format!(
-                    "it is a link to {}, whose folder is missing",
-                    target.display()
-                );
-                return Err(io::Error::new(io::ErrorKind::NotFound, what));
-            }
-            return Ok(target);
-        };
-        target = parent(&target).join(next);
+    let target = steps(path).last().unwrap_or_else(|| path.to_owned());
+    if target.is_symlink() {
+        return Err(Errno::LOOP.into());
     }
-    Err(Errno::LOOP.into())
+    if target != path && !parent(&target).is_dir() {
+        let what = format!(
+            "it is a link to {}, whose folder is missing",
+            target.display()
+        );
+        return Err(io::Error::new(io::ErrorKind::NotFound, what));
+    }
+    Ok(target)
 }
 
 #[cfg(test)]

@@ -1,13 +1,18 @@
 //! Where a file goes whose writing broke off: what is there and holds more is not given for it.
 
+use std::fs::{self, File, Metadata};
+use std::io::{self, BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use super::suffix::suffixed;
 
-/// `path`, or, where a longer file has this name, the first free one of `NAME-cut`, `NAME-cut-2` and so on, of which
-/// the user is told.
-pub fn place(path: &Path, bytes: u64) -> PathBuf {
-    if !std::fs::metadata(path).is_ok_and(|older| older.is_file() && older.len() > bytes) {
+/// How a line of JSON begins.
+const LINE: &[u8] = b"{";
+
+/// `path`, or, where a file of this name holds more than `stump`, the first free one of `NAME-cut`, `NAME-cut-2` and so
+/// on, of which the user is told.
+pub fn place(path: &Path, stump: &mut File) -> PathBuf {
+    if !fs::metadata(path).is_ok_and(|older| older.is_file()) || !holds_more(path, stump) {
         return path.to_owned();
     }
     let beside = (1..)
@@ -15,7 +20,7 @@ pub fn place(path: &Path, bytes: u64) -> PathBuf {
             1 => suffixed(path, "-cut"),
             n => suffixed(path, &format!("-cut-{n}")),
         })
-        .find(|p| std::fs::symlink_metadata(p).is_err());
+        .find(|p| fs::symlink_metadata(p).is_err());
     let beside = beside.unwrap_or_else(|| path.to_owned());
     tracing::warn!(
         "{}: the file of the time before is longer and stays; what there is of this one is {}",
@@ -23,6 +28,31 @@ pub fn place(path: &Path, bytes: u64) -> PathBuf {
         beside.display()
     );
     beside
+}
+
+/// Whether the older file has more lines, or, where one of the two is no record in lines, more bytes: as many frames
+/// make a longer file where numbers have more digits.
+fn holds_more(older: &Path, stump: &mut File) -> bool {
+    let before = File::open(older).and_then(|mut file| lines(&mut file));
+    if let (Ok(Some(before)), Ok(Some(now))) = (before, lines(stump)) {
+        return before > now;
+    }
+    let bytes = |found: io::Result<Metadata>| found.map_or(0, |m| m.len());
+    bytes(fs::metadata(older)) > bytes(stump.metadata())
+}
+
+/// How many lines of JSON a file holds; `None` where it holds something else.
+fn lines(file: &mut File) -> io::Result<Option<u64>> {
+    file.rewind()?;
+    let mut file = BufReader::new(file);
+    if !file.fill_buf()?.starts_with(LINE) {
+        return Ok(None);
+    }
+    let mut lines = 0;
+    while file.skip_until(b'\n')? > 0 {
+        lines += 1;
+    }
+    Ok(Some(lines))
 }
 
 #[cfg(test)]
@@ -52,5 +82,21 @@ mod tests {
         // A whole one replaces whatever is there.
         crate::output::write(&at("a.jsonl"), b"whole\n").unwrap();
         assert_eq!(text("a.jsonl"), "whole\n");
+    }
+
+    #[test]
+    fn as_many_lines_are_as_much_whatever_their_digits() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jsonl");
+        let older = "{\"x\":0.123456789}\n{\"x\":0.123456789}\n";
+        for (stump, stays) in [("{\"x\":1}\n", true), ("{\"x\":1}\n{\"x\":2}\n", false)] {
+            std::fs::write(&path, older).unwrap();
+            let mut file = AtomicFile::create(&path).unwrap();
+            file.write_all(stump.as_bytes()).unwrap();
+            file.break_off();
+            assert_eq!(file.finish_beside().unwrap().is_some(), stays);
+            let there = if stays { older } else { stump };
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), there);
+        }
     }
 }

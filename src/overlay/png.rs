@@ -28,7 +28,8 @@ impl OverlayError {
     }
 }
 
-/// Writes the picture: nobody ever sees half a file, and nothing is left behind after an error.
+/// Writes the picture: nobody ever sees half a file, and nothing is left behind after an error. A link of this name is
+/// replaced: it may lead to the very picture that was drawn on.
 ///
 /// # Errors
 /// [`OverlayError`] when the file cannot be created, written or renamed.
@@ -40,7 +41,7 @@ pub fn write_png(frame: &Frame, path: &Path) -> Result<(), OverlayError> {
 }
 
 fn write(frame: &Frame, path: &Path) -> io::Result<()> {
-    let mut file = AtomicFile::create(path)?;
+    let mut file = AtomicFile::replacing_links(path)?;
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
         .write_image(
             &frame.rgb,

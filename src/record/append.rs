@@ -1,6 +1,6 @@
 //! A record that grows under its own name: whatever ends the process, every frame written before is in it.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::rows::Row;
 use super::writer::{Format, encode, head};
-use crate::output::{is_in_place, set_aside};
+use crate::output::{is_in_place, parent, set_aside};
 
 /// How often frames are brought onto the disk itself, a power cut takes no more; and how often it is looked whether the
 /// record is still the file of its name.
@@ -19,6 +19,8 @@ const SYNC_EVERY: Duration = Duration::from_secs(5);
 pub struct GrowingRecord<T> {
     file: File,
     path: PathBuf,
+    /// A folder made for this record alone.
+    made: Option<PathBuf>,
     format: Format,
     buffer: Vec<u8>,
     whole: u64,
@@ -28,24 +30,45 @@ pub struct GrowingRecord<T> {
 }
 
 impl<T: Row> GrowingRecord<T> {
-    /// Starts a record at `path`, where there must be no file.
+    /// Starts a record at `path`, where there must be no file; missing folders are made.
     ///
     /// # Errors
     /// Of kind `AlreadyExists` where there is one; the system's.
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
-        let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
-        let head = head::<T>(format);
-        file.write_all(&head)?;
-        Ok(Self {
+        let folder = parent(path);
+        let made = (!folder.exists()).then(|| folder.to_owned());
+        fs::create_dir_all(folder)?;
+        let file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        let mut record = Self {
             file,
             path: path.to_owned(),
+            made,
             format,
             buffer: Vec::new(),
-            whole: head.len() as u64,
+            whole: 0,
             frames: 0,
             synced: Instant::now(),
             rows: PhantomData,
-        })
+        };
+        let head = head::<T>(format);
+        if let Err(e) = record.file.write_all(&head) {
+            record.give_up();
+            return Err(e);
+        }
+        record.whole = head.len() as u64;
+        Ok(record)
+    }
+
+    /// Leaves nothing of a record of nothing; one that holds frames stays.
+    pub fn give_up(self) {
+        if self.frames > 0 || !is_in_place(&self.file, &self.path, 0, true).unwrap_or(false) {
+            return;
+        }
+        let _ = fs::remove_file(&self.path);
+        if let Some(folder) = &self.made {
+            // Of a folder that holds something by now this fails.
+            let _ = fs::remove_dir(folder);
+        }
     }
 
     /// Where it is.
@@ -114,8 +137,8 @@ impl<T: Row> GrowingRecord<T> {
             );
         }
         // One that somebody emptied holds nothing to be set aside.
-        if std::fs::symlink_metadata(&self.path).is_ok_and(|m| m.is_file() && m.len() == 0) {
-            std::fs::remove_file(&self.path)?;
+        if fs::symlink_metadata(&self.path).is_ok_and(|m| m.is_file() && m.len() == 0) {
+            fs::remove_file(&self.path)?;
         }
         *self = Self::create(&self.path, self.format)?;
         Ok(())
@@ -188,6 +211,25 @@ mod tests {
         }
     }
 
+    #[test]
+    fn of_a_record_of_nothing_nothing_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/take.record");
+        let begin = || GrowingRecord::<BodiesRow>::create(&path, Format::Binary).unwrap();
+        begin().give_up();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        let mut record = begin();
+        record.write(&BodyFrame::default(), "").unwrap();
+        record.give_up();
+        assert!(path.exists(), "it holds a frame");
+        fs::remove_file(&path).unwrap();
+        let record = begin();
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, "another's").unwrap();
+        record.give_up();
+        assert!(path.exists(), "it is another's");
+    }
+
     /// A file that may not grow stands in for a full disk: of a frame that does not fit it takes a part.
     #[test]
     fn after_a_failure_the_next_frame_follows_the_last_whole_one() {
@@ -195,6 +237,7 @@ mod tests {
         let mut record = GrowingRecord::<BodiesRow> {
             file,
             path: PathBuf::new(),
+            made: None,
             format: Format::Jsonl,
             buffer: Vec::new(),
             whole: 0,

@@ -173,6 +173,33 @@ fn bad_input_is_one_line_and_a_code() {
     }
 }
 
+/// The bundled clip's truth names no film: its frames have numbers alone, as photos have.
+#[test]
+fn a_film_is_not_measured_by_photos_nor_photos_by_a_film() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_predictions(&at("photos.jsonl"));
+    let clip = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/demo/truth.json");
+    let film = serde_json::json!({
+        "frame": 0, "time_ns": 0, "source": "demo.avi", "width": 512, "height": 320, "people": [],
+    });
+    fs::write(at("film.jsonl"), film.to_string()).unwrap();
+    let photos = serde_json::json!([{"file": "a.jpg", "split": "test", "joints": joints()}]);
+    fs::write(at("photos.json"), photos.to_string()).unwrap();
+    for (predictions, truth, word) in [
+        ("photos.jsonl", clip.to_str().unwrap(), "photos/a.jpg"),
+        ("film.jsonl", "photos.json", "infer"),
+    ] {
+        let args = ["--predictions", predictions, "--truth", truth];
+        let failed = eval(folder.path(), &args).code(65);
+        let error = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+        assert!(
+            error.lines().count() == 1 && error.contains(word),
+            "{error}"
+        );
+    }
+}
+
 #[test]
 fn synth_refuses_what_would_do_nothing() {
     let folder = tempfile::tempdir().unwrap();

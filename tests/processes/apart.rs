@@ -1,8 +1,10 @@
 //! What is read is never what is written, and no two results have one file.
 
+use std::os::unix::fs::symlink;
 use std::path::Path;
 
-use crate::program::{assert_fails, edgecap, stderr};
+use crate::program::{assert_fails, edgecap, output, stderr};
+use edgecap::capture::{AviWriter, Frame};
 
 #[test]
 fn an_input_is_not_replaced_by_a_result() {
@@ -81,6 +83,57 @@ fn an_input_is_not_replaced_by_a_result() {
         std::fs::read_to_string(at("photos/a.png")).unwrap(),
         "photo"
     );
+}
+
+/// A folder with a photo and a film, and one for each with a link to it that is called as a picture of it would be.
+fn linked(folder: &Path) -> [String; 3] {
+    let folders = ["real", "lnk", "ol"].map(|name| {
+        let path = folder.join(name);
+        std::fs::create_dir(&path).unwrap();
+        path
+    });
+    let photo = image::RgbImage::from_pixel(64, 48, image::Rgb([90, 80, 70]));
+    photo.save(folders[0].join("a.png")).unwrap();
+    let film = std::fs::File::create(folders[0].join("c.avi")).unwrap();
+    let mut film = AviWriter::new(film, 64, 48, (12, 1)).unwrap();
+    let picture = Frame {
+        width: 64,
+        height: 48,
+        rgb: photo.into_raw(),
+        ..Frame::default()
+    };
+    film.write_frame(&picture, 85).unwrap();
+    film.finish().unwrap();
+    symlink("../real/a.png", folders[1].join("a.png")).unwrap();
+    symlink("../real/c.avi", folders[2].join("000000.png")).unwrap();
+    folders.map(|path| path.to_str().unwrap().to_owned())
+}
+
+#[test]
+fn photos_and_films_behind_links_are_not_drawn_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let [real, lnk, ol] = linked(folder.path());
+    let (photo, film) = (format!("{real}/a.png"), format!("{real}/c.avi"));
+    let linked = format!("{lnk}/a.png");
+    let read = || [&photo, &film].map(|path| std::fs::read(path).unwrap());
+    let before = read();
+    let small = ["--size", "256x160", "--threads", "1"];
+    for verb in ["infer", "run"] {
+        for (input, to) in [(&linked, &lnk), (&lnk, &real), (&linked, &real)] {
+            let args = [verb, "--input", input, "--overlay", to];
+            assert_fails(&args, 64, &["would replace", "choose another name"]);
+        }
+    }
+    let args = ["infer", "--input", &lnk, "--jsonl", &photo];
+    assert_fails(&args, 64, &["would replace"]);
+    for (input, to) in [(&real, &lnk), (&film, &ol)] {
+        let args = [&["infer", "--input", input, "--overlay", to], &small[..]].concat();
+        let done = output(&args);
+        assert!(done.status.success(), "{}", stderr(&done));
+        assert!(read() == before, "{input} is drawn over");
+        let mut drawn = std::fs::read_dir(to).unwrap().map(|e| e.unwrap().path());
+        assert!(drawn.all(|p| !p.is_symlink() && image::open(p).is_ok()));
+    }
 }
 
 #[test]

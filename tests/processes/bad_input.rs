@@ -257,6 +257,7 @@ fn times_that_do_not_rise_are_told_once() {
             .matches("expected times that rise, found frame 2")
             .count();
         assert_eq!(told, warnings, "{said}");
+        assert!(said.contains(&format!("4 frames → {to}")), "{said}");
         let lines = std::fs::read_to_string(&to).unwrap();
         assert_eq!(lines.lines().count(), 4);
     }
@@ -423,6 +424,39 @@ fn a_recording_of_nobody_ends_in_time_and_leaves_nothing() {
     assert!(!to.exists());
 }
 
+/// For run, infer and fit `--camera` is the lens, for the others the camera.
+#[test]
+fn a_camera_where_a_lens_is_expected() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (seen, to) = (path("seen.jsonl"), path("to.jsonl"));
+    std::fs::write(&seen, "").unwrap();
+    let lens = ["--jsonl", &to, "--camera", "hall"];
+    for verb in ["run", "infer", "fit"] {
+        let input = if verb == "fit" { &seen } else { "demo" };
+        let args = [&[verb, "--input", input][..], &lens].concat();
+        assert_fails(&args, 66, &["hall", "--camera", "lens", "--name"]);
+    }
+}
+
+#[test]
+fn a_contract_says_what_is_yours() {
+    let said = |more: &[&str]| stderr(&output(&[&["model", "contract"], more].concat()));
+    let (first, second) = (said(&[]), said(&["--stage2"]));
+    for key in ["trained_on", "batchnorm_eps"] {
+        assert!(
+            first.contains(key) && second.contains(key),
+            "{first}{second}"
+        );
+    }
+    for key in ["reference_size", "outputs", "bones_at", "encodings_trained"] {
+        assert!(
+            first.contains(key) && !second.contains(key),
+            "{key}: {second}"
+        );
+    }
+}
+
 /// Names of files need not be UTF-8.
 #[test]
 fn arguments_of_other_bytes_are_answered_as_any_other() {
@@ -435,5 +469,14 @@ fn arguments_of_other_bytes_are_answered_as_any_other() {
         .unwrap();
     let said = stderr(&out);
     assert_eq!(out.status.code(), Some(64), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    let out = edgecap()
+        .args(["run", "--input"])
+        .arg(other)
+        .output()
+        .unwrap();
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(64), "{said}");
+    assert!(said.contains("--input: expected a path in UTF-8"), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
 }

@@ -6,7 +6,7 @@ use std::process::{ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
+use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stdout, stream};
 use edgecap::capture::{AviReader, AviWriter, Frame, Source, demo};
 use edgecap::message::BodyFrame;
 use edgecap_client::Subscriber;
@@ -195,13 +195,10 @@ fn a_film_in_gives_a_film_with_skeletons_of_the_same_length_and_rate() {
 #[test]
 fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
     let folder = tempfile::tempdir().unwrap();
-    let photos = folder.path().join("photos");
-    std::fs::create_dir(&photos).unwrap();
-    for name in ["1.jpg", "3.jpg"] {
-        std::fs::write(photos.join(name), photo()).unwrap();
-    }
-    std::fs::write(photos.join("2.jpg"), b"\xff\xd8\xff damaged").unwrap();
+    let photos = photos_with_a_damaged_one(folder.path());
     let (drawn, lines) = (folder.path().join("drawn"), folder.path().join("b.jsonl"));
+    // As of a whole run before, which this one replaces.
+    std::fs::write(&lines, "{}\n".repeat(100_000)).unwrap();
     let out = edgecap()
         .args(["run", "--name", &stream("bad")])
         .args(SMALL)
@@ -220,6 +217,8 @@ fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
         "{last}"
     );
     assert_eq!(count(&lines), 2);
+    let places = format!(" → {}; 2 pictures → {}", lines.display(), drawn.display());
+    assert!(stdout(&out).contains(&places), "{}", stdout(&out));
     // Lines say of which picture they are, and nobody is in two of them.
     let text = std::fs::read_to_string(&lines).unwrap();
     let rows: Vec<serde_json::Value> = text
@@ -241,6 +240,93 @@ fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
         .collect();
     names.sort();
     assert_eq!(names, ["1.png", "3.png"]);
+}
+
+/// Three photos, of which one is damaged.
+fn photos_with_a_damaged_one(folder: &Path) -> PathBuf {
+    let photos = folder.join("photos");
+    std::fs::create_dir(&photos).unwrap();
+    for name in ["1.jpg", "3.jpg"] {
+        std::fs::write(photos.join(name), photo()).unwrap();
+    }
+    std::fs::write(photos.join("2.jpg"), b"\xff\xd8\xff damaged").unwrap();
+    photos
+}
+
+/// A folder that was read to its end gives a whole record, whatever was left out of it.
+#[test]
+fn a_bad_picture_leaves_no_older_record_in_place_and_the_new_one_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos_with_a_damaged_one(folder.path());
+    let (seen, drawn) = (
+        folder.path().join("seen.jsonl"),
+        folder.path().join("drawn"),
+    );
+    std::fs::write(&seen, "{\"a longer line\": 0}\n".repeat(10_000)).unwrap();
+    let out = edgecap()
+        .args(["infer", "--input"])
+        .arg(&photos)
+        .arg("--jsonl")
+        .arg(&seen)
+        .arg("--overlay")
+        .arg(&drawn)
+        .args(SMALL)
+        .output()
+        .unwrap();
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(65), "{said}");
+    assert_eq!(count(&seen), 2, "{said}");
+    assert!(!said.contains("seen-cut"), "{said}");
+    let lines: Vec<&str> = said.lines().collect();
+    let [.., result, failure] = lines[..] else {
+        panic!("{said}")
+    };
+    let places = format!("→ {}; 2 pictures → {}", seen.display(), drawn.display());
+    assert!(result.starts_with("2 frames, 2 with people → "), "{said}");
+    assert!(result.ends_with(&places), "{said}");
+    assert!(failure.starts_with("edgecap: left out: "), "{said}");
+}
+
+/// Of none of them there is a result: what was there stays.
+#[test]
+fn a_folder_of_bad_pictures_replaces_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos_with_a_damaged_one(folder.path());
+    for name in ["1.jpg", "3.jpg"] {
+        std::fs::remove_file(photos.join(name)).unwrap();
+    }
+    std::fs::write(photos.join("4.jpg"), "damaged, too").unwrap();
+    let seen = folder.path().join("seen.jsonl");
+    std::fs::write(&seen, "{}\n").unwrap();
+    let (photos, jsonl) = (photos.to_str().unwrap(), seen.to_str().unwrap());
+    let args = ["infer", "--input", photos, "--jsonl", jsonl];
+    assert_fails(&[&args[..], &SMALL].concat(), 65, &["left out 2 pictures"]);
+    assert_eq!(std::fs::read_to_string(&seen).unwrap(), "{}\n");
+}
+
+/// The same film, seen with other settings: as many frames are not fewer for having fewer digits.
+#[test]
+fn a_cut_film_replaces_as_many_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = cut_film(folder.path());
+    let seen = folder.path().join("seen.jsonl");
+    let see = || {
+        let args = [
+            "infer",
+            "--input",
+            film.to_str().unwrap(),
+            "--jsonl",
+            seen.to_str().unwrap(),
+        ];
+        assert_fails(&[&args[..], &SMALL].concat(), 65, &["cut.avi"]);
+        std::fs::read_to_string(&seen).unwrap()
+    };
+    let wide = see().replace("{\"frame\":", "{                    \"frame\":");
+    std::fs::write(&seen, &wide).unwrap();
+    let again = see();
+    assert!(again.len() < wide.len(), "spaces are no frames");
+    assert_eq!(again.lines().count(), wide.lines().count());
+    assert!(!folder.path().join("seen-cut.jsonl").exists());
 }
 
 #[test]
@@ -360,6 +446,43 @@ fn a_full_disk_keeps_what_found_room() {
     assert_fails(&readonly, 73, &["/proc/b.jsonl"]);
 }
 
+/// Who redirects a result to a file that has no room must not take half of it for the whole.
+#[test]
+fn results_on_a_full_disk_are_no_success() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("p.jsonl"),
+        "{\"frame\":0,\"people\":[]}\n",
+    )
+    .unwrap();
+    let eval = ["eval", "--predictions", "p.jsonl", "--no-people"];
+    for args in [
+        &["config", "sample"][..],
+        &["config", "print"],
+        &["model", "contract"],
+        &["model", "info"],
+        &["completions", "bash"],
+        &eval,
+        &[&eval[..], &["--json", "-"]].concat(),
+    ] {
+        let run = || {
+            let mut run = edgecap();
+            run.current_dir(folder.path()).args(args);
+            run
+        };
+        let full = std::fs::File::create("/dev/full").unwrap();
+        let out = run().stdout(full).output().unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(74), "{args:?}: {said}");
+        assert!(said.starts_with("edgecap: standard output: "), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let out = run().stdout(writer).output().unwrap();
+        assert_eq!(out.status.code(), Some(0), "{args:?}: {}", stderr(&out));
+    }
+}
+
 #[test]
 fn an_endless_line_is_refused_before_it_fills_the_memory() {
     let folder = tempfile::tempdir().unwrap();
@@ -463,7 +586,7 @@ fn what_a_camera_saw_before_its_process_was_killed_is_there() {
 #[test]
 fn to_be_asked_twice_at_once_is_to_be_asked_once() {
     let folder = tempfile::tempdir().unwrap();
-    for (turn, asked) in ["TERM", "INT", "TERM", "INT"].into_iter().enumerate() {
+    for (turn, asked) in ["TERM", "INT", "HUP", "TERM"].into_iter().enumerate() {
         let seen = folder.path().join(format!("{turn}.jsonl"));
         let name = stream("twice");
         let jsonl = seen.to_str().unwrap();
@@ -486,6 +609,32 @@ fn to_be_asked_twice_at_once_is_to_be_asked_once() {
         assert!(count(&seen) > 0, "{asked}: what was seen is lost");
         drop(pipe);
     }
+}
+
+/// A terminal that is closed asks everybody on it to stop; who was started with `nohup` goes on.
+#[test]
+fn what_is_to_outlive_its_terminal_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let (seen, name) = (folder.path().join("seen.jsonl"), stream("nohup"));
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", "trap '' HUP; exec \"$0\" \"$@\""])
+        .arg(edgecap().get_program())
+        .args(["infer", "--input", "demo", "--live", "--name", &name])
+        .args(SMALL)
+        .arg("--jsonl")
+        .arg(&seen)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let run = Running(command.spawn().unwrap());
+    let frames = || std::fs::read_to_string(&seen).map_or(0, |t| t.lines().count());
+    eventually("frames", || (frames() > 0).then_some(()));
+    signal(run.pid(), "HUP");
+    let before = frames();
+    eventually("more frames", || (frames() > before + 5).then_some(()));
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(20));
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
 }
 
 #[test]

@@ -191,14 +191,15 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         // Whoever waits for the whole film must not take this for it.
         outcome = Err(Failure::stopped(observed).into());
     }
+    let (outcome, left_out) = exit::without_left_out(outcome, observed);
     let words = finish(sinks, observed, outcome)?;
     // Whoever names a stream reads it, among them the verbs that have a film looked at.
     if !is_supervised && task.input.name.is_none() {
-        let words = words.join("; ");
         let frames = counted(observed, "frame", "frames");
-        say::err(format!("{frames}, {inhabited} with people {words}").trim_end());
+        let done = format!("{frames}, {inhabited} with people");
+        say::err(&say::concluded(&done, &words));
     }
-    Ok(())
+    left_out
 }
 
 /// Says what can be set on a camera.

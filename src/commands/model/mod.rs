@@ -127,15 +127,20 @@ fn text(path: &Path) -> Result<String> {
 }
 
 fn contract(arch: &str, is_stage2: bool) -> Result<()> {
-    let text = match is_stage2 {
-        true => serde_json::to_string_pretty(&Stage2Contract::template())?,
-        false => serde_json::to_string_pretty(&Contract::template(&network(arch)?))?,
+    let (text, yours) = match is_stage2 {
+        true => (
+            serde_json::to_string_pretty(&Stage2Contract::template())?,
+            "step, images, quantised, trained_on and batchnorm_eps are yours to tell, and report, which may be missing",
+        ),
+        false => (
+            serde_json::to_string_pretty(&Contract::template(&network(arch)?))?,
+            "step, images, quantised, trained_on, batchnorm_eps, reference_size, outputs, bones_at and encodings_trained are yours to tell",
+        ),
     };
-    say::out(&text);
-    say::err(
-        "step, images, quantised, trained_on, reference_size, outputs, bones_at and encodings_trained are yours to tell; what else \
-         differs in your network, this version cannot run (docs/weights.md)",
-    );
+    say::whole(&text)?;
+    say::err(&format!(
+        "{yours}; what else differs in your network, this version cannot run (docs/weights.md)"
+    ));
     Ok(())
 }
 
@@ -206,8 +211,7 @@ fn info(path: Option<&Path>) -> Result<()> {
             "blake3       {digest} (its contents, as its header says)"
         )?;
     }
-    say::out(out.trim_end());
-    Ok(())
+    say::whole(&out)
 }
 
 fn verify(path: Option<&Path>) -> Result<()> {

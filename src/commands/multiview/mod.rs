@@ -71,8 +71,8 @@ pub struct MultiviewArgs {
     /// How views that were not started together are brought to one time
     #[arg(long, value_enum, default_value_t = Sync::Auto)]
     pub sync: Sync,
-    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .csv, .npz or .svg;
-    /// may be given several times
+    /// Write the bodies as a file of another program, too, as 'edgecap export' does: .bvh, .glb, .trc, .csv, .npz or
+    /// .svg; may be given several times
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
     /// New or empty folder for bodies.npz, bodies.jsonl, joints.trc, report.json and meshes. What is computed lies in

@@ -89,17 +89,16 @@ impl RunArgs {
 
     /// Says what there is now.
     pub(super) fn conclude(&self, tally: &Tally, words: &[String]) {
-        let line = format!(
-            "{}, {} {}",
+        let done = format!(
+            "{}, {}",
             counted(tally.frames, "frame", "frames"),
-            counted(tally.people, "person", "people"),
-            words.join("; ")
+            counted(tally.people, "person", "people")
         );
         let say = if self.record.takes_stdout() {
             say::err
         } else {
             say::out
         };
-        say(line.trim_end());
+        say(&say::concluded(&done, words));
     }
 }

@@ -10,7 +10,7 @@ use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::events;
-use crate::commands::exit::Failure;
+use crate::commands::exit::{self, Failure};
 use crate::commands::export::Exports;
 use crate::commands::fit::settings::fitter;
 use crate::commands::infer::{Limits, Observer, Step};
@@ -143,6 +143,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         true => Err(stopped()),
         false => outcome.map(drop),
     };
+    let (outcome, left_out) = exit::without_left_out(outcome, tally.frames);
     if is_stopped {
         sinks.break_off();
     }
@@ -158,7 +159,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     args.conclude(&tally, &words);
     match is_stopped {
         true => Err(stopped()),
-        false => Ok(()),
+        false => left_out,
     }
 }
 

@@ -1,5 +1,5 @@
-//! Drawing on a terminal in a thread of its own. A terminal may stop taking output at any moment, by Ctrl-S, Scroll Lock
-//! or a connection that hangs: then what it shows is lost, and whoever draws goes on.
+//! Drawing on a terminal in a thread of its own. A terminal may stop taking output at any moment, by Ctrl-S, Scroll
+//! Lock or a connection that hangs: then what it shows is lost, and whoever draws goes on.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;

@@ -33,6 +33,16 @@ pub enum EvalError {
         /// The film of the predictions.
         found: String,
     },
+    /// The truth is about a film, and pictures were predicted.
+    #[error(
+        "expected predictions of {expected}, which the truth is about, found those of a picture, {found}; predict the film, or give the truth of the pictures"
+    )]
+    Picture {
+        /// The film of the truth.
+        expected: String,
+        /// A picture.
+        found: String,
+    },
     /// Two predictions are of one frame.
     #[error(
         "expected one prediction of every frame, found two of frame {frame}; give the predictions of one film, once"

@@ -1,6 +1,7 @@
 //! Which predicted frame belongs to which frame of the truth.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use super::names::{claims, last};
 use super::{EvalError, PredictedFrame, Predictions, TruthFrame, TruthSet};
@@ -10,6 +11,7 @@ pub(crate) fn pair<'a>(
     truth: &'a TruthSet,
     predictions: &'a Predictions,
 ) -> Result<Vec<(&'a TruthFrame, Option<&'a PredictedFrame>)>, EvalError> {
+    expect_film(truth, predictions)?;
     expect_same_film(truth, predictions)?;
     let of_film = truth.frames.iter().any(|f| f.frame.is_some());
     let by_index = match of_film {
@@ -47,6 +49,30 @@ fn by_index(predictions: &Predictions) -> Result<HashMap<u64, &PredictedFrame>, 
         }
     }
     Ok(all)
+}
+
+/// Pictures have numbers, too, which would go with those of any film.
+fn expect_film(truth: &TruthSet, predictions: &Predictions) -> Result<(), EvalError> {
+    let is_picture = |source: &&str| {
+        let ending = Path::new(source).extension();
+        ending.is_some_and(|e| {
+            ["jpg", "jpeg", "png"]
+                .iter()
+                .any(|p| e.eq_ignore_ascii_case(p))
+        })
+    };
+    let mut sources = predictions.frames.iter().map(|f| f.source.as_str());
+    match sources.find(is_picture).filter(|_| truth.clip) {
+        Some(found) => {
+            let mut named = truth.frames.iter().map(|f| f.source.as_str());
+            let named = named.find(|s| !s.is_empty());
+            Err(EvalError::Picture {
+                expected: named.unwrap_or("a film").to_owned(),
+                found: found.to_owned(),
+            })
+        }
+        None => Ok(()),
+    }
 }
 
 /// Films are told by name, whatever their container: frame numbers would go with those of any other one.
@@ -110,6 +136,21 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(e.contains("a.avi") && e.contains("films/b.avi"), "{e}");
+    }
+
+    #[test]
+    fn so_are_those_of_pictures_whatever_the_truth_is_called() {
+        for (name, said) in [("", "a film"), ("a.avi", "a.avi")] {
+            let clip = TruthSet {
+                clip: true,
+                ..truth(name)
+            };
+            let e = pair(&clip, &of("photos/a.JPG")).unwrap_err().to_string();
+            assert!(e.contains(said) && e.contains("photos/a.JPG"), "{e}");
+            assert!(pair(&clip, &of("a.avi")).is_ok());
+        }
+        // Frames of a film may be pictures.
+        assert!(pair(&truth(""), &of("frames/0.jpg")).is_ok());
     }
 
     #[test]

@@ -138,8 +138,8 @@ impl Default for World {
 #[type_name("EdgecapBodyFrameV2")]
 #[repr(C)]
 pub struct BodyFrame {
-    /// [`ObservationFrame::sequence`](super::ObservationFrame::sequence) of the newest frame behind this message; goes on
-    /// where `infer` was started again and its numbers began anew.
+    /// [`ObservationFrame::sequence`](super::ObservationFrame::sequence) of the newest frame behind this message; goes
+    /// on where `infer` was started again and its numbers began anew.
     pub sequence: u64,
     /// When that picture was taken.
     pub capture_ns: u64,

@@ -37,7 +37,7 @@ pub(super) fn people2d(entries: Vec<Person2d>, split: Option<&str>) -> TruthSet 
     TruthSet {
         frames: entries.into_iter().filter(wanted).map(frame).collect(),
         single: true,
-        video: false,
+        ..TruthSet::default()
     }
 }
 
@@ -78,6 +78,6 @@ pub(super) fn real3d(entries: Vec<Person3d>, name: &str) -> Result<TruthSet, Eva
     Ok(TruthSet {
         frames,
         single: true,
-        video: false,
+        ..TruthSet::default()
     })
 }

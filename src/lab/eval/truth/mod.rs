@@ -144,6 +144,8 @@ pub struct TruthSet {
     pub single: bool,
     /// The frames follow each other in time.
     pub video: bool,
+    /// All of them lie in one film, none in a picture of its own.
+    pub clip: bool,
 }
 
 impl TruthSet {

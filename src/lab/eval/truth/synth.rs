@@ -107,6 +107,7 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     };
     let video = file.fps > 0.0;
     let size = (file.width > 0.0 && file.height > 0.0).then_some([file.width, file.height]);
+    let is_clip = video && file.frames.iter().all(|f| f.file.is_none());
     let clip = file.clip.unwrap_or_default();
     let frame = |f: Frame| TruthFrame {
         source: f.file.unwrap_or_else(|| clip.clone()),
@@ -119,5 +120,6 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
         frames: file.frames.into_iter().map(frame).collect(),
         single: false,
         video,
+        clip: is_clip,
     })
 }
