@@ -310,9 +310,8 @@ fn recorded(
         }
     };
     let outcome = fit();
-    let words = finish(sinks, frames, outcome)?.join("; ");
-    let frames = counted(frames, "frame", "frames");
-    say::err(format!("{frames} {words}").trim_end());
+    let words = finish(sinks, frames, outcome)?;
+    say::err(&say::concluded(&counted(frames, "frame", "frames"), &words));
     Ok(())
 }
 

@@ -130,7 +130,7 @@ fn contract(arch: &str, is_stage2: bool) -> Result<()> {
     let (text, yours) = match is_stage2 {
         true => (
             serde_json::to_string_pretty(&Stage2Contract::template())?,
-            "step, images, quantised, trained_on and batchnorm_eps are yours to tell, and report, which may be missing",
+            "step, images, quantised, trained_on and batchnorm_eps are yours to tell; so is report, which you may leave out",
         ),
         false => (
             serde_json::to_string_pretty(&Contract::template(&network(arch)?))?,

@@ -1,7 +1,7 @@
 //! Drawing on a terminal in a thread of its own. A terminal may stop taking output at any moment, by Ctrl-S, Scroll
 //! Lock or a connection that hangs: then what it shows is lost, and whoever draws goes on.
 
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
 use console::Term;
@@ -55,17 +55,27 @@ impl Drawing {
         });
     }
 
-    /// Prints a line above it.
+    /// Prints a line above it, or by itself once it is off the screen.
     pub fn line(&self, line: &str) {
-        let _ = self.orders.try_send(Order::Line(line.to_owned()));
+        let sent = self.orders.try_send(Order::Line(line.to_owned()));
+        if matches!(sent, Err(TrySendError::Disconnected(_))) {
+            say::err(line);
+        }
     }
 
-    /// Takes it off the screen, if the terminal lets it.
+    /// Takes it off the screen for good, if the terminal lets it.
     pub fn clear(&self) {
         let (done, cleared) = sync_channel(1);
         if self.orders.try_send(Order::Clear(done)).is_ok() {
             let _ = cleared.recv_timeout(PATIENCE);
         }
+    }
+}
+
+/// Whoever fails has said something before, which is still to be shown.
+impl Drop for Drawing {
+    fn drop(&mut self) {
+        self.clear();
     }
 }
 
@@ -92,6 +102,7 @@ fn draw(terminal: Term, orders: &Receiver<Order>) {
             Order::Clear(done) => {
                 bar.finish_and_clear();
                 let _ = done.send(());
+                return;
             }
         }
     }

@@ -7,6 +7,8 @@ use std::process::Command;
 
 use edgecap_client::place::{SERVICE_FOLDER, reading_dirs, runtime_dir};
 
+use crate::strangers::copied_program;
+
 const ROLE: &str = "EDGECAP_TEST_ROLE";
 const NAMED: &str = "EDGECAP_RUNTIME_DIR";
 const SESSION: &str = "XDG_RUNTIME_DIR";
@@ -102,14 +104,7 @@ fn the_folder_of_a_service_is_read_by_those_who_may() {
     let session = here.path().join("session");
     fs::create_dir(&session).unwrap();
     chown(&session, Some(STRANGER), Some(STRANGER)).unwrap();
-    // Where others may run it: what lies in a home is out of their sight.
-    let program = here.path().join("program");
-    let copied = Command::new("cp")
-        .arg(std::env::current_exe().unwrap())
-        .arg(&program)
-        .status();
-    assert!(copied.unwrap().success());
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    let program = copied_program(here.path());
     let own_memory = format!("/dev/shm/edgecap-{STRANGER}");
     let seen = |made: &str, owner: u32, group: u32| {
         let script = format!(

@@ -140,7 +140,7 @@ fn place() -> (tempfile::TempDir, PathBuf) {
 
 /// This program where others may run it: not what lies in a home. Copied by a child: a program that this process holds
 /// open for writing cannot be run while a neighbouring test's fork holds it as well.
-fn copied_program(folder: &Path) -> PathBuf {
+pub fn copied_program(folder: &Path) -> PathBuf {
     let program = folder.join("program");
     let mut copy = Command::new("cp");
     copy.arg(std::env::current_exe().unwrap()).arg(&program);
@@ -371,7 +371,7 @@ fn readers_that_are_killed_leave_the_writer_alone() {
     let begin = Instant::now();
     while tags() > 2 || publisher.subscriber_count() > 0 {
         assert!(
-            begin.elapsed() < PATIENCE,
+            begin.elapsed() < 3 * PATIENCE,
             "nobody frees what the dead left"
         );
         publisher.publish(&BodyFrame::default()).unwrap();
