@@ -111,11 +111,11 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         true => serde_json::to_string_pretty(&certificate)?,
         false => certificate.to_string(),
     };
-    say::out(text.trim_end());
+    let told = say::whole(&text);
     if let Some((file, path)) = file.zip(args.save.as_deref()) {
         save(file, &certificate).map_err(|e| Failure::output(path, &e))?;
     }
-    Ok(())
+    told
 }
 
 /// What is wrong with a network, which has an exit code of its own.

@@ -43,10 +43,10 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
             let effective = settings::effective(&run, &settings)?;
             effective.check()?;
             effective.expect_start()?;
-            say::out(&match &settings.file {
+            say::whole(&match &settings.file {
                 Some(file) => format!("{}: right", file.display()),
                 None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),
-            });
+            })?;
         }
         What::Print(run) => {
             let settings = Settings::load(&run.settings)?;

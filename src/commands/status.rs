@@ -118,17 +118,17 @@ pub fn status(args: StatusArgs) -> anyhow::Result<()> {
         if let (Some(runs), false) = (told.as_array_mut(), others.is_empty()) {
             runs.push(serde_json::json!({ "cameras": [], "streams": others }));
         }
-        say::out(&serde_json::to_string_pretty(&told)?);
+        say::whole(&serde_json::to_string_pretty(&told)?)?;
     } else {
         for Stream { name, kind } in &others {
-            say::out(&format!(
+            say::whole(&format!(
                 "{:9} {name}: {kind} are published, not by 'run'",
                 "ok"
-            ));
+            ))?;
         }
         for status in &all {
             for camera in &status.cameras {
-                say::out(&line(status, camera));
+                say::whole(&line(status, camera))?;
             }
         }
     }

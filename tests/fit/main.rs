@@ -26,6 +26,7 @@ mod rest_pose;
 mod resume;
 mod silhouettes;
 mod six_people;
+mod standing;
 mod time_offsets;
 mod turned_views;
 mod who_is_who;

@@ -106,8 +106,7 @@ pub fn by_board(
         false => lens_file(&rig.views[0]).map_err(Failure::data)?,
     };
     output::write(&args.out, text.as_bytes()).map_err(|e| Failure::output(&args.out, &e))?;
-    say::out(table(&rig, &cameras, floor.is_some()).trim_end());
-    Ok(())
+    say::whole(&table(&rig, &cameras, floor.is_some()))
 }
 
 /// What of the command line does not go together.

@@ -92,8 +92,7 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     }
     output::write(&args.out, write_pose2sim(&room.views).as_bytes())
         .map_err(|e| Failure::output(&args.out, &e))?;
-    say::out(table(&room).trim_end());
-    Ok(())
+    say::whole(&table(&room))
 }
 
 /// What to say of a view that contradicts the others.

@@ -63,7 +63,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
     }
     let mut broken = None;
     let mut say = |finding: Finding| -> anyhow::Result<()> {
-        say::out(&finding.to_string());
+        say::whole(&finding.to_string())?;
         if let State::Broken(code) = finding.state {
             broken = broken.or(Some(code));
         }

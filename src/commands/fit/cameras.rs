@@ -17,7 +17,7 @@ use crate::commands::multiview::{names, pictured};
 use crate::commands::outputs::finish;
 use crate::commands::say;
 use crate::commands::stop::Stop;
-use crate::multiview::live::{LiveFit, Synchroniser};
+use crate::multiview::live::{LeftOut, LiveFit, Synchroniser};
 use crate::multiview::{MOST_VIEWS, to_view};
 use crate::sink::{Packet, Rhythm, Sinks};
 use crate::supervise::{Beat, Heartbeat};
@@ -28,7 +28,7 @@ const WAITING: usize = 64;
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 /// Silence of a camera that is said, where its frames do not come more slowly.
 const SAID_AFTER: Duration = Duration::from_secs(1);
-/// A camera that has not come at all is spoken of after this.
+/// A camera that has not come at all, or comes and cannot be combined with the others, is spoken of after this.
 const AWAITED: Duration = Duration::from_secs(5);
 
 /// Cameras of a calibration, and the names under which their observations are published.
@@ -218,7 +218,7 @@ fn fit_all(
             together.push(camera, &frame, now);
             next = news.try_recv().ok();
         }
-        cameras.say();
+        cameras.say(&together, now);
         let mut is_idle = true;
         while let Some(set) = together.next(now) {
             let start = Instant::now();
@@ -261,6 +261,37 @@ struct Camera {
     is_file: bool,
     /// It was said that it is missing.
     said: bool,
+    apart: Apart,
+}
+
+/// Since when a camera's frames come and are in no instant, and whether that was said.
+#[derive(Clone, Copy, Default)]
+struct Apart {
+    since: Option<Instant>,
+    said: bool,
+}
+
+impl Apart {
+    /// What is to be said of `name` now, if anything.
+    fn look(&mut self, name: &str, why: Option<LeftOut>, now: Instant) -> Option<String> {
+        let Some(why) = why else {
+            *self = Self::default();
+            return None;
+        };
+        let since = *self.since.get_or_insert(now);
+        if self.said || now.saturating_duration_since(since) < AWAITED {
+            return None;
+        }
+        self.said = true;
+        Some(match why {
+            LeftOut::Slow(interval) => format!(
+                "{name} sends observations every {interval:.1} s, too seldom to be combined with the other cameras', which takes one every 0.4 s; bodies come of the other cameras"
+            ),
+            LeftOut::Late(late) => format!(
+                "{name} shows an instant {late:.1} s after the fastest camera does, too late to be combined, which takes 0.9 s at most; bodies come of the other cameras"
+            ),
+        })
+    }
 }
 
 impl Camera {
@@ -324,13 +355,18 @@ impl<'a> Cameras<'a> {
         Ok(())
     }
 
-    /// Says which cameras are missing, once.
-    fn say(&mut self) {
-        for (name, camera) in self.names.iter().zip(&mut self.each) {
-            let silent = camera.is_silent(self.began, Instant::now());
+    /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.
+    fn say(&mut self, together: &Synchroniser, now: u64) {
+        let instant = Instant::now();
+        for (k, (name, camera)) in self.names.iter().zip(&mut self.each).enumerate() {
+            let silent = camera.is_silent(self.began, instant);
             if silent && !camera.said && !camera.ended {
                 camera.said = true;
                 tracing::warn!("{name} sends no observations; bodies come of the other cameras");
+            }
+            let why = together.left_out(k, now);
+            if let Some(said) = camera.apart.look(name, why, instant) {
+                tracing::warn!("{said}");
             }
         }
     }
@@ -355,5 +391,24 @@ mod tests {
         camera.rhythm.hear(at(1000.0));
         camera.rhythm.hear(at(1000.1));
         assert!(!camera.is_silent(began, at(1001.0)) && camera.is_silent(began, at(1001.2)));
+    }
+
+    #[test]
+    fn a_camera_that_cannot_be_combined_is_spoken_of_once() {
+        let began = Instant::now();
+        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
+        let mut apart = Apart::default();
+        let mut look = |why, seconds| apart.look("left", why, at(seconds));
+        let slow = Some(LeftOut::Slow(0.6));
+        assert_eq!((look(slow, 0.0), look(slow, 4.9)), (None, None));
+        let said = look(slow, 5.1).expect("it has lasted");
+        assert!(
+            said.contains("left sends observations every 0.6 s"),
+            "{said}"
+        );
+        assert_eq!(look(slow, 60.0), None, "once");
+        // It was combined in between.
+        assert_eq!((look(None, 61.0), look(slow, 62.0)), (None, None));
+        assert!(look(Some(LeftOut::Late(1.2)), 67.1).is_some_and(|s| s.contains("1.2 s after")));
     }
 }

@@ -238,11 +238,10 @@ fn verify(path: Option<&Path>) -> Result<()> {
     }
     association(model)?;
     let contents = model.digest().unwrap_or("(no digest)");
-    say::out(&format!(
+    say::whole(&format!(
         "ok {contents} (contents), {} (file)",
         file_digest(path)?
-    ));
-    Ok(())
+    ))
 }
 
 fn run(a: &RunOne) -> Result<()> {

@@ -208,10 +208,11 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         line.told = frames.iter().map(|f| f[v].len()).sum();
     }
     let take = write::run((&args.out, store), body, &scene, &fitted, &report, &chosen)?;
-    say::out(write::table(&report).trim_end());
-    let exported = exports.write(&take)?;
-    exported.iter().for_each(|line| say::out(line));
-    masked
+    let told = say::whole(&write::table(&report));
+    for line in exports.write(&take)? {
+        say::out(&line);
+    }
+    masked.and(told)
 }
 
 /// What is read and written; the folder for results is empty.

@@ -10,20 +10,25 @@ use crate::message::JointState;
 
 /// The standing joints.
 pub const ANKLES: [usize; 2] = [10, 13];
-/// A foot slower than this (m/s) may stand …
+/// A foot slower than this (m/s, across the ray from the camera) may stand …
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.
-const MOVES: f64 = 0.7;
+const MOVES: f64 = 0.4;
 /// Seconds of slowness before a foot counts as standing.
 const SETTLE: f64 = 0.1;
-/// Metres away from its place at which a foot has left it.
-const LEFT: f64 = 0.1;
+/// Metres away from its place, across the ray, at which a foot has left it …
+const LEFT: f64 = 0.05;
+/// … and along the ray, where the fit itself wavers.
+const LEFT_ALONG: f64 = 0.08;
 /// Seconds for which a foot that is not seen still stands.
 const HIDDEN: f64 = 0.35;
-/// Error of a place, metres.
-const SIGMA: f64 = 0.035;
+/// Error of a place across the ray from the camera, metres.
+const SIGMA: f64 = 0.042;
+/// Share of its weight that a place has along the ray. The picture hardly tells a foot's depth: a place that held it
+/// fully would hold the whole body wherever the fit first put the foot.
+const ALONG: f64 = 0.2;
 /// Seconds in which a place follows what is seen.
-const DRIFT: f64 = 0.8;
+const DRIFT: f64 = 0.4;
 
 /// Standing feet of one person.
 #[derive(Debug, Clone, Copy, Default)]
@@ -38,6 +43,34 @@ struct Foot {
     hidden: f64,
 }
 
+impl Foot {
+    /// Takes in where the ankle was fitted (camera space, metres) and its velocity (m/s), `dt` seconds after the last.
+    fn follow(&mut self, ankle: DVec3, velocity: DVec3, dt: f64) {
+        let ray = ankle.normalize_or_zero();
+        // Depth of single frames is noisy, so the picture decides. A foot that swings along the view shows there, too:
+        // the camera is higher, and the foot is lifted.
+        let speed = velocity.reject_from_normalized(ray).length();
+        self.slow = if speed < STANDS { self.slow + dt } else { 0.0 };
+        match &mut self.place {
+            Some(place) => {
+                let gap = ankle - *place;
+                if speed > MOVES || has_left(gap, ray) {
+                    *self = Self::default();
+                } else {
+                    *place += gap * (dt / DRIFT).min(1.0);
+                }
+            }
+            None if self.slow >= SETTLE => self.place = Some(ankle),
+            None => {}
+        }
+    }
+}
+
+/// Whether a foot so far (metres) from its place stands there no more; `ray` leads from the camera to the foot.
+fn has_left(gap: DVec3, ray: DVec3) -> bool {
+    gap.reject_from_normalized(ray).length() > LEFT || gap.dot(ray).abs() > LEFT_ALONG
+}
+
 impl Feet {
     /// Contact terms for the next fit.
     pub fn contacts(&self, terms: &TermsConfig) -> [Option<Contact>; 2] {
@@ -49,6 +82,7 @@ impl Feet {
                     joint: ANKLES[i],
                     place,
                     weight: terms.contact / (SIGMA * SIGMA),
+                    along: ALONG,
                 })
         })
     }
@@ -80,23 +114,8 @@ impl Feet {
                 foot.slow = 0.0;
                 continue;
             }
-            // Along the ray the place is hardly seen: the picture decides.
-            let speed = joint_velocity(skeleton, posed, velocity, joint)
-                .truncate()
-                .length();
-            foot.slow = if speed < STANDS { foot.slow + dt } else { 0.0 };
-            match &mut foot.place {
-                Some(place) => {
-                    let gap = ankle - *place;
-                    if speed > MOVES || gap.length() > LEFT {
-                        *foot = Foot::default();
-                    } else {
-                        *place += gap * (dt / DRIFT).min(1.0);
-                    }
-                }
-                None if foot.slow >= SETTLE => foot.place = Some(ankle),
-                None => {}
-            }
+            let velocity = joint_velocity(skeleton, posed, velocity, joint);
+            foot.follow(ankle, velocity, dt);
         }
     }
 
@@ -162,5 +181,34 @@ mod tests {
             .map(|c| c.joint)
             .collect();
         assert_eq!(held, [13]);
+    }
+
+    #[test]
+    fn a_foot_that_swings_along_the_view_stands_nowhere() {
+        // A camera at 1.5 m; the foot comes nearer at 2.4 m/s just above the floor, five metres away.
+        let (mut foot, dt) = (Foot::default(), 0.033);
+        let velocity = DVec3::new(0.0, 0.0, -2.4);
+        for frame in 0..10 {
+            let ankle = DVec3::new(0.0, 1.4, 5.0) + velocity * dt * f64::from(frame);
+            foot.follow(ankle, velocity, dt);
+            assert_eq!(foot.place, None, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn a_place_follows_a_fit_that_wavers_in_depth() {
+        let (mut foot, dt) = (Foot::default(), 0.033);
+        let ankle = DVec3::new(0.3, 1.4, 5.0);
+        let ray = ankle.normalize();
+        for _ in 0..10 {
+            foot.follow(ankle, DVec3::ZERO, dt);
+        }
+        for _ in 0..60 {
+            foot.follow(ankle + 0.07 * ray, DVec3::ZERO, dt);
+        }
+        let place = foot.place.expect("it stands");
+        assert!((place - ankle).dot(ray) > 0.06);
+        foot.follow(place + 0.07 * ray.any_orthonormal_vector(), DVec3::ZERO, dt);
+        assert_eq!(foot.place, None, "in the picture it has left");
     }
 }

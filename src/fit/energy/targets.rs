@@ -4,8 +4,8 @@
 //! Everything is in the space of a person of canonical stature. Each term is a sum of squared residuals divided by the
 //! variance its residual is expected to have, so that energies of different units add up and weights are plain factors:
 //! E3D in metres relative to the pelvis; E2D in metres at the person's distance (pixel error · depth / focal length);
-//! Etemp in metres and radians away from the predicted motion; the contact term
-//! in metres between an ankle and the place where it stands.
+//! Etemp in metres and radians away from the predicted motion; the contact term in metres between an ankle and the
+//! place where it stands, those along the ray from the camera counting less than those across it.
 
 use glam::{DVec2, DVec3};
 
@@ -27,8 +27,33 @@ pub struct Contact {
     pub joint: usize,
     /// Where it stands, camera space, metres at canonical stature.
     pub place: DVec3,
-    /// Inverse variance, 1/m².
+    /// Inverse variance across the ray from the camera to the place, 1/m².
     pub weight: f64,
+    /// Share of `weight` along that ray, 0–1.
+    pub along: f64,
+}
+
+impl Contact {
+    /// Direction from the camera to the place.
+    fn ray(&self) -> DVec3 {
+        self.place.normalize_or_zero()
+    }
+
+    /// How far a joint lies from the place: squared, in standard deviations.
+    fn deviation(&self, joint: DVec3) -> f64 {
+        let r = joint - self.place;
+        let along = r.dot(self.ray());
+        self.weight * (r.length_squared() - (1.0 - self.along) * along * along)
+    }
+
+    /// Adds what the place says of a joint.
+    fn add_to(&self, joint: DVec3, space: &mut Quadratic) {
+        let (r, ray) = (joint - self.place, self.ray());
+        let weight = self.weight * robust_weight(self.deviation(joint));
+        space.add_point(weight, r);
+        // The whole holds all directions alike: what is too much along the ray is taken off.
+        space.add_row(-weight * (1.0 - self.along), ray, r.dot(ray));
+    }
 }
 
 /// What one person's pose is fitted to.
@@ -104,8 +129,7 @@ impl Targets {
             cost += self.joint_cost(posed, joint);
         }
         for contact in self.contacts.iter().flatten() {
-            let r = posed.joints[contact.joint] - contact.place;
-            cost += robust_cost(contact.weight * r.length_squared());
+            cost += robust_cost(contact.deviation(posed.joints[contact.joint]));
         }
         for angle in pose.angles {
             cost += self.weight_rest * angle * angle;
@@ -166,9 +190,7 @@ impl Targets {
             space.add_projection(w, r, posed.joints[joint], self.depth);
         }
         for contact in self.contacts.iter().flatten().filter(|c| c.joint == joint) {
-            let r = posed.joints[joint] - contact.place;
-            let w = contact.weight * robust_weight(contact.weight * r.length_squared());
-            space.add_point(w, r);
+            contact.add_to(posed.joints[joint], &mut space);
         }
         constrain(skeleton, posed, joint, &space, &relative, out);
     }
@@ -226,8 +248,9 @@ mod tests {
         targets.weight_rest = 2.0;
         targets.contacts[0] = Some(Contact {
             joint: 10,
-            place: DVec3::new(0.0, 0.8, 3.0),
+            place: DVec3::new(0.3, 0.8, 3.0),
             weight: 50.0,
+            along: 0.2,
         });
         let step: [f64; DOF] = std::array::from_fn(|d| 0.02 * ((d * 5 % 7) as f64 - 3.0));
         let pose = truth.moved(&step);
@@ -254,6 +277,23 @@ mod tests {
                 (numeric - analytic).abs() < tolerance,
                 "{d}: {numeric} {analytic}"
             );
+        }
+    }
+
+    #[test]
+    fn a_place_holds_less_along_its_ray() {
+        let place = DVec3::new(1.0, 1.5, 5.0);
+        let contact = Contact {
+            joint: 10,
+            place,
+            weight: 400.0,
+            along: 0.2,
+        };
+        let ray = place.normalize();
+        let across = ray.any_orthonormal_vector();
+        for (direction, deviation) in [(ray, 0.8), (across, 4.0), (ray.cross(across), 4.0)] {
+            let found = contact.deviation(place + 0.1 * direction);
+            assert!((found - deviation).abs() < 1e-9, "{direction}: {found}");
         }
     }
 

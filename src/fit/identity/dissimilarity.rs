@@ -19,9 +19,14 @@ const BLIND_TRUST: f64 = 0.25;
 const CAP: f64 = 1.0;
 /// Weight of the mean 3D joint distance, per metre.
 const SHAPE: f64 = 0.6;
-/// Weight of the difference of depth, per e-fold, and its most.
-const DEPTH: f64 = 0.6;
-const MOST_DEPTH: f64 = 0.25;
+/// Difference of depth that one person has from frame to frame, e-folds.
+const DEPTH_NOISE: f64 = 0.08;
+/// Weight of what is beyond it, per e-fold, and its most: legs that are not seen may be invented, and the whole person
+/// with them be far off.
+const DEPTH: f64 = 4.0;
+const MOST_DEPTH: f64 = 0.7;
+/// Share of somebody's distance by which looks at them before and after an absence may be apart in depth.
+const DEPTH_SLACK: f64 = 0.15;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
@@ -62,7 +67,8 @@ pub fn dissimilarity(
     }
     if let Some(root) = seen.root {
         let depth = expected.joints[PELVIS].z.max(0.1);
-        cost += (DEPTH * (root.z / depth).ln().abs()).min(MOST_DEPTH);
+        let apart = (root.z / depth).ln().abs();
+        cost += (DEPTH * (apart - DEPTH_NOISE).max(0.0)).min(MOST_DEPTH);
     }
     let absent = track.unseen.min(1.0);
     cost += ABSENT * absent;
@@ -82,10 +88,11 @@ pub fn dissimilarity(
 
 /// How unlike a newcomer and somebody who left `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
-    // How far one can walk meanwhile, at canonical stature.
-    let apart = (newcomer.pose.position - left.pose.position)
-        .truncate()
-        .length();
+    // How far one has to have walked meanwhile, at canonical stature.
+    let (here, there) = (newcomer.pose.position, left.pose.position);
+    let gap = here - there;
+    let along = (gap.z.abs() - DEPTH_SLACK * here.z.min(there.z)).max(0.0);
+    let apart = gap.truncate().length().hypot(along);
     let looks = match (&newcomer.appearance, &left.appearance) {
         (Some(a), Some(b)) => a.distance(b) / config.reidentify_appearance.max(1e-6),
         // Nothing tells people apart: only somebody who vanished just now and just here.

@@ -34,7 +34,7 @@ use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
 use crate::solve::Solver;
 
 pub use settings::without_meaning;
-pub use synchroniser::{FrameSet, Synchroniser};
+pub use synchroniser::{FrameSet, LeftOut, Synchroniser};
 
 /// Times that go back by more than this belong to another recording.
 const RESTART_NS: u64 = 500_000_000;

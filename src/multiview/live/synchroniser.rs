@@ -21,8 +21,8 @@ use crate::multiview::between;
 const SILENT: u64 = 100_000_000;
 /// A frame is waited for until so long after it is due, …
 const PATIENCE: u64 = 100_000_000;
-/// … where that is no longer than this after the leading camera's came. Bodies of all would be late for its sake.
-const LONGEST: u64 = 1_000_000_000;
+/// … where it is due no later than this after the leading camera's came. Bodies of all would be late for its sake.
+const LATEST: u64 = 900_000_000;
 /// Replays of files start one after the other: their frames are waited for so long.
 const PATIENCE_FILES: u64 = 2_000_000_000;
 /// Frames nearer than this are of one instant.
@@ -39,6 +39,15 @@ const PAUSE: u64 = 1_000_000_000;
 const KEPT: usize = 256;
 /// A camera takes the lead where its interval is a smaller share of the leading one's than this.
 const FASTER: f64 = 0.9;
+
+/// Why what a camera sees is in no instant, though its frames come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LeftOut {
+    /// Seconds between its frames, too many to interpolate.
+    Slow(f64),
+    /// Seconds by which its frames come later than the leading camera's, more than are waited for.
+    Late(f64),
+}
 
 /// What all cameras saw at one instant.
 #[derive(Debug, Clone)]
@@ -105,11 +114,11 @@ impl Stream {
         let late = self
             .latency
             .map_or(0.0, |own| own + step - pending.latency());
-        let patience = PATIENCE + late.max(0.0) as u64;
-        if patience > LONGEST {
+        let late = late.max(0.0) as u64;
+        if late > LATEST {
             PATIENCE
         } else {
-            patience
+            PATIENCE + late
         }
     }
 
@@ -226,6 +235,22 @@ impl Synchroniser {
     /// Whether every camera has come and has ended.
     pub fn has_ended(&self) -> bool {
         self.streams.iter().all(|s| s.ended)
+    }
+
+    /// Why a camera is in none of the next instants though it comes and sees somebody; `None` where it may be in them,
+    /// or is the one that leads.
+    pub fn left_out(&self, camera: usize, now: u64) -> Option<LeftOut> {
+        let (own, lead) = (&self.streams[camera], &self.streams[self.lead]);
+        let newest = own.frames.back().filter(|f| !f.people.is_empty())?;
+        if camera == self.lead || newest.file_time || !own.is_live(now) {
+            return None;
+        }
+        let interval = own.interval?;
+        if interval > GAP as f64 {
+            return Some(LeftOut::Slow(1e-9 * interval));
+        }
+        let late = own.latency? + interval - lead.latency?;
+        (late > LATEST as f64).then_some(LeftOut::Late(1e-9 * late))
     }
 
     /// Whether an instant is known that some camera has not shown yet.
@@ -492,6 +517,42 @@ mod tests {
                 assert!(waited <= 100, "{other:?}: {waited} at {now}");
             }
         }
+    }
+
+    /// Why the second of two cameras is left out after some seconds.
+    fn left_out(other: Camera) -> Option<LeftOut> {
+        let mut sync = Synchroniser::new(2);
+        for now in 0..9000u64 {
+            for (k, Camera(interval, offset, latency)) in
+                [Camera(33, 0, 40), other].into_iter().enumerate()
+            {
+                let taken = now.checked_sub(latency + offset);
+                if let Some(t) = taken.filter(|t| t % interval == 0) {
+                    sync.push(k, &frame(t + offset), now * MS);
+                }
+            }
+            while sync.next(now * MS).is_some() {}
+            assert_eq!(sync.left_out(0, now * MS), None, "the one that leads");
+        }
+        sync.left_out(1, 9000 * MS)
+    }
+
+    #[test]
+    fn why_a_camera_is_left_out_is_known() {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 0.01;
+        for together in [Camera(33, 5, 40), Camera(200, 0, 400), Camera(380, 0, 300)] {
+            assert_eq!(left_out(together), None, "{together:?}");
+        }
+        let slow = left_out(Camera(600, 500, 40));
+        assert!(
+            matches!(slow, Some(LeftOut::Slow(s)) if near(s, 0.6)),
+            "{slow:?}"
+        );
+        let late = left_out(Camera(33, 0, 3000));
+        assert!(
+            matches!(late, Some(LeftOut::Late(s)) if near(s, 2.993)),
+            "{late:?}"
+        );
     }
 
     /// Replays into a fit that is left running: the one that leads ends, the other starts over, the first ends.
