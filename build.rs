@@ -1,5 +1,6 @@
 //! Build stamp; digest check and embedding of the shipped weights.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
@@ -70,10 +71,19 @@ fn commit(root: &Path) -> Option<String> {
     (asked.status.success() && !said.is_empty()).then_some(said)
 }
 
-/// The path and digest of the model of this name when it is there and its digest is the recorded one beside it.
-fn checked(root: &Path, model: &str) -> Option<(PathBuf, String)> {
+/// The path and digest of the model of this name; none where there is no such file.
+///
+/// # Panics
+/// When the file cannot be read, or its digest is not the one recorded beside it.
+pub(crate) fn checked(root: &Path, model: &str) -> Option<(PathBuf, String)> {
     let path = root.join(model);
-    let bytes = fs::read(&path).ok()?;
+    let bytes = match fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == ErrorKind::NotFound => return None,
+        Err(e) => panic!(
+            "expected to read {model}, or no such file: {e}; make it readable, or remove it to build without weights"
+        ),
+    };
     let digest = format!("{model}.blake3");
     let recorded = fs::read_to_string(root.join(&digest)).unwrap_or_else(|e| {
         panic!("expected the digest of {model} in {digest}: {e}; restore both files from the repository")

@@ -96,10 +96,12 @@ def main() -> None:
         every = pictures.load(args.pictures, args.calibrate + args.check, height, width)
     else:
         every = pictures.made(7, args.calibrate + args.check, height, width)
+    if len(every) <= args.check:
+        raise SystemExit(f"expected more than {args.check} pictures, to check by these and to calibrate by others, found {len(every)}")
     # Alternate, so that both sets spread over the folder.
-    step = max(1, len(every) // max(1, args.check))
-    checked = every[::step][: args.check]
-    calibration = [p for i, p in enumerate(every) if i % step or i // step >= args.check]
+    checked_at = {i * len(every) // args.check for i in range(args.check)}
+    checked = [p for i, p in enumerate(every) if i in checked_at]
+    calibration = [p for i, p in enumerate(every) if i not in checked_at]
     vnni = {"avx512_vnni", "avx_vnni", "amx_int8"} & set(facts["isa"])
     environment = {"EDGECAP_ISA": args.isa, "ONEDNN_MAX_CPU_ISA": ONEDNN[args.isa]} if args.isa else {}
     results = {

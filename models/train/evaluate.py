@@ -164,7 +164,7 @@ def scenes(net: SelecSLSNet, s2: Stage2 | None, folder: pathlib.Path, dev: torch
     pool = Stored(folder, 0)
     data, n = pool.data, min(n, pool.filled)
     mask = channel_mask(dev)
-    c = dict(joints=0, found=0, predicted=0, people=0, people_found=0, predictions=0)
+    c = dict(joints=0, found=0, right=0, predicted=0, people=0, people_found=0, predictions=0)
     P_uv, P_conf, P_enc, P_rel = [], [], [], []
     step = 8
     for i in range(0, n, step):
@@ -190,11 +190,12 @@ def scenes(net: SelecSLSNet, s2: Stage2 | None, folder: pathlib.Path, dev: torch
                 q, p = pred[a], anyone[k]
                 good = (np.linalg.norm(q[:, :2] - j[b, p], axis=1) < 0.1 * size[b, p]) & (q[:, 2] > 0)
                 near[a], near[:, k] = 0, 0
-                c["found"] += int((good & (vis[b, p] > 0)).sum())
+                c["right"] += int((good & (vis[b, p] > 0)).sum())
                 if p not in gts:
                     c["predictions"] -= 1  # small or mostly hidden people are neither asked for nor wrong
                     continue
                 c["people_found"] += 1
+                c["found"] += int((good & seen[p]).sum())
                 uv = torch.from_numpy(q[:, :2]).to(dev)
                 P_uv.append(uv)
                 P_conf.append(torch.from_numpy(q[:, 2]).to(dev).clamp(0, 1))
@@ -205,7 +206,7 @@ def scenes(net: SelecSLSNet, s2: Stage2 | None, folder: pathlib.Path, dev: torch
     out: dict = {
         "scenes": n,
         "joint_recall": c["found"] / max(c["joints"], 1),
-        "joint_precision": c["found"] / max(c["predicted"], 1),
+        "joint_precision": c["right"] / max(c["predicted"], 1),
         "person_recall": c["people_found"] / max(c["people"], 1),
         "person_precision": c["people_found"] / max(c["predictions"], 1),
         **c,

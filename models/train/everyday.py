@@ -90,6 +90,7 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
     """`without`: lines of attribution.txt, or their Open Images ids, of photos to leave out."""
     sources = json.loads((labels.parent / "sources.json").read_text())
     out.mkdir(parents=True, exist_ok=True)
+    terms.unmark(out)  # until all of it is known to be open
     (out / depth.FILE).unlink(missing_ok=True)  # its rows go by the people of the pack that it was made of
     rules = OPEN if only_open else LSP
     names: list[tuple[str, dict]] = []
@@ -148,8 +149,6 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
         terms.mark(out, {f"photos of {n}, {sources[n]['repo']}": stated[n] for n in used} | TEACHERS)
         lines = ("\t".join([attribution(name, row), *filter(None, [row.get("credit")])]) for name, row in names)
         (out / "attribution.txt").write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-    else:
-        terms.unmark(out)
     sure = (np.concatenate(state) == LABELLED).any(1)
     print(f"{len(size)} photos, {sure.sum()} people labelled, {(~sure).sum()} neither demanded nor forbidden")
 

@@ -4,11 +4,8 @@ use calib_targets_charuco::CharucoParams;
 use calib_targets_chessboard::ChessboardDetector;
 use glam::DVec2;
 
-use super::pattern::Board;
+use super::pattern::{Board, LEAST_CORNERS};
 use super::{charuco, chess};
-
-/// Fewer corners do not tell a pose.
-const LEAST_CORNERS: usize = 8;
 
 /// A corner of the board, seen.
 #[derive(Debug, Clone, Copy, PartialEq)]

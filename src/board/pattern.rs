@@ -7,6 +7,8 @@ use calib_targets_charuco::{CharucoBoard, CharucoBoardSpec, Dictionary, resolve_
 
 /// Fewest squares a side: fewer corners do not tell a pose well.
 const LEAST_SQUARES: u32 = 3;
+/// Fewest corners by which a board counts as found: fewer do not tell a pose.
+pub(super) const LEAST_CORNERS: usize = 8;
 /// Most squares a side.
 const MOST_SQUARES: u32 = 100;
 /// Side of a marker as a share of its square's, where nobody says another.
@@ -99,6 +101,13 @@ impl FromStr for Board {
         let (squares, name) = rest.split_once(':').ok_or_else(wrong)?;
         let squares = size(squares).ok_or_else(wrong)?;
         fits(squares, LEAST_SQUARES, "squares")?;
+        let corners = (squares[0] - 1) * (squares[1] - 1);
+        if (corners as usize) < LEAST_CORNERS {
+            return Err(format!(
+                "expected a board of at least {LEAST_CORNERS} inner corners, such as 4x4 squares, found {}x{} with {corners}",
+                squares[0], squares[1]
+            ));
+        }
         let dictionary = resolve_dictionary(name).ok_or_else(|| {
             format!("expected a dictionary of OpenCV's, such as DICT_4X4_50, DICT_5X5_100 or DICT_APRILTAG_36h11, found '{name}'")
         })?;
@@ -145,6 +154,7 @@ mod tests {
             ("9", "9x6"),
             ("2x6", "3x3"),
             ("charuco:8x6", "DICT_5X5_100"),
+            ("charuco:3x4:DICT_4X4_50", "8 inner corners"),
             ("charuco:8x6:DICT_9X9", "DICT_9X9"),
             ("charuco:20x20:DICT_4X4_50", "200 markers"),
         ] {

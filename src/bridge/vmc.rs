@@ -5,7 +5,7 @@
 //! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera.
 //!
 //! Who listens at a port whose person has gone gets `/VMC/Ext/OK` 0: at every port in use when no frames come any more,
-//! and at the end.
+//! and at the end. Ports in use are the first ones: where one is let go of, who has the highest takes it.
 
 use std::io;
 use std::net::SocketAddr;
@@ -25,14 +25,25 @@ use crate::sink::{Packet, Sink, SinkError};
 pub const MOST_PEOPLE: usize = 8;
 /// A port is kept for somebody who is away for less.
 const KEPT: Duration = Duration::from_secs(2);
+/// Seconds after which `/VMC/Ext/T` begins anew: as f32, frames of later ones would share a time.
+const CLOCK: f64 = 86_400.0;
 
 /// Sends every frame.
 #[derive(Debug)]
 pub struct VmcBridge {
     outlet: Outlet,
     began: Instant,
-    /// Who has which port, and when they were last there.
-    ports: [Option<(u32, Instant)>; MOST_PEOPLE],
+    ports: [Option<Holder>; MOST_PEOPLE],
+}
+
+/// Who has a port.
+#[derive(Debug, Clone, Copy)]
+struct Holder {
+    id: u32,
+    /// When they were last there.
+    seen: Instant,
+    /// Whether who listens there was told that nobody is sent.
+    is_silent: bool,
 }
 
 impl VmcBridge {
@@ -49,56 +60,88 @@ impl VmcBridge {
     }
 
     fn send(&mut self, frame: &BodyFrame) {
-        let (now, time) = (Instant::now(), time_of(frame.pose_ns, frame.flags));
-        for port in 0..MOST_PEOPLE {
-            if self.ports[port].is_some_and(|(_, seen)| now - seen > KEPT) {
-                self.free(port, time);
+        self.send_at(Instant::now(), frame);
+    }
+
+    fn send_at(&mut self, now: Instant, frame: &BodyFrame) {
+        let time = time_of(frame.pose_ns, frame.flags);
+        // Whoever is in the frame keeps the port, however long no frame has come.
+        for body in frame.bodies() {
+            if let Some(port) = self.port_of(body.id) {
+                self.hold(port, body.id, now);
             }
         }
+        let is_over = |h: &Holder| now.saturating_duration_since(h.seen) > KEPT;
+        for port in 0..MOST_PEOPLE {
+            if self.ports[port].as_ref().is_some_and(is_over) {
+                self.hush(port, time);
+                self.ports[port] = None;
+            }
+        }
+        self.close_gaps(time);
         for body in frame.bodies() {
-            let Some(port) = self.port_of(body.id) else {
+            let free = || self.ports.iter().position(Option::is_none);
+            let Some(port) = self.port_of(body.id).or_else(free) else {
                 continue;
             };
-            self.ports[port] = Some((body.id, now));
-            let clock = self.began.elapsed().as_secs_f32();
-            let mut messages = vec![
-                message("/VMC/Ext/OK", vec![Int(1)]),
-                message("/VMC/Ext/T", vec![Float(clock)]),
-                pose("Root/Pos", "root", DVec3::ZERO, DQuat::IDENTITY),
-            ];
+            self.hold(port, body.id, now);
+            let mut messages = self.sign(1);
+            messages.push(pose("Root/Pos", "root", DVec3::ZERO, DQuat::IDENTITY));
             messages.extend(bones(frame, body));
             self.outlet.send(port as u16, time, messages);
         }
     }
 
-    /// Lets a port go, and tells who listens there that nobody is sent any more.
-    fn free(&mut self, port: usize, time: OscTime) {
-        self.ports[port] = None;
-        let clock = self.began.elapsed().as_secs_f32();
-        let gone = vec![
-            message("/VMC/Ext/OK", vec![Int(0)]),
-            message("/VMC/Ext/T", vec![Float(clock)]),
-        ];
-        self.outlet.send(port as u16, time, gone);
+    fn hold(&mut self, port: usize, id: u32, now: Instant) {
+        self.ports[port] = Some(Holder {
+            id,
+            seen: now,
+            is_silent: false,
+        });
     }
 
-    /// Lets every port go, as of now, whatever clock the frames had.
-    fn free_all(&mut self) {
-        let time = time_of(0, FLAG_FILE_TIME);
-        for port in 0..MOST_PEOPLE {
-            if self.ports[port].is_some() {
-                self.free(port, time);
-            }
+    /// Where one avatar is shown, it must not stand still while somebody is there.
+    fn close_gaps(&mut self, time: OscTime) {
+        let ends = |ports: &[Option<Holder>]| {
+            let gap = ports.iter().position(Option::is_none)?;
+            let last = ports.iter().rposition(Option::is_some)?;
+            (gap < last).then_some((gap, last))
+        };
+        while let Some((gap, last)) = ends(&self.ports) {
+            self.hush(last, time);
+            self.ports.swap(gap, last);
         }
     }
 
-    /// The port of somebody, or a free one.
+    /// Tells who listens at a port that nobody is sent any more, once.
+    fn hush(&mut self, port: usize, time: OscTime) {
+        let gone = self.sign(0);
+        if let Some(holder) = self.ports[port].as_mut().filter(|h| !h.is_silent) {
+            holder.is_silent = true;
+            self.outlet.send(port as u16, time, gone);
+        }
+    }
+
+    /// The same at every port, as of now, whatever clock the frames had.
+    fn hush_all(&mut self) {
+        let time = time_of(0, FLAG_FILE_TIME);
+        for port in 0..MOST_PEOPLE {
+            self.hush(port, time);
+        }
+    }
+
+    /// What every bundle begins with.
+    fn sign(&self, ok: i32) -> Vec<OscMessage> {
+        let clock = (self.began.elapsed().as_secs_f64() % CLOCK) as f32;
+        vec![
+            message("/VMC/Ext/OK", vec![Int(ok)]),
+            message("/VMC/Ext/T", vec![Float(clock)]),
+        ]
+    }
+
     fn port_of(&self, id: u32) -> Option<usize> {
-        let theirs = self
-            .ports
-            .iter()
-            .position(|p| p.is_some_and(|(i, _)| i == id));
-        theirs.or_else(|| self.ports.iter().position(Option::is_none))
+        let is_theirs = |p: &Option<Holder>| p.is_some_and(|h| h.id == id);
+        self.ports.iter().position(is_theirs)
     }
 }
 
@@ -152,11 +195,12 @@ impl Sink<BodyFrame> for VmcBridge {
     }
 
     fn quiet(&mut self) {
-        self.free_all();
+        self.hush_all();
     }
 
     fn end(&mut self) -> Result<(), SinkError> {
-        self.free_all();
+        self.hush_all();
+        self.ports = Default::default();
         Ok(())
     }
 
@@ -170,15 +214,71 @@ mod tests {
     use super::*;
     use crate::bridge::osc::tests::Listener;
 
+    /// A frame of these people.
+    fn frame(ids: &[u32]) -> BodyFrame {
+        let mut frame = BodyFrame {
+            count: ids.len() as u32,
+            ..BodyFrame::default()
+        };
+        for (body, id) in frame.bodies.iter_mut().zip(ids) {
+            body.id = *id;
+        }
+        frame
+    }
+
+    fn holders(bridge: &VmcBridge) -> Vec<Option<u32>> {
+        let all = bridge.ports.iter().map(|p| p.map(|h| h.id));
+        let held = 1 + bridge.ports.iter().rposition(Option::is_some).unwrap_or(0);
+        all.take(held).collect()
+    }
+
+    #[test]
+    fn somebody_who_is_there_has_the_first_port() {
+        let listener = Listener::default();
+        let mut bridge = VmcBridge::new(listener.address()).unwrap();
+        let (start, after) = (Instant::now(), Duration::from_secs_f64);
+        let mut send = |seconds: f64, ids: &[u32]| {
+            bridge.send_at(start + after(seconds), &frame(ids));
+            holders(&bridge)
+        };
+        // A successor, while the first port is kept for who has just left.
+        assert_eq!(send(0.0, &[1]), [Some(1)]);
+        assert_eq!(send(1.0, &[2]), [Some(1), Some(2)]);
+        assert_eq!(send(2.1, &[2]), [Some(2)]);
+        // Who leaves is replaced by the last; the others stay where they are.
+        assert_eq!(send(2.2, &[2, 3, 4]), [Some(2), Some(3), Some(4)]);
+        send(2.3, &[3, 4]);
+        assert_eq!(send(4.4, &[3, 4]), [Some(4), Some(3)]);
+        // Nobody changes places by a pause.
+        bridge.quiet();
+        bridge.send_at(start + after(60.0), &frame(&[3, 4]));
+        assert_eq!(holders(&bridge), [Some(4), Some(3)]);
+    }
+
+    #[test]
+    fn after_weeks_frames_still_have_times_of_their_own() {
+        let listener = Listener::default();
+        let mut bridge = VmcBridge::new(listener.address()).unwrap();
+        let days = |n: u64| Duration::from_secs(86_400 * n + 86_000);
+        // A machine that has not been on for so long has no such instant.
+        let Some(began) = [15, 3, 0]
+            .iter()
+            .find_map(|n| bridge.began.checked_sub(days(*n)))
+        else {
+            return;
+        };
+        bridge.began = began;
+        let [Float(clock)] = bridge.sign(1)[1].args[..] else {
+            panic!("expected a time");
+        };
+        assert!((86_000.0..86_400.0).contains(&clock), "{clock}");
+    }
+
     #[test]
     fn who_listens_hears_once_that_frames_stay_away_and_then_goes_on() {
         let listener = Listener::default();
         let mut bridge = VmcBridge::new(listener.address()).unwrap();
-        let mut frame = BodyFrame {
-            count: 1,
-            ..BodyFrame::default()
-        };
-        frame.bodies[0].id = 6;
+        let frame = frame(&[6]);
         let ok = || {
             let [first, ..] = &listener.bundle()[..] else {
                 panic!("expected messages");

@@ -460,6 +460,17 @@ impl<W: Write + Seek> AviWriter<W> {
         Ok(())
     }
 
+    /// Appends the newest picture of [`write_frame`](Self::write_frame) once more.
+    ///
+    /// # Errors
+    /// As [`write_jpeg`](Self::write_jpeg).
+    pub fn repeat(&mut self) -> std::io::Result<()> {
+        let jpeg = std::mem::take(&mut self.jpeg);
+        let written = self.write_jpeg(&jpeg);
+        self.jpeg = jpeg;
+        written
+    }
+
     /// Appends a picture, encoded with a JPEG quality of 1 to 100.
     ///
     /// # Errors

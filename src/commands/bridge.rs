@@ -48,6 +48,8 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         .as_ref()
         .map_or_else(String::new, |p| format!(" at {}", p.url()));
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
+    // Where the camera is away this is somebody who was there hours ago.
+    bodies.next(Duration::ZERO)?;
     let (mut is_running, mut silence) = (false, Silence::default());
     while !stop.requested() {
         // Who is behind sends the newest, and the end in any case.

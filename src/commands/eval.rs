@@ -64,7 +64,13 @@ pub struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 8, conflicts_with_all = WITHOUT_TRUTH)]
     pub min_joints: usize,
     /// Least height of such a person, in pixels of the network's 512x320 input
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.0, conflicts_with_all = WITHOUT_TRUTH)]
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 0.0,
+        conflicts_with_all = WITHOUT_TRUTH,
+        value_parser = parse_height
+    )]
     pub min_height: f64,
     /// Nothing is read: bodies from one to four views of synthetic people are fitted and measured, minutes long
     #[arg(long, conflicts_with_all = ["predictions", "truth", "no_people"])]
@@ -87,6 +93,13 @@ pub struct EvalArgs {
     /// Write every figure as JSON; '-' for standard output, in place of the table
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+}
+
+fn parse_height(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(pixels) if pixels.is_finite() && pixels >= 0.0 => Ok(pixels),
+        _ => Err(format!("'{text}': expected pixels, 0 or more")),
+    }
 }
 
 /// Measures and prints.

@@ -98,6 +98,8 @@ fn follow<M: Message>(
     mut take: impl FnMut(&M) -> anyhow::Result<bool>,
 ) -> anyhow::Result<()> {
     let stream = Subscriber::<M>::open(camera)?;
+    // What happened before is not told as if it happened now.
+    stream.next(Duration::ZERO)?;
     while !stop.requested() {
         if let Some(message) = stream.next(LOOK_UP)?
             && message.flags() & FLAG_END_OF_STREAM == 0

@@ -21,6 +21,8 @@ pub const NO_INPUT: u8 = 66;
 pub const UNAVAILABLE: u8 = 69;
 /// Our own fault.
 pub const SOFTWARE: u8 = 70;
+/// What Rust ends a process with whose main thread panicked.
+pub const PANICKED: u8 = 101;
 /// The output could not be created.
 pub const CANNOT_CREATE: u8 = 73;
 /// Reading or writing failed on the way.
@@ -217,7 +219,15 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 ) => return Some(USAGE),
                 Some(EngineError::Model(e)) => return Some(model_code(e)),
                 Some(
-                    EngineError::Plan(_) | EngineError::Packed { .. } | EngineError::Kernel { .. },
+                    EngineError::Channels(_)
+                    | EngineError::NotQuantised
+                    | EngineError::Outputs(_)
+                    | EngineError::Layer(_)
+                    | EngineError::Overflow(_)
+                    | EngineError::Wild { .. }
+                    | EngineError::Plan(_)
+                    | EngineError::Packed { .. }
+                    | EngineError::Kernel { .. },
                 ) => return Some(DATA),
                 _ => {}
             }
@@ -311,6 +321,21 @@ mod tests {
             free: 4,
         };
         assert_eq!(code(&full.into()), UNAVAILABLE);
+    }
+
+    /// A supervisor would start it for ever.
+    #[test]
+    fn a_network_that_the_engine_refuses_is_bad_data() {
+        for refused in [
+            EngineError::Channels(4),
+            EngineError::NotQuantised,
+            EngineError::Outputs("none".into()),
+            EngineError::Layer("head2d.out".into()),
+            EngineError::Overflow("stem".into()),
+        ] {
+            let line = refused.to_string();
+            assert_eq!(code(&refused.into()), DATA, "{line}");
+        }
     }
 
     #[test]

@@ -77,12 +77,9 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
         "-" => Box::new(std::io::stdin().lock()),
         _ => open(&args.input)?,
     };
-    let mut take = Take::read(input, &name)?;
+    let take = Take::read_of(input, &name, args.person)?;
     if take.was_cut {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are exported");
-    }
-    if let Some(id) = args.person {
-        take.only(id, &name)?;
     }
     for line in write(&take, format, &args.to, false)? {
         say::out(&line);

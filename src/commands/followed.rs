@@ -12,6 +12,7 @@ use super::exit::told;
 use super::relay::{EventRelay, PictureRelay};
 use super::stop::Stop;
 use crate::bridge::websocket::Hub;
+use crate::sink::Silence;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
@@ -115,11 +116,14 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
     let pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
     let mut told = false;
     let mut published = Instant::now();
+    let (mut silence, mut newest) = (Silence::default(), Box::<BodyFrame>::default());
     while !stop.requested() {
         // Every frame belongs into the last minute, not the newest only.
         match bodies.next(LOOK_UP)? {
             Some(frame) => {
                 hub.publish(camera, &frame);
+                silence.hear(Instant::now());
+                *newest = *frame;
                 if frame.flags & FLAG_END_OF_STREAM != 0 {
                     tracing::info!("{camera}: the input has ended");
                 }
@@ -128,6 +132,9 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
             None if bodies.publisher_count() > 0 => published = Instant::now(),
             None if patience.is_some_and(|p| published.elapsed() >= p) => return Ok(()),
             None => {}
+        }
+        if silence.begins(Instant::now()) {
+            hub.quiet(camera, &mut newest);
         }
         events.look()?;
         if let Some(pictures) = &pictures {

@@ -113,26 +113,19 @@ impl RecordArgs {
 }
 
 /// Ends a verb that has computed `frames`: what was computed is made complete, whatever went wrong, and then it is
-/// said. Where nothing was computed and something went wrong, nothing is left. Returns what the sinks say.
-///
-/// # Errors
-/// That of `outcome`, else the first of a sink.
+/// said. Where nothing was computed and something went wrong, nothing is left. Returns what the sinks say of what there
+/// is, and how it ended: with the error of `outcome`, else with the first of a sink.
 pub fn finish<M>(
     mut sinks: Sinks<M>,
     frames: u64,
     outcome: anyhow::Result<()>,
-) -> anyhow::Result<Vec<String>> {
-    if frames == 0 {
-        outcome?;
-        let (words, finished) = sinks.finish();
-        finished?;
-        return Ok(words);
+) -> (Vec<String>, anyhow::Result<()>) {
+    if frames == 0 && outcome.is_err() {
+        return (Vec::new(), outcome);
     }
     if outcome.is_err() {
         sinks.break_off();
     }
     let (words, finished) = sinks.finish();
-    outcome?;
-    finished?;
-    Ok(words)
+    (words, outcome.and_then(|()| Ok(finished?)))
 }

@@ -63,11 +63,7 @@ impl Pipeline {
     /// If the model cannot be read or does not fit the stages.
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
         let model = open(options.model, options.stage2)?;
-        let precision = if model.is_quantised() {
-            Precision::Int8
-        } else {
-            Precision::F32
-        };
+        let precision = precision(&model);
         let engine = Engine::new(
             &model,
             EngineOptions {
@@ -188,7 +184,19 @@ pub fn expect_model(model: Option<&Path>, stage2: Option<&Path>) -> anyhow::Resu
     let model = open(model, stage2)?;
     association(&model)?;
     lifter(&model, Isa::Scalar)?;
+    let options = EngineOptions {
+        precision: precision(&model),
+        ..EngineOptions::default()
+    };
+    Engine::new(&model, options)?;
     Ok(())
+}
+
+fn precision(model: &Model) -> Precision {
+    match model.is_quantised() {
+        true => Precision::Int8,
+        false => Precision::F32,
+    }
 }
 
 fn open(model: Option<&Path>, stage2: Option<&Path>) -> anyhow::Result<Model> {

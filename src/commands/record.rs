@@ -102,6 +102,10 @@ fn take<T: Row<Message = M>, M: Message + Times>(
     let is_over =
         |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
     let limit = args.seconds.map(|s| Duration::from_secs(s.into()));
+    // A frame from before the recording; that the input has ended is still so.
+    if stream.next(Duration::ZERO)?.is_some_and(|f| f.is_end()) {
+        ended = Some(began);
+    }
     while !stop.requested() && !is_over(ended, COMES_BACK) {
         if limit.is_some_and(|limit| began.elapsed() >= limit) {
             break;

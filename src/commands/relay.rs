@@ -45,10 +45,10 @@ impl EventRelay {
     }
 
     fn new(camera: &str, priority: Priority, sinks: Sinks<EventFrame>) -> Result<Self, LinkError> {
-        Ok(Self {
-            events: Subscriber::open_with(camera, priority)?,
-            sinks,
-        })
+        let events = Subscriber::open_with(camera, priority)?;
+        // Who listens does something at an event: not at one of hours ago.
+        events.next(Duration::ZERO)?;
+        Ok(Self { events, sinks })
     }
 
     /// Hands on what has come since the last look; waits for nothing.

@@ -116,6 +116,9 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// How long a frame of photos is shown, whose times say nothing, nanoseconds.
+const STILL: u64 = 1_000_000_000;
+
 /// When frames of a record are published for the page, which goes by that: one after the other, though the record's own
 /// times may say nothing, or begin again. All in nanoseconds.
 #[derive(Debug, Default)]
@@ -130,7 +133,14 @@ impl Timeline {
     /// Moves a frame to where it follows the one before.
     fn put(&mut self, frame: &mut BodyFrame) {
         let told = self.clock.look(frame.due_ns(), self.step);
-        let now = told.unwrap_or_default().max(self.last.saturating_add(1));
+        let least = if told.is_none() && self.step == 0 {
+            STILL
+        } else {
+            1
+        };
+        let now = told
+            .unwrap_or_default()
+            .max(self.last.saturating_add(least));
         if told.is_some() && self.last > 0 {
             self.step = now - self.last;
         }
@@ -196,6 +206,6 @@ mod tests {
     fn frames_whose_times_say_nothing_come_one_after_the_other() {
         let photos = put((0..5).map(|_| of_film(0)));
         let times: Vec<u64> = photos.iter().map(|f| f.publish_ns).collect();
-        assert_eq!(times, [1, 2, 3, 4, 5]);
+        assert_eq!(times, [0, 1, 2, 3, 4].map(|k| 1 + k * STILL));
     }
 }

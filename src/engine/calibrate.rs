@@ -51,7 +51,8 @@ impl Calibration {
     /// out: following them would cost all others their resolution.
     ///
     /// # Errors
-    /// When the network cannot run at this size, or a value overflows.
+    /// When the network cannot run at this size, a value overflows, or fewer than half of the pictures, or none, are
+    /// left.
     ///
     /// # Panics
     /// When a picture is not of `options.size`.
@@ -70,21 +71,34 @@ impl Calibration {
                 ..EngineOptions::default()
             },
         )?;
-        let values = &model.network().graph().values;
+        let graph = model.network().graph();
+        let values = &graph.values;
         let nothing = || values.iter().map(|v| Observed::new(v.channels)).collect();
+        // Heads are as unlike as those whom pictures show.
+        let is_head = |v: usize| graph.outputs.iter().any(|(_, o)| *o == v);
+        let inner: Vec<usize> = (0..values.len()).filter(|&v| !is_head(v)).collect();
         let pictures: Vec<Vec<u8>> = pictures.into_iter().collect();
         let mut maxima = Vec::new();
         for picture in &pictures {
             let mut one: Vec<Observed> = nothing();
             engine.observe(picture, &mut one);
-            maxima.push(one.iter().map(Observed::max).collect());
+            maxima.push(inner.iter().map(|&v| one[v].max()).collect());
         }
         let wild = wild(&maxima);
+        let left_out = wild.iter().filter(|w| **w).count();
+        let left = pictures.len() - left_out;
+        // What most pictures do is not wild: the median says nothing of them, and ranges of the rest would clip them.
+        if left == 0 || left < left_out {
+            return Err(EngineError::Wild {
+                left,
+                pictures: pictures.len(),
+            });
+        }
         let mut observed: Vec<Observed> = nothing();
         for (picture, _) in pictures.iter().zip(&wild).filter(|(_, wild)| !**wild) {
             engine.observe(picture, &mut observed);
         }
-        for node in &model.network().graph().nodes {
+        for node in &graph.nodes {
             if observed[node.output].max().is_infinite() {
                 return Err(EngineError::Overflow(node.name.clone()));
             }
@@ -94,8 +108,8 @@ impl Calibration {
             choice: options.choice,
             own_ranges: options.own_ranges,
             correct_bias: options.correct_bias,
-            pictures: wild.iter().filter(|w| !**w).count(),
-            left_out: wild.iter().filter(|w| **w).count(),
+            pictures: left,
+            left_out,
         })
     }
 
@@ -189,13 +203,13 @@ fn relative_error(expected: &[f32], found: &[f32]) -> f32 {
 mod tests {
     use super::*;
     use crate::engine::Network;
-    use crate::engine::model::Weights;
+    use crate::engine::model::{FloatConv, Weights};
 
-    #[test]
-    fn a_layer_that_overflows_is_named() {
+    /// Four layers in a row, of which the last is also read by the second head.
+    fn in_a_row() -> Model {
         let text = r#"
             name = "tiny"
-            about = "an overflow in its third layer"
+            about = "layers in a row"
             input = { channels = 3, multiple = 16 }
             output = { head2d = "head2d.out", head3d = "head3d.out" }
             layers = [
@@ -206,20 +220,97 @@ mod tests {
               { kind = "conv", name = "head3d.out", from = ["c"], out = 63, kernel = 1, norm = false, relu = false },
             ]
         "#;
-        let mut model = Model::random(Network::parse(text).unwrap(), 3);
+        Model::random(Network::parse(text).unwrap(), 3)
+    }
+
+    fn convs(model: &mut Model) -> impl Iterator<Item = &mut FloatConv> {
         let Weights::Float(convs) = &mut model.weights else {
             panic!("random weights are floats");
         };
-        for conv in convs.iter_mut().flatten().take(3) {
-            conv.weight.fill(1e19);
-        }
+        convs.iter_mut().flatten()
+    }
+
+    fn observe(
+        model: &Model,
+        pictures: impl IntoIterator<Item = [u8; 3]>,
+    ) -> Result<Calibration, EngineError> {
         let options = CalibrationOptions {
             size: (32, 16),
             ..CalibrationOptions::default()
         };
-        let found = Calibration::observe(&model, [vec![200; 32 * 16 * 3]], options);
+        let pictures = pictures.into_iter().map(|colour| colour.repeat(32 * 16));
+        Calibration::observe(model, pictures, options)
+    }
+
+    #[test]
+    fn a_layer_that_overflows_is_named() {
+        let mut model = in_a_row();
+        for conv in convs(&mut model).take(3) {
+            conv.weight.fill(1e19);
+        }
+        let found = observe(&model, [[200; 3]]);
         let said = found.expect_err("it overflows").to_string();
         assert!(said.contains("`b`") || said.contains("`c`"), "{said}");
+    }
+
+    #[test]
+    fn a_head_that_overflows_is_named() {
+        for (head, name) in [(3, "`head2d.out`"), (4, "`head3d.out`")] {
+            let mut model = in_a_row();
+            observe(&model, [[200; 3]]).unwrap();
+            for (i, conv) in convs(&mut model).enumerate() {
+                if i == 2 {
+                    conv.bias.fill(100.0);
+                }
+                if i == head {
+                    conv.weight.fill(1e38);
+                }
+            }
+            let found = observe(&model, [[200; 3]]);
+            let said = found.expect_err("it overflows").to_string();
+            assert!(said.contains(name), "{said}");
+        }
+    }
+
+    #[test]
+    fn pictures_of_which_most_are_wild_give_no_ranges() {
+        let text = r#"
+            name = "colours"
+            about = "a layer for each colour of the picture"
+            input = { channels = 3, multiple = 16 }
+            output = { head2d = "head2d.out", head3d = "head3d.out" }
+            layers = [
+              { kind = "conv", name = "r", out = 4, kernel = 1, stride = 8 },
+              { kind = "conv", name = "g", from = ["input"], out = 4, kernel = 1, stride = 8 },
+              { kind = "conv", name = "b", from = ["input"], out = 4, kernel = 1, stride = 8 },
+              { kind = "conv", name = "head2d.out", from = ["r", "g", "b"], out = 40, kernel = 1, relu = false },
+              { kind = "conv", name = "head3d.out", from = ["r", "g", "b"], out = 63, kernel = 1, relu = false },
+            ]
+        "#;
+        let mut model = Model::random(Network::parse(text).unwrap(), 3);
+        for (colour, conv) in convs(&mut model).take(3).enumerate() {
+            let one = |i: usize| if i % 3 == colour { 1.0 } else { 0.0 };
+            conv.weight = (0..conv.weight.len()).map(one).collect();
+            conv.bias.fill(0.5);
+        }
+        let colours = [[255, 10, 10], [10, 255, 10], [10, 10, 255]];
+        let said = observe(&model, colours).unwrap_err().to_string();
+        assert!(
+            said.contains("half of the 3 pictures or more, found 0")
+                && said.contains("beyond 4 times"),
+            "{said}"
+        );
+        let with = |dark: usize| observe(&model, colours.into_iter().chain(vec![[10; 3]; dark]));
+        assert!(matches!(
+            with(2),
+            Err(EngineError::Wild {
+                left: 2,
+                pictures: 5
+            })
+        ));
+        let half = with(3).unwrap();
+        assert_eq!((half.pictures, half.left_out), (3, 3));
+        assert!(observe(&model, []).is_err());
     }
 
     #[test]

@@ -21,6 +21,10 @@ pub struct EventConfig {
     pub confidence: f32,
     /// How much nearer than the main person somebody must be to become it, as a share of the distance.
     pub nearer: f64,
+    /// What people stand before, x and z in the floor's axes: the main person is the nearest to it; none: the nearest
+    /// to the camera, or of several cameras to the origin of their calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub main_near: Option<[f64; 2]>,
     /// Changes of direction within two seconds that make a wave.
     pub swings: usize,
     /// Least way between two of them.
@@ -51,6 +55,7 @@ impl Default for EventConfig {
             hand: 0.4,
             confidence: 0.5,
             nearer: 0.15,
+            main_near: None,
             swings: 3,
             swing: 0.08,
             zone: Vec::new(),
@@ -82,6 +87,9 @@ impl EventConfig {
                 "nearer: expected a share of the distance, 0 to less than 1, found {}",
                 self.nearer
             ));
+        }
+        if self.main_near.iter().flatten().any(|c| !c.is_finite()) {
+            return Some("main_near: expected finite numbers".to_owned());
         }
         if !(1..=MOST_SWINGS).contains(&self.swings) {
             return Some(format!(

@@ -46,20 +46,21 @@ impl Detector {
         }
     }
 
-    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing, and a clock that goes
-    /// back further starts everything anew.
+    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing. Where the clock goes
+    /// back further, everybody has left and everything starts anew.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<Event> {
         let time = frame.pose_ns as f64 * 1e-9;
+        let mut happened = Vec::new();
         if let Some(last) = self.last
             && time < last
         {
             if last - time < RESTART {
                 return Vec::new();
             }
+            happened = self.everybody_leaves(last);
             *self = Self::new(self.config.clone());
         }
         self.last = Some(time);
-        let mut happened = Vec::new();
         for body in frame
             .bodies()
             .iter()
@@ -85,7 +86,8 @@ impl Detector {
                 ..event
             }));
         }
-        self.people.retain(|_, p| time - p.seen < FORGET);
+        self.people
+            .retain(|_, p| p.there.get() || time - p.seen < FORGET);
         let nearest = self.nearest(frame);
         if nearest.is_some() {
             self.main.lapse(time, SILENCE);
@@ -95,6 +97,23 @@ impl Detector {
                 person: main.unwrap_or(0),
                 ..event(EventKind::MAIN_PERSON)
             });
+        }
+        happened
+    }
+
+    /// What it means that nothing is seen any more after `last`.
+    fn everybody_leaves(&mut self, last: f64) -> Vec<Event> {
+        let mut happened = Vec::new();
+        for (&id, person) in self.people.iter_mut().filter(|(_, p)| p.there.get()) {
+            let mut what = Vec::new();
+            person.leave(last, person.there.since(), &self.config, &mut what);
+            happened.extend(what.into_iter().map(|event| Event {
+                person: id,
+                ..event
+            }));
+        }
+        if self.main.get().is_some() {
+            happened.push(event(EventKind::MAIN_PERSON));
         }
         happened
     }
@@ -109,12 +128,21 @@ impl Detector {
         self.main.get()
     }
 
-    /// Who is nearest to the camera; the main person until somebody is nearer by far.
+    /// Who is nearest to the camera, or to what the settings say; the main person until somebody is nearer by far.
     fn nearest(&self, frame: &BodyFrame) -> Option<u32> {
         let there = |b: &&Body| self.people.get(&b.id).is_some_and(|p| p.there.get());
         let distance = |b: &Body| {
-            let away = b.joints3d[PELVIS].iter().map(|c| f64::from(*c).powi(2));
-            let away = away.sum::<f64>().sqrt();
+            let pelvis = b.joints3d[PELVIS];
+            let away = match self.config.main_near.filter(|_| frame.world.is_known()) {
+                Some([x, z]) => {
+                    let [at_x, _, at_z] = frame.world.point(pelvis).map(f64::from);
+                    (at_x - x).hypot(at_z - z)
+                }
+                None => {
+                    let squares = pelvis.iter().map(|c| f64::from(*c).powi(2));
+                    squares.sum::<f64>().sqrt()
+                }
+            };
             match self.main.get() == Some(b.id) {
                 true => away * (1.0 - self.config.nearer),
                 false => away,
@@ -162,12 +190,7 @@ impl Person {
                 happened.push(event(EventKind::ENTERED));
             }
             Some(false) => {
-                self.leave_zones(time, config, &mut happened);
-                // Of the time in which the camera was away nobody knows.
-                happened.push(Event {
-                    seconds: (self.seen - before) as f32,
-                    ..event(EventKind::LEFT)
-                });
+                self.leave(time, before, config, &mut happened);
                 self.there = Steady::new(false, self.seen);
                 self.hands = [Hand::new(time), Hand::new(time)];
             }
@@ -229,6 +252,16 @@ impl Person {
                 happened.push(of_zone(EventKind::DWELT, zone, seconds));
             }
         }
+    }
+
+    /// Somebody who was there from `since` on has left.
+    fn leave(&mut self, time: f64, since: f64, config: &EventConfig, happened: &mut Vec<Event>) {
+        self.leave_zones(time, config, happened);
+        // Of the time in which the camera was away nobody knows.
+        happened.push(Event {
+            seconds: (self.seen - since) as f32,
+            ..event(EventKind::LEFT)
+        });
     }
 
     fn leave_zones(&mut self, time: f64, config: &EventConfig, happened: &mut Vec<Event>) {

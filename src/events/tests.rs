@@ -1,7 +1,7 @@
 //! What is told of somebody who is not looked at all the time.
 
 use super::*;
-use crate::joints::{BODY_JOINTS, JOINT_NAMES};
+use crate::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, JointState, World, WorldState};
 
 const FPS: f64 = 10.0;
@@ -68,6 +68,65 @@ fn while_a_camera_was_away_nobody_was_there() {
     assert!((seconds(EventKind::LEFT) - 9.9).abs() < 0.01, "{told:?}");
     let away = seconds(EventKind::CAME_BACK);
     assert!((away - 610.1).abs() < 0.01, "{told:?}");
+}
+
+#[test]
+fn who_was_there_when_it_closed_has_left_when_it_opens() {
+    let mut detector = Detector::new(EventConfig::default());
+    let night = film(0.0, 10.0, Some(standing())).chain(film(40_000.0, 40_010.0, None));
+    let told = look(&mut detector, night);
+    let left: Vec<_> = told.iter().filter(|e| e.kind == EventKind::LEFT).collect();
+    assert!(
+        matches!(left[..], [e] if (e.seconds - 9.9).abs() < 0.01),
+        "{told:?}"
+    );
+    assert_eq!(detector.present(), 0);
+}
+
+#[test]
+fn where_a_film_begins_anew_everybody_leaves_first() {
+    let mut detector = Detector::new(EventConfig::default());
+    let pass = || film(0.0, 10.0, Some(standing()));
+    let told = look(&mut detector, pass().chain(pass()).chain(pass()));
+    let count = |kind| told.iter().filter(|e| e.kind == kind).count();
+    assert_eq!((count(EventKind::ENTERED), count(EventKind::LEFT)), (3, 2));
+    let left = told.iter().find(|e| e.kind == EventKind::LEFT).unwrap();
+    assert!(
+        (left.seconds - 9.9).abs() < 0.1 && left.person > 0,
+        "{left:?}"
+    );
+    let nobody = |e: &&Event| e.kind == EventKind::MAIN_PERSON && e.person == 0;
+    assert_eq!(told.iter().filter(nobody).count(), 2);
+}
+
+#[test]
+fn the_main_person_is_nearest_to_what_the_settings_say() {
+    // Two metres to the right of the camera, and three in front of it.
+    let mut frame = frame(0.0, Some(standing()));
+    frame.count = 2;
+    frame.bodies[1] = Body {
+        id: 2,
+        ..standing()
+    };
+    frame.bodies[0].joints3d[PELVIS] = [0.0, 0.0, 3.0];
+    frame.bodies[1].joints3d[PELVIS] = [2.0, 0.0, 4.0];
+    // Half a turn about x: z of the floor goes towards the viewer.
+    frame.world = World {
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        translation: [0.0, 1.5, 0.0],
+        state: WorldState::GIVEN,
+    };
+    for (main_near, main) in [(None, 1), (Some([2.2, -3.5]), 2), (Some([0.0, 0.0]), 1)] {
+        let mut detector = Detector::new(EventConfig {
+            main_near,
+            ..EventConfig::default()
+        });
+        for k in 0..10 {
+            frame.pose_ns = k * 100_000_000;
+            detector.look(&frame);
+        }
+        assert_eq!(detector.main_person(), Some(main), "{main_near:?}");
+    }
 }
 
 #[test]

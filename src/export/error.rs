@@ -36,6 +36,8 @@ pub enum ExportError {
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The format cannot hold it.
-    #[error("the record does not fit the format: {0}; export fewer frames or people")]
+    #[error(
+        "the record does not fit the format: {0}; export one person with --person, or record shorter takes"
+    )]
     Format(String),
 }

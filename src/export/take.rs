@@ -1,9 +1,10 @@
 //! A whole record in memory: frames, and everybody's samples.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::BufRead;
 
 use super::error::ExportError;
+use super::size;
 use super::times::{self, RATE};
 use crate::message::{Body, World};
 use crate::record::{BodiesRow, RowReader};
@@ -49,13 +50,27 @@ impl Take {
     /// Reads a record of bodies in either format; `name` is what errors call it.
     ///
     /// # Errors
-    /// What is wrong with the record; [`ExportError::Empty`] where nobody is in it.
+    /// What is wrong with the record; [`ExportError::Empty`] where nobody is in it, [`ExportError::Format`] where there
+    /// are too many to be held.
     pub fn read(input: impl BufRead, name: &str) -> Result<Self, ExportError> {
+        Self::read_of(input, name, None)
+    }
+
+    /// The same of one person, of whom a record of days can be held; `None`: of everybody.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); [`ExportError::NoPerson`].
+    pub fn read_of(
+        input: impl BufRead,
+        name: &str,
+        person: Option<u32>,
+    ) -> Result<Self, ExportError> {
         let mut rows = RowReader::<_, BodiesRow>::new(input, name);
         let mut take = Self::default();
         let mut stamps: Vec<times::Stamp> = Vec::new();
         // What ids of this life of the publisher are counted from, and the highest of all.
         let (mut from, mut highest) = (0, 0);
+        let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
         while let Some(row) = rows.read()? {
             let message = row.message();
             let index = take.frames.len();
@@ -71,6 +86,11 @@ impl Take {
             for body in message.bodies() {
                 let id = body.id.saturating_add(from);
                 highest = highest.max(id);
+                ids.insert(id);
+                if person.is_some_and(|wanted| wanted != id) {
+                    continue;
+                }
+                held += 1;
                 let samples = take.people.entry(id).or_default();
                 // Twice in one frame: the first stays.
                 if samples.last().is_none_or(|s| s.frame != index) {
@@ -80,16 +100,19 @@ impl Take {
                     });
                 }
             }
+            let bytes = held as f64 * size_of::<Sample>() as f64;
+            size::expect(bytes, || format!("the bodies of {} frames", index + 1))?;
         }
         take.was_cut = rows.was_cut();
         take.keep(&times::seconds(&stamps));
-        if take.people.is_empty() {
-            return Err(ExportError::Empty {
+        match person {
+            Some(id) if take.people.is_empty() && !ids.is_empty() => Err(no_person(name, id, &ids)),
+            _ if take.people.is_empty() => Err(ExportError::Empty {
                 name: name.to_owned(),
                 frames: stamps.len() as u64,
-            });
+            }),
+            _ => Ok(take),
         }
-        Ok(take)
     }
 
     /// Gives the frames their times, and leaves those out that have none.
@@ -116,27 +139,6 @@ impl Take {
             });
         }
         self.people.retain(|_, samples| !samples.is_empty());
-    }
-
-    /// Leaves everybody out but one.
-    ///
-    /// # Errors
-    /// [`ExportError::NoPerson`].
-    pub fn only(&mut self, id: u32, name: &str) -> Result<(), ExportError> {
-        if !self.people.contains_key(&id) {
-            let ids = self.people.keys().take(MOST_LISTED);
-            let mut there: Vec<String> = ids.map(u32::to_string).collect();
-            if self.people.len() > MOST_LISTED {
-                there.push(format!("… {} in all", self.people.len()));
-            }
-            return Err(ExportError::NoPerson {
-                name: name.to_owned(),
-                id,
-                there: there.join(", "),
-            });
-        }
-        self.people.retain(|other, _| *other == id);
-        Ok(())
     }
 
     /// When the first of its people is first there, seconds: where files begin.
@@ -166,5 +168,17 @@ impl Take {
     pub fn floor(&self) -> Option<World> {
         let known = self.frames.iter().rev().find(|f| f.world.is_known());
         known.map(|f| f.world)
+    }
+}
+
+fn no_person(name: &str, id: u32, ids: &BTreeSet<u32>) -> ExportError {
+    let mut there: Vec<String> = ids.iter().take(MOST_LISTED).map(u32::to_string).collect();
+    if ids.len() > MOST_LISTED {
+        there.push(format!("… {} in all", ids.len()));
+    }
+    ExportError::NoPerson {
+        name: name.to_owned(),
+        id,
+        there: there.join(", "),
     }
 }

@@ -11,6 +11,10 @@ const SECOND: u64 = 1_000_000_000;
 type Message<'a> = (u64, u64, &'a [u32]);
 
 fn take(messages: &[Message<'_>]) -> Take {
+    Take::read(&lines(messages)[..], "record").unwrap()
+}
+
+fn lines(messages: &[Message<'_>]) -> Vec<u8> {
     let mut lines = Vec::new();
     for &(sequence, pose_ns, ids) in messages {
         let mut message = BodyFrame {
@@ -25,7 +29,19 @@ fn take(messages: &[Message<'_>]) -> Take {
         serde_json::to_writer(&mut lines, &BodiesRow::new(&message, "")).unwrap();
         lines.push(b'\n');
     }
-    Take::read(&lines[..], "record").unwrap()
+    lines
+}
+
+#[test]
+fn of_one_person_nobody_else_is_held() {
+    let lines = lines(&[(0, 0, &[1, 2]), (1, SECOND, &[2]), (2, 2 * SECOND, &[1])]);
+    let of = |id| Take::read_of(&lines[..], "record", Some(id));
+    let take = of(1).unwrap();
+    assert_eq!(take.frames.len(), 3);
+    assert_eq!(take.people.keys().collect::<Vec<_>>(), [&1]);
+    assert_eq!(take.people[&1].len(), 2);
+    let refused = of(5).unwrap_err().to_string();
+    assert!(refused.contains("id 5; there are 1, 2"), "{refused}");
 }
 
 fn times(take: &Take) -> Vec<f64> {
@@ -164,12 +180,12 @@ fn what_cannot_be_held_is_refused_before_it_is_made() {
         }
     };
     let crowd = crowd((0..3000).map(|k| f64::from(k) / 30.0));
-    refused(&crowd, "a.npz", ["3000 frames × 3000 people", "fewer"]);
+    refused(&crowd, "a.npz", ["3000 frames × 3000 people", "--person"]);
     // A clock that was set while somebody was in view.
     let mut long = take(&held());
     long.frames[59].time = 1e9;
     for name in ["a.bvh", "a.trc", "a.glb"] {
-        refused(&long, name, ["steps of 0.020000 s", "fewer"]);
+        refused(&long, name, ["steps of 0.020000 s", "shorter takes"]);
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::rows::Row;
+use super::syncer::Syncer;
 use super::writer::{Format, encode, head};
 use crate::output::{is_in_place, parent, set_aside};
 
@@ -26,6 +27,7 @@ pub struct GrowingRecord<T> {
     whole: u64,
     frames: u64,
     synced: Instant,
+    syncer: Syncer,
     rows: PhantomData<T>,
 }
 
@@ -48,6 +50,7 @@ impl<T: Row> GrowingRecord<T> {
             whole: 0,
             frames: 0,
             synced: Instant::now(),
+            syncer: Syncer::default(),
             rows: PhantomData,
         };
         let head = head::<T>(format);
@@ -98,7 +101,7 @@ impl<T: Row> GrowingRecord<T> {
         let by_name = now.saturating_duration_since(self.synced) >= SYNC_EVERY;
         if by_name {
             self.synced = now;
-            self.file.sync_data()?;
+            self.syncer.begin(&self.file)?;
         }
         if !self.is_intact(by_name)? {
             self.begin_anew()?;
@@ -243,6 +246,7 @@ mod tests {
             whole: 0,
             frames: 0,
             synced: Instant::now(),
+            syncer: Syncer::default(),
             rows: PhantomData,
         };
         record.append(&BodyFrame::default(), "").unwrap();

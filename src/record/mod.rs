@@ -17,6 +17,7 @@ mod kind;
 mod other;
 mod reader;
 pub mod rows;
+mod syncer;
 mod times;
 mod writer;
 

@@ -285,25 +285,25 @@ impl<'a, R: BufRead> ObservationReader<'a, R> {
     }
 }
 
-/// The text of a record as JSON lines, whichever format it has; `name` is what errors call it. Lines of JSON are as
-/// they were.
+/// The text of a record as JSON lines, whichever format it has, and whether it ends inside a frame where it is binary;
+/// `name` is what errors call it. Lines of JSON are as they were.
 ///
 /// # Errors
 /// [`RecordError`], naming the frame, for a binary record that is damaged.
-pub fn lines(bytes: &[u8], name: &str) -> Result<Vec<u8>, RecordError> {
+pub fn lines(bytes: Vec<u8>, name: &str) -> Result<(Vec<u8>, bool), RecordError> {
     match bytes.strip_prefix(MAGIC).and_then(|rest| rest.first()) {
-        Some(&ObservationsRow::KIND) => to_json::<ObservationsRow>(bytes, name),
-        Some(&BodiesRow::KIND) => to_json::<BodiesRow>(bytes, name),
-        _ => Ok(bytes.to_vec()),
+        Some(&ObservationsRow::KIND) => to_json::<ObservationsRow>(&bytes, name),
+        Some(&BodiesRow::KIND) => to_json::<BodiesRow>(&bytes, name),
+        _ => Ok((bytes, false)),
     }
 }
 
-fn to_json<T: Row>(bytes: &[u8], name: &str) -> Result<Vec<u8>, RecordError> {
+fn to_json<T: Row>(bytes: &[u8], name: &str) -> Result<(Vec<u8>, bool), RecordError> {
     let mut reader = RowReader::<_, T>::new(bytes, name);
     let mut out = Vec::new();
     while let Some(row) = reader.read()? {
         serde_json::to_writer(&mut out, &row).map_err(|e| reader.bad(e.to_string()))?;
         out.push(b'\n');
     }
-    Ok(out)
+    Ok((out, reader.was_cut()))
 }

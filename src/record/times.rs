@@ -43,9 +43,10 @@ impl Times for BodyFrame {
     }
 
     fn publish_at(&mut self, now: u64) {
-        if self.flags & FLAG_FILE_TIME == 0 && self.publish_ns != 0 {
-            self.capture_ns = moved(self.capture_ns, self.publish_ns, now);
-            self.pose_ns = moved(self.pose_ns, self.publish_ns, now);
+        if self.flags & FLAG_FILE_TIME == 0 {
+            let due = self.due_ns();
+            self.capture_ns = moved(self.capture_ns, due, now);
+            self.pose_ns = moved(self.pose_ns, due, now);
         }
         self.publish_ns = now;
     }
@@ -73,8 +74,8 @@ impl Times for ObservationFrame {
     }
 
     fn publish_at(&mut self, now: u64) {
-        if self.flags & FLAG_FILE_TIME == 0 && self.publish_ns != 0 {
-            self.capture_ns = moved(self.capture_ns, self.publish_ns, now);
+        if self.flags & FLAG_FILE_TIME == 0 {
+            self.capture_ns = moved(self.capture_ns, self.due_ns(), now);
         }
         self.publish_ns = now;
     }
@@ -96,6 +97,14 @@ mod tests {
         again.publish_at(5_000);
         let times = (again.capture_ns, again.pose_ns, again.publish_ns);
         assert_eq!(times, (4_900, 5_100, 5_000));
+        // One that was fitted from a record was never published.
+        let mut fitted = BodyFrame {
+            publish_ns: 0,
+            ..live
+        };
+        fitted.publish_at(5_000);
+        let times = (fitted.capture_ns, fitted.pose_ns, fitted.publish_ns);
+        assert_eq!(times, (4_800, 5_000, 5_000));
         let mut film = BodyFrame {
             flags: FLAG_FILE_TIME,
             ..live

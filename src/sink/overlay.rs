@@ -2,14 +2,16 @@
 
 mod film;
 mod pictures;
+mod real_time;
 
 use std::path::Path;
 
 use self::film::Film;
 use self::pictures::Pictures;
+use self::real_time::Taken;
 use super::{Packet, Sink, SinkError};
 use crate::capture::{Frame, Rate};
-use crate::message::{BodyFrame, ObservationFrame};
+use crate::message::{BodyFrame, FLAG_FILE_TIME, ObservationFrame};
 use crate::overlay::{Person, draw};
 
 /// What people call films and pictures that are not written.
@@ -30,6 +32,29 @@ enum Target {
     Film(Box<Film>),
 }
 
+/// Which picture it is.
+#[derive(Debug, Clone, Copy)]
+struct Which<'a> {
+    sequence: u64,
+    /// The photo's name.
+    source: &'a str,
+    taken: Taken,
+}
+
+impl<'a> Which<'a> {
+    fn new(sequence: u64, source: &'a str, flags: u32, capture_ns: u64) -> Self {
+        let taken = match flags & FLAG_FILE_TIME {
+            0 => Taken::Live(capture_ns),
+            _ => Taken::File(capture_ns),
+        };
+        Self {
+            sequence,
+            source,
+            taken,
+        }
+    }
+}
+
 impl Target {
     fn break_off(&mut self) {
         if let Self::Film(film) = self {
@@ -41,7 +66,7 @@ impl Target {
 impl OverlaySink {
     /// A film where `path` ends in `.avi`, with the `rate` that is known by its first picture; else a folder, which is
     /// made. Pictures in a folder are called like the photo that they are of, or by their number in a film (`is_stills`
-    /// tells which).
+    /// tells which). A film lasts as long as what it shows.
     ///
     /// # Errors
     /// [`SinkError::Kind`] for names of other films and of pictures, [`SinkError::Create`].
@@ -70,7 +95,7 @@ impl OverlaySink {
     fn write<P: Person>(
         &mut self,
         picture: Option<&Frame>,
-        (sequence, source): (u64, &str),
+        which: Which<'_>,
         people: &[P],
     ) -> Result<(), SinkError> {
         let Some(picture) = picture else {
@@ -79,8 +104,8 @@ impl OverlaySink {
         self.canvas.clone_from(picture);
         draw(&mut self.canvas, people);
         match &mut self.target {
-            Target::Pictures(all) => all.write(&self.canvas, sequence, source),
-            Target::Film(film) => film.write(&self.canvas),
+            Target::Pictures(all) => all.write(&self.canvas, which.sequence, which.source),
+            Target::Film(film) => film.write(&self.canvas, which.taken),
         }
     }
 
@@ -95,7 +120,12 @@ impl OverlaySink {
 impl Sink<ObservationFrame> for OverlaySink {
     fn take(&mut self, packet: &Packet<'_, ObservationFrame>) -> Result<(), SinkError> {
         let message = packet.message;
-        let which = (message.sequence, packet.source);
+        let which = Which::new(
+            message.sequence,
+            packet.source,
+            message.flags,
+            message.capture_ns,
+        );
         self.write(packet.picture, which, message.people())
     }
 
@@ -111,7 +141,12 @@ impl Sink<ObservationFrame> for OverlaySink {
 impl Sink<BodyFrame> for OverlaySink {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
         let message = packet.message;
-        let which = (message.sequence, packet.source);
+        let which = Which::new(
+            message.sequence,
+            packet.source,
+            message.flags,
+            message.capture_ns,
+        );
         self.write(packet.picture, which, message.bodies())
     }
 

@@ -92,6 +92,9 @@ fn bad_input_is_one_line_and_a_code() {
         ],
     });
     fs::write(folder.path().join("coco.json"), coco.to_string()).unwrap();
+    let measured = ["--predictions", "p.jsonl", "--truth", "coco.json"];
+    let no_number = [&measured[..], &["--min-height", "nan"]].concat();
+    let below_zero = [&measured[..], &["--min-height=-1"]].concat();
     let codes = [
         (&["--predictions", "none.jsonl", "--no-people"][..], 66),
         (&["--predictions", "t.json", "--no-people"], 65),
@@ -165,6 +168,8 @@ fn bad_input_is_one_line_and_a_code() {
             64,
         ),
         (&["--multiview", "--joints", "all"], 64),
+        (&no_number[..], 64),
+        (&below_zero[..], 64),
     ];
     for (args, code) in codes {
         let failed = eval(folder.path(), args).code(code);
@@ -239,6 +244,34 @@ fn a_result_without_a_place_is_told_before_the_work() {
     let failed = eval(folder.path(), &full).code(73);
     let table = String::from_utf8_lossy(&failed.get_output().stdout).into_owned();
     assert!(table.contains("50.0 %"), "{table}");
+}
+
+#[test]
+fn a_record_that_was_cut_off_is_measured_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.jsonl");
+    write_predictions(&path);
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, &text[..text.len() - 9]).unwrap();
+    let args = ["--predictions", "p.jsonl", "--no-people", "--json", "-"];
+    let out = eval(folder.path(), &args).success();
+    let figures: serde_json::Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+    assert_eq!(figures["quiet"]["pictures"], 1);
+    let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
+    assert!(said.contains("p.jsonl: cut off inside a frame"), "{said}");
+}
+
+/// As `infer` ends there.
+#[test]
+fn bench_tells_an_instruction_set_that_is_none() {
+    let mut bench = Command::cargo_bin("edgecap").unwrap();
+    bench.args(["bench", "--networks", "selecsls", "--seconds", "0"]);
+    let failed = bench.env("EDGECAP_ISA", "abacus").assert().code(64);
+    let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+    assert!(
+        said.lines().count() == 1 && said.matches("abacus").count() == 1,
+        "{said}"
+    );
 }
 
 #[test]

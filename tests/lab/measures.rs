@@ -1,11 +1,13 @@
 //! Measures against values worked out by hand.
 
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::joints::{BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, PELVIS};
 use edgecap::lab::eval::{
     EvalError, EvalOptions, Format, Identity, ImageOks, Jitter, JointSet, Keypoint, Mupots,
-    MupotsPerson, Pck, Pose3d, PoseErrors, Predictions, Protocol, TruthPerson, TruthSet,
-    align_similarity, average_precision, evaluate, oks, quiet,
+    MupotsPerson, Pck, Pose3d, PoseErrors, Predictions, Protocol, TruthFrame, TruthPerson,
+    TruthSet, align_similarity, average_precision, evaluate, oks, quiet,
 };
+use edgecap::message::ObservationFrame;
+use edgecap::record::{self, ObservationsRow, RecordWriter};
 
 type Joints2d = [[f32; 3]; EVIDENCE_JOINTS];
 
@@ -371,14 +373,14 @@ fn coco_truth_and_observations_are_read_and_paired() {
     near(coco.ar, 0.5);
     let found = report.finding[1];
     assert_eq!((found.people, found.found, found.false_people), (2, 1, 0));
-    near(found.mean_oks, 1.0);
+    near(found.mean_oks.unwrap(), 1.0);
     // All 13 points: the nose cannot be found.
     let options = EvalOptions {
         joints: JointSet::All,
         ..Default::default()
     };
     let all = evaluate(&predictions, &truth, &options).unwrap();
-    near(all.finding[1].mean_oks, 12.0 / 13.0);
+    near(all.finding[1].mean_oks.unwrap(), 12.0 / 13.0);
     assert!(report.to_string().contains("50.0 % of 2"), "{report}");
     let quiet = quiet(&predictions).unwrap();
     assert_eq!((quiet.pictures, quiet.quiet, quiet.people), (3, 1, 2));
@@ -511,7 +513,8 @@ fn single_person_sets_are_read() {
 
 #[test]
 fn mpii_people_of_one_picture_come_together() {
-    let joints: Vec<[f64; 2]> = (0..16).map(|j| [f64::from(j), 2.0]).collect();
+    let at = |j: i32| [f64::from(j), 2.0 + f64::from(j % 2)];
+    let joints: Vec<[f64; 2]> = (0..16).map(at).collect();
     let entry = |image: &str| serde_json::json!({"image": image, "joints": joints, "joints_vis": vec![1; 16], "scale": 1.0, "center": [0, 0]});
     let text = serde_json::json!([entry("a.jpg"), entry("b.jpg"), entry("a.jpg")]).to_string();
     let truth = TruthSet::parse(&text, "t", Format::Auto, None).unwrap();
@@ -704,4 +707,176 @@ fn observations_and_bodies_are_not_mixed() {
     let report = evaluate(&nobody, &truth, &EvalOptions::default()).unwrap();
     let identity = report.identity.unwrap();
     assert_eq!((identity.truth, identity.predicted), (1, 0));
+}
+
+#[test]
+fn observations_and_the_truth_move_at_one_size() {
+    const STATURE: f64 = 1.4;
+    let moving = |k: u64| body().map(|p| p.map(|x| x * (1.0 + 0.01 * (k * k) as f64)));
+    let mut truth = synthetic(|_| ()).unwrap();
+    let first = truth.frames.remove(0);
+    let mut lines = Vec::new();
+    for k in 0..4 {
+        let joints = moving(k);
+        let mut frame = first.clone();
+        frame.frame = Some(k);
+        frame.people[0].joints3d = Some(joints.map(Some));
+        frame.people[0].stature = Some(STATURE);
+        truth.frames.push(frame);
+        let scale = f64::from(CANONICAL_STATURE) / STATURE;
+        let own = joints.map(|p| std::array::from_fn(|i| scale * (p[i] - joints[PELVIS][i])));
+        let solid: Vec<[f64; 3]> = own.to_vec();
+        let person = serde_json::json!({"score": 0.9, "joints2d": exact(), "joints3d": solid});
+        lines.push(line(k, "", &person.to_string()));
+    }
+    let predictions = Predictions::parse(&lines.join("\n"), "p").unwrap();
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    near(report.pose3d.unwrap().mpjpe_mm, 0.0);
+    assert!(report.jitter.unwrap() > 1.0, "{:?}", report.jitter);
+    near(report.jitter.unwrap(), report.true_motion.unwrap());
+}
+
+/// As `edgecap synth` writes a folder: frames that follow each other, each a picture of its own.
+#[test]
+fn pictures_of_a_film_are_told_by_their_names() {
+    let place = |k: usize| 40.0 * k as f32;
+    let people: Vec<serde_json::Value> = (0..3)
+        .map(|k| {
+            let joints2d: Vec<[f64; 2]> = (0..BODY_JOINTS)
+                .map(|j| [10.0 * j as f64 + f64::from(place(k)), 5.0 * j as f64])
+                .collect();
+            let solid = body().map(|p| [p[0], p[1], p[2] + 4.0]).to_vec();
+            serde_json::json!({
+                "id": 1, "stature": 1.8, "joints3d": solid, "joints2d": joints2d,
+                "visibility": vec![1; BODY_JOINTS], "pixels": 900.0,
+            })
+        })
+        .collect();
+    let frames = people.iter().enumerate().map(|(k, person)| {
+        serde_json::json!({
+            "frame": k, "time_ns": k, "file": format!("{k:06}.jpg"), "camera": {}, "people": [person],
+        })
+    });
+    let truth = serde_json::json!({
+        "format": "edgecap-truth", "version": 1, "seed": 1, "width": 512, "height": 320, "fps": 15.0,
+        "frames": frames.collect::<Vec<_>>(),
+    });
+    let truth = TruthSet::parse(&truth.to_string(), "t", Format::Auto, None).unwrap();
+    assert!(truth.video && !truth.clip);
+    let seen = |number: u64, k: usize| {
+        let moved = exact().map(|[u, v, c]| [u + place(k), v, c]);
+        let people = observation(0.9, &moved);
+        line(number, &format!("syn/{k:06}.jpg"), &people)
+    };
+    let report = |lines: &[String]| {
+        let predictions = Predictions::parse(&lines.join("\n"), "p").unwrap();
+        evaluate(&predictions, &truth, &EvalOptions::default())
+    };
+    let whole = report(&[seen(0, 0), seen(1, 1), seen(2, 2)]).unwrap();
+    assert_eq!(
+        (whole.frames_without_prediction, whole.finding[2].found),
+        (0, 3)
+    );
+    // Numbers of a folder of which a picture was taken out, or of another folder, say nothing.
+    let some = report(&[seen(0, 1), seen(1, 2)]).unwrap();
+    assert_eq!(
+        (some.frames_without_prediction, some.finding[2].found),
+        (1, 2)
+    );
+    let other = seen(0, 0).replace("000000.jpg", "img_000000.jpg");
+    assert!(matches!(report(&[other]), Err(EvalError::Disjoint { .. })));
+}
+
+#[test]
+fn whoever_is_labelled_without_an_area_is_neither_missed_nor_wrong() {
+    let known = person(5000.0);
+    // One joint is labelled, or two in a row: there is no area to say how near is near enough.
+    let sizeless = |labelled: &[usize]| {
+        let mut other = person(0.0);
+        for k in &mut other.points {
+            k.u += 300.0;
+            k.v = 40.0;
+            k.visibility = match labelled.contains(&k.joint.unwrap()) {
+                true => 2,
+                false => 0,
+            };
+        }
+        other
+    };
+    for labelled in [&[4][..], &[2, 5]] {
+        let truth = TruthSet {
+            frames: vec![TruthFrame {
+                source: "a.jpg".into(),
+                people: vec![known.clone(), sizeless(labelled)],
+                ..TruthFrame::default()
+            }],
+            ..TruthSet::default()
+        };
+        // Two pixels from the labels.
+        let mut guess = exact().map(|[u, v, c]| [u + 301.0, v, c]);
+        labelled.iter().for_each(|j| guess[*j][1] = 41.0);
+        let report = |people: &[Joints2d]| {
+            let people: Vec<String> = people.iter().map(|p| observation(0.9, p)).collect();
+            let predictions = Predictions::parse(&line(0, "a.jpg", &people.join(",")), "p");
+            let options = EvalOptions {
+                min_joints: 1,
+                ..EvalOptions::default()
+            };
+            evaluate(&predictions.unwrap(), &truth, &options).unwrap()
+        };
+        for found in [report(&[exact()]), report(&[exact(), guess])] {
+            let row = found.finding[1];
+            assert_eq!(
+                (row.people, row.found, row.false_people),
+                (1, 1, 0),
+                "{labelled:?}"
+            );
+            near(found.coco.unwrap().ap, 1.0);
+        }
+        let stranger = exact().map(|[u, v, c]| [u + 150.0, v + 200.0, c]);
+        assert_eq!(report(&[exact(), stranger]).finding[1].false_people, 1);
+    }
+}
+
+#[test]
+fn records_that_were_cut_off_are_read_to_their_last_whole_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p");
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Predictions::read(&path).map(|p| p.frames.len())
+    };
+    let first = line(0, "straße.jpg", &observation(0.8, &exact())) + "\n";
+    let text = first.clone() + &line(1, "straße.jpg", &observation(0.8, &exact()));
+    assert_eq!(read(text.as_bytes()).unwrap(), 2);
+    for cut in first.len() + 1..text.len() {
+        assert_eq!(read(&text.as_bytes()[..cut]).unwrap(), 1, "{cut}");
+    }
+    // As file systems leave it after a power cut.
+    let mut zeros = text.as_bytes()[..first.len() + 30].to_vec();
+    zeros.resize(4096, 0);
+    assert_eq!(read(&zeros).unwrap(), 1);
+    // What is wrong in the middle, or from the first line on, was not cut off.
+    let said = read(format!("{}\n{text}", &first[..40]).as_bytes()).unwrap_err();
+    assert!(said.to_string().contains("line 1"), "{said}");
+    let said = read(format!("{first}{}\n{first}", &first[..40]).as_bytes()).unwrap_err();
+    assert!(said.to_string().contains("line 2"), "{said}");
+    assert!(read(&first.as_bytes()[..40]).is_err());
+
+    let mut writer =
+        RecordWriter::<ObservationsRow>::create(&path, record::Format::Binary).unwrap();
+    let mut message = ObservationFrame {
+        count: 1,
+        ..ObservationFrame::default()
+    };
+    for k in 0..2 {
+        message.sequence = k;
+        writer.write(&message, "a.jpg").unwrap();
+    }
+    writer.finish().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    assert_eq!(read(&whole).unwrap(), 2);
+    assert_eq!(read(&whole[..whole.len() - 3]).unwrap(), 1);
+    let said = read(&whole[..40]).unwrap_err().to_string();
+    assert!(said.contains("inside its first frame"), "{said}");
 }

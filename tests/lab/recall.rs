@@ -88,6 +88,18 @@ fn heights_are_of_one_scale() {
     assert_eq!(unknown.finding[1].people, 2);
     assert_eq!(report([None; 2], 50.0).finding[1].people, 1);
     assert_eq!(report([Some(size); 2], 50.0).finding[1].people, 2);
+    // Of nobody there is no share.
+    let nobody = report([Some(size); 2], 1000.0);
+    let row = nobody.finding[1];
+    assert_eq!(
+        (row.people, row.recall, row.precision, row.mean_oks),
+        (0, None, None, None)
+    );
+    let text = nobody.to_string();
+    let said = "recall – of 0, precision –, 0 false, mean OKS –";
+    assert!(text.contains(said), "{text}");
+    let json = serde_json::to_value(&nobody).unwrap();
+    assert!(json["finding"][1]["recall"].is_null(), "{json}");
 }
 
 /// From, people, found of every row.

@@ -1,6 +1,7 @@
 //! OSC and VMC, read by decoders that share nothing with their writers.
 
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -217,6 +218,47 @@ fn osc_tells_what_happens() {
         assert_eq!(found.numbers, numbers);
     }
     assert_eq!(messages.len(), 3);
+}
+
+#[test]
+fn what_was_before_the_bridge_is_not_handed_on() {
+    let (socket, address) = listen();
+    let name = stream("bridge-late");
+    let mut bodies = Publisher::<BodyFrame>::open(&name).unwrap();
+    let mut events = Publisher::<EventFrame>::open(&name).unwrap();
+    let happened = |sequence| {
+        let mut frame = EventFrame {
+            sequence,
+            count: 1,
+            ..EventFrame::default()
+        };
+        (frame.events[0].kind, frame.events[0].person) = (EventKind::WAVED, sequence as u32);
+        frame
+    };
+    // The camera was unplugged after these.
+    bodies.publish(&frame(1)).unwrap();
+    events.publish(&happened(1)).unwrap();
+    let mut run = Running::start(&["bridge", "--camera", &name, "--osc", &address]);
+    let mut said = String::new();
+    let stdout = run.0.stdout.as_mut().unwrap();
+    BufReader::new(stdout).read_line(&mut said).unwrap();
+    assert!(said.contains("handing on"), "{said}");
+    // It is looked at five times a second.
+    std::thread::sleep(Duration::from_millis(600));
+    bodies.publish(&frame(2)).unwrap();
+    events.publish(&happened(2)).unwrap();
+    let (mut frames, mut waved) = (Vec::new(), Vec::new());
+    eventually("both", || {
+        for message in receive(&socket)?.1 {
+            if message.address.ends_with("/frame") {
+                frames.push(message.numbers[0]);
+            } else if message.address.ends_with("/waved") {
+                waved.push(message.numbers[0]);
+            }
+        }
+        (!frames.is_empty() && !waved.is_empty()).then_some(())
+    });
+    assert_eq!((&frames[..], &waved[..]), (&[2.0][..], &[2.0][..]));
 }
 
 #[test]

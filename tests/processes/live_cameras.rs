@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use edgecap::body::skeleton::{Posed, Skeleton};
@@ -220,6 +221,43 @@ fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
         });
     }
     signal(fit.pid(), "TERM");
+    let out = fit.wait(Duration::from_secs(30));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn a_camera_too_slow_to_be_combined_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = views(2, [640, 480]);
+    let names = [stream("quick"), stream("slow")];
+    let cameras = format!("view0={},view1={}", names[0], names[1]);
+    let calibration = calibrated(folder.path(), &views);
+    let args = ["fit", "--cameras", &cameras, "--calibration", &calibration];
+    let mut fit = Running::start(&[&args[..], &["--name", &stream("apart")]].concat());
+    let (pid, is_heard) = (fit.pid(), AtomicBool::new(false));
+    let line = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut publishers =
+                [&names[0], &names[1]].map(|n| Publisher::<ObservationFrame>::open(n).unwrap());
+            let began = Instant::now();
+            let goes_on = || !is_heard.load(Ordering::Relaxed) && began.elapsed().as_secs() < 60;
+            for step in (0..).take_while(|_| goes_on()) {
+                show(&mut publishers[0], &views[0], began);
+                if step % 12 == 0 {
+                    show(&mut publishers[1], &views[1], began);
+                }
+                std::thread::sleep(Duration::from_millis(50));
+            }
+            signal(pid, "TERM");
+        });
+        let line = said(&mut fit, "to be combined");
+        is_heard.store(true, Ordering::Relaxed);
+        line
+    });
+    assert!(
+        line.contains(&names[1]) && line.contains("where 0.4 s"),
+        "{line}"
+    );
     let out = fit.wait(Duration::from_secs(30));
     assert!(out.status.success(), "{}", stderr(&out));
 }

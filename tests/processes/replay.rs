@@ -1,6 +1,6 @@
 //! `edgecap record` and `edgecap replay`: what was published comes again, and a client cannot tell.
 
-use std::io::{BufReader, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use edgecap_client::message::{
 };
 use edgecap_client::{Publisher, Subscriber};
 
-use crate::program::{Running, assert_fails, eventually, output, signal, stderr, stream};
+use crate::program::{self, Running, assert_fails, eventually, output, signal, stderr, stream};
 
 const STEP: u64 = 20_000_000;
 
@@ -57,6 +57,14 @@ fn rows(path: &Path) -> Vec<BodyFrame> {
         all.push(row.message());
     }
     all
+}
+
+fn wait_until_it_records(recorder: &mut Running) {
+    let mut said = BufReader::new(recorder.0.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    assert!(line.contains("recording"), "{line}");
+    recorder.0.stderr = Some(said.into_inner());
 }
 
 /// Everything but the times and the number.
@@ -220,6 +228,55 @@ fn a_recorder_that_is_killed_leaves_every_whole_frame() {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 100]).unwrap();
     assert_eq!(rows(&path), recorded[..recorded.len() - 1]);
+}
+
+/// A program that starts with the machine is there before anybody logs in.
+#[test]
+fn a_recorder_finds_a_run_of_a_session_that_begins_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let (session, to) = (folder.path().join("session"), folder.path().join("a.jsonl"));
+    let take = record::<BodiesRow>(folder.path(), (0..200).map(frame));
+    let name = stream("later-session");
+    let start = |args: &[&str]| {
+        let child = program::edgecap()
+            .args(args)
+            .args(["--name", &name])
+            .env_remove("EDGECAP_RUNTIME_DIR")
+            .env("XDG_RUNTIME_DIR", &session)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn();
+        Running(child.unwrap())
+    };
+    let mut recorder = start(&["record", to.to_str().unwrap()]);
+    wait_until_it_records(&mut recorder);
+    std::fs::create_dir(&session).unwrap();
+    let _replay = start(&["replay", take.to_str().unwrap(), "--loop"]);
+    eventually("frames", || {
+        std::fs::metadata(&to).ok().filter(|m| m.len() > 0)
+    });
+    assert!(std::fs::read_dir(&session).unwrap().count() > 0);
+    signal(recorder.pid(), "TERM");
+    assert!(recorder.wait(Duration::from_secs(20)).status.success());
+}
+
+#[test]
+fn a_recording_begins_with_what_comes_after_its_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("a.jsonl");
+    let name = stream("before");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    publisher.publish(&frame(0)).unwrap();
+    let mut run = Running::start(&["record", to.to_str().unwrap(), "--name", &name]);
+    wait_until_it_records(&mut run);
+    // It begins at once after that.
+    std::thread::sleep(Duration::from_millis(500));
+    publisher.publish(&frame(7)).unwrap();
+    let mut end = frame(8);
+    (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
+    publisher.publish(&end).unwrap();
+    assert!(run.wait(Duration::from_secs(30)).status.success());
+    assert_eq!(rows(&to), [frame(7)]);
 }
 
 /// A limit on the size of files stands in for a full disk.

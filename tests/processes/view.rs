@@ -489,6 +489,47 @@ fn long_a_browser_shows_who_is_published() {
     browser.until("edgecap.scene().state.startsWith('not connected')");
 }
 
+/// Who lacks the token is told so; a room of several cameras has no one lens to be away from. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_a_room_to_who_has_the_token() {
+    let view = View::start("browser-room", &["--token", "a-token-of-ours"]);
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    browser.open(&format!("http://{}/?token=an-older-one", view.host()));
+    browser.until("window.edgecap");
+    let said = "document.getElementById('say').textContent";
+    browser.until(&format!("{said}.startsWith('not let in: ')"));
+    let refused = browser.value(said);
+    assert!(refused.as_str().unwrap().contains("?token="), "{refused}");
+
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut frame = crowd(2, 1);
+    (frame.width, frame.height) = (0, 0);
+    frame.intrinsics = Intrinsics::default();
+    let mut at = |sequence: u64| {
+        frame.sequence = sequence;
+        frame.publish_ns = 2_000_000 + sequence * 33_000_000;
+        publisher.publish(&frame).unwrap();
+        std::thread::sleep(Duration::from_millis(33));
+    };
+    (0..20).for_each(&mut at);
+    browser.until("edgecap.scene().sequence === 19");
+    let cell = "document.querySelector('#people tbody tr').cells[3].textContent";
+    browser.until(&format!("{cell} !== ''"));
+    let [x, _, z] = frame.in_world(&frame.bodies[0]).unwrap().joints3d[PELVIS];
+    assert_eq!(browser.value(cell), *format!("{x:.2}, {z:.2} m"));
+    let place = browser.value("document.getElementById('place').textContent");
+    assert_eq!(place, "at x, z");
+    let floor = "[...document.querySelectorAll('#times tr')].some((r) => r.cells[0].textContent === 'floor')";
+    assert_eq!(browser.value(floor), false);
+    assert_eq!(browser.value("edgecap.scene().frustum.length"), 0);
+}
+
 /// Holds what the page drew against a frame: every joint in the floor's axes, every name.
 fn shows(scene: &Value, frame: &BodyFrame) {
     let people = scene["people"].as_array().unwrap();

@@ -4,7 +4,8 @@
 use crate::tiny_network::{naive, picture, tiny};
 use edgecap::engine::model::{Calibration, RangeChoice, Weights};
 use edgecap::engine::{
-    Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Network, Precision,
+    Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, LayerProfile, Maps, Model, Network,
+    Precision,
 };
 
 const SIZE: (usize, usize) = (48, 32);
@@ -91,7 +92,27 @@ fn int8_is_near_f32_and_the_same_on_every_tier() {
         for threads in [1, 2, 5] {
             let mut engine = portable(threads, isa);
             assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
+            assert_vectors(&engine);
         }
+    }
+}
+
+/// Layers of groups that fell back to the scalar kernel would be the same on every tier whatever vector kernels do.
+fn assert_vectors(engine: &Engine) {
+    let profile = engine.profile();
+    let groups = |l: &&LayerProfile| l.shape.is_some_and(|s| s.groups() > 1);
+    let names: Vec<&str> = profile.iter().filter(groups).map(|l| &*l.name).collect();
+    for name in [
+        "up",
+        "features.0.conv1",
+        "features.1.conv1",
+        "features.1.conv3",
+    ] {
+        assert!(names.contains(&name), "{name} has no groups: {names:?}");
+    }
+    for layer in profile.iter().filter(groups) {
+        let is_scalar = layer.kernel.contains("scalar");
+        assert_eq!(is_scalar, engine.isa() == Isa::Scalar, "{layer:?}");
     }
 }
 
@@ -114,8 +135,9 @@ fn direct_algorithms_are_near_f32_and_the_same_on_every_tier() {
     assert!(scalar != run(1, Algorithms::Portable, Isa::Scalar));
     for isa in Isa::available() {
         for threads in [1, 2, 5] {
-            let found = run(threads, Algorithms::Direct, isa);
-            assert!(found == scalar, "{isa}, {threads} threads");
+            let mut engine = by(Algorithms::Direct, &quantised, threads, isa);
+            assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
+            assert_vectors(&engine);
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use edgecap::engine::model::Weights;
-use edgecap::engine::{Model, Network};
+use edgecap::engine::model::{Calibration, Observed, RangeChoice, Weights};
+use edgecap::engine::{Model, ModelError, Network};
 use safetensors::tensor::{Dtype, TensorView};
 
 const TINY: &str = r#"
@@ -151,6 +151,47 @@ fn what_was_written_is_read() {
 }
 
 #[test]
+fn weights_that_batch_norm_makes_infinite_are_refused() {
+    for (tensor, value) in [("stem.1.weight", 3e38), ("stem.1.running_mean", -3e38)] {
+        let mut blobs = blobs();
+        let blob = blobs.iter_mut().find(|b| b.0 == tensor).unwrap();
+        blob.2[2] = value;
+        if let Some(variance) = blobs.iter_mut().find(|b| b.0 == "stem.1.running_var") {
+            variance.2[2] = 0.0;
+        }
+        let said = refusal(&blobs, Some(&contract()));
+        assert!(
+            said.contains("`stem.0.weight`") && said.contains("channel 2"),
+            "{tensor}: {said}"
+        );
+        let all = Model::mismatches(&safetensors(&blobs, Some(&contract())), &tiny()).unwrap();
+        assert!(all.len() == 1 && all[0].to_string() == said, "{all:?}");
+    }
+}
+
+#[test]
+fn what_could_not_be_opened_replaces_no_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ecm");
+    let float = import(&blobs(), Some(&contract())).unwrap();
+    float.clone().quantise(None).unwrap().save(&path).unwrap();
+    let good = std::fs::read(&path).unwrap();
+    let calibration = Calibration {
+        observed: vec![Observed::new(4); float.network().graph().values.len()],
+        choice: RangeChoice::Max,
+        own_ranges: f32::NAN,
+        correct_bias: false,
+        pictures: 1,
+        left_out: 0,
+    };
+    let bad = float.quantise(Some(&calibration)).unwrap();
+    let said = bad.save(&path).unwrap_err().to_string();
+    assert!(said.contains(".step`") && said.contains("NaN"), "{said}");
+    assert_eq!(std::fs::read(&path).unwrap(), good);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
 fn a_flipped_bit_or_a_missing_end_is_seen() {
     let model = import(&blobs(), Some(&contract()))
         .unwrap()
@@ -238,10 +279,11 @@ fn int8_without_ranges_says_how_to_get_them() {
 fn shipped_weights_are_whole() {
     let model = match Model::shipped() {
         Ok(model) => model,
-        Err(e) => {
+        Err(e @ ModelError::NotShipped) => {
             println!("skipped: {e}");
             return;
         }
+        Err(e) => panic!("{e}"),
     };
     assert_eq!(model.network().name(), "selecsls");
     assert!(model.is_quantised() && model.stage2().is_some());
@@ -275,11 +317,12 @@ fn forged(from: &str, to: &str) -> Vec<u8> {
 /// Name, type, shape and bytes of a tensor.
 type Tensors = std::collections::BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)>;
 
-/// A model file of [`TINY`] with a layer `idle` that nobody reads, after `change` had its way with header and tensors,
-/// and the digest that belongs to it.
+/// A model file of [`TINY`] with a layer `idle`, and a pool of it, that nobody reads, after `change` had its way with
+/// header and tensors, and the digest that belongs to it.
 fn changed(change: impl Fn(&mut serde_json::Value, &mut Tensors)) -> Result<Model, String> {
     let a = r#"{ kind = "conv", name = "a""#;
-    let idle = r#"{ kind = "conv", name = "idle", out = 4, kernel = 1, norm = false },"#;
+    let idle = r#"{ kind = "conv", name = "idle", out = 4, kernel = 1, norm = false },
+        { kind = "maxpool", name = "pool", from = ["idle"], kernel = 3, stride = 1 },"#;
     let network = Network::parse(&TINY.replace(a, &format!("{idle}\n{a}"))).unwrap();
     let mut contract = contract();
     contract["activation_max"]["idle.2"] = serde_json::json!(1.0);
@@ -338,6 +381,26 @@ fn a_file_whose_scales_are_not_those_of_its_values_is_refused() {
         said.contains("`stem.step`") && said.contains("zero point 200 is not in 0..=127"),
         "{said}"
     );
+}
+
+#[test]
+fn a_file_whose_scales_no_int8_kernel_takes_is_refused() {
+    let refusal = |change: &dyn Fn(&mut serde_json::Value, &mut Tensors)| {
+        changed(change).expect_err("must be refused")
+    };
+    let said = refusal(&|header, _| header["zeros"]["stem"] = 5.0.into());
+    assert!(
+        said.contains("`stem.step`") && said.contains("zero point 5 behind ReLU"),
+        "{said}"
+    );
+    let other = "`pool.step` holds a scale other than that of `idle`";
+    let said = refusal(&|header, _| header["zeros"]["pool"] = 5.0.into());
+    assert!(said.contains(other), "{said}");
+    let said = refusal(&|_, tensors| {
+        let (_, _, steps) = tensors.get_mut("pool.step").unwrap();
+        steps[4..8].copy_from_slice(&0.5_f32.to_le_bytes());
+    });
+    assert!(said.contains(other), "{said}");
 }
 
 const POOL: &str = "kernel = 3, stride = 2 },\\\\n{ kind";

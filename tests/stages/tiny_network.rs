@@ -5,7 +5,7 @@ use edgecap::engine::network::{Graph, Network, Op};
 use edgecap::engine::{HEAD2D_CHANNELS, Maps};
 
 /// SelecSLS modules with groups and skips, bottlenecks with both kinds of shortcut, pooling, deconvolution,
-/// concatenation.
+/// concatenation. Groups read multiples of eight channels, or none of the vector kernels would run them.
 pub fn tiny() -> Network {
     let text = r#"
         name = "tiny"
@@ -15,13 +15,13 @@ pub fn tiny() -> Network {
         layers = [
           { kind = "conv", name = "stem", out = 8, kernel = 7, stride = 2 },
           { kind = "maxpool", name = "pool", kernel = 3, stride = 2 },
-          { kind = "bottlenecks", name = "res", width = 8, out = 16, blocks = 2, stride = 1 },
+          { kind = "bottlenecks", name = "res", width = 8, out = 32, blocks = 2, stride = 1 },
           { kind = "selecsls", name = "features", groups = [[10, 2], [20, 4]], modules = [
-            [16, 0, 24, 24, 2],
-            [24, 24, 24, 32, 1],
-            [32, 24, 24, 40, 1],
+            [32, 0, 32, 32, 2],
+            [32, 32, 32, 32, 1],
+            [32, 32, 32, 40, 1],
           ] },
-          { kind = "bottlenecks", name = "deep", width = 8, out = 24, blocks = 1, stride = 2 },
+          { kind = "bottlenecks", name = "deep", width = 8, out = 32, blocks = 1, stride = 2 },
           { kind = "deconv", name = "up", out = 16, kernel = 4, stride = 2, groups = 4 },
           { kind = "conv", name = "head2d.conv1", out = 20, kernel = 3 },
           { kind = "conv", name = "head2d.out", out = 40, kernel = 3, norm = false, relu = false },

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use edgecap::engine::model::{Contract, Stage2Contract};
 use edgecap::engine::network::Op;
@@ -250,15 +251,166 @@ fn a_model_file_takes_another_second_stage_and_keeps_its_first() {
     let [open, made] = [Path::new(open), &made].map(|p| Model::open(p).unwrap());
     assert!(made.weights() == open.weights(), "Stage I is not the same");
     let own = Model::shipped().unwrap();
-    assert_ne!(
-        format!("{:?}", made.stage2()),
-        format!("{:?}", open.stage2())
-    );
-    assert_eq!(
-        format!("{:?}", made.stage2()),
-        format!("{:?}", own.stage2())
-    );
+    let [made_of, open_of, own_of] = [&made, &open, &own].map(|m| format!("{:?}", m.stage2()));
+    // Not printed: it is a million numbers.
+    assert!(made_of != open_of, "Stage II is that of before");
+    assert!(made_of == own_of, "Stage II is not the given one");
     assert_eq!(made.association(), open.association());
+}
+
+/// A layer at an eighth of the picture, and both heads.
+const SMALL: &str = r#"
+    name = "small"
+    about = "calibrated in no time"
+    input = { channels = 3, multiple = 16 }
+    output = { head2d = "head2d.out", head3d = "head3d.out" }
+    layers = [
+      { kind = "conv", name = "core", out = 4, kernel = 1, stride = 8 },
+      { kind = "conv", name = "head2d.out", out = 40, kernel = 1, norm = false, relu = false },
+      { kind = "conv", name = "head3d.out", from = ["core"], out = 63, kernel = 1, norm = false, relu = false },
+    ]
+"#;
+
+#[test]
+fn numbers_that_an_import_cannot_take_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.ecm");
+    std::fs::write(&model, "of an earlier import").unwrap();
+    let stage1 = "models/weights/stage1.safetensors";
+    let import = ["model", "import", stage1, "--calibrate", "docs"];
+    for wrong in ["nan", "7", "-3", "inf", "half"] {
+        let own = format!("--own-ranges={wrong}");
+        let out = edgecap(&[&import[..], &["-o", model.to_str().unwrap(), &own]].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(64), "{own}: {said}");
+        assert!(
+            said.contains("expected a number from 0 to 1") && said.contains(wrong),
+            "{said}"
+        );
+    }
+    let kept = std::fs::read_to_string(&model).unwrap();
+    assert_eq!(kept, "of an earlier import");
+    let maps = folder.path().join("maps.npz");
+    let run = [
+        "model",
+        "run",
+        "models/edgecap.ecm",
+        "--image",
+        "docs/demo.jpg",
+    ];
+    for wrong in ["0", "257", "1000000"] {
+        let more = ["--npz", maps.to_str().unwrap(), "--threads", wrong];
+        let out = edgecap(&[&run[..], &more].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(64), "{said}");
+        assert!(said.contains("1..=256"), "{said}");
+    }
+    assert!(!maps.exists());
+}
+
+#[test]
+fn layers_without_vector_kernels_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(path("photos")).unwrap();
+    std::fs::copy("docs/demo.jpg", path("photos/0.jpg")).unwrap();
+    let depthwise = r#"{ kind = "conv", name = "deep", out = 4, kernel = 3, groups = 4 },"#;
+    let after = r#"out = 4, kernel = 1, stride = 8 },"#;
+    for (name, more) in [("whole", ""), ("depthwise", depthwise)] {
+        let text = SMALL
+            .replace("multiple = 16", "multiple = 64")
+            .replace(after, &format!("{after}\n{more}"));
+        let network = Network::parse(&text).unwrap();
+        let (arch, weights) = (path(&format!("{name}.toml")), path(name));
+        std::fs::write(&arch, text).unwrap();
+        let bytes = file(&shapes(&network), Some(&template(&network)));
+        std::fs::write(&weights, bytes).unwrap();
+        let (photos, to) = (path("photos"), path(&format!("{name}.ecm")));
+        let size = ["--width", "128", "--height", "128", "-o", &to];
+        let import = [
+            "model",
+            "import",
+            &weights,
+            "--arch",
+            &arch,
+            "--calibrate",
+            &photos,
+        ];
+        let out = edgecap(&[&import[..], &size].concat());
+        assert!(
+            out.status.success(),
+            "{}",
+            String::from_utf8_lossy(&out.stderr)
+        );
+        let out = edgecap(&["model", "verify", &to]);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.success(), "{said}");
+        let is_named = said.contains("without vector kernels") && said.contains(": deep;");
+        assert_eq!(is_named, !more.is_empty(), "{said}");
+    }
+}
+
+/// Most memory that a run of the program takes, bytes.
+fn peak(args: &[&str]) -> u64 {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_edgecap"))
+        .args(args)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0;
+    let code = loop {
+        // The system's mark only grows.
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|l| l.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        peak = peak.max(kilobytes.unwrap_or(0) * 1024);
+        if let Some(code) = child.try_wait().unwrap() {
+            break code;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    assert!(code.success(), "{args:?}: {code}");
+    peak
+}
+
+#[test]
+fn calibration_holds_one_photo_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let network = Network::parse(SMALL).unwrap();
+    std::fs::write(path("small.toml"), SMALL).unwrap();
+    let weights = file(&shapes(&network), Some(&template(&network)));
+    std::fs::write(path("w"), weights).unwrap();
+    let (photos, side) = (12, 3000);
+    std::fs::create_dir(path("photos")).unwrap();
+    let first = path("photos/0.png");
+    let photo = image::RgbImage::from_pixel(side, side, image::Rgb([90, 120, 60]));
+    photo.save(&first).unwrap();
+    for k in 1..photos {
+        std::fs::copy(&first, path(&format!("photos/{k}.png"))).unwrap();
+    }
+    let (w, arch, photos_at, to) = (path("w"), path("small.toml"), path("photos"), path("m.ecm"));
+    let found = peak(&[
+        "model",
+        "import",
+        &w,
+        "--arch",
+        &arch,
+        "--calibrate",
+        &photos_at,
+        "--try-ranges",
+        "-o",
+        &to,
+    ]);
+    let all = u64::from(photos * 3 * side * side);
+    assert!(
+        found < all * 3 / 4,
+        "{found} bytes of memory, {all} in the photos"
+    );
+    let made = Model::open(Path::new(&to)).unwrap();
+    let said = made.calibration();
+    assert!(said.contains("over 12 pictures"), "{said}");
 }
 
 #[test]

@@ -7,7 +7,7 @@
 use core::cell::RefCell;
 use core::ops::Deref;
 use core::time::Duration;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -21,7 +21,7 @@ use crate::error::LinkError;
 use crate::link::{Link, MAX_SUBSCRIBERS, Side};
 use crate::message::{FLAG_END_OF_STREAM, FLAG_FILE_TIME};
 use crate::place;
-use crate::ring::{BUFFER, LOOK_EVERY, RingReader};
+use crate::ring::{BUFFER, Folders, LOOK_EVERY, RingReader};
 use crate::service::FileService;
 use crate::stream::{Message, check_camera, service_name};
 
@@ -108,8 +108,8 @@ impl<M: Message> Subscriber<M> {
     /// As [`open`](Self::open).
     pub fn open_with(camera: &str, priority: Priority) -> Result<Self, LinkError> {
         let folders = match priority {
-            Priority::Reader => place::reading_dirs(),
-            Priority::Reserved => vec![place::runtime_dir()],
+            Priority::Reader => Folders::OfReaders,
+            Priority::Reserved => Folders::These(vec![place::runtime_dir()]),
         };
         Self::open_in(folders, camera, priority)
     }
@@ -119,10 +119,11 @@ impl<M: Message> Subscriber<M> {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_at(folder: &Path, camera: &str) -> Result<Self, LinkError> {
-        Self::open_in(vec![folder.to_owned()], camera, Priority::Reader)
+        let folders = Folders::These(vec![folder.to_owned()]);
+        Self::open_in(folders, camera, Priority::Reader)
     }
 
-    fn open_in(folders: Vec<PathBuf>, camera: &str, priority: Priority) -> Result<Self, LinkError> {
+    fn open_in(folders: Folders, camera: &str, priority: Priority) -> Result<Self, LinkError> {
         check_camera(camera)?;
         let mut inner = Inner {
             camera: camera.to_owned(),

@@ -24,6 +24,7 @@ pub struct History {
 
 #[derive(Debug)]
 struct Kept {
+    camera: String,
     number: u64,
     at: Instant,
     bytes: Bytes,
@@ -58,15 +59,16 @@ impl History {
         self.every
     }
 
-    /// What is kept of the time before `now`, oldest first.
-    pub fn frames(&self, now: Instant) -> impl Iterator<Item = &Bytes> {
+    /// What is kept of the time before `now`, of one camera or of all, oldest first.
+    pub fn frames(&self, now: Instant, camera: Option<&str>) -> impl Iterator<Item = &Bytes> {
         let past = self.frames.iter();
         past.filter(move |kept| !kept.is_old(now, self.keep))
+            .filter(move |kept| camera.is_none_or(|wanted| wanted == kept.camera))
             .map(|kept| &kept.bytes)
     }
 
-    /// Keeps a frame that came `now`.
-    pub fn remember(&mut self, now: Instant, bytes: Bytes) {
+    /// Keeps a camera's frame that came `now`.
+    pub fn remember(&mut self, now: Instant, camera: &str, bytes: Bytes) {
         if self.keep.is_zero() {
             return;
         }
@@ -80,6 +82,7 @@ impl History {
         let number = self.count;
         self.count += 1;
         let kept = Kept {
+            camera: camera.to_owned(),
             number,
             at: now,
             bytes,
@@ -124,13 +127,16 @@ mod tests {
         };
         let now = Instant::now();
         for n in 0..count {
-            history.remember(now, n.to_le_bytes().repeat(50).into());
+            history.remember(now, "hall", n.to_le_bytes().repeat(50).into());
             assert!(history.bytes <= 1200);
-            let newest = history.frames(now).last().unwrap();
+            let newest = history.frames(now, None).last().unwrap();
             assert_eq!(newest[..2], n.to_le_bytes());
         }
         let number = |b: &Bytes| u16::from_le_bytes([b[0], b[1]]);
-        (history.frames(now).map(number).collect(), history.every())
+        (
+            history.frames(now, None).map(number).collect(),
+            history.every(),
+        )
     }
 
     #[test]
@@ -147,7 +153,7 @@ mod tests {
         assert_eq!(kept_of(100, minute), ((88..100).collect(), 1));
         let mut none = History::new(Duration::ZERO);
         let now = Instant::now();
-        none.remember(now, Bytes::from_static(b"frame"));
-        assert_eq!(none.frames(now).count(), 0);
+        none.remember(now, "hall", Bytes::from_static(b"frame"));
+        assert_eq!(none.frames(now, None).count(), 0);
     }
 }

@@ -82,7 +82,17 @@ impl Hub {
             .clients
             .retain(|place| place.put(camera, |mailbox| mailbox.replace(&packet)));
         if !inner.history.keep().is_zero() && !packet.is_end() {
-            inner.history.remember(Instant::now(), packet.binary());
+            inner
+                .history
+                .remember(Instant::now(), camera, packet.binary());
+        }
+    }
+
+    /// Nobody is shown any more where no frame has come after the `newest` for a while.
+    pub fn quiet(&self, camera: &str, newest: &mut BodyFrame) {
+        if newest.count > 0 {
+            newest.count = 0;
+            self.publish(camera, newest);
         }
     }
 
@@ -235,7 +245,8 @@ impl Hub {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
         inner.clients.push(Place::new(client, &mailbox));
-        let past = inner.history.frames(now).cloned();
+        let past = inner.history.frames(now, client.camera.as_deref());
+        let past = past.cloned();
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
     }
@@ -274,6 +285,26 @@ impl<T> Place<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_wants_one_camera_gets_the_past_of_that_one() {
+        let hub = Hub::new(Duration::from_secs(60), false);
+        for camera in ["hall", "door", "hall"] {
+            hub.publish(camera, &BodyFrame::default());
+        }
+        let past = |camera: Option<&str>| {
+            let client = Client {
+                camera: camera.map(ToOwned::to_owned),
+                wants_history: true,
+                is_binary: true,
+            };
+            hub.join(&client, Instant::now()).1.len()
+        };
+        assert_eq!(
+            [None, Some("hall"), Some("door"), Some("attic")].map(past),
+            [3, 2, 1, 0]
+        );
+    }
 
     #[test]
     fn who_comes_after_a_silence_sees_nothing_old_but_all_of_a_record() {

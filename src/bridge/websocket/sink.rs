@@ -20,6 +20,10 @@ impl Sink<BodyFrame> for HubSink {
         Ok(())
     }
 
+    fn quiet(&mut self) {
+        self.hub.quiet(&self.camera, &mut self.newest);
+    }
+
     fn end(&mut self) -> Result<(), SinkError> {
         self.newest.end();
         self.hub.publish(&self.camera, &self.newest);

@@ -32,8 +32,8 @@ pub struct CalibrateArgs {
     /// Side of a marker of a ChArUco board, metres [default: three quarters of a square]
     #[arg(long, value_name = "METRES", requires = "square", value_parser = side)]
     pub marker: Option<f64>,
-    /// Picture in which the board lies on the floor, face up: its name without ending, of a film the frame's number;
-    /// the world's z points up from there [default: from the first board that two cameras see]
+    /// Picture in which the board lies on the floor, face up: its name without ending, of a film its moment, such as
+    /// 2.5s; the world's z points up from there [default: from the first board that two cameras see]
     #[arg(long, value_name = "PICTURE", requires = "board")]
     pub floor: Option<String>,
     /// Lens of all cameras, or of one: a camera.toml, or a calibration of another program whose places are not believed

@@ -8,7 +8,7 @@ use crate::capture::{self, Frame, InputSpec, OpenOptions, Source};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
 
-/// Of a film so many pictures a second are looked at: a board is moved slowly.
+/// Of a film so many pictures a second are looked at, each the first at or after its moment: a board is moved slowly.
 const FILM_RATE: f64 = 2.0;
 /// More refused pictures than this are told by their reasons.
 const MOST_LINES: usize = 8;
@@ -16,7 +16,7 @@ const MOST_LINES: usize = 8;
 /// A picture that shows the board.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// File without ending, or the frame's number.
+    /// File without ending, or the seconds since the film began: cameras may have rates of their own.
     pub moment: String,
     /// Corners.
     pub corners: Vec<Corner>,
@@ -50,10 +50,7 @@ impl Pictures {
             ))
             .into());
         }
-        let every = match source.fps() {
-            Some(fps) if !source.is_stills() => (fps / FILM_RATE).round().max(1.0) as u64,
-            _ => 1,
-        };
+        let fps = source.fps().filter(|_| !source.is_stills());
         let bar = progress::bar(source.frame_count().unwrap_or(0), camera);
         let mut read = Self {
             size: [0; 2],
@@ -65,12 +62,16 @@ impl Pictures {
         for number in 0_u64.. {
             match source.next_into(&mut frame) {
                 Ok(false) => break,
-                Ok(true) if number % every != 0 => {}
-                Ok(true) => read.look(camera, &frame, moment(&*source, number), &finder)?,
+                Ok(true) => {
+                    if let Some(moment) = moment(&*source, number, fps) {
+                        read.look(camera, &frame, moment, &finder)?;
+                    }
+                }
                 Err(e) if e.is_skippable() => {
-                    read.count += 1;
-                    read.refused
-                        .push((moment(&*source, number), "cannot be read".into()));
+                    if let Some(moment) = moment(&*source, number, fps) {
+                        read.count += 1;
+                        read.refused.push((moment, "cannot be read".into()));
+                    }
                 }
                 Err(e) => return Err(e.into()),
             }
@@ -142,12 +143,45 @@ impl Pictures {
     }
 }
 
-/// What the source's newest picture is called: pictures of one moment have one name.
-fn moment(source: &dyn Source, number: u64) -> String {
-    if !source.is_stills() {
-        return number.to_string();
+/// What the source's newest picture is called: pictures of one moment have one name. `None` between the moments of a
+/// film.
+fn moment(source: &dyn Source, number: u64, fps: Option<f64>) -> Option<String> {
+    if let Some(fps) = fps {
+        return moment_of_film(number, fps);
     }
     let path = PathBuf::from(source.picture());
-    path.file_stem()
-        .map_or_else(|| number.to_string(), |s| s.to_string_lossy().into_owned())
+    let stem = path.file_stem().filter(|_| source.is_stills());
+    Some(stem.map_or_else(|| number.to_string(), |s| s.to_string_lossy().into_owned()))
+}
+
+fn moment_of_film(number: u64, fps: f64) -> Option<String> {
+    // The newest moment by a frame; a time just short of one by rounding counts as that one.
+    let newest = |number: u64| (number as f64 * FILM_RATE / fps + 1e-6).floor();
+    let is_first = number == 0 || newest(number) > newest(number - 1);
+    is_first.then(|| format!("{:.1}s", newest(number) / FILM_RATE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn films_of_different_rates_show_the_same_moments() {
+        for fps in [15.0, 24.0, 25.0, 29.97, 30.0, 59.94, 60.0] {
+            let seconds = |number| f64::from(number) / fps;
+            let shown: Vec<(u32, String)> = (0..2000)
+                .take_while(|n| seconds(*n) < 10.02)
+                .filter_map(|n| Some((n, moment_of_film(n.into(), fps)?)))
+                .collect();
+            assert_eq!(shown.len(), 21, "{fps}");
+            for (k, (number, name)) in shown.iter().enumerate() {
+                let moment = 0.5 * k as f64;
+                assert_eq!(*name, format!("{moment:.1}s"), "{fps}");
+                let late = seconds(*number) - moment;
+                assert!((-1e-6..1.0 / fps).contains(&late), "{fps}: {late}");
+            }
+        }
+        let slow: Vec<_> = (0..3).map(|n| moment_of_film(n, 1.0).unwrap()).collect();
+        assert_eq!(slow, ["0.0s", "1.0s", "2.0s"]);
+    }
 }

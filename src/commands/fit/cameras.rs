@@ -146,7 +146,7 @@ pub fn live(
             &mut publish,
         )
     });
-    finish(sinks, frames, outcome).map(drop)
+    finish(sinks, frames, outcome).1
 }
 
 /// Ends the readers, however the fit ends.
@@ -360,10 +360,12 @@ impl<'a> Cameras<'a> {
             let why = together.left_out(k, now);
             match camera.apart.look(why, instant) {
                 Some(LeftOut::Slow(interval)) => tracing::warn!(
-                    "{name} sends observations too seldom to be combined, every {interval:.1} s where 0.4 s is the most; bodies come of the other cameras"
+                    "{name} sends observations too seldom to be combined, every {interval:.1} s where {:.1} s is the most; bodies come of the other cameras",
+                    LeftOut::MOST_APART
                 ),
                 Some(LeftOut::Late(late)) => tracing::warn!(
-                    "{name} sends observations too late to be combined, {late:.1} s after the fastest camera where 0.9 s is the most; bodies come of the other cameras"
+                    "{name} sends observations too late to be combined, {late:.1} s after the fastest camera where {:.1} s is the most; bodies come of the other cameras",
+                    LeftOut::LATEST
                 ),
                 None => {}
             }

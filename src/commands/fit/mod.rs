@@ -236,7 +236,7 @@ fn live(
         Ok(())
     };
     let outcome = fit();
-    finish(sinks, frames, outcome).map(drop)
+    finish(sinks, frames, outcome).1
 }
 
 /// Opens recorded observations.
@@ -310,9 +310,11 @@ fn recorded(
         }
     };
     let outcome = fit();
-    let words = finish(sinks, frames, outcome)?;
-    say::err(&say::concluded(&counted(frames, "frame", "frames"), &words));
-    Ok(())
+    let (words, ended) = finish(sinks, frames, outcome);
+    if frames > 0 {
+        say::err(&say::concluded(&counted(frames, "frame", "frames"), &words));
+    }
+    ended
 }
 
 #[cfg(test)]

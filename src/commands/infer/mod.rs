@@ -123,7 +123,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.overlay {
         sinks.push(OverlaySink::create(
             path,
-            source.rate(),
+            source.rate().at_most(task.pace.max_fps),
             source.is_stills(),
         )?);
     }
@@ -192,13 +192,15 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         outcome = Err(Failure::stopped(observed).into());
     }
     let (outcome, left_out) = exit::without_left_out(outcome, observed);
-    let words = finish(sinks, observed, outcome)?;
+    let (words, ended) = finish(sinks, observed, outcome);
     // Whoever names a stream reads it, among them the verbs that have a film looked at.
-    if !is_supervised && task.input.name.is_none() {
+    let has_news = observed > 0 || ended.is_ok();
+    if has_news && !is_supervised && task.input.name.is_none() {
         let frames = counted(observed, "frame", "frames");
         let done = format!("{frames}, {inhabited} with people");
         say::err(&say::concluded(&done, &words));
     }
+    ended?;
     left_out
 }
 

@@ -6,7 +6,6 @@ use anyhow::{Context, Result};
 use clap::Args;
 
 use super::{network, read, text};
-use crate::capture::Frame;
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::{picture, say};
@@ -44,7 +43,7 @@ pub struct Import {
     #[arg(long, default_value_t = CalibrationOptions::default().choice)]
     range: RangeChoice,
     /// 0: one range for all channels of a layer; 1: a range of its own for each
-    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges)]
+    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges, value_parser = share)]
     own_ranges: f32,
     /// Leave biases as they are instead of correcting the mean error of rounded weights
     #[arg(long)]
@@ -66,6 +65,14 @@ pub struct Import {
     /// Model file to write
     #[arg(short, long, required_unless_present = "check")]
     output: Option<PathBuf>,
+}
+
+/// A share of a whole, from the command line.
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err(format!("expected a number from 0 to 1, found '{text}'")),
+    }
 }
 
 /// Runs `edgecap model import`.
@@ -94,31 +101,7 @@ pub fn import(a: &Import) -> Result<()> {
     }
     let model = match &a.calibrate {
         None => model.quantise(None)?,
-        Some(folder) => {
-            let files = pictures(folder, a.pictures as usize)?;
-            let pictures = files.iter().map(|path| picture::upright(path));
-            let pictures = pictures.collect::<Result<Vec<_>>>()?;
-            let reference = model.contract().input.reference_size;
-            let side = |given: Option<usize>, of: fn(&Frame) -> u32, most| {
-                given.unwrap_or_else(|| usual_side(&pictures, of, most))
-            };
-            let size = (
-                side(a.width, |p| p.width, reference[0]),
-                side(a.height, |p| p.height, reference[1]),
-            );
-            let options = CalibrationOptions {
-                size,
-                own_ranges: a.own_ranges.clamp(0.0, 1.0),
-                correct_bias: !a.no_bias_correction,
-                choice: a.range,
-            };
-            let inputs = pictures.iter().map(|p| picture::covering(p, size));
-            let mut calibration = Calibration::observe(&model, inputs, options)?;
-            if a.try_ranges {
-                select(&mut calibration, &model, &pictures, size)?;
-            }
-            model.quantise(Some(&calibration))?
-        }
+        Some(folder) => calibrated(a, model, folder)?,
     };
     model.save(output)?;
     say::out(&format!(
@@ -131,6 +114,48 @@ pub fn import(a: &Import) -> Result<()> {
         blake3::hash(&model.to_bytes()?)
     ));
     Ok(())
+}
+
+/// The model, rounded by what it does on pictures of a folder.
+fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
+    let files = pictures(folder, a.pictures as usize)?;
+    // They are decoded here for their sizes and below for their pixels: all at once, photos would fill the memory.
+    let sizes = files.iter().map(|path| {
+        let picture = picture::upright(path)?;
+        Ok((picture.width, picture.height))
+    });
+    let (widths, heights): (Vec<u32>, Vec<u32>) =
+        sizes.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    let reference = model.contract().input.reference_size;
+    let size = (
+        a.width.unwrap_or_else(|| usual_side(widths, reference[0])),
+        a.height
+            .unwrap_or_else(|| usual_side(heights, reference[1])),
+    );
+    let options = CalibrationOptions {
+        size,
+        own_ranges: a.own_ranges,
+        correct_bias: !a.no_bias_correction,
+        choice: a.range,
+    };
+    let mut lost = None;
+    // Scaled when they are asked for: by then the size is known to suit the network.
+    let inputs = files.iter().map_while(|path| match picture::upright(path) {
+        Ok(picture) => Some(picture::covering(&picture, size)),
+        Err(e) => {
+            lost = Some(e);
+            None
+        }
+    });
+    let seen = Calibration::observe(&model, inputs, options);
+    if let Some(e) = lost {
+        return Err(e);
+    }
+    let mut calibration = seen?;
+    if a.try_ranges {
+        select(&mut calibration, &model, &files, size)?;
+    }
+    Ok(model.quantise(Some(&calibration))?)
 }
 
 /// What asks for another Stage I, or for nothing, of a model file.
@@ -221,9 +246,8 @@ fn check(a: &Import) -> Result<()> {
     Ok(())
 }
 
-/// The median side of pictures in multiples of 16, at most `most`.
-fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize {
-    let mut sides: Vec<u32> = pictures.iter().map(side).collect();
+/// The median of pictures' sides in multiples of 16, at most `most`.
+fn usual_side(mut sides: Vec<u32>, most: usize) -> usize {
     sides.sort_unstable();
     let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
     (median.next_multiple_of(16)).min(most)
@@ -233,13 +257,12 @@ fn usual_side(pictures: &[Frame], side: fn(&Frame) -> u32, most: usize) -> usize
 fn select(
     calibration: &mut Calibration,
     model: &Model,
-    pictures: &[Frame],
+    files: &[PathBuf],
     size: (usize, usize),
 ) -> Result<()> {
-    let some = pictures
-        .iter()
-        .step_by(pictures.len().div_ceil(TRIAL_PICTURES));
-    let inputs: Vec<_> = some.map(|p| picture::letterboxed(p, size)).collect();
+    let some = files.iter().step_by(files.len().div_ceil(TRIAL_PICTURES));
+    let inputs = some.map(|path| Ok(picture::letterboxed(&picture::upright(path)?, size)));
+    let inputs = inputs.collect::<Result<Vec<_>>>()?;
     let trials = calibration.select(model, &inputs, size)?;
     say::out("error    range               own  bias corrected");
     for t in trials {

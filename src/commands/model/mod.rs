@@ -4,7 +4,7 @@ mod import;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::apart::Apart;
@@ -14,7 +14,7 @@ use super::{picture, say};
 use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
 use crate::engine::{
-    Engine, EngineOptions, HEAD2D_CHANNELS, Maps, Model, Network, NetworkError, Precision,
+    Engine, EngineOptions, HEAD2D_CHANNELS, Isa, Maps, Model, Network, NetworkError, Precision,
 };
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
@@ -77,8 +77,12 @@ struct RunOne {
     #[arg(long, default_value_t = 320)]
     height: usize,
     /// Threads
-    #[arg(long, default_value_t = EngineOptions::default().threads)]
-    threads: usize,
+    #[arg(
+        long,
+        default_value_t = EngineOptions::default().threads as u16,
+        value_parser = clap::value_parser!(u16).range(1..=256)
+    )]
+    threads: u16,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -218,13 +222,15 @@ fn verify(path: Option<&Path>) -> Result<()> {
     let model = &open(path)?;
     // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give
     // numbers.
+    let multiple = model.network().input().multiple;
+    let [width, height] = [128_usize, 96].map(|side| side.next_multiple_of(multiple));
     let options = EngineOptions {
-        width: 128,
-        height: 96,
+        width,
+        height,
         ..EngineOptions::default()
     };
     let mut engine = Engine::new(model, options)?;
-    let ramp = (0..3 * 128 * 96)
+    let ramp = (0..3 * width * height)
         .map(|i| (i * 37 % 256) as u8)
         .collect::<Vec<_>>();
     let maps = engine.run(&ramp);
@@ -234,14 +240,36 @@ fn verify(path: Option<&Path>) -> Result<()> {
         .chain(&maps.head3d)
         .all(|x| x.is_finite())
     {
-        bail!("the network gives numbers that are not finite: import the weights again");
+        return Err(Failure::data(
+            "the network gives numbers that are not finite: import the weights again",
+        )
+        .into());
     }
     association(model)?;
+    let slow = without_vectors(&engine);
+    if !slow.is_empty() {
+        say::err(&format!(
+            "without vector kernels, so many times slower: {}; expected input channels per group in multiples of 4 and kernels up to 7x7",
+            slow.join(", ")
+        ));
+    }
     let contents = model.digest().unwrap_or("(no digest)");
     say::whole(&format!(
         "ok {contents} (contents), {} (file)",
         file_digest(path)?
     ))
+}
+
+/// Layers that have no kernel but the scalar one, on a machine that has others.
+fn without_vectors(engine: &Engine) -> Vec<String> {
+    if engine.isa() == Isa::Scalar {
+        return Vec::new();
+    }
+    let layers = engine.profile().into_iter();
+    layers
+        .filter(|layer| layer.shape.is_some() && layer.kernel.ends_with("__scalar"))
+        .map(|layer| layer.name)
+        .collect()
 }
 
 fn run(a: &RunOne) -> Result<()> {
@@ -270,7 +298,7 @@ fn run(a: &RunOne) -> Result<()> {
     let options = EngineOptions {
         width: a.width,
         height: a.height,
-        threads: a.threads,
+        threads: a.threads.into(),
         precision,
         ..EngineOptions::default()
     };

@@ -147,16 +147,23 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     if is_stopped {
         sinks.break_off();
     }
-    let finished = finish(sinks, tally.frames, outcome);
-    let is_broken = is_stopped || finished.is_err();
+    let (mut words, ended) = finish(sinks, tally.frames, outcome);
+    let is_broken = is_stopped || ended.is_err();
     // What was seen before a film broke off is exported, too.
     let exported = match kept.filter(|_| tally.frames > 0) {
         Some(kept) => kept.write(&chosen.spec.to_string(), is_broken),
         None => Ok(Vec::new()),
     };
-    let mut words = finished?;
-    words.extend(exported?);
-    args.conclude(&tally, &words);
+    let (exported, is_exported) = match exported {
+        Ok(more) => (more, Ok(())),
+        Err(e) => (Vec::new(), Err(e)),
+    };
+    words.extend(exported);
+    if tally.frames > 0 || ended.is_ok() {
+        args.conclude(&tally, &words);
+    }
+    ended?;
+    is_exported?;
     match is_stopped {
         true => Err(stopped()),
         false => left_out,

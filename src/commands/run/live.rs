@@ -149,9 +149,11 @@ pub fn run(
     children.push(&mut fit);
     stop_all(&mut children);
     table.finish();
-    let words = finish(sinks, tally.frames, outcome)?;
-    args.conclude(&tally, &words);
-    Ok(())
+    let (words, ended) = finish(sinks, tally.frames, outcome);
+    if tally.frames > 0 || ended.is_ok() {
+        args.conclude(&tally, &words);
+    }
+    ended
 }
 
 /// Who hears how the cameras are doing.

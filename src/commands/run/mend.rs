@@ -31,9 +31,25 @@ fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
     let code = status.code()? as u8;
     let passes = match code {
         // Who was ended by another than its supervisor is missed.
-        0 | exit::INTERRUPTED | exit::SOFTWARE | exit::IO => true,
+        0 | exit::INTERRUPTED | exit::SOFTWARE | exit::PANICKED | exit::IO => true,
         exit::UNAVAILABLE | exit::TRY_LATER | exit::NO_INPUT => has_lived,
         _ => false,
     };
     (!passes).then_some(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::process::ExitStatusExt;
+
+    use super::*;
+
+    #[test]
+    fn a_panic_is_mended_as_any_crash_and_bad_data_is_not() {
+        let ended = |code: u8| permanent(ExitStatus::from_raw(i32::from(code) << 8), true);
+        assert_eq!(ended(exit::PANICKED), None);
+        assert_eq!(ended(exit::DATA), Some(exit::DATA));
+        let killed = ExitStatus::from_raw(9);
+        assert_eq!(permanent(killed, false), None);
+    }
 }

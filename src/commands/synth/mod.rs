@@ -5,7 +5,6 @@ mod views;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -177,10 +176,11 @@ fn expect_empty(out: &Path) -> anyhow::Result<()> {
     match std::fs::read_dir(out) {
         Ok(mut entries) => {
             if entries.next().is_some() {
-                bail!(
+                return Err(Failure::exists(format!(
                     "expected a new or empty folder, but {} holds files; choose another --out",
                     out.display()
-                );
+                ))
+                .into());
             }
         }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}

@@ -12,7 +12,7 @@ use super::contract::{ACTIVATION_LEVELS, Contract, Stage2Contract};
 use super::tensors::Tensors;
 use super::{ModelError, QuantConv, Scale, Stage2, Weights};
 use crate::engine::Model;
-use crate::engine::network::{Graph, Network, Op};
+use crate::engine::network::{Graph, Network, Node, Op};
 use crate::output::AtomicFile;
 
 const KEY: &str = "edgecap";
@@ -194,6 +194,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
         }
         scales[v] = Some(Scale { steps, zero });
     }
+    for node in &graph.nodes {
+        check_scale(graph, node, &scales)?;
+    }
     let mut convs = Vec::new();
     for node in &graph.nodes {
         let Op::Conv { shape: s, .. } = &node.op else {
@@ -238,9 +241,32 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     })
 }
 
-/// Writes the file; `path` is whole or as it was, even after a power cut.
+/// What int8 kernels take for granted: pools hand on stored numbers, and ReLU ends at the stored number 0.
+fn check_scale(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(), ModelError> {
+    // The network's outputs have none.
+    let Some(scale) = &scales[node.output] else {
+        return Ok(());
+    };
+    let found = match &node.op {
+        Op::MaxPool { .. } if scales[node.inputs[0]].as_ref() != Some(scale) => format!(
+            "a scale other than that of `{}`, which it pools",
+            graph.values[node.inputs[0]].name
+        ),
+        Op::Conv { relu: true, .. } if scale.zero != 0.0 => {
+            format!("the zero point {} behind ReLU, where it is 0", scale.zero)
+        }
+        _ => return Ok(()),
+    };
+    Err(ModelError::Values {
+        name: format!("{}.step", node.name),
+        found,
+    })
+}
+
+/// Writes the file; `path` is whole or as it was, even after a power cut. What [`read`] would refuse is not written.
 pub(crate) fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let bytes = write(model)?;
+    read(&bytes)?;
     let write = || -> std::io::Result<()> {
         let mut file = AtomicFile::create(path)?;
         file.write_all(&bytes)?;

@@ -117,6 +117,17 @@ fn conv(
             w.iter_mut().for_each(|w| *w *= a);
             bias[o] = beta[o] + (bias[o] - mean[o]) * a;
         }
+        let is_finite = |o: &usize| {
+            bias[*o].is_finite() && weight[o * per..][..per].iter().all(|w| w.is_finite())
+        };
+        if let Some(o) = (0..out).find(|o| !is_finite(o)) {
+            return Err(ModelError::Values {
+                name: names.weight.clone(),
+                found: format!(
+                    "weights of channel {o} that the batch norm `{norm}` makes infinite"
+                ),
+            });
+        }
     }
     Ok(FloatConv { weight, bias })
 }

@@ -1,6 +1,6 @@
 //! Blocks of a network file become single operations.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use edgecap_kernels::{ConvDims, ConvShape, PoolShape};
 
@@ -10,21 +10,23 @@ use super::spec::{ConvSpec, LayerSpec, NetworkSpec};
 
 /// Most operations of a network; the largest shipped one has some 70.
 const MAX_NODES: usize = 10_000;
-/// Most channels of the input, and most pixels that its sides are multiples of.
-const MAX_INPUT: usize = 8192;
+/// Channels of the input: red, green and blue.
+const RGB: usize = 3;
+/// Most pixels that the input's sides are multiples of.
+const MAX_MULTIPLE: usize = 8192;
 
 /// Expands every layer; checks that names exist once, that channels fit and that groups divide, and that all numbers
 /// are of a size that the kernels take.
 pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     let mut b = Builder::new(spec);
-    let sizes = 1..=MAX_INPUT;
-    if !sizes.contains(&spec.input.channels) || !sizes.contains(&spec.input.multiple) {
+    let multiples = 1..=MAX_MULTIPLE;
+    if spec.input.channels != RGB || !multiples.contains(&spec.input.multiple) {
         return Err(b.error(
             format!(
                 "an input of {} channels in multiples of {} pixels",
                 spec.input.channels, spec.input.multiple
             ),
-            "give both as 1 to 8192",
+            "give 3 channels, those of the picture, and multiples of 1 to 8192",
         ));
     }
     for layer in &spec.layers {
@@ -64,6 +66,8 @@ struct Builder<'a> {
     values: Vec<Value>,
     nodes: Vec<Node>,
     names: HashMap<String, ValueId>,
+    /// Names of `nodes`: tensors of model files are called by them.
+    taken: HashSet<String>,
     last: ValueId,
 }
 
@@ -111,6 +115,7 @@ impl<'a> Builder<'a> {
             values: vec![input],
             nodes: Vec::new(),
             names: HashMap::from([("input".into(), Graph::INPUT)]),
+            taken: HashSet::new(),
             last: Graph::INPUT,
         }
     }
@@ -121,6 +126,14 @@ impl<'a> Builder<'a> {
             found: found.into(),
             remedy: remedy.into(),
         }
+    }
+
+    /// A layer without any of its parts would be another name of what goes in.
+    fn nothing(&self, layer: &str, parts: &str) -> NetworkError {
+        self.error(
+            format!("layer `{layer}` has no {parts}"),
+            "give it one or more, or leave the layer out",
+        )
     }
 
     fn lookup(&self, name: &str) -> Result<ValueId, NetworkError> {
@@ -159,6 +172,12 @@ impl<'a> Builder<'a> {
             return Err(self.error(
                 format!("more than {MAX_NODES} operations"),
                 "correct the number of blocks",
+            ));
+        }
+        if !self.taken.insert(name.clone()) {
+            return Err(self.error(
+                format!("two layers are named `{name}`, blocks' own layers counted"),
+                "rename one",
             ));
         }
         self.values.push(Value {
@@ -219,6 +238,12 @@ impl<'a> Builder<'a> {
 
     fn single(&mut self, c: &ConvSpec, transposed: bool) -> Result<(), NetworkError> {
         let n = &c.name;
+        if c.norm_name.is_some() && !c.norm {
+            return Err(self.error(
+                format!("layer `{n}` has `norm_name` beside `norm = false`"),
+                "leave one of them out",
+            ));
+        }
         let params = match (&c.norm_name, c.norm) {
             (Some(norm), true) => ParamNames {
                 weight: format!("{n}.weight"),
@@ -291,6 +316,9 @@ impl<'a> Builder<'a> {
                 groups,
                 modules,
             } => {
+                if modules.is_empty() {
+                    return Err(self.nothing(name, "modules"));
+                }
                 let mut x = self.sources(from)?;
                 let mut skip = None;
                 for (i, m) in modules.iter().enumerate() {
@@ -311,6 +339,9 @@ impl<'a> Builder<'a> {
                 blocks,
                 stride,
             } => {
+                if *blocks == 0 {
+                    return Err(self.nothing(name, "blocks"));
+                }
                 let mut x = self.sources(from)?;
                 for i in 0..*blocks {
                     let stride = if i == 0 { *stride } else { 1 };

@@ -224,6 +224,58 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_blocks_share_no_name_with_layers() {
+        let res = r#"{ kind = "bottlenecks", name = "res", width = 4, out = 8, blocks = 1, stride = 1 },"#;
+        let other =
+            |name: &str| format!(r#"{{ kind = "conv", name = "{name}", out = 8, kernel = 1 }},"#);
+        assert!(with_layers(&format!("{} {res}", other("res.conv1"))).is_ok());
+        for layers in [
+            format!("{} {res}", other("res.0.conv1")),
+            format!("{res} {}", other("res.0.conv1")),
+            format!("{res} {}", other("res.0.downsample")),
+        ] {
+            let said = with_layers(&layers).unwrap_err().to_string();
+            assert!(said.contains("two layers are named `res.0."), "{said}");
+        }
+    }
+
+    #[test]
+    fn layers_that_say_what_they_do_not_do_are_refused() {
+        for (layer, wanted) in [
+            (
+                r#"{ kind = "bottlenecks", name = "res", width = 4, out = 8, blocks = 0, stride = 1 },"#,
+                "layer `res` has no blocks",
+            ),
+            (
+                r#"{ kind = "selecsls", name = "core", modules = [] },"#,
+                "layer `core` has no modules",
+            ),
+            (
+                r#"{ kind = "conv", name = "a", out = 8, kernel = 1, norm = false, norm_name = "bn" },"#,
+                "layer `a` has `norm_name` beside `norm = false`",
+            ),
+        ] {
+            let said = with_layers(layer).unwrap_err().to_string();
+            assert!(said.contains(wanted), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_network_that_reads_no_rgb_is_refused() {
+        let text = Network::shipped("selecsls").unwrap().source().to_string();
+        for channels in [0, 1, 4] {
+            let other = text.replace("channels = 3", &format!("channels = {channels}"));
+            assert_ne!(other, text);
+            let said = Network::parse(&other).unwrap_err().to_string();
+            assert!(
+                said.contains(&format!("an input of {channels} channels"))
+                    && said.contains("give 3"),
+                "{said}"
+            );
+        }
+    }
+
+    #[test]
     fn bottlenecks_that_read_two_layers_add_both() {
         let graph = |from: &str| {
             let network = with_layers(&format!(

@@ -40,7 +40,7 @@ pub struct NetworkSpec {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputSpec {
-    /// Channels; the engine feeds RGB.
+    /// Channels: 3, since the engine feeds RGB.
     pub channels: usize,
     /// Width and height are multiples of this many pixels.
     pub multiple: usize,

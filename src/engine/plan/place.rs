@@ -17,6 +17,19 @@ impl PlanError {
         ))
     }
 
+    /// Inputs of a layer that lie side by side and are of other (height, width) than the first.
+    fn joined(
+        layer: &str,
+        (first, at): (&str, (usize, usize)),
+        (other, found): (&str, (usize, usize)),
+    ) -> Self {
+        Self(format!(
+            "layer `{layer}` joins `{first}` of {}x{} and `{other}` of {}x{}, expected one size; correct the strides in \
+             the network file, or choose another input size",
+            at.1, at.0, found.1, found.0
+        ))
+    }
+
     fn size(value: &str, found: impl std::fmt::Display) -> Self {
         Self(format!(
             "value `{value}`: {found}; choose another input size or correct the network file"
@@ -303,7 +316,12 @@ impl Builder<'_> {
             wanted.push((v, first));
             first += self.channels(v);
         }
-        let size = self.needs[node.inputs[0]].size;
+        let of = |v: ValueId| (self.graph.values[v].name.as_str(), self.needs[v].size);
+        let one = of(node.inputs[0]);
+        let size = one.1;
+        if let Some(&v) = node.inputs.iter().find(|&&v| self.needs[v].size != size) {
+            return Err(PlanError::joined(&node.name, one, of(v)));
+        }
         let takes = |slot: usize| {
             let s = &self.slots[slot];
             (s.height, s.width) == size
@@ -375,6 +393,28 @@ mod tests {
             .values
             .swap(value("features.1.conv3"), value("features.1.conv5"));
         assert!(wrong.prove(&graph).is_err());
+    }
+
+    #[test]
+    fn values_of_unlike_sizes_are_not_joined() {
+        let text = r#"
+            name = "unlike"
+            about = "a layer of half the size beside its input"
+            input = { channels = 3, multiple = 16 }
+            output = { head2d = "out" }
+            layers = [
+              { kind = "conv", name = "a", out = 8, kernel = 3, stride = 2 },
+              { kind = "conv", name = "b", out = 8, kernel = 3, stride = 2 },
+              { kind = "conv", name = "c", from = ["a", "b"], out = 8, kernel = 1 },
+              { kind = "conv", name = "out", out = 40, kernel = 1, norm = false, relu = false },
+            ]
+        "#;
+        let graph = Network::parse(text).unwrap().graph().clone();
+        let said = Plan::new(&graph, 64, 96, 1, |_| 0).unwrap_err().to_string();
+        assert!(
+            said.starts_with("layer `c` joins `a` of 48x32 and `b` of 24x16"),
+            "{said}"
+        );
     }
 
     #[test]

@@ -253,6 +253,13 @@ impl Engine {
         // SAFETY: arena and maps are this engine's own, which `&mut self` keeps from everybody else; `seen` is called
         // between steps.
         unsafe { self.team().run_alone(&self.track, seen) };
+        let graph = &self.packed.graph;
+        for ((_, value), head) in graph.outputs.iter().zip(self.order) {
+            let map = [&self.maps.head2d, &self.maps.head3d][head];
+            for pixel in map.chunks_exact(graph.values[*value].channels) {
+                observed[*value].add(pixel);
+            }
+        }
         &self.maps
     }
 

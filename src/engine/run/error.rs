@@ -2,6 +2,7 @@
 
 use edgecap_kernels::{AlgorithmsError, IsaError, KernelError};
 
+use crate::engine::WILD;
 use crate::engine::model::ModelError;
 use crate::engine::plan::PlanError;
 
@@ -44,6 +45,18 @@ pub enum EngineError {
         "expected finite values on the calibration pictures, found others in layer `{0}`: its weights, or those before it, are too large"
     )]
     Overflow(String),
+    /// Too few pictures are left to calibrate on.
+    #[error(
+        "expected to calibrate on half of the {pictures} pictures or more, found {left} that can be used: on the others \
+         some value is beyond {} times its median; give more pictures, like those that the network will see",
+        WILD
+    )]
+    Wild {
+        /// Pictures that are not wild.
+        left: usize,
+        /// All of them.
+        pictures: usize,
+    },
     /// Threads cannot be had.
     #[error("cannot start {0} threads: {1}; ask for fewer")]
     Threads(usize, std::io::Error),

@@ -32,18 +32,19 @@ pub struct BenchOptions {
     pub layers: bool,
 }
 
-/// A certificate cannot be made.
+/// A certificate cannot be made. The words are those of the cause, which stays in the chain of errors: it has an exit
+/// code of its own.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BenchError {
     /// An engine refuses.
-    #[error(transparent)]
+    #[error("{0}")]
     Engine(#[from] EngineError),
     /// The machine's peak cannot be measured.
-    #[error(transparent)]
+    #[error("{0}")]
     Kernel(#[from] KernelError),
     /// Stage II refuses.
-    #[error(transparent)]
+    #[error("{0}")]
     Lift(#[from] LiftError),
 }
 

@@ -18,12 +18,12 @@ pub struct Finding {
     pub predictions: usize,
     /// Predictions that are nobody.
     pub false_people: usize,
-    /// `found / people`.
-    pub recall: f64,
-    /// `found / predictions`.
-    pub precision: f64,
-    /// Mean OKS of the found.
-    pub mean_oks: f64,
+    /// `found / people`; none where nobody is asked for.
+    pub recall: Option<f64>,
+    /// `found / predictions`; none without any, and where nobody is asked for, so that none could be right.
+    pub precision: Option<f64>,
+    /// Mean OKS of the found; none where nobody is.
+    pub mean_oks: Option<f64>,
 }
 
 /// Finds people at an OKS of at least `least`, matching each picture so that the total OKS is greatest.
@@ -72,14 +72,16 @@ pub fn find_people<'a>(
             }
         }
     }
+    let of = |part: f64, whole: usize| (whole > 0).then(|| part / whole as f64);
+    let recall = of(found as f64, people);
     Finding {
         oks: least,
         people,
         found,
         predictions,
         false_people,
-        recall: found as f64 / people.max(1) as f64,
-        precision: found as f64 / predictions.max(1) as f64,
-        mean_oks: sum / found.max(1) as f64,
+        recall,
+        precision: recall.and(of(found as f64, predictions)),
+        mean_oks: of(sum, found),
     }
 }

@@ -3,7 +3,8 @@
 use edgecap_client::joints::EVIDENCE_JOINTS;
 use serde::Serialize;
 
-use super::{JointSet, TruthPerson};
+use super::truth::AREA_OF_BOX;
+use super::{JointSet, Keypoint, TruthPerson, bounding_box};
 
 /// Joints of a prediction: u, v, confidence.
 pub type Joints2d = [[f32; 3]; EVIDENCE_JOINTS];
@@ -17,11 +18,18 @@ pub fn predicted([u, v, confidence]: [f32; 3]) -> Option<[f64; 2]> {
 /// Similarity of a prediction to a labelled person, 0–1: mean over the labelled points of `exp(−d² / (2 s² k²))`, s²
 /// the person's area, k twice the point's constant. A point that was not predicted scores 0.
 ///
+/// Where labels span no area, as a single one does or several in one row, that of the prediction takes its place:
+/// enough to know a guess at such a person as one.
+///
 /// For a person without labels that count, COCO takes the distance to twice the bounding box; so does this.
 pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
-    let area = truth.area + f64::EPSILON;
     let counted = || truth.points.iter().filter(|k| set.holds(k));
     let labelled = counted().filter(|k| k.is_labelled()).count();
+    let area = match truth.area > 0.0 || labelled == 0 {
+        true => truth.area,
+        false => area_of(prediction),
+    };
+    let area = area + f64::EPSILON;
     let [x, y, w, h] = truth.bbox;
     let (mut sum, mut n) = (0.0, 0.0_f64);
     for k in counted() {
@@ -46,12 +54,21 @@ pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
     sum / n.max(1.0)
 }
 
+/// Area of a predicted person, square pixels.
+fn area_of(prediction: &Joints2d) -> f64 {
+    let joints = prediction.iter().enumerate();
+    let known = joints.filter_map(|(j, p)| predicted(*p).map(|[u, v]| Keypoint::at(j, u, v, 2)));
+    let [_, _, w, h] = bounding_box(&known.collect::<Vec<_>>());
+    AREA_OF_BOX * w * h
+}
+
 /// Similarities in one picture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ImageOks {
     /// Score of every prediction.
     pub scores: Vec<f64>,
-    /// Per person of the truth: whether it is to be ignored (a crowd, or no label that counts).
+    /// Per person of the truth: whether it is to be ignored (a crowd, no label that counts, or labels that span no
+    /// area).
     pub ignored: Vec<bool>,
     /// Per person of the truth: whether any number of predictions may match it.
     pub crowd: Vec<bool>,
@@ -64,7 +81,11 @@ pub struct ImageOks {
 impl ImageOks {
     /// Compares every prediction with every person.
     pub fn new(truth: &[TruthPerson], predicted: &[(f64, Joints2d)], set: JointSet) -> Self {
-        let counts = |t: &TruthPerson| t.points.iter().any(|k| set.holds(k) && k.is_labelled());
+        // Without an area nothing says how near is near enough. A floor of one square pixel would ask for joints that
+        // are right to a fifth of a pixel, and so call everybody missed all the same.
+        let counts = |t: &TruthPerson| {
+            t.area > 0.0 && t.points.iter().any(|k| set.holds(k) && k.is_labelled())
+        };
         Self {
             scores: predicted.iter().map(|(s, _)| *s).collect(),
             ignored: truth.iter().map(|t| t.crowd || !counts(t)).collect(),

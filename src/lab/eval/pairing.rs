@@ -6,7 +6,7 @@ use std::path::Path;
 use super::names::{claims, last};
 use super::{EvalError, PredictedFrame, Predictions, TruthFrame, TruthSet};
 
-/// Every frame of the truth with its prediction: by frame index in videos, else by the longest common end of the paths.
+/// Every frame of the truth with its prediction: by frame index in films, else by the longest common end of the paths.
 pub(crate) fn pair<'a>(
     truth: &'a TruthSet,
     predictions: &'a Predictions,

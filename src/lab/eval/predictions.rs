@@ -8,7 +8,7 @@ use serde::de::IgnoredAny;
 
 use super::EvalError;
 use super::oks::Joints2d;
-use crate::record::Kind;
+use crate::record::{self, Kind, RecordError};
 
 /// Confidence of a body's joint that is given none: bodies are complete, so every joint counts as predicted.
 const LEAST_CONFIDENCE: f32 = 1e-3;
@@ -84,7 +84,10 @@ struct LinePerson {
 }
 
 impl Predictions {
-    /// Reads a record that `infer`, `fit` or `run` wrote.
+    /// Reads a record that `infer`, `fit` or `run` wrote; one that was cut off to its last whole frame.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is not what it should be.
     pub fn read(path: &Path) -> Result<Self, EvalError> {
         let name = path.display().to_string();
         let bytes =
@@ -92,12 +95,21 @@ impl Predictions {
                 path: path.to_owned(),
                 source,
             })?;
-        let expected = "one frame a line, as `infer --jsonl` or `run --jsonl` writes it";
-        let lines = crate::record::lines(&bytes, &name);
-        let lines = lines.map_err(|e| EvalError::format(name.clone(), expected, e.to_string()))?;
-        let text = String::from_utf8(lines)
-            .map_err(|e| EvalError::format(name.clone(), expected, e.to_string()))?;
-        Self::parse(&text, &name)
+        let expected = "frames as `infer --record` or `run --record` writes them";
+        let wrong = |e: RecordError| EvalError::format(name.clone(), expected, e.to_string());
+        let (lines, is_short) = record::lines(bytes, &name).map_err(wrong)?;
+        let (out, is_shorter) = Self::whole(&lines, &name)?;
+        if is_short || is_shorter {
+            if out.frames.is_empty() {
+                return Err(EvalError::format(
+                    name,
+                    "a record of one frame or more",
+                    "it cut off inside its first frame; record again",
+                ));
+            }
+            tracing::warn!("{name}: cut off inside a frame; the frames before it are measured");
+        }
+        Ok(out)
     }
 
     /// Adds the frames of another file of the same kind; `name` is for errors.
@@ -124,18 +136,34 @@ impl Predictions {
 
     /// Reads the text of such a file; `name` is for errors.
     pub fn parse(text: &str, name: &str) -> Result<Self, EvalError> {
+        Ok(Self::whole(text.as_bytes(), name)?.0)
+    }
+
+    /// The whole frames of such a text, and whether it ends inside another.
+    fn whole(text: &[u8], name: &str) -> Result<(Self, bool), EvalError> {
         let mut out = Self::default();
         let mut kind = None;
-        let lines = text.lines().enumerate();
-        for (k, line) in lines.filter(|(_, l)| !l.trim().is_empty()) {
+        // Some file systems leave zeros after a power cut where the end was to be.
+        let end = text.iter().rposition(|b| *b != 0).map_or(0, |k| k + 1);
+        let mut was_cut = end < text.len();
+        let lines = text[..end].split_inclusive(|b| *b == b'\n').enumerate();
+        for (k, line) in lines.filter(|(_, l)| !l.trim_ascii().is_empty()) {
             let at = || format!("{name}, line {}", k + 1);
-            let line: Line = serde_json::from_str(line).map_err(|e| {
-                EvalError::format(
-                    at(),
-                    "one JSON object per line as `infer --jsonl` or `run --jsonl` writes it",
-                    e.to_string(),
-                )
-            })?;
+            let line: Line = match serde_json::from_slice(line.trim_ascii_end()) {
+                Ok(line) => line,
+                // The writer was stopped inside this line. A file that begins with such a line may be anything.
+                Err(e) if e.is_eof() && !line.ends_with(b"\n") && !out.frames.is_empty() => {
+                    was_cut = true;
+                    break;
+                }
+                Err(e) => {
+                    return Err(EvalError::format(
+                        at(),
+                        "one JSON object per line as `infer --jsonl` or `run --jsonl` writes it",
+                        e.to_string(),
+                    ));
+                }
+            };
             for new in line.kinds() {
                 expect_same(*kind.get_or_insert(new), new, &at())?;
             }
@@ -152,7 +180,7 @@ impl Predictions {
             });
         }
         out.bodies = kind == Some(Kind::Bodies);
-        Ok(out)
+        Ok((out, was_cut))
     }
 }
 

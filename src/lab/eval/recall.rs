@@ -74,13 +74,12 @@ fn rows(begins: &[f64], found: impl Fn(f64, f64) -> Finding) -> Vec<RecallRow> {
     let ends = begins.iter().skip(1).chain([&f64::INFINITY]);
     let row = |(&from, &to)| {
         let Finding { people, recall, .. } = found(from, to);
-        RecallRow {
+        Some(RecallRow {
             from,
             to,
             people,
-            recall,
-        }
+            recall: recall?,
+        })
     };
-    let rows = begins.iter().zip(ends).map(row);
-    rows.filter(|r| r.people > 0).collect()
+    begins.iter().zip(ends).filter_map(row).collect()
 }

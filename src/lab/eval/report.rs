@@ -90,10 +90,10 @@ pub struct Report {
     /// Identities over time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identity: Option<IdentityScore>,
-    /// Mean acceleration of predicted joints, m/s².
+    /// Mean acceleration of predicted joints, m/s²; of observations at 1.70 m, which is their stature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<f64>,
-    /// Mean acceleration of true joints over the same time, m/s².
+    /// Mean acceleration of true joints over the same time and at the same size, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub true_motion: Option<f64>,
 }
@@ -266,6 +266,15 @@ fn points(scenes: &[Scene], report: &mut Report) {
     }
 }
 
+/// What brings a true person to the size of predictions: observations are of canonical stature, so that a truth that
+/// knows the person's is brought to it.
+fn to_size(person: &TruthPerson, bodies: bool) -> f64 {
+    match person.stature {
+        Some(stature) if !bodies => f64::from(CANONICAL_STATURE) / stature,
+        _ => 1.0,
+    }
+}
+
 fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
     let (mut errors, mut canonical) = (Vec::new(), Vec::new());
     let (mut roots, mut people) = (Vec::new(), 0);
@@ -277,11 +286,7 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
             };
             people += 1;
             let Some(p) = s.partner(t) else { continue };
-            // Observations are of canonical stature; a truth that knows the person's is brought to it.
-            let scale = match person.stature {
-                Some(stature) if !bodies => f64::from(CANONICAL_STATURE) / stature,
-                _ => 1.0,
-            };
+            let scale = to_size(person, bodies);
             let scaled = joints.map(|j| j.map(|j| j.map(|x| x * scale)));
             errors.extend(PoseErrors::new(&scaled, &p.joints3d));
             // Both sides are brought to one stature, or neither: observations have it, bodies say theirs.
@@ -391,7 +396,8 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
 }
 
 /// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where
-/// the predictions have none. Observations are compared relative to the pelvis, bodies in camera space.
+/// the predictions have none. Observations are compared relative to the pelvis and at their size, bodies in camera
+/// space.
 fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
     let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
     for s in scenes {
@@ -407,8 +413,9 @@ fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
                 continue;
             };
             let root = joints[PELVIS].filter(|_| !bodies).unwrap_or_default();
-            let whole: Option<Vec<[f64; 3]>> =
-                joints.iter().map(|j| j.map(|j| minus(j, root))).collect();
+            let scale = to_size(person, bodies);
+            let moved = |j: [f64; 3]| minus(j, root).map(|x| x * scale);
+            let whole: Option<Vec<[f64; 3]>> = joints.iter().map(|j| j.map(moved)).collect();
             if let Some(whole) = whole.and_then(|w| w.try_into().ok()) {
                 truth.add(id, frame.frame, seconds, &whole);
             }

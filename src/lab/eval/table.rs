@@ -16,6 +16,11 @@ fn percent(x: f64) -> String {
     }
 }
 
+/// A figure, or a dash where there is nothing that it could be of.
+fn known(x: Option<f64>, text: impl Fn(f64) -> String) -> String {
+    x.map_or("–".to_owned(), text)
+}
+
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(q) = self.quiet {
@@ -53,12 +58,12 @@ impl Report {
         }
         for k in &self.finding {
             let text = format!(
-                "recall {} of {}, precision {}, {} false, mean OKS {:.3}",
-                percent(k.recall),
+                "recall {} of {}, precision {}, {} false, mean OKS {}",
+                known(k.recall, percent),
                 k.people,
-                percent(k.precision),
+                known(k.precision, percent),
                 k.false_people,
-                k.mean_oks
+                known(k.mean_oks, |x| format!("{x:.3}"))
             );
             row(f, &format!("found at OKS {:.2}", k.oks), text)?;
         }
@@ -101,9 +106,8 @@ impl Report {
             let each = p.joints as f64 / p.people as f64;
             let text = format!("{:.1} mm of {each:.0} joints, the pelvis too", p.mpjpe_mm);
             row(f, "  MPJPE", text)?;
-            let same_size = p.canonical_mpjpe_mm;
-            let text = same_size.map_or("–".to_owned(), |e| format!("{e:.1} mm"));
-            row(f, "  MPJPE at 1.70 m", text)?;
+            let same_size = known(p.canonical_mpjpe_mm, |e| format!("{e:.1} mm"));
+            row(f, "  MPJPE at 1.70 m", same_size)?;
             row(f, "  N-MPJPE", format!("{:.1} mm", p.n_mpjpe_mm))?;
             row(f, "  PA-MPJPE", format!("{:.1} mm", p.pa_mpjpe_mm))?;
             row(f, "  3DPCK@150", percent(p.pck150))?;

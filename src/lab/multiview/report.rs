@@ -56,8 +56,15 @@ pub struct Tables {
     pub times: Option<Times>,
 }
 
+/// In place of a figure that there is none of.
+const NONE: &str = "–";
+
+/// Millimetres.
 fn mm(metres: f64) -> String {
-    format!("{:.1}", 1e3 * metres)
+    match metres.is_finite() {
+        true => format!("{:.1}", 1e3 * metres),
+        false => NONE.into(),
+    }
 }
 
 fn yes(x: bool) -> &'static str {
@@ -75,7 +82,7 @@ impl Display for Tables {
         writeln!(f, "|---|---|---|---|---|---|---|---|---|")?;
         for l in &self.synth {
             let e = l.errors;
-            let rest = e.rest.map_or("-".into(), |r| r.map(mm).join(" / "));
+            let rest = e.rest.map_or(NONE.into(), |r| r.map(mm).join(" / "));
             writeln!(
                 f,
                 "| {} | {} | {} | {} | {:.0} % | {} | {} | {} | {rest} |",
@@ -99,7 +106,7 @@ impl Display for Tables {
         )?;
         writeln!(f, "|---|---|---|---|---|---|")?;
         for l in &self.model {
-            let shape = l.errors.shape.map_or("-".into(), mm);
+            let shape = l.errors.shape.map_or(NONE.into(), mm);
             let joints = mm(l.errors.joints);
             writeln!(
                 f,
@@ -125,7 +132,10 @@ impl Display for Tables {
             .iter()
             .filter(|l| l.what == AS_MEASURED && l.paths);
         for l in smooth {
-            let parts = l.errors.parts.map_or("-".into(), |p| p.map(mm).join(" | "));
+            let parts = l
+                .errors
+                .parts
+                .map_or(NONE.into(), |p| p.map(mm).join(" | "));
             writeln!(f, "| {} | {parts} |", yes(l.masks))?;
         }
         writeln!(
@@ -139,7 +149,11 @@ impl Display for Tables {
         let plain = self.exchanged.first().map_or(0.0, |l| l.errors.joints);
         for l in &self.exchanged {
             let more = 100.0 * (l.errors.joints / plain - 1.0);
-            writeln!(f, "| {} | {} | {more:+.1} % |", l.what, mm(l.errors.joints))?;
+            let more = match more.is_finite() {
+                true => format!("{more:+.1} %"),
+                false => NONE.into(),
+            };
+            writeln!(f, "| {} | {} | {more} |", l.what, mm(l.errors.joints))?;
         }
         if let Some(t) = self.times {
             writeln!(
@@ -152,5 +166,56 @@ impl Display for Tables {
             )?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_found_is_a_dash_and_no_distance() {
+        let line = |what: &str, errors: Errors| Line {
+            what: what.into(),
+            views: 3,
+            hierarchy: true,
+            paths: true,
+            masks: false,
+            errors,
+        };
+        let met = Errors {
+            found: 1.0,
+            joints: 0.02,
+            ..Errors::NOBODY
+        };
+        let tables = |exchanged: [Errors; 2]| Tables {
+            seeds: 1,
+            frames: 10,
+            synth: vec![line("people of synth", Errors::NOBODY)],
+            model: vec![line(AS_MEASURED, Errors::NOBODY)],
+            exchanged: vec![line("nothing", exchanged[0]), line("legs", exchanged[1])],
+            times: None,
+        };
+        let nobody = tables([Errors::NOBODY; 2]);
+        let text = nobody.to_string();
+        for row in [
+            "| 3 | yes | no | yes | 0 % | – | – | – | – |",
+            "| errors as measured | 3 | no | yes | – | – |",
+            "| nothing | – | – |",
+        ] {
+            assert!(text.contains(row), "{row}\n{text}");
+        }
+        assert!(
+            tables([Errors::NOBODY, met])
+                .to_string()
+                .contains("| legs | 20.0 | – |")
+        );
+        assert!(
+            tables([met, Errors::NOBODY])
+                .to_string()
+                .contains("| legs | – | – |")
+        );
+        let json = serde_json::to_value(&nobody).unwrap();
+        assert!(json["synth"][0]["errors"]["joints"].is_null(), "{json}");
     }
 }

@@ -128,17 +128,16 @@ pub fn tables(options: TablesOptions, progress: &(dyn Fn(u64, u64) + Sync)) -> T
 fn average(all: &[Errors]) -> Errors {
     // Where nobody was found there is no distance.
     let met: Vec<&Errors> = all.iter().filter(|e| e.found > 0.0).collect();
-    let mean = |of: &dyn Fn(&Errors) -> f64| {
-        met.iter().map(|e| of(e)).sum::<f64>() / met.len().max(1) as f64
-    };
+    if met.is_empty() {
+        return Errors::NOBODY;
+    }
+    let mean =
+        |of: &dyn Fn(&Errors) -> f64| met.iter().map(|e| of(e)).sum::<f64>() / met.len() as f64;
     Errors {
-        found: all.iter().map(|e| e.found).sum::<f64>() / all.len().max(1) as f64,
+        found: all.iter().map(|e| e.found).sum::<f64>() / all.len() as f64,
         joints: mean(&|e| e.joints),
         aligned: mean(&|e| e.aligned),
-        shape: met
-            .iter()
-            .all(|e| e.shape.is_some())
-            .then(|| mean(&|e| e.shape.unwrap_or(0.0))),
+        shape: each(&met, |e| e.shape.map(|s| [s])).map(|[s]| s),
         stature: mean(&|e| e.stature),
         rest: each(&met, |e| e.rest),
         parts: each(&met, |e| e.parts),
@@ -216,4 +215,34 @@ fn times(frames: usize) -> Option<Times> {
 fn spent() -> f64 {
     let t = clock_gettime(ClockId::ThreadCPUTime);
     t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_nobody_is_found_there_is_no_distance() {
+        let found = Errors {
+            found: 1.0,
+            joints: 0.02,
+            aligned: 0.01,
+            shape: Some(0.005),
+            stature: 0.03,
+            ..Errors::NOBODY
+        };
+        let half = average(&[found, Errors::NOBODY]);
+        assert_eq!(
+            half,
+            Errors {
+                found: 0.5,
+                ..found
+            }
+        );
+        for nobody in [average(&[Errors::NOBODY; 2]), average(&[])] {
+            assert_eq!((nobody.found, nobody.shape), (0.0, None));
+            let distances = [nobody.joints, nobody.aligned, nobody.stature];
+            assert!(distances.iter().all(|d| d.is_nan()), "{nobody:?}");
+        }
+    }
 }

@@ -46,8 +46,9 @@ pub struct Trial {
     pub rate: f64,
 }
 
-/// How far fitted bodies are from the truth; lengths in metres.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+/// How far fitted bodies are from the truth; lengths in metres, which are no numbers (null in JSON) or none where
+/// nobody was found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Errors {
     /// Share of frames with a body.
     pub found: f64,
@@ -63,6 +64,19 @@ pub struct Errors {
     pub rest: Option<[f64; 2]>,
     /// Of bodies of the fitted model: mean distance of posed meshes' vertices in the world, by [`PARTS`].
     pub parts: Option<[f64; PARTS.len()]>,
+}
+
+impl Errors {
+    /// Of nobody found: 0 would be the best of all distances.
+    pub const NOBODY: Self = Self {
+        found: 0.0,
+        joints: f64::NAN,
+        aligned: f64::NAN,
+        shape: None,
+        stature: f64::NAN,
+        rest: None,
+        parts: None,
+    };
 }
 
 impl Trial {
@@ -118,7 +132,7 @@ impl Trial {
     pub fn errors(&self, found: &MultiviewFit) -> Errors {
         let body = MeshBody::shipped();
         let Some(person) = found.people.iter().max_by_key(|p| p.frames.len()) else {
-            return Errors::default();
+            return Errors::NOBODY;
         };
         let (mut joints, mut aligned) = (0.0, 0.0);
         for f in &person.frames {

@@ -49,6 +49,13 @@ pub enum LeftOut {
     Late(f64),
 }
 
+impl LeftOut {
+    /// Seconds between two frames that are interpolated at most.
+    pub const MOST_APART: f64 = 1e-9 * GAP as f64;
+    /// Seconds after the leading camera's that a frame is waited for at most.
+    pub const LATEST: f64 = 1e-9 * LATEST as f64;
+}
+
 /// What all cameras saw at one instant.
 #[derive(Debug, Clone)]
 pub struct FrameSet {
@@ -109,17 +116,20 @@ impl Stream {
         if pending.file_time {
             return PATIENCE_FILES;
         }
-        // Of what is between frames farther apart the next one tells nothing.
-        let step = self.interval.filter(|i| *i <= GAP as f64).unwrap_or(0.0);
-        let late = self
-            .latency
-            .map_or(0.0, |own| own + step - pending.latency());
+        let late = self.late_after(pending.latency()).unwrap_or(0.0);
         let late = late.max(0.0) as u64;
         if late > LATEST {
             PATIENCE
         } else {
             PATIENCE + late
         }
+    }
+
+    /// How long after a frame of such latency came the next one of this camera is due, nanoseconds.
+    fn late_after(&self, latency: f64) -> Option<f64> {
+        // Of what is between frames farther apart the next one tells nothing.
+        let step = self.interval.filter(|i| *i <= GAP as f64).unwrap_or(0.0);
+        self.latency.map(|own| own + step - latency)
     }
 
     /// Takes in a frame, which is newer than the others, and how fast and how late the camera is.
@@ -249,7 +259,7 @@ impl Synchroniser {
         if interval > GAP as f64 {
             return Some(LeftOut::Slow(1e-9 * interval));
         }
-        let late = own.latency? + interval - lead.latency?;
+        let late = own.late_after(lead.latency?)?;
         (late > LATEST as f64).then_some(LeftOut::Late(1e-9 * late))
     }
 

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::real_time::{RealTime, Taken};
 use crate::capture::{AviWriter, Frame, Rate};
 use crate::counted::counted;
 use crate::output::{AtomicFile, suffixed};
@@ -21,6 +22,7 @@ const PARTS: u32 = 1000;
 pub struct Film {
     path: PathBuf,
     rate: Rate,
+    time: RealTime,
     part: Part,
     /// Of the file that is being written.
     number: u32,
@@ -54,6 +56,7 @@ impl Film {
         Ok(Self {
             path: path.to_owned(),
             rate,
+            time: RealTime::default(),
             part: Part::Waiting(file),
             number: 1,
             more: Vec::new(),
@@ -62,11 +65,12 @@ impl Film {
         })
     }
 
-    /// Appends a picture.
+    /// Appends a picture, after repeating the one before until the film is as long as the time since its first.
     ///
     /// # Errors
     /// [`SinkError::Write`]; `InvalidInput` where its size is not that of the first.
-    pub fn write(&mut self, picture: &Frame) -> Result<(), SinkError> {
+    pub fn write(&mut self, picture: &Frame, taken: Taken) -> Result<(), SinkError> {
+        self.catch_up(taken).map_err(|e| self.failed(e))?;
         let written = match self.append(picture) {
             Err(e) if e.kind() == io::ErrorKind::FileTooLarge => {
                 self.next_part().and_then(|()| self.append(picture))
@@ -76,6 +80,26 @@ impl Film {
         written.map_err(|e| self.failed(e))?;
         self.written += 1;
         Ok(())
+    }
+
+    fn catch_up(&mut self, taken: Taken) -> io::Result<()> {
+        let missing = self.time.missing(taken, self.rate(), self.written);
+        for _ in 0..missing {
+            let Part::Open(film) = &mut self.part else {
+                break;
+            };
+            match film.repeat() {
+                Ok(()) => self.written += 1,
+                // The next file begins with the picture.
+                Err(e) if e.kind() == io::ErrorKind::FileTooLarge => break,
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(())
+    }
+
+    fn rate(&self) -> f64 {
+        self.rate.get().unwrap_or(USUAL_RATE)
     }
 
     fn append(&mut self, picture: &Frame) -> io::Result<()> {
@@ -93,8 +117,7 @@ impl Film {
         if let Part::Waiting(_) = self.part
             && let Part::Waiting(file) = std::mem::replace(&mut self.part, Part::None)
         {
-            let rate = self.rate.get().unwrap_or(USUAL_RATE);
-            let rate = (rate * f64::from(PARTS)).round().max(1.0) as u32;
+            let rate = (self.rate() * f64::from(PARTS)).round().max(1.0) as u32;
             self.part = Part::Open(AviWriter::new(file, width, height, (rate, PARTS))?);
         }
         let Part::Open(film) = &mut self.part else {
@@ -191,9 +214,12 @@ mod tests {
         // As a pipe does, whose header comes later.
         rate.tell(Some(29.97));
         for _ in 0..5 {
-            film.write(&picture(64, 48)).unwrap();
+            film.write(&picture(64, 48), Taken::File(0)).unwrap();
         }
-        let other = film.write(&picture(48, 64)).unwrap_err().to_string();
+        let other = film
+            .write(&picture(48, 64), Taken::File(0))
+            .unwrap_err()
+            .to_string();
         assert!(
             other.contains("64x48") && other.contains("48x64"),
             "{other}"
@@ -210,17 +236,39 @@ mod tests {
     }
 
     #[test]
+    fn a_film_of_a_running_camera_lasts_as_long_as_what_it_shows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.avi");
+        let rate = Rate::from(Some(30.0)).at_most(Some(20.0));
+        let mut film = Film::create(&path, rate).unwrap();
+        // Two seconds, of which 10 pictures a second were looked at.
+        for k in 0..=20 {
+            film.write(
+                &picture(64, 48),
+                Taken::Live(7_000_000_000 + k * 100_000_000),
+            )
+            .unwrap();
+        }
+        assert!(film.finish().unwrap().unwrap().contains("41 pictures"));
+        let mut reader = AviReader::new(fs::File::open(&path).unwrap(), "film").unwrap();
+        assert_eq!(reader.fps(), Some(20.0));
+        let mut frame = Frame::default();
+        let shown = std::iter::from_fn(|| reader.next_into(&mut frame).unwrap().then_some(()));
+        assert_eq!(shown.count(), 41);
+    }
+
+    #[test]
     fn a_full_file_is_followed_by_another_and_an_empty_one_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.avi");
         let mut film = Film::create(&path, Rate::default()).unwrap();
-        film.write(&picture(64, 48)).unwrap();
+        film.write(&picture(64, 48), Taken::File(0)).unwrap();
         film.next_part().unwrap();
-        film.write(&picture(64, 48)).unwrap();
+        film.write(&picture(64, 48), Taken::File(0)).unwrap();
         let another = folder.path().join("film-3.avi");
         fs::write(&another, "another film").unwrap();
         film.next_part().unwrap();
-        film.write(&picture(64, 48)).unwrap();
+        film.write(&picture(64, 48), Taken::File(0)).unwrap();
         let said = film.finish().unwrap().unwrap();
         for name in ["film.avi", "film-2.avi", "film-4.avi"] {
             let path = folder.path().join(name);
@@ -231,7 +279,7 @@ mod tests {
         assert_eq!(fs::read(&another).unwrap(), b"another film");
         let mut cut = Film::create(&path, Rate::default()).unwrap();
         fs::write(&path, vec![0; 100_000]).unwrap();
-        cut.write(&picture(64, 48)).unwrap();
+        cut.write(&picture(64, 48), Taken::File(0)).unwrap();
         cut.break_off();
         let said = cut.finish().unwrap().unwrap();
         assert!(said.ends_with("film-cut.avi"), "{said}");

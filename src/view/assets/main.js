@@ -17,11 +17,11 @@ const happened = new Happened(byId('events'));
 
 /**
  * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came;
- * `unwritten` says that the tables are those of an earlier frame.
+ * `unwritten` says that the tables are those of an earlier frame; `refused` is why the server lets nobody in.
  */
 const state = {
   camera: null, at: null, connected: false, heard: new Map(), ended: new Set(), changed: true, unwritten: false,
-  isDragged: false,
+  isDragged: false, refused: null,
 };
 
 function openSpace() {
@@ -54,12 +54,20 @@ function connect(first) {
   };
   socket.onclose = () => {
     state.connected = false;
+    if (!opened) readFeatures();
     setTimeout(() => connect(first && !opened), RETRY_MS);
   };
 }
 
-function readFeatures() {
-  return fetch(url('http', 'features')).then((answer) => answer.json()).catch(() => ({}));
+async function readFeatures() {
+  try {
+    const answer = await fetch(url('http', 'features'));
+    state.refused = answer.ok ? null : await answer.text();
+    return answer.ok ? await answer.json() : {};
+  } catch {
+    state.refused = null;
+    return {};
+  }
 }
 
 /** Another server may show something else, by another page. */
@@ -117,6 +125,7 @@ function shownIndex() {
 
 function words() {
   const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > QUIET_MS;
+  if (state.refused) return `not let in: ${state.refused}`;
   if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;

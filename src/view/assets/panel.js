@@ -1,7 +1,7 @@
 // The tables beside the picture.
 
 import { PELVIS } from './decode.js';
-import { colourOf } from './space.js';
+import { colourOf, inWorld } from './space.js';
 
 const EVERY_MS = 150;
 const TIMES = [
@@ -11,6 +11,7 @@ const TIMES = [
 export class Panel {
   constructor() {
     this.people = document.querySelector('#people tbody');
+    this.place = document.querySelector('#place');
     this.times = document.querySelector('#times tbody');
     this.written = 0;
   }
@@ -19,11 +20,13 @@ export class Panel {
   show(frame, frames, index, now) {
     if (now - this.written < EVERY_MS) return false;
     this.written = now;
+    // Several cameras have one room, whose origin is where the calibration has put it.
+    const isRoom = frame.width === 0;
+    this.place.textContent = isRoom ? 'at x, z' : 'away';
     rows(this.people, frame.bodies.map((body) => {
-      const joint = body.joints.subarray(3 * PELVIS, 3 * PELVIS + 3);
       return [
         [`#${body.id}`, `#${colourOf(body.id).getHexString()}`], [body.state], [`${Math.round(100 * body.score)} %`],
-        [`${Math.hypot(...joint).toFixed(2)} m`], [`${body.height.toFixed(2)} m`],
+        [isRoom ? onFloor(frame, body) : away(body)], [`${body.height.toFixed(2)} m`],
         [`${Math.hypot(...body.velocity).toFixed(1)} m/s`],
       ];
     }));
@@ -32,8 +35,10 @@ export class Panel {
     list.push([['all stages'], [ms(all)]]);
     if (!frame.isFile) list.push([['capture to publish'], [ms((frame.publishNs - frame.captureNs) / 1e3)]]);
     list.push([['frames a second'], [rate(frames, index)]], [['frame'], [String(frame.sequence)]]);
-    const height = frame.world.translation[1].toFixed(2);
-    list.push([['floor'], [frame.world.known ? `${height} m below the camera` : 'not known yet']]);
+    if (!isRoom) {
+      const height = frame.world.translation[1].toFixed(2);
+      list.push([['floor'], [frame.world.known ? `${height} m below the camera` : 'not known yet']]);
+    }
     rows(this.times, list);
     return true;
   }
@@ -42,6 +47,21 @@ export class Panel {
     this.people.replaceChildren();
     this.times.replaceChildren();
   }
+}
+
+function pelvis(body) {
+  return body.joints.subarray(3 * PELVIS, 3 * PELVIS + 3);
+}
+
+/** From the camera. */
+function away(body) {
+  return `${Math.hypot(...pelvis(body)).toFixed(2)} m`;
+}
+
+/** In the world, whose y points up. */
+function onFloor(frame, body) {
+  const { x, z } = inWorld(frame.world, pelvis(body));
+  return `${x.toFixed(2)}, ${z.toFixed(2)} m`;
 }
 
 function ms(us) {

@@ -287,6 +287,11 @@ function between(from, to, radius, out) {
 }
 
 /** From camera axes to the floor's. Where no floor is known the camera's axes are set upright. */
+/** A place in the world, metres; y points up. */
+export function inWorld(world, place) {
+  return new T.Vector3().fromArray(place).applyMatrix4(matrixOf(world));
+}
+
 function matrixOf(world) {
   const turn = world.known ? new T.Quaternion().fromArray(world.rotation) : new T.Quaternion(1, 0, 0, 0);
   const origin = world.known ? new T.Vector3().fromArray(world.translation) : new T.Vector3();

@@ -19,7 +19,7 @@
 mod reader;
 mod writer;
 
-pub(crate) use reader::RingReader;
+pub(crate) use reader::{Folders, RingReader};
 pub(crate) use writer::RingWriter;
 
 use std::fs::File;

@@ -14,7 +14,7 @@ use rustix::fs::{OFlags, inotify};
 use super::{COUNT_AT, GONE_AFTER, Header, LOOK_EVERY, SLOTS, now, place_of, read_u64};
 use crate::claim::is_at;
 use crate::error::LinkError;
-use crate::place::sealed;
+use crate::place::{reading_dirs, sealed};
 use crate::stream::{Message, file_stem, ring_path, service_name, version_of};
 
 /// How often a reader looks for a ring that is not there yet.
@@ -32,11 +32,29 @@ pub(crate) enum Newest {
     All,
 }
 
+/// Where a ring is looked for.
+#[derive(Debug, Clone)]
+pub(crate) enum Folders {
+    /// Where readers look: a session that begins later brings another folder.
+    OfReaders,
+    /// In these.
+    These(Vec<PathBuf>),
+}
+
+impl Folders {
+    fn now(&self) -> Vec<PathBuf> {
+        match self {
+            Self::OfReaders => reading_dirs(),
+            Self::These(folders) => folders.clone(),
+        }
+    }
+}
+
 /// Reads a stream's messages.
 #[derive(Debug)]
 pub(crate) struct RingReader<M> {
-    /// Folders to look in; the first one whose publisher is alive is taken.
-    folders: Vec<PathBuf>,
+    /// The first folder whose publisher is alive is taken.
+    folders: Folders,
     camera: String,
     /// Tells of messages. A user has so many of these (`/proc/sys/fs/inotify`): none where there is none left.
     watch: Option<OwnedFd>,
@@ -64,7 +82,7 @@ impl<M: Message> RingReader<M> {
     ///
     /// # Errors
     /// [`LinkError`], as its texts say.
-    pub(crate) fn new(folders: Vec<PathBuf>, camera: &str) -> Result<Self, LinkError> {
+    pub(crate) fn new(folders: Folders, camera: &str) -> Result<Self, LinkError> {
         let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
         let mut reader = Self {
             folders,
@@ -233,7 +251,7 @@ impl<M: Message> RingReader<M> {
     fn search(&mut self) -> Result<(), LinkError> {
         let mut found: Option<Open> = None;
         let mut refused = Ok(());
-        for folder in self.folders.clone() {
+        for folder in self.folders.now() {
             match self.open_in(&folder) {
                 Ok(Some(open)) => {
                     let better = open.is_alive || found.is_none();
@@ -397,7 +415,8 @@ mod tests {
     ) {
         let folder = tempfile::tempdir().unwrap();
         let publisher = Publisher::open_at(folder.path(), "camera0").unwrap();
-        let reader = RingReader::new(vec![folder.path().to_owned()], "camera0").unwrap();
+        let reader =
+            RingReader::new(Folders::These(vec![folder.path().to_owned()]), "camera0").unwrap();
         (folder, publisher, reader)
     }
 
@@ -446,7 +465,7 @@ mod tests {
         let refuses = || OwnedFd::from(File::open("/dev/null").unwrap());
         for watch in [None, Some(refuses())] {
             let folder = tempfile::tempdir().unwrap();
-            let folders = vec![folder.path().to_owned()];
+            let folders = Folders::These(vec![folder.path().to_owned()]);
             let mut reader = RingReader::<BodyFrame>::new(folders, "camera0").unwrap();
             reader.watch = watch;
             let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();

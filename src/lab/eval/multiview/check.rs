@@ -129,6 +129,12 @@ impl MultiviewCheck {
 
     /// The person on whom the sources, views by number, agree best: every combination of their people is tried.
     fn best_figure(&self, sources: &[(usize, &ObservationFrame)]) -> Option<Figure> {
+        let least = SOURCES.min(sources.len());
+        // A view that sees nobody has no part in any combination, and forbids none.
+        let sources: Vec<_> = sources
+            .iter()
+            .filter(|(_, seen)| !seen.people().is_empty())
+            .collect();
         let counts: Vec<usize> = sources
             .iter()
             .map(|(_, seen)| seen.people().len().min(CANDIDATES))
@@ -153,7 +159,7 @@ impl MultiviewCheck {
                         (c > 0.0).then(|| (&self.views[*v], DVec2::new(u, w)))
                     })
                     .collect();
-                if pixels.len() < SOURCES.min(sources.len()) {
+                if pixels.len() < least {
                     return None;
                 }
                 let point = triangulate(&pixels, self.agree)?;
@@ -335,6 +341,37 @@ mod tests {
 
     use super::*;
     use crate::lab::eval::align_similarity;
+
+    #[test]
+    fn a_view_that_sees_nobody_leaves_the_others_to_tell() {
+        let views = [0.0, 70.0, 140.0, 210.0, 290.0].map(View::around);
+        let sees = |view: &View| {
+            let mut frame = ObservationFrame {
+                count: 1,
+                ..ObservationFrame::default()
+            };
+            for (j, out) in frame.people[0].joints2d.iter_mut().enumerate() {
+                let j = j as f64;
+                let at = DVec3::new(0.2 * (2.0 * j).sin(), 0.1 * j - 0.7, 0.2 * (3.0 * j).cos());
+                let p = view.project(at).unwrap();
+                *out = [p.x as f32, p.y as f32, 0.8];
+            }
+            (frame, BodyFrame::default())
+        };
+        let triangulated = |empty: &[usize]| {
+            let mut check = MultiviewCheck::new(views.to_vec(), 20.0);
+            let mut frames: Vec<_> = views.iter().map(sees).collect();
+            for view in empty {
+                frames[*view].0.count = 0;
+            }
+            check.add(&frames);
+            check.finish().triangulated
+        };
+        assert_eq!((triangulated(&[]), triangulated(&[1])), (5, 5));
+        // The two that are left out in turn need three others; the three that see the person have two.
+        assert_eq!(triangulated(&[1, 3]), 2);
+        assert_eq!(triangulated(&[0, 1, 2, 3, 4]), 0);
+    }
 
     #[test]
     fn errors_after_procrustes_are_the_mean_over_all_aligned_joints() {

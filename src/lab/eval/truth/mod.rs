@@ -17,7 +17,7 @@ use super::{EvalError, Keypoint, bounding_box};
 
 /// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the
 /// same).
-const AREA_OF_BOX: f64 = 0.53;
+pub(super) const AREA_OF_BOX: f64 = 0.53;
 
 /// How a truth file is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -59,7 +59,7 @@ pub struct ReadOptions {
 pub struct TruthFrame {
     /// Path of the picture, or of its video, as the truth names it; empty where it names none.
     pub source: String,
-    /// Index in a video.
+    /// Index in a film; none where the name tells the picture.
     pub frame: Option<u64>,
     /// Recording it belongs to; empty where the format does not tell recordings apart.
     pub sequence: String,
@@ -78,7 +78,7 @@ pub struct TruthPerson {
     pub id: Option<u64>,
     /// Labelled points.
     pub points: Vec<Keypoint>,
-    /// Area, square pixels.
+    /// Area, square pixels; 0 where the labels span none.
     pub area: f64,
     /// x, y, width, height, pixels.
     pub bbox: [f64; 4],

@@ -110,8 +110,9 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     let is_clip = video && file.frames.iter().all(|f| f.file.is_none());
     let clip = file.clip.unwrap_or_default();
     let frame = |f: Frame| TruthFrame {
+        // Pictures of a folder are told by their names: their numbers would go with those of any other folder.
+        frame: (video && f.file.is_none()).then_some(f.frame),
         source: f.file.unwrap_or_else(|| clip.clone()),
-        frame: video.then_some(f.frame),
         size,
         people: f.people.into_iter().map(person).collect(),
         ..TruthFrame::default()

@@ -1,0 +1,27 @@
+//! What the build makes of the model that it is to embed.
+
+#[allow(dead_code, reason = "the rest is for Cargo")]
+#[path = "../../build.rs"]
+mod build;
+
+use build::checked;
+
+#[test]
+fn a_model_that_cannot_be_read_is_not_called_absent() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    assert!(checked(root, "m.ecm").is_none());
+    // Nobody can read a folder as a file, not even root.
+    std::fs::create_dir(root.join("m.ecm")).unwrap();
+    let said = std::panic::catch_unwind(|| checked(root, "m.ecm")).unwrap_err();
+    let said = said.downcast::<String>().unwrap();
+    assert!(
+        said.starts_with("expected to read m.ecm, or no such file: ") && !said.contains('\n'),
+        "{said}"
+    );
+    std::fs::write(root.join("whole"), "weights").unwrap();
+    let digest = blake3::hash(b"weights").to_hex().to_string();
+    std::fs::write(root.join("whole.blake3"), format!("{digest}  whole\n")).unwrap();
+    let found = checked(root, "whole").unwrap();
+    assert_eq!(found, (root.join("whole"), digest));
+}
