@@ -15,6 +15,9 @@ const OTHER_ENDINGS: [&str; 16] = [
     "nef", "arw", "raf",
 ];
 
+/// Endings of films that begin as a photo does.
+pub(super) const MOTION_JPEG: [&str; 3] = ["mjpeg", "mjpg", "mjp"];
+
 /// What lies in a folder of photos.
 #[derive(Debug, Default)]
 pub struct Album {
@@ -94,6 +97,7 @@ impl Album {
 /// counts as a damaged photo.
 pub fn is_photo(path: &Path) -> bool {
     path.is_file()
+        && !ends_in(path, &MOTION_JPEG)
         && (ends_in(path, &["jpg", "jpeg", "png"]) || {
             let head = head(path);
             is_jpeg(&head) || is_png(&head)
@@ -119,7 +123,8 @@ pub fn other_kind(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-fn ends_in(path: &Path, endings: &[&str]) -> bool {
+/// Whether a name has one of these endings, in letters of any size.
+pub(super) fn ends_in(path: &Path, endings: &[&str]) -> bool {
     path.extension()
         .is_some_and(|e| endings.iter().any(|k| e.eq_ignore_ascii_case(k)))
 }
@@ -173,6 +178,7 @@ mod tests {
             std::fs::write(at(name), "bytes").unwrap();
         }
         std::fs::write(at("named-otherwise"), b"RIFF\x10\0\0\0WEBPVP8 ").unwrap();
+        std::fs::write(at("film.MJPEG"), b"\xFF\xD8\xFF\xE0").unwrap();
         std::os::unix::fs::symlink("gone.jpg", at("link.jpg")).unwrap();
         for (sub, file) in [("more", "f.png"), ("other", "f.txt")] {
             std::fs::create_dir(at(sub)).unwrap();

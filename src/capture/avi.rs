@@ -173,7 +173,7 @@ fn jpeg_height<R: Read + Seek>(reader: &mut R, chunk: Entry) -> Option<u16> {
 const JFIF_BYTES: usize = 18;
 
 /// The shape of a JPEG's pixels; `None` where its densities are those of paper.
-fn jfif_shape(head: &[u8; JFIF_BYTES]) -> Option<PixelShape> {
+pub(super) fn jfif_shape(head: &[u8; JFIF_BYTES]) -> Option<PixelShape> {
     // Start of image, APP0, its length, the name, a version, the unit: 0 has densities be the pixel's width and height.
     if head[..4] != [0xFF, 0xD8, 0xFF, 0xE0] || &head[6..11] != b"JFIF\0" || head[13] != 0 {
         return None;

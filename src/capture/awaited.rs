@@ -102,6 +102,12 @@ where
         self.wait()
     }
 
+    fn judged(&mut self, failure: Option<&str>) {
+        if let Some(source) = &mut self.source {
+            source.judged(failure);
+        }
+    }
+
     fn fps(&self) -> Option<f64> {
         self.source.as_ref().and_then(|s| s.fps())
     }

@@ -4,6 +4,7 @@
 //! that change need no care here. Times come from `ffprobe`. The child is killed and reaped when the source is dropped;
 //! if this process dies first, the child's next write fails and it ends by itself.
 
+use std::collections::HashSet;
 use std::ffi::OsString;
 use std::io::{BufReader, ErrorKind, Read};
 use std::os::unix::process::CommandExt;
@@ -23,6 +24,10 @@ const BUFFER_BYTES: usize = 1 << 20;
 const MAX_COMPLAINT: usize = 4096;
 /// Rate for films that do not say theirs.
 const DEFAULT_FPS: f64 = 25.0;
+/// Most pictures by which codecs have one decoded before it is shown.
+const MOST_REORDERED: f64 = 17.0;
+/// What ffmpeg says of a file that ends before its container does, whatever came out of it.
+const CUT_OFF: [&str; 2] = ["ended prematurely", "partial file"];
 
 /// Where the two programs are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,6 +55,8 @@ struct Probe {
     times: Vec<u64>,
     /// Number of pictures according to the file's header, without those that its edit list leaves out.
     announced: Option<u64>,
+    /// Number of pictures according to the packets that there are.
+    counted: Option<u64>,
     /// Whether pixels are as wide as they are high.
     is_square: bool,
 }
@@ -139,23 +146,34 @@ impl FfmpegSource {
             .wait()
             .map_err(|e| CaptureError::from_io_named(&self.name, e))?;
         let complaints = self.take_complaints();
-        let short = self.probe.announced.is_some_and(|n| self.index < n) && !complaints.is_empty();
-        if status.success() && !cut_inside && !short && self.index > 0 {
+        let lines = || complaints.lines().map(str::trim).filter(|l| !l.is_empty());
+        // Without a number in the header, packets are counted that are left in the file: of one that was cut off none
+        // is missing, and only these words tell it.
+        let has_number = self.probe.announced.is_some();
+        let tells_cut = |line: &&str| !has_number && CUT_OFF.iter().any(|w| line.contains(w));
+        let cut_line = lines().find(tells_cut);
+        let expected = self.probe.announced.or(self.probe.counted);
+        let short = expected.filter(|n| self.index < *n);
+        let is_cut =
+            cut_inside || cut_line.is_some() || (short.is_some() && lines().next().is_some());
+        let said = cut_line.or(lines().next_back());
+        if status.success() && !is_cut && self.index > 0 {
+            // No failure: streams that begin between two key pictures are complained of, too, and are whole.
+            if let (false, Some(line)) = (has_number, said) {
+                tracing::warn!(
+                    "{}: ffmpeg says: {line}; if the film plays longer, copy it again",
+                    self.name
+                );
+            }
             return Ok(false);
         }
-        let reason = match complaints.lines().last().map(str::trim) {
-            Some(line) if !line.is_empty() => line.to_owned(),
-            _ => status.to_string(),
-        };
+        let reason = said.map_or_else(|| status.to_string(), str::to_owned);
         Err(CaptureError::data(
             self.name.clone(),
             format!(
                 "the film ends after {}{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
                 counted(self.index, "picture", "pictures"),
-                self.probe
-                    .announced
-                    .map(|n| format!(" of {n}"))
-                    .unwrap_or_default(),
+                short.map(|n| format!(" of {n}")).unwrap_or_default(),
             ),
         ))
     }
@@ -293,7 +311,7 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
         ])
         .args([
             "-show_entries",
-            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time,flags",
+            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time,dts_time,flags",
         ])
         .args(["-of", "csv"])
         .arg(input)
@@ -317,11 +335,43 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
     }
 }
 
-/// Lines `packet,TIME,FLAGS` and one `stream,SHAPE,RATE,COUNT`, its fields in any order and `N/A` where unknown; `None`
-/// without a stream.
+/// What is told of a packet.
+struct Packet {
+    /// When its picture is shown and when it is decoded, seconds.
+    shown: Option<f64>,
+    decoded: Option<f64>,
+    is_key: bool,
+    /// To be decoded for the sake of others and not shown: ffmpeg does not give its picture.
+    is_left_out: bool,
+}
+
+impl Packet {
+    /// `TIME,DECODED,FLAGS`; other fields may follow.
+    fn parse<'a>(mut fields: impl Iterator<Item = &'a str>) -> Self {
+        let number = |text: &str| text.parse::<f64>().ok().filter(|t| t.is_finite());
+        let is_flags = |text: &str| !text.is_empty() && text.bytes().all(|b| b"KDC_".contains(&b));
+        let shown = fields.next().and_then(number);
+        let (mut decoded, mut flags) = (None, "");
+        for field in fields {
+            if is_flags(field) {
+                flags = field;
+                break;
+            }
+            decoded = decoded.or(number(field));
+        }
+        Self {
+            shown,
+            decoded,
+            is_key: flags.contains('K'),
+            is_left_out: flags.contains('D'),
+        }
+    }
+}
+
+/// Lines `packet,TIME,DECODED,FLAGS` and one `stream,SHAPE,RATE,COUNT`, its fields in any order and `N/A` where
+/// unknown; `None` without a stream.
 fn parse_probe(text: &str) -> Option<Probe> {
-    let mut seconds = Vec::new();
-    let mut untimed = false;
+    let mut packets = Vec::new();
     let mut left_out = 0_u64;
     let mut stream = None;
     let mut is_square = true;
@@ -329,13 +379,10 @@ fn parse_probe(text: &str) -> Option<Probe> {
         let mut fields = line.trim().split(',');
         match fields.next() {
             Some("packet") => {
-                let time = fields.next().and_then(|t| t.parse::<f64>().ok());
-                // To be decoded for the sake of others and not shown: ffmpeg does not give its picture.
-                let is_left_out = fields.next().is_some_and(|flags| flags.contains('D'));
-                match time.filter(|t| t.is_finite()) {
-                    _ if is_left_out => left_out += 1,
-                    Some(time) => seconds.push(time),
-                    None => untimed = true,
+                let packet = Packet::parse(fields);
+                match packet.is_left_out {
+                    true => left_out += 1,
+                    false => packets.push(packet),
                 }
             }
             Some("stream") => {
@@ -354,21 +401,68 @@ fn parse_probe(text: &str) -> Option<Probe> {
     }
     let (fps, announced) = stream?;
     let announced = announced.map(|n: u64| n.saturating_sub(left_out));
-    if untimed {
-        seconds.clear();
-    }
-    // Packets come in the order of decoding.
-    seconds.sort_by(f64::total_cmp);
-    let start = seconds.first().copied().unwrap_or(0.0);
+    let pieces = pieces(&packets, fps).unwrap_or_default();
+    let times = joined(&pieces, fps);
+    // What is shown before the first key picture refers to pictures that are not in the file.
+    let key = packets.iter().find(|p| p.is_key).and_then(|p| p.shown);
+    let early = pieces.first().zip(key).map_or(0, |(piece, key)| {
+        piece.iter().filter(|time| **time < key).count()
+    });
     Some(Probe {
         fps,
-        times: seconds
-            .iter()
-            .map(|t| ((t - start) * 1e9).round() as u64)
-            .collect(),
+        counted: (!times.is_empty()).then(|| (times.len() - early) as u64),
+        times,
         announced,
         is_square,
     })
+}
+
+/// The times at which packets are shown, which lie in the order of decoding: each piece in order, and a new one where
+/// the clock begins anew, as where two films were written one behind the other. `None` where one has no time.
+fn pieces(packets: &[Packet], fps: f64) -> Option<Vec<Vec<f64>>> {
+    let reach = (MOST_REORDERED / fps).max(1.0);
+    let times: Vec<f64> = packets.iter().map(|p| p.shown).collect::<Option<_>>()?;
+    let mut pieces = Vec::new();
+    let mut piece = Vec::new();
+    let mut seen = HashSet::new();
+    let (mut highest, mut decoded) = (f64::NEG_INFINITY, None);
+    for (k, (time, packet)) in times.iter().zip(packets).enumerate() {
+        let again = |k: usize| times.get(k).is_some_and(|t| seen.contains(&t.to_bits()));
+        // One time alone that comes twice may be a picture that is not shown.
+        let falls = *time < highest - reach || (again(k) && again(k + 1));
+        // Pictures of films with long pauses are far apart, but are decoded in order.
+        let may_fall = decoded.zip(packet.decoded).is_none_or(|(a, b)| b < a);
+        if falls && may_fall {
+            pieces.push(std::mem::take(&mut piece));
+            seen.clear();
+            highest = f64::NEG_INFINITY;
+        }
+        piece.push(*time);
+        seen.insert(time.to_bits());
+        highest = highest.max(*time);
+        decoded = packet.decoded.or(decoded);
+    }
+    pieces.push(piece);
+    for piece in &mut pieces {
+        piece.sort_by(f64::total_cmp);
+    }
+    Some(pieces)
+}
+
+/// One clock for all pieces, nanoseconds: each goes on a picture after the one before.
+fn joined(pieces: &[Vec<f64>], fps: f64) -> Vec<u64> {
+    let step = (1e9 / fps).round() as u64;
+    let mut times = Vec::new();
+    let mut begin = 0;
+    for piece in pieces {
+        let start = piece.first().copied().unwrap_or(0.0);
+        let since = piece.iter().map(|t| ((t - start) * 1e9).round() as u64);
+        times.extend(since.map(|t| t.saturating_add(begin)));
+        begin = times
+            .last()
+            .map_or(0, |last: &u64| last.saturating_add(step));
+    }
+    times
 }
 
 /// `30000/1001` → 29.97; `None` for 0/0.
@@ -478,6 +572,58 @@ mod tests {
         assert_eq!((probe.times.len(), probe.announced), (2, Some(2)));
         let probe = parse_probe("packet,0.0,_D\nstream,10/1,N/A\n").unwrap();
         assert_eq!((probe.times.len(), probe.announced), (0, None));
+    }
+
+    #[test]
+    fn times_that_begin_anew_go_on_where_they_were() {
+        let at = |text: &str| {
+            let probe = parse_probe(text).unwrap();
+            let in_ms = probe.times.iter().map(|t| t / 1_000_000);
+            in_ms.collect::<Vec<_>>()
+        };
+        // Two films of two pictures, one behind the other.
+        let joined = at("packet,0,K_\npacket,0.04\npacket,0\npacket,0.04\nstream,25/1,N/A\n");
+        assert_eq!(joined, [0, 40, 80, 120]);
+        // Longer ones whose pictures are not decoded in order.
+        let film: String = (0..30)
+            .flat_map(|k| [2 * k + 1, 2 * k])
+            .map(|k| format!("packet,{},N/A,___\n", 1.4 + 0.04 * f64::from(k)))
+            .collect();
+        let joined = at(&format!("{film}{film}stream,25/1,N/A\n"));
+        assert_eq!(joined, (0..120).map(|k| 40 * k).collect::<Vec<_>>());
+        // A clock that wraps.
+        let wrapped = at("packet,95443.6\npacket,95443.64\npacket,0.01\nstream,25/1,N/A\n");
+        assert_eq!(wrapped, [0, 40, 80]);
+        // Far apart, and decoded in order: a film with pauses.
+        let paused = "packet,0,-2,K_\npacket,30,-1,__\npacket,10,0,__\npacket,20,10,__\n";
+        assert_eq!(
+            at(&format!("{paused}stream,25/1,N/A\n")),
+            [0, 10_000, 20_000, 30_000]
+        );
+        // Slow, and without times of decoding.
+        let slow = "packet,0\npacket,8\npacket,4\npacket,2\npacket,6\n";
+        assert_eq!(
+            at(&format!("{slow}stream,1/2,N/A\n")),
+            [0, 2000, 4000, 6000, 8000]
+        );
+        // One picture twice is none of a new film.
+        let twice = "packet,0\npacket,0.04\npacket,0.04\npacket,0.08\n";
+        assert_eq!(at(&format!("{twice}stream,25/1,N/A\n")), [0, 40, 40, 80]);
+    }
+
+    #[test]
+    fn pictures_before_the_first_key_picture_are_not_counted() {
+        let packets = "packet,0.0,__\npacket,0.12,K_\npacket,0.04,__\npacket,0.16,__\n";
+        let probe = parse_probe(&format!("{packets}stream,25/1,N/A\n")).unwrap();
+        assert_eq!((probe.times.len(), probe.counted), (4, Some(2)));
+        let probe = parse_probe("packet,N/A,N/A,K_\nstream,25/1,N/A\n").unwrap();
+        assert_eq!(probe.counted, None);
+    }
+
+    #[test]
+    fn what_follows_the_flags_is_not_read() {
+        let probe = parse_probe("packet,0.0,0.0,K__,MPEGTS Stream ID,224\nstream,25/1,N/A\n");
+        assert_eq!(probe.unwrap().times, [0]);
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod frame;
 mod jpeg;
 mod letterbox;
 mod limits;
+mod mjpeg;
 mod mounting;
 #[cfg(any(test, feature = "mp4"))]
 mod mp4;
@@ -58,6 +59,6 @@ pub use resize::{PADDING, Resizer};
 pub use source::Source;
 pub use spec::{InputSpec, OpenOptions, open};
 pub use stand_in::StandIn;
-pub use stored::open_bytes;
+pub use stored::{is_film, open_bytes};
 pub use y4m::Y4mReader;
 pub use yuv::{Matrix, Range, YuvToRgb};

@@ -32,6 +32,8 @@ pub struct PacedSource<O, C> {
     has_next: bool,
     /// Why there is no picture after the one that was given last.
     failed: Option<CaptureError>,
+    /// Whether it was said that the film is cut off.
+    has_told_of_cut: bool,
     /// For who wants the pictures decoded.
     decoder: RawDecoder,
     raw: RawPicture,
@@ -58,6 +60,7 @@ where
             next: RawPicture::default(),
             has_next: false,
             failed: None,
+            has_told_of_cut: false,
             decoder: RawDecoder::default(),
             raw: RawPicture::default(),
         })
@@ -66,7 +69,7 @@ where
     /// Reads the next picture, from the beginning again where the film has ended; `false` for a film without pictures.
     fn read(&mut self) -> Result<bool, CaptureError> {
         self.has_next = false;
-        if !self.film.next_raw(&mut self.next)? {
+        if !self.read_on()? {
             let interval = 1e9 / self.film.fps().unwrap_or(DEFAULT_FPS);
             self.offset = self
                 .last
@@ -85,6 +88,19 @@ where
         self.last = Some((next.time_ns, next.sequence));
         self.has_next = true;
         Ok(true)
+    }
+
+    /// Reads the next picture; `false` where the film has ended, or was cut off after its first picture.
+    fn read_on(&mut self) -> Result<bool, CaptureError> {
+        match self.film.next_raw(&mut self.next) {
+            Err(e @ CaptureError::Data { .. }) if self.last.is_some() => {
+                if !std::mem::replace(&mut self.has_told_of_cut, true) {
+                    tracing::warn!("the film begins anew before its end each time: {e}");
+                }
+                Ok(false)
+            }
+            read => read,
+        }
     }
 
     /// Moves the film's beginning, so that a picture that is late is due now: what cannot be read as fast as it plays
@@ -201,6 +217,8 @@ mod tests {
         reading: Duration,
         /// One that cannot be read.
         damaged: Option<u64>,
+        /// The first that is missing.
+        cut: Option<u64>,
         clock: Turned,
     }
 
@@ -211,6 +229,9 @@ mod tests {
             }
             self.clock.sleep(self.reading);
             let n = self.count;
+            if self.cut == Some(n) {
+                return Err(CaptureError::data("film", "cut off"));
+            }
             self.count += 1;
             if self.damaged == Some(n) {
                 return Err(CaptureError::Picture {
@@ -260,11 +281,29 @@ mod tests {
                 interval_ns,
                 reading,
                 damaged,
+                cut: None,
                 clock: of_film.clone(),
             }))
         });
         let paced = PacedSource::new(open, clock.clone()).unwrap();
         (paced, clock)
+    }
+
+    /// A film that is cut off before this picture.
+    fn cut(at: u64) -> PacedSource<Opening, Turned> {
+        let clock = Turned(Arc::new(Mutex::new(Instant::now())));
+        let of_film = clock.clone();
+        let open: Opening = Box::new(move || {
+            Ok(Box::new(Film {
+                count: 0,
+                interval_ns: TENTH,
+                reading: Duration::ZERO,
+                damaged: None,
+                cut: Some(at),
+                clock: of_film.clone(),
+            }))
+        });
+        PacedSource::new(open, clock).unwrap()
     }
 
     const TENTH: u64 = 100_000_000;
@@ -343,5 +382,23 @@ mod tests {
             });
         }
         assert_eq!(seen, [Some(0), None, Some(2), Some(3), None, Some(5)]);
+    }
+
+    #[test]
+    fn a_film_that_is_cut_off_begins_anew() {
+        let mut paced = cut(2);
+        let mut frame = Frame::default();
+        let mut seen = Vec::new();
+        while seen.len() < 5 {
+            match paced.next_into(&mut frame) {
+                Ok(more) => seen.push(more.then_some(frame.sequence)),
+                Err(e) => assert!(e.is_skippable(), "{e}"),
+            }
+        }
+        assert_eq!(seen, [Some(0), Some(1), Some(2), Some(3), Some(4)]);
+        assert!(paced.has_told_of_cut);
+        // One without a picture would begin anew for ever.
+        let refused = cut(0).next_into(&mut frame).unwrap_err();
+        assert!(!refused.is_skippable(), "{refused}");
     }
 }

@@ -9,7 +9,7 @@ use super::yuv::Range;
 /// A picture that nobody has looked at yet: a camera's or film's own bytes, and when it was taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawPicture {
-    /// What the bytes are. A JPEG says itself how large it is.
+    /// What the bytes are. A film's JPEG says itself how large it is, a camera's of another size is damaged.
     pub layout: RawLayout,
     /// As the source sent them.
     pub bytes: Vec<u8>,

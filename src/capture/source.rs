@@ -41,6 +41,10 @@ pub trait Source: Send {
         Ok(more)
     }
 
+    /// Hears whether the picture that [`next_raw`](Self::next_raw) gave last could be decoded, or why not. A camera
+    /// that sends nothing that can be is opened again.
+    fn judged(&mut self, _failure: Option<&str>) {}
+
     /// How many pictures the whole input has, if that is known: for progress bars, not for allocation.
     fn frame_count(&self) -> Option<u64> {
         None

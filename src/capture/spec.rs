@@ -75,13 +75,13 @@ impl fmt::Display for InputSpec {
 pub struct OpenOptions {
     /// Width and height asked of a camera, pixels.
     pub size: Option<(u32, u32)>,
-    /// Pictures per second asked of a camera, or at which a folder's photos were taken.
+    /// Pictures per second asked of a camera, or at which a folder's photos or a raw Motion-JPEG film were taken.
     pub fps: Option<f64>,
     /// What to set on a camera, in this order.
     pub controls: Vec<ControlSetting>,
 }
 
-/// Opens an input. What a path is, its bytes say, not its name.
+/// Opens an input. What a path is, its bytes say, and its name only where they do not.
 ///
 /// # Errors
 /// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture

@@ -1,13 +1,14 @@
-//! Photos and films that lie in files or in memory. What a file is, its bytes say, not its name.
+//! Photos and films that lie in files or in memory. What a file is, its bytes say, and its name only where they do not.
 
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::album::other_kind;
-use super::avi::{AviReader, is_avi};
+use super::album::{MOTION_JPEG, ends_in, other_kind};
+use super::avi::{AviReader, is_avi, jfif_shape};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
+use super::mjpeg::MjpegReader;
 use super::photo::{PhotoSource, is_jpeg, is_png};
 use super::source::Source;
 use super::square::square;
@@ -15,6 +16,13 @@ use super::y4m::{self, Y4mReader};
 
 /// Bytes read at once.
 const BUFFER_BYTES: usize = 1 << 18;
+/// Endings of films whose first bytes do not tell.
+const TOLD_BY_NAME: [&str; 24] = [
+    "mp4", "m4v", "mov", "mpg", "mpeg", "m2v", "vob", "ts", "m2t", "mts", "m2ts", "wmv", "asf",
+    "3gp", "3g2", "mxf", "dv", "264", "h264", "265", "h265", "hevc", "gif", "mod",
+];
+/// Endings of films that are known by their first bytes, whatever their name.
+const TOLD_BY_BYTES: [&str; 7] = ["avi", "mkv", "webm", "y4m", "flv", "ogv", "f4v"];
 
 /// Opens a film in memory: YUV4MPEG2 or Motion-JPEG AVI.
 ///
@@ -28,7 +36,8 @@ pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, C
     Ok(Box::new(AviReader::new(Cursor::new(bytes), name)?))
 }
 
-/// Opens a photo, a folder of photos or a film. `fps`: at which a folder's photos were taken.
+/// Opens a photo, a folder of photos or a film. `fps`: at which a folder's photos, or a raw Motion-JPEG film, were
+/// taken.
 ///
 /// # Errors
 /// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture
@@ -48,6 +57,12 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
             name_of(path),
             "expected a picture or film, found an empty file; copy it again",
         ));
+    }
+    // Such a film begins as a photo does, and some phones append a film to a photo: only the name tells.
+    if is_jpeg(&head) && ends_in(path, &MOTION_JPEG) {
+        let shape = head.first_chunk().and_then(jfif_shape);
+        let reader = BufReader::with_capacity(BUFFER_BYTES, file);
+        return Ok(square(MjpegReader::new(reader, name_of(path), fps), shape));
     }
     if is_jpeg(&head) || is_png(&head) {
         return Ok(Box::new(PhotoSource::file(path, fps)));
@@ -72,7 +87,7 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
             return Ok(square(film, shape));
         }
     }
-    if !is_film(&head, path) {
+    if !is_for_ffmpeg(&head, path) {
         return Err(CaptureError::data(
             name_of(path),
             "expected a photo (JPEG, PNG), a folder of photos, a film or a camera, found other bytes; check the path",
@@ -88,21 +103,52 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
 }
 
+/// Whether a file is a film by its name.
+pub fn is_film(path: &Path) -> bool {
+    [&TOLD_BY_NAME[..], &TOLD_BY_BYTES, &MOTION_JPEG]
+        .iter()
+        .any(|endings| ends_in(path, endings))
+}
+
 /// Whether ffmpeg should be asked. It would take any text for a film of letters, so that not everything is given to it:
 /// a name counts only for kinds whose first bytes do not tell.
-fn is_film(head: &[u8], path: &Path) -> bool {
-    let container = is_avi(head)
+fn is_for_ffmpeg(head: &[u8], path: &Path) -> bool {
+    is_avi(head)
         || head.get(4..8) == Some(b"ftyp")
         || head.starts_with(&[0x1A, 0x45, 0xDF, 0xA3])
         || head.starts_with(b"FLV")
-        || head.starts_with(b"OggS");
-    container
-        || path.extension().is_some_and(|e| {
-            [
-                "mp4", "m4v", "mov", "mpg", "mpeg", "ts", "m2ts", "wmv", "3gp", "h264", "265",
-                "264", "gif",
-            ]
-            .iter()
-            .any(|k| e.eq_ignore_ascii_case(k))
-        })
+        || head.starts_with(b"OggS")
+        || ends_in(path, &TOLD_BY_NAME)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn films_of_camcorders_and_encoders_are_given_to_ffmpeg() {
+        let path = |ending: &str| format!("hall.{ending}");
+        for ending in [
+            "mts", "MTS", "m2ts", "vob", "hevc", "h265", "mxf", "dv", "asf", "Mp4",
+        ] {
+            let name = path(ending);
+            assert!(is_for_ffmpeg(b"other bytes", Path::new(&name)), "{ending}");
+        }
+        for ending in ["txt", "jsonl", "avi"] {
+            let name = path(ending);
+            assert!(!is_for_ffmpeg(b"other bytes", Path::new(&name)), "{ending}");
+        }
+    }
+
+    #[test]
+    fn films_are_known_by_their_names() {
+        for name in [
+            "a.mp4", "a.mpg", "a.MTS", "a.wmv", "a.gif", "a.avi", "a.y4m", "a.mjpeg",
+        ] {
+            assert!(is_film(Path::new(name)), "{name}");
+        }
+        for name in ["a.jsonl", "a.edgecap", "a.jpg", "mp4", "a"] {
+            assert!(!is_film(Path::new(name)), "{name}");
+        }
+    }
 }

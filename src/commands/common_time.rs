@@ -18,7 +18,8 @@ const GAP: f64 = 4.0;
 /// So long before and after anybody is seen there are instants, seconds; of longer pauses nothing is lost but their
 /// length, which the instants' times tell.
 const PAUSE: f64 = 1.0;
-/// Seconds that views may differ in length which are only taken to have started together.
+/// Seconds that views may differ in length which are only taken to have started together, and by which one may begin
+/// or end apart from the others without a word.
 const SPARE: f64 = 0.5;
 /// How much rates of views may differ that go by number.
 const RATE_TOLERANCE: f64 = 0.03;
@@ -46,29 +47,35 @@ pub fn by_clock(seen: &[ViewFile]) -> Vec<f64> {
 }
 
 /// Brings views to one time that started `shifts` seconds before the first one; every one tells its times
-/// ([`ViewFile::tells_times`]).
+/// ([`ViewFile::tells_times`]). `otherwise` is what to do where they never ran together, in the verb's own options.
 ///
 /// # Errors
 /// When there is no time at which all ran, or nobody was in view then.
 pub fn by_times(
     seen: Vec<ViewFile>,
     shifts: &[f64],
+    otherwise: &str,
     notes: &mut Vec<String>,
 ) -> anyhow::Result<Common> {
     let each = seen.iter().zip(shifts);
     let all: Vec<Timed<'_>> = each.map(|(file, shift)| Timed::new(file, *shift)).collect();
     if !are_in_step(&all) {
-        return sampled(&all);
+        return sampled(&all, otherwise, notes);
     }
     let rate = all[0].rate;
     Ok(row_by_row(seen, rate, notes))
 }
 
 /// Brings views to one time of which nothing tells that they did not start together; every one tells its times.
+/// `otherwise` as for [`by_times`].
 ///
 /// # Errors
 /// When they differ in length, which tells that they did not, and what [`by_times`] refuses.
-pub fn as_if_together(seen: Vec<ViewFile>, notes: &mut Vec<String>) -> anyhow::Result<Common> {
+pub fn as_if_together(
+    seen: Vec<ViewFile>,
+    otherwise: &str,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Common> {
     let seconds = |s: &ViewFile| {
         let span = s.times[s.times.len() - 1] - s.times[0];
         span as f64 * 1e-9
@@ -88,7 +95,7 @@ pub fn as_if_together(seen: Vec<ViewFile>, notes: &mut Vec<String>) -> anyhow::R
         .into());
     }
     let shifts = vec![0.0; seen.len()];
-    by_times(seen, &shifts, notes)
+    by_times(seen, &shifts, otherwise, notes)
 }
 
 /// Brings views together frame by frame; `given` is the user's word for the rate. Views whose times are in no order get
@@ -240,7 +247,7 @@ fn are_in_step(all: &[Timed<'_>]) -> bool {
 }
 
 /// What every view saw at instants of equal distance, as many a second as the fastest view has frames, while all ran.
-fn sampled(all: &[Timed<'_>]) -> anyhow::Result<Common> {
+fn sampled(all: &[Timed<'_>], otherwise: &str, notes: &mut Vec<String>) -> anyhow::Result<Common> {
     let begin = all.iter().map(|v| v.seconds[0]).fold(f64::MIN, f64::max) - SAME;
     let end = all.iter().map(Timed::end).fold(f64::MAX, f64::min) + SAME;
     let lead = (0..all.len())
@@ -249,11 +256,12 @@ fn sampled(all: &[Timed<'_>]) -> anyhow::Result<Common> {
     let lead = &all[lead];
     let origin = lead.seconds.iter().copied().find(|t| *t >= begin);
     let Some(origin) = origin.filter(|t| *t <= end) else {
-        return Err(Failure::data(
-            "expected views that ran at one time, found none in which all did; give --sync motion if they are of several clocks, --sync none if frames belong together by number",
-        )
+        return Err(Failure::data(format!(
+            "expected views that ran at one time, found none in which all did; {otherwise}"
+        ))
         .into());
     };
+    note_ends(all, notes);
     let mut common = Common {
         people: vec![Vec::new(); all.len()],
         times: Vec::new(),
@@ -283,6 +291,30 @@ fn sampled(all: &[Timed<'_>]) -> anyhow::Result<Common> {
         .into());
     }
     Ok(common)
+}
+
+/// Says which view begins late or ends early, by which what the others saw is left out.
+fn note_ends(all: &[Timed<'_>], notes: &mut Vec<String>) {
+    let ends = |at: &dyn Fn(&Timed<'_>) -> f64| {
+        let each = all.iter().map(|v| (at(v), v.file.name.as_str()));
+        let mut each: Vec<(f64, &str)> = each.collect();
+        each.sort_by(|a, b| a.0.total_cmp(&b.0));
+        (each[0], each[each.len() - 1])
+    };
+    let ((first, early), (last, late)) = ends(&|v| v.seconds[0]);
+    if last - first > SPARE {
+        notes.push(format!(
+            "camera {late} begins {:.1} s after {early}; what was seen before is left out",
+            last - first
+        ));
+    }
+    let ((first, early), (last, late)) = ends(&|v| v.end());
+    if last - first > SPARE {
+        notes.push(format!(
+            "camera {early} ends {:.1} s before {late}; what was seen after is left out",
+            last - first
+        ));
+    }
 }
 
 /// Numbers of the instants, `rate` a second from `origin` to `end`, near which anybody is seen, rising.

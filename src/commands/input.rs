@@ -192,12 +192,6 @@ impl NamedInput {
 
     /// Whether it ends by itself: a film or photos. Of a pipe nobody knows.
     pub fn has_end(&self) -> bool {
-        let is_pipe = |path| {
-            std::fs::metadata(path).is_ok_and(|m| {
-                let kind = m.file_type();
-                kind.is_fifo() || kind.is_socket()
-            })
-        };
         !self.is_live()
             && match &self.spec {
                 InputSpec::Path(path) => !is_pipe(path),
@@ -238,6 +232,14 @@ impl NamedInput {
     }
 }
 
+/// Whether pictures can be read there once, from front to back.
+fn is_pipe(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|m| {
+        let kind = m.file_type();
+        kind.is_fifo() || kind.is_socket()
+    })
+}
+
 /// Decides which input the arguments mean.
 ///
 /// # Errors
@@ -267,10 +269,15 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
         ),
         InputSpec::Demo | InputSpec::Stdin => false,
     };
-    if args.live && spec == InputSpec::Stdin {
-        return Err(Failure::usage(
-            "--live plays a film from its start: expected a file, found standard input",
-        )
+    let pipe = match &spec {
+        InputSpec::Stdin => Some("standard input".to_owned()),
+        InputSpec::Path(path) if is_pipe(path) => Some(format!("the pipe {}", path.display())),
+        _ => None,
+    };
+    if let Some(pipe) = pipe.filter(|_| args.live) {
+        return Err(Failure::usage(format!(
+            "--live plays a film from its start: expected a file, found {pipe}; leave --live out"
+        ))
         .into());
     }
     let name = args.name.clone().unwrap_or_else(|| match &spec {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGCHLD, SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGCHLD, SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
@@ -31,6 +31,8 @@ impl Stop {
         for signal in &stopping {
             signal_hook::flag::register(*signal, Arc::clone(&flag))?;
         }
+        // Who asks a service for its last minute sends it to every process of it.
+        signal_hook::flag::register(SIGUSR1, Arc::default())?;
         let mut signals = Signals::new(stopping)?;
         thread::Builder::new()
             .name("signals".into())

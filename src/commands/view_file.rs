@@ -11,6 +11,7 @@ use tempfile::NamedTempFile;
 use super::exit::Failure;
 use super::say;
 use crate::camera::DEFAULT_FOV;
+pub use crate::capture::is_film;
 use crate::counted::counted;
 use crate::export::inhabited_steps;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
@@ -98,6 +99,9 @@ impl ViewFile {
             let is_live = frame.flags & FLAG_FILE_TIME == 0;
             seen.of_machine &= is_live && frame.publish_ns > frame.capture_ns;
         }
+        if reader.was_cut() && !seen.frames.is_empty() {
+            tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
+        }
         if seen.frames.is_empty() {
             return Err(Failure::data(format!(
                 "{name}: expected the frames of camera {}, found none",
@@ -146,12 +150,6 @@ impl ViewFile {
         let sum: f64 = steps[..usual].iter().sum();
         Some((usual as f64 / sum).min(MOST_RATE))
     }
-}
-
-/// Whether a file is a film by its name, not a record.
-pub fn is_film(path: &Path) -> bool {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    ending.is_some_and(|e| ["mp4", "avi", "mov", "mkv", "webm", "y4m", "m4v"].contains(&e.as_str()))
 }
 
 /// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its

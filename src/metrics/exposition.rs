@@ -55,7 +55,7 @@ pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
     each(
         "edgecap_frames_dropped_total",
         "counter",
-        "Pictures that the camera took and nobody looked at.",
+        "Pictures without bodies of their own: nobody looked at them, or --rate passed them by.",
         &|s| s.dropped as f64,
     );
     each(

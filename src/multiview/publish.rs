@@ -106,6 +106,7 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
             let sights = f.moment.sights.iter().flatten();
             sights.filter(|s| s.rays[j].is_some()).count()
         });
+        let is_seen = seen.iter().any(|s| *s > 0);
         let confidence = std::array::from_fn(|j| SURE[2 - seen[j].min(2)]);
         let turn = rotation_vector(state.0.rotation);
         let near = [k.saturating_sub(1), (k + 1).min(joints.len() - 1)];
@@ -114,10 +115,9 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
         let velocity = (joints[near[1]][PELVIS] - joints[near[0]][PELVIS]) / span;
         let message = Body {
             id: person.id,
-            state: if seen.iter().all(|s| *s == 0) {
-                BodyState::PREDICTED
-            } else {
-                BodyState::TRACKED
+            state: match is_seen {
+                true => BodyState::TRACKED,
+                false => BodyState::PREDICTED,
             },
             position: targets[PELVIS].as_vec3().to_array(),
             orientation: state.0.rotation.normalize().as_quat().to_array(),
@@ -136,8 +136,8 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
             ),
             bone_rotations: bone_rotations(&state.1).map(|q| q.as_quat().to_array()),
             joint_states: std::array::from_fn(|j| match seen[j] {
+                0 if is_seen => JointState::OCCLUDED,
                 0 => JointState::PREDICTED,
-                1 => JointState::OCCLUDED,
                 _ => JointState::OBSERVED,
             }),
             ..Body::default()

@@ -14,6 +14,8 @@ use edgecap::capture::{
     AviWriter, Brightness, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range,
     RawDecoder, RawPicture, Source, open,
 };
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use proptest::prelude::*;
 
 /// What the fake camera does next.
@@ -21,6 +23,8 @@ use proptest::prelude::*;
 enum Act {
     /// A picture with this count.
     Picture(u32),
+    /// One with this count that cannot be decoded.
+    Damaged(u32),
     /// Nothing for as long as the step waits.
     Silence,
     /// This system error.
@@ -114,6 +118,12 @@ impl CameraStream for FakeStream {
                     height: 1,
                     ..Frame::default()
                 });
+                Ok(Some(count))
+            }
+            Some(Act::Damaged(count)) => {
+                self.clock.sleep(Duration::from_millis(33));
+                raw.layout = layout(PixelFormat::Mjpeg, 1, 1, 0);
+                raw.bytes = vec![0xFF, 0xD8, 0, 0, 0, 0];
                 Ok(Some(count))
             }
             Some(Act::Fail(code)) => Err(io::Error::from_raw_os_error(code)),
@@ -312,6 +322,74 @@ fn a_silent_camera_is_opened_again() {
     );
 }
 
+/// With a small `--max-fps` nobody asks for seconds, and buffers that have been full for long are no news.
+#[test]
+fn a_camera_that_nobody_asks_is_not_silent() {
+    let (mut live, clock, log) = live(vec![Opening::Works(vec![
+        Act::Picture(0),
+        Act::Silence,
+        Act::Picture(1),
+    ])]);
+    next_picture(&mut live);
+    clock.sleep(Duration::from_secs(10));
+    let (_, reasons) = next_picture(&mut live);
+    assert_eq!(reasons, ["no picture yet"]);
+    assert_eq!(log.lock().unwrap().len(), 1, "never opened again");
+}
+
+/// Takes this many pictures that can be decoded.
+fn take_good(source: &mut CameraSource<FakePort, FakeClock>, pictures: usize) {
+    let (mut good, mut frame) = (0, Frame::default());
+    for _ in 0..10_000 {
+        match source.next_into(&mut frame) {
+            Ok(more) => {
+                assert!(more);
+                good += 1;
+            }
+            Err(e) => assert!(e.is_skippable(), "{e}"),
+        }
+        if good == pictures {
+            return;
+        }
+    }
+    panic!("{good} of {pictures} pictures");
+}
+
+#[test]
+fn a_camera_whose_pictures_cannot_be_decoded_is_opened_again() {
+    let damaged = || (0..200).map(Act::Damaged).collect::<Vec<_>>();
+    let mut first = vec![Act::Picture(0)];
+    first.extend(damaged());
+    let mut openings = vec![Opening::Works(first)];
+    openings.extend((0..3).map(|_| Opening::Works(damaged())));
+    openings.push(Opening::Works(vec![Act::Picture(0)]));
+    openings.push(Opening::Works(vec![Act::Picture(0)]));
+    let (live, _, log) = live(openings);
+    let text = said(|| take_good(&mut CameraSource::new(live), 3));
+    let log = log.lock().unwrap();
+    let waits = log.windows(2).map(|w| (w[1] - w[0]).as_millis());
+    let waits: Vec<u128> = waits.collect();
+    // 3 s of pictures, of 33 ms each, then as after silence; with the good one all is as at first.
+    for (wait, expected) in waits.iter().zip([3250, 3500, 4000, 5000, 3250]) {
+        assert!(wait.abs_diff(expected) < 100, "{waits:?}");
+    }
+    assert_eq!(waits.len(), 5);
+    let told = |words: &str| text.lines().filter(|l| l.contains(words)).count();
+    assert_eq!(told("sends pictures that cannot be decoded"), 1, "{text}");
+    assert_eq!(told("camera is back"), 2, "{text}");
+}
+
+#[test]
+fn a_few_pictures_that_cannot_be_decoded_are_left_out() {
+    let acts = (0..400).map(|n| match n % 50 {
+        0 => Act::Picture(n),
+        _ => Act::Damaged(n),
+    });
+    let (live, _, log) = live(vec![Opening::Works(acts.collect())]);
+    take_good(&mut CameraSource::new(live), 8);
+    assert_eq!(log.lock().unwrap().len(), 1, "never opened again");
+}
+
 #[test]
 fn counts_that_wrap_or_start_anew_only_grow() {
     let counts = [u32::MAX - 2, u32::MAX, 1, 4, 2, 3, 0, 1_000_000];
@@ -346,7 +424,7 @@ fn a_source_says_when_there_is_no_picture() {
         Opening::Fails,
         Opening::Works(vec![Act::Silence, Act::Picture(0), Act::Silence]),
     ]);
-    let mut source = CameraSource::new(live, None);
+    let mut source = CameraSource::new(live);
     assert!(source.is_live() && source.frame_count().is_none());
     assert_eq!(source.next().unwrap().unwrap().rgb, [0; 3]);
     // Away from when it fails until its first picture, also while it is open again and sends nothing.
@@ -612,6 +690,39 @@ fn motion_jpeg_with_rubbish_behind_it_is_decoded() {
     assert!(frame.rgb.iter().all(|v| v.abs_diff(90) < 3));
     // Cut short by a lost packet: the picture is drawn as far as it goes.
     decoder.decode(&buffer[..end - 2], &mut frame).unwrap();
+}
+
+#[test]
+fn motion_jpeg_of_another_size_than_agreed_is_damaged() {
+    let mut frame = Frame::default();
+    let of_size = |width: u32, height: u32| {
+        let mut bytes = Vec::new();
+        let rgb = vec![90; 3 * (width * height) as usize];
+        JpegEncoder::new(&mut bytes)
+            .encode(&rgb, width, height, ExtendedColorType::Rgb8)
+            .unwrap();
+        bytes
+    };
+    let agreed = layout(PixelFormat::Mjpeg, 64, 45, 0);
+    let mut decoder = PictureDecoder::new(agreed).unwrap();
+    // Of a camera that has never kept to the size all are taken.
+    assert!(decoder.decode(&of_size(32, 24), &mut frame).is_ok());
+    for (width, height, fits) in [
+        (64, 45, true),
+        // A camera that sends whole blocks.
+        (64, 48, true),
+        (32, 24, false),
+        (64, 480, false),
+        (640, 45, false),
+        (64, 45, true),
+    ] {
+        let decoded = decoder.decode(&of_size(width, height), &mut frame);
+        assert_eq!(decoded.is_ok(), fits, "{width}x{height}");
+        if let Err(why) = decoded {
+            let expected = format!("expected a picture of 64x45, found one of {width}x{height}");
+            assert!(why.contains(&expected), "{why}");
+        }
+    }
 }
 
 #[test]

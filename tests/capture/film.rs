@@ -8,7 +8,11 @@ use edgecap::capture::{
     AviWriter, CaptureError, Ffmpeg, FfmpegSource, Frame, InputSpec, Matrix, OpenOptions, Range,
     Source, Y4mReader, YuvToRgb, open, open_bytes,
 };
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use proptest::prelude::*;
+
+use crate::tools;
 
 /// The definition in ITU-R BT.601 and BT.709.
 fn exact(y: u8, u: u8, v: u8, matrix: Matrix, range: Range) -> [f64; 3] {
@@ -286,6 +290,65 @@ fn films_open_from_memory_and_from_files() {
 }
 
 #[test]
+fn jpegs_back_to_back_are_a_film_by_their_name_and_a_photo_without() {
+    let jpeg = |value: u8| {
+        let mut bytes = Vec::new();
+        let encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
+        let grey = [value; 16 * 8];
+        encoder
+            .write_image(&grey, 16, 8, ExtendedColorType::L8)
+            .unwrap();
+        bytes
+    };
+    let pictures = [40, 90, 140].map(jpeg);
+    let folder = tempfile::tempdir().unwrap();
+    let opened = |name: &str, bytes: &[u8], fps: Option<f64>| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let options = OpenOptions {
+            fps,
+            ..OpenOptions::default()
+        };
+        open(&InputSpec::Path(path), &options).unwrap()
+    };
+    let film = pictures.concat();
+    for (name, fps) in [("a.mjpeg", None), ("a.MJPG", Some(10.0)), ("a.mjp", None)] {
+        let mut source = opened(name, &film, fps);
+        let rate = fps.unwrap_or(30.0);
+        assert_eq!((source.fps(), source.is_stills()), (Some(rate), false));
+        for (k, value) in [40_u8, 90, 140].into_iter().enumerate() {
+            let frame = source.next().unwrap().unwrap();
+            assert_eq!((frame.width, frame.height), (16, 8));
+            assert!(frame.rgb.iter().all(|v| v.abs_diff(value) <= 3), "{name}");
+            let time_ns = (k as f64 * 1e9 / rate).round() as u64;
+            assert_eq!((frame.sequence, frame.time_ns), (k as u64, time_ns));
+        }
+        assert!(source.next().unwrap().is_none());
+    }
+    let mut photo = opened("a.jpg", &film, None);
+    assert!(photo.is_stills() && photo.next().unwrap().is_some());
+    assert!(photo.next().unwrap().is_none());
+
+    let mut cut = opened("cut.mjpeg", &film[..film.len() - 1], None);
+    assert!(cut.next().unwrap().is_some() && cut.next().unwrap().is_some());
+    let error = cut.next().unwrap_err();
+    assert_eq!((error.exit_code(), error.is_skippable()), (65, false));
+    assert!(error.to_string().contains("inside frame 2"), "{error}");
+
+    let without_end = &pictures[1][..pictures[1].len() - 2];
+    let damaged = [&pictures[0][..], without_end, &pictures[2]].concat();
+    let mut damaged = opened("damaged.mjpeg", &damaged, None);
+    assert!(damaged.next().unwrap().is_some());
+    let error = damaged.next().unwrap_err();
+    assert!(
+        error.is_skippable() && error.to_string().contains("frame 1"),
+        "{error}"
+    );
+    assert_eq!(damaged.next().unwrap().unwrap().sequence, 2);
+    assert!(damaged.next().unwrap().is_none());
+}
+
+#[test]
 fn words_become_inputs() {
     for (text, spec) in [
         ("camera", InputSpec::FirstCamera),
@@ -371,8 +434,7 @@ fn pictures_that_an_edit_list_leaves_out_are_not_waited_for() {
 
 #[test]
 fn pixels_that_are_not_square_are_made_so() {
-    if Command::new("ffmpeg").arg("-version").output().is_err() {
-        eprintln!("skipped: no ffmpeg on this machine");
+    if !tools::has("ffmpeg") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -421,6 +483,50 @@ fn a_film_that_ends_early_is_told_with_the_childs_own_words() {
                 && text.contains("1 picture of 9"),
             "{text}"
         );
+        assert!(source.next().unwrap().is_none());
+    }
+}
+
+/// Matroska, WebM and transport streams have no number of pictures in their header.
+#[test]
+fn a_film_of_unknown_length_that_was_cut_off_or_is_damaged_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let timed = "packet,0.0,0.0,K__\\npacket,0.5,0.5,___\\n";
+    let cut = "[matroska,webm @ 0x5] File ended prematurely at pos. 4711 (0x1267)";
+    for (packets, pictures, complaint, words) in [
+        // ffprobe lists what is left of the file, all of which comes out.
+        (timed, 2, cut, Some("after 2 pictures; ffmpeg says: [matro")),
+        ("", 2, cut, Some("ended prematurely")),
+        (
+            timed,
+            1,
+            "error while decoding MB 3 4",
+            Some("1 picture of 2; ffmpeg says: error"),
+        ),
+        (timed, 2, "mmco: unref short failure", None),
+        ("", 2, "error while decoding MB 3 4", None),
+        (timed, 1, "", None),
+    ] {
+        let programs = stand_ins(
+            folder.path(),
+            &format!(
+                "{}echo '{complaint}' >&2",
+                format!("{PICTURE}; ").repeat(pictures)
+            ),
+            &format!("printf '{packets}stream,2/1,N/A\\n'"),
+        );
+        let mut source = FfmpegSource::open(Path::new("film.mkv"), &programs).unwrap();
+        for _ in 0..pictures {
+            assert!(source.next().unwrap().is_some());
+        }
+        match (source.next(), words) {
+            (Ok(None), None) => {}
+            (Err(error), Some(words)) => {
+                assert_eq!(error.exit_code(), 65);
+                assert!(error.to_string().contains(words), "{error}");
+            }
+            (ended, _) => panic!("{packets} {pictures} {complaint}: {ended:?}"),
+        }
         assert!(source.next().unwrap().is_none());
     }
 }

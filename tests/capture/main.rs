@@ -5,3 +5,5 @@ mod camera;
 mod film;
 mod photo;
 mod resize;
+#[path = "../program/tools.rs"]
+mod tools;

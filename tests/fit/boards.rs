@@ -303,6 +303,29 @@ fn films_and_known_lenses_do_as_well() {
 }
 
 #[test]
+fn a_lens_that_is_known_stays_beside_one_that_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let truth = &ring()[..2];
+    for (k, view) in truth.iter().enumerate() {
+        let to = folder.path().join(&view.name);
+        photos(&to, view, &CHESS, &shared(&CHESS), k as u64);
+    }
+    let [lens, first, second, out] = ["lens.toml", "cam01", "cam02", "out.toml"].map(at);
+    fs::write(&lens, calibration::write_pose2sim(&truth[..1])).unwrap();
+    let lens = format!("cam01={lens}");
+    calibrate(&[
+        "--board", "9x6", "--square", "0.03", "--floor", "0", "--lens", &lens, "--view", &first,
+        "--view", &second, "--out", &out,
+    ]);
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    assert_places(&found, truth, 0.2, 0.005);
+    assert_eq!(found[0].focal, truth[0].focal);
+    let share = (found[1].focal / truth[1].focal - 1.0).abs().max_element();
+    assert!(share > 0.0 && share < 0.01, "{}", found[1].focal);
+}
+
+#[test]
 fn what_no_board_tells_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();

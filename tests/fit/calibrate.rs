@@ -118,3 +118,24 @@ fn what_cannot_be_calibrated_is_said() {
         &["nowhere.toml"],
     );
 }
+
+/// Before films are looked at, which takes minutes: here there are none.
+#[test]
+fn what_can_be_known_of_the_command_is_said_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("file"), "").unwrap();
+    let [north, south, out, blocked] = ["north.avi", "south.avi", "out", "file/out"].map(at);
+    let refused = |verb: &[&str], out: &str, code: i32, words: &[&str]| {
+        let views = ["--view", &north, "--view", &south, "--out", out];
+        assert_fails(&[verb, &views].concat(), code, words);
+    };
+    let board = ["calibrate", "--board", "9x6", "--square", "0.03"];
+    let calibration = ["multiview", "--calibration", &north];
+    for verb in [&["calibrate"][..], &board, &calibration] {
+        refused(verb, &blocked, 73, &["file/out"]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+    let distance = ["calibrate", "--distance", "north,west=3"];
+    refused(&distance, &out, 64, &["no --view is of west"]);
+}

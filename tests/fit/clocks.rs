@@ -172,6 +172,48 @@ fn cameras_that_start_one_after_the_other_go_by_their_clock() {
     assert_right(&[usual.clone(), other, usual], Times::Machine, "auto");
 }
 
+#[test]
+fn what_a_camera_that_died_cuts_off_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [camera(30.0, 0.0..8.0), camera(25.0, 0.7..5.0)];
+    let files = record(folder.path(), &cameras, Times::Machine, &|_| vec![walker()]);
+    let said = run(folder.path(), &files, &[]);
+    for wanted in [
+        "camera cam1 begins 0.7 s after cam0",
+        "camera cam1 ends 3.0 s before cam0",
+    ] {
+        assert!(said.contains(wanted), "{said}");
+    }
+    // So is what was copied by half.
+    let whole = std::fs::read(&files[0]).unwrap();
+    std::fs::write(&files[0], &whole[..whole.len() / 2 + 7]).unwrap();
+    std::fs::remove_dir_all(folder.path().join("run")).unwrap();
+    let said = run(folder.path(), &files, &[]);
+    for wanted in [
+        "the frames before it are used",
+        "camera cam0 ends 1.0 s before cam1",
+    ] {
+        assert!(said.contains(wanted), "{said}");
+    }
+}
+
+/// Each verb names options of its own.
+#[test]
+fn cameras_that_never_ran_together_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [camera(30.0, 0.0..3.0), camera(30.0, 6.0..9.0)];
+    let files = record(folder.path(), &cameras, Times::Machine, &|_| vec![walker()]);
+    let [calibration, run, found] =
+        ["Calib.toml", "run", "found.toml"].map(|n| folder.path().join(n).display().to_string());
+    let views = ["--view", &files[0], "--view", &files[1]];
+    let fit = ["multiview", "--calibration", &calibration, "--out", &run];
+    let fit = [&fit[..], &views].concat();
+    assert_fails(&fit, 65, &["ran at one time", "--sync motion"]);
+    let find = [&["calibrate", "--out", &found][..], &views].concat();
+    assert_fails(&find, 65, &["ran at one time", "--fps"]);
+    assert!(!stderr(&output(&find)).contains("--sync"));
+}
+
 /// A quarter of a second apart by the end, were they paired by number.
 #[test]
 fn rates_that_differ_by_little_do_not_drift_apart() {

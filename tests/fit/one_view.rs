@@ -4,7 +4,7 @@ use edgecap::camera::calibration::write_pose2sim;
 use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, PELVIS};
-use edgecap::message::{BodyFrame, Intrinsics, ObservationFrame};
+use edgecap::message::{BodyFrame, BodyState, Intrinsics, JointState, ObservationFrame};
 use edgecap::multiview::{stage_three, to_view};
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::{DVec2, Vec3};
@@ -122,6 +122,42 @@ fn joints_in_space_are_those_of_the_calibrated_lens() {
     let apart = right.iter().zip(usual).map(|(a, b)| a.distance(*b));
     let apart = apart.fold(0.0, f32::max);
     assert!(apart < 0.005, "{apart} m");
+}
+
+#[test]
+fn a_joint_that_the_view_saw_is_observed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (view, run) = (at("cam.jsonl"), at("run"));
+    let walker = people::everyday().swap_remove(0);
+    let mut scene = Scene::new(vec![walker], Noise::NONE, 30.0, 4);
+    let mut file = RecordWriter::<ObservationsRow>::create(view.as_ref(), Format::Jsonl).unwrap();
+    let mut seen = Vec::new();
+    for _ in 0..20 {
+        let (mut message, _) = scene.next();
+        message.people[0].joints2d[0] = [0.0; 3];
+        seen.push(message.people[0].joints2d.map(|j| j[2] >= 0.1));
+        file.write(&message, "").unwrap();
+    }
+    file.finish().unwrap();
+    let done = output(&["multiview", "--no-dct", "--view", &view, "--out", &run]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let lines = std::fs::File::open(at("run/bodies.jsonl")).unwrap();
+    let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+    let mut tracked = 0;
+    for seen in seen {
+        let frame = rows.read().unwrap().unwrap().message();
+        let bodies = frame.bodies().iter();
+        for body in bodies.filter(|b| b.state == BodyState::TRACKED) {
+            let wanted = seen.map(|is_seen| match is_seen {
+                true => JointState::OBSERVED,
+                false => JointState::OCCLUDED,
+            });
+            assert_eq!(body.joint_states[..wanted.len()], wanted);
+            tracked += 1;
+        }
+    }
+    assert!(tracked >= 10, "{tracked}");
 }
 
 /// When bodies are of somebody who was seen at these times, nanoseconds.

@@ -279,6 +279,39 @@ fn a_killed_run_goes_on_and_ends_as_one_that_was_not() {
     assert_same(&folder.join("whole"), &folder.join("run"));
 }
 
+#[test]
+fn a_command_that_names_a_wrong_file_leaves_what_was_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    files(folder, 3, 300);
+    let parts = folder.join("run/resume/parts");
+    let run = arguments(folder, "run", &[]);
+    killed(&run, &parts, |found| {
+        found.iter().any(|f| f.ends_with("joints-1-0"))
+    });
+    let mistyped = |name: &str| -> Vec<String> {
+        let other = |a: &String| a.replace(name, &format!("gone-{name}"));
+        run.iter().map(other).collect()
+    };
+    let masks = folder.join("gone").display().to_string();
+    let masks = arguments(folder, "run", &["--masks", &masks]);
+    for (args, code) in [
+        (mistyped("120.jsonl"), 66),
+        (mistyped("Calib.toml"), 66),
+        (masks, 65),
+        (arguments(folder, "run", &["--hold-out", "gone"]), 64),
+        (arguments(folder, "run", &["--obj", "300"]), 64),
+    ] {
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        assert_fails(&args, code, &[]);
+    }
+    let said = done(&run);
+    assert!(
+        said.contains("goes on: ") && !said.contains("afresh"),
+        "{said}"
+    );
+}
+
 /// Somebody puts files into the folder while the bodies are computed.
 #[test]
 fn results_come_into_a_folder_that_is_no_longer_empty() {
@@ -429,4 +462,17 @@ fn films_are_looked_at_once() {
     let said = done(&run);
     assert!(said.contains("goes on: 1 of 2 views"), "{said}");
     assert_same(&folder.join("whole"), &folder.join("run"));
+    // A camera's name is no place in the file system.
+    let own = folder.join("own");
+    fs::create_dir(&own).unwrap();
+    fs::write(own.join("letter.txt"), "Dear").unwrap();
+    let text = fs::read_to_string(&calibration).unwrap();
+    assert!(text.contains("\"cam01\""), "{text}");
+    let text = text.replace("\"cam01\"", "\"../../../own\"");
+    let text = text.replace("\"cam02\"", "\"../../../other\"");
+    fs::write(&calibration, text).unwrap();
+    done(&of(&at("named")));
+    assert!(own.join("letter.txt").exists());
+    assert_eq!(fs::read_dir(&own).unwrap().count(), 1);
+    assert!(!folder.join("other").exists());
 }

@@ -480,3 +480,21 @@ fn arguments_of_other_bytes_are_answered_as_any_other() {
     assert!(said.contains("--input: expected a path in UTF-8"), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
 }
+
+/// A pipe can be read once, so that nothing on it plays over and over.
+#[test]
+fn a_pipe_does_not_play_like_a_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe").to_str().unwrap().to_owned();
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    for verb in ["run", "infer"] {
+        let args = [verb, "--live", "--input", &pipe];
+        assert_fails(&args, 64, &["--live", "expected a file, found the pipe"]);
+        assert_fails(
+            &[verb, "--live", "--input", "-"],
+            64,
+            &["found standard input"],
+        );
+    }
+}

@@ -188,3 +188,35 @@ fn damaged_pictures_are_no_camera_that_is_away() {
     drop(bodies);
     assert!(watched.stop().status.success());
 }
+
+/// At the start it would end the run: the lens is a mistake then.
+#[test]
+fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = folder.path().join("lens.toml");
+    let text = "fx = 90.0\ncx = 47.5\ncy = 31.5\nwidth = 96\nheight = 64\n";
+    std::fs::write(&lens, text).unwrap();
+    let camera = StandIn::new(30.0);
+    let lens = lens.to_str().unwrap();
+    let watched = Watched::start("shape", &camera, &["--no-idle", "--camera", lens]);
+    let bodies = watched.listen::<BodyFrame>();
+    fresh_body(&bodies);
+    let infer = eventually("infer", || watched.run.child("infer"));
+    for _ in 0..2 {
+        camera.changes_size((64, 64));
+        std::thread::sleep(Duration::from_millis(1500));
+        assert!(!watched.run.has_ended(), "it goes on");
+        camera.plug_in();
+        fresh_body(&bodies);
+    }
+    assert_eq!(watched.run.child("infer"), Some(infer));
+    drop(bodies);
+    let out = watched.stop();
+    assert!(out.status.success());
+    let said = stderr(&out);
+    assert_eq!(
+        said.matches("another shape are left out").count(),
+        1,
+        "{said}"
+    );
+}

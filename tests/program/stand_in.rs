@@ -36,13 +36,8 @@ impl StandIn {
     /// It is not there yet.
     pub fn absent(fps: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut film = b"YUV4MPEG2 W96 H64 F30:1 Cmono\n".to_vec();
-        for picture in 0..8u8 {
-            film.extend(b"FRAME\n");
-            film.extend((0..96 * 64u32).map(|p| (p as u8).wrapping_mul(7).wrapping_add(picture)));
-        }
         let path = folder.path().join("film.y4m");
-        std::fs::write(&path, film).unwrap();
+        write_film(&path, (96, 64));
         Self {
             folder,
             film: path,
@@ -60,9 +55,13 @@ impl StandIn {
     }
 
     fn becomes(&self, silent: bool) {
+        self.shows(&self.film, silent);
+    }
+
+    fn shows(&self, film: &Path, silent: bool) {
         let text = format!(
-            "film = {:?}\nfps = {:.1}\nsilent = {silent}\n",
-            self.film, self.fps
+            "film = {film:?}\nfps = {:.1}\nsilent = {silent}\n",
+            self.fps
         );
         let draft = self.folder.path().join("draft");
         std::fs::write(&draft, text).unwrap();
@@ -79,10 +78,27 @@ impl StandIn {
         self.becomes(true);
     }
 
+    /// It sends pictures of another size, until it is plugged in.
+    pub fn changes_size(&self, size: (u32, u32)) {
+        let film = self.folder.path().join("other.y4m");
+        write_film(&film, size);
+        self.shows(&film, false);
+    }
+
     /// Unplugs it.
     pub fn unplug(&self) {
         std::fs::remove_file(self.path()).unwrap();
     }
+}
+
+/// A film of a few grey pictures.
+fn write_film(path: &Path, (width, height): (u32, u32)) {
+    let mut film = format!("YUV4MPEG2 W{width} H{height} F30:1 Cmono\n").into_bytes();
+    for picture in 0..8u8 {
+        film.extend(b"FRAME\n");
+        film.extend((0..width * height).map(|p| (p as u8).wrapping_mul(7).wrapping_add(picture)));
+    }
+    std::fs::write(path, film).unwrap();
 }
 
 /// `edgecap run` on a stand-in, with the smallest network.

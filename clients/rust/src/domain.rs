@@ -68,7 +68,8 @@ impl Domain {
         made().map_err(|e| LinkError::place(folder, format!("making a folder in it: {e}")))
     }
 
-    /// Joins the one that a publisher named; `None` where it has gone.
+    /// Joins the one that a publisher named; `None` where it has gone, or is another user's: what root left in it that
+    /// user could not open, nor remove.
     pub(crate) fn join(folder: &Path, id: u64) -> io::Result<Option<Self>> {
         let path = folder.join(name(id));
         let lock = match open_lock(&path) {
@@ -76,6 +77,9 @@ impl Domain {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(e),
         };
+        if lock.metadata()?.uid() != rustix::process::geteuid().as_raw() {
+            return Ok(None);
+        }
         Self::enter(path, id, lock)
     }
 

@@ -204,7 +204,7 @@ impl Place {
     /// Removes what the dead left; returns the streams that are published now.
     ///
     /// # Errors
-    /// The system's.
+    /// The system's, once all that can be removed is.
     pub(crate) fn sweep(&self) -> io::Result<Vec<String>> {
         let mut alive = Vec::new();
         let names = || -> io::Result<Vec<String>> {
@@ -226,10 +226,13 @@ impl Place {
                 None => alive.push(stem),
             }
         }
+        let mut refused = None;
         for name in names()? {
-            domain::remove_if_dead(&self.folder, &name)?;
+            if let Err(e) = domain::remove_if_dead(&self.folder, &name) {
+                refused.get_or_insert(e);
+            }
         }
-        Ok(alive)
+        refused.map_or(Ok(alive), Err)
     }
 }
 

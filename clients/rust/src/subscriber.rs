@@ -93,6 +93,13 @@ impl<M: Message> Deref for Received<M> {
     }
 }
 
+impl<M: Message> Received<M> {
+    /// In memory of its own.
+    fn copied(self) -> Self {
+        Self(Memory::Copied(Box::new(*self)))
+    }
+}
+
 impl<M: Message> Subscriber<M> {
     /// Connects to `camera`'s stream, which need not exist yet.
     ///
@@ -177,8 +184,13 @@ impl<M: Message> Subscriber<M> {
         if inner.joined.is_none() {
             inner.ring.skip();
         }
-        while let Some(m) = inner.receive()? {
-            newest = Some(m);
+        while inner.has_more()? {
+            // iceoryx2 lends two: the caller may hold one, and the next is another.
+            newest = newest.map(Received::copied);
+            match inner.receive()? {
+                Some(m) => newest = Some(m),
+                None => break,
+            }
         }
         Ok(newest)
     }
@@ -277,6 +289,21 @@ impl<M: Message> Inner<M> {
         Ok(self.ring.read()?.map(copied))
     }
 
+    /// Whether a message may be there to be received.
+    fn has_more(&self) -> Result<bool, LinkError> {
+        let Some(joined) = &self.joined else {
+            return Ok(self.ring.position() < self.ring.count());
+        };
+        let failed = |e| LinkError::failed(&service_name::<M>(&self.camera), e);
+        let is_sent = joined.port.has_samples().map_err(failed)?;
+        let from_file = if self.ring.is_alive() {
+            joined.from
+        } else {
+            self.ring.count()
+        };
+        Ok(is_sent || self.ring.position() < from_file)
+    }
+
     /// Waits for a wake-up, or until it is time to look; `false` where a signal ended the wait.
     fn wait(&self, timeout: Duration) -> Result<bool, LinkError> {
         let Some(joined) = &self.joined else {
@@ -365,6 +392,27 @@ mod tests {
         assert!(inner.receive().unwrap().is_none());
         publisher.publish(&BodyFrame::default()).unwrap();
         assert!(inner.receive().unwrap().is_some());
+    }
+
+    #[test]
+    fn the_newest_is_there_while_the_one_before_is_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        assert!(joins(&mut reader.0.borrow_mut()));
+        let mut publish = |sequence| {
+            let message = BodyFrame {
+                sequence,
+                ..BodyFrame::default()
+            };
+            publisher.publish(&message).unwrap();
+        };
+        publish(0);
+        let held = reader.next(Duration::from_secs(20)).unwrap().unwrap();
+        (1..5).for_each(&mut publish);
+        let newest = reader.newest(Duration::from_secs(20)).unwrap().unwrap();
+        assert_eq!((held.sequence, newest.sequence), (0, 4));
+        assert!(reader.newest(Duration::ZERO).unwrap().is_none());
     }
 
     #[test]

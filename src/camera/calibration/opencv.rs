@@ -51,7 +51,10 @@ type Place<'a> = &'a dyn Fn(&Storage) -> Result<(DMat3, DVec3), String>;
 
 fn one(storage: &Storage, name: &str, place: Place<'_>) -> Result<View, String> {
     let lacks = |what: &str| format!("camera {name} without {what}");
-    if storage.names().any(|n| n.contains("fisheye"))
+    // OpenCV's own tool says of every lens whether it is one.
+    if storage
+        .names()
+        .any(|n| n.contains("fisheye") && storage.is_set(n))
         || storage
             .words("model")
             .is_some_and(|m| m[0].contains("fisheye"))
@@ -145,7 +148,7 @@ fn easymocap(
     place: &dyn Fn() -> Result<(DMat3, DVec3), String>,
 ) -> Result<View, String> {
     let key = |of: &str| format!("{of}_{name}");
-    if inner.names().any(|n| n == key("xi") || n == key("fisheye")) {
+    if inner.is_set(&key("xi")) || inner.is_set(&key("fisheye")) {
         return Err(fisheye(name));
     }
     let matrix = inner.numbers(&[&key("K")]);

@@ -66,6 +66,13 @@ impl Storage {
         }
     }
 
+    /// Whether there is anything but one 0 under a name.
+    pub fn is_set(&self, name: &str) -> bool {
+        self.0
+            .get(name)
+            .is_some_and(|node| !matches!(node, Node::Numbers(all) if all[..] == [0.0]))
+    }
+
     /// All names.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)

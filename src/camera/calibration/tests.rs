@@ -346,6 +346,33 @@ fn lenses_are_read_where_a_file_tells_no_places() {
 }
 
 #[test]
+fn a_lens_that_says_it_is_no_fisheye_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, intri) = (
+        folder.path().join("cam.yml"),
+        folder.path().join("intri.yml"),
+    );
+    let view = &ring(1)[0];
+    let matrix = matrix("K_cam00", 3, &lens(view).0);
+    for (told, is_read) in [(0, true), (1, false)] {
+        fs::write(
+            &file,
+            lens_alone(view) + &format!("fisheye_model: {told}\n"),
+        )
+        .unwrap();
+        let several =
+            format!("%YAML:1.0\n---\nnames:\n   - \"cam00\"\n{matrix}fisheye_cam00: {told}\n");
+        fs::write(&intri, several).unwrap();
+        for path in [&file, &intri] {
+            match read_lenses(path) {
+                Ok(found) => assert!(is_read && found.views[0].focal == view.focal),
+                Err(e) => assert!(!is_read && e.to_string().contains("fisheye"), "{e}"),
+            }
+        }
+    }
+}
+
+#[test]
 fn what_opencv_writes_beside_yaml_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let xml = "<?xml version=\"1.0\"?>\n<opencv_storage><camera_matrix type_id=\"opencv-matrix\"/></opencv_storage>";

@@ -5,6 +5,9 @@ use crate::capture::jpeg::JpegPicture;
 use crate::capture::limits::check_size;
 use crate::capture::yuv::{Matrix, Range, YuvToRgb};
 
+/// A JPEG picture's size differs by less from what was agreed: some cameras send whole blocks, 1088 rows for 1080.
+const JPEG_BLOCK: u32 = 16;
+
 /// What cameras send and we understand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
@@ -90,6 +93,8 @@ pub struct PictureDecoder {
     layout: RawLayout,
     colours: YuvToRgb,
     jpeg: JpegPicture,
+    /// Whether a JPEG has come whose size was the agreed one.
+    keeps_to_size: bool,
 }
 
 impl PictureDecoder {
@@ -120,6 +125,7 @@ impl PictureDecoder {
             // UVC and V4L2 default to BT.601 for all sizes.
             colours: YuvToRgb::new(Matrix::Bt601, layout.range),
             jpeg: JpegPicture::lenient(),
+            keeps_to_size: false,
         })
     }
 
@@ -148,7 +154,7 @@ impl PictureDecoder {
     /// Fills `frame`'s size and pixels; its time and sequence stay.
     ///
     /// # Errors
-    /// One line when the buffer holds no whole picture.
+    /// One line when the buffer holds no whole picture, or a JPEG of another size than the layout's.
     pub fn decode(&mut self, bytes: &[u8], frame: &mut Frame) -> Result<(), String> {
         let needed = self.needed_bytes();
         if bytes.len() < needed {
@@ -158,7 +164,8 @@ impl PictureDecoder {
             ));
         }
         if self.layout.format == PixelFormat::Mjpeg {
-            return self.jpeg.decode(bytes, frame);
+            self.jpeg.decode(bytes, frame)?;
+            return self.check_agreed(frame.width, frame.height);
         }
         let (width, height) = (self.layout.width as usize, self.layout.height as usize);
         let stride = self.layout.stride as usize;
@@ -199,5 +206,21 @@ impl PictureDecoder {
             PixelFormat::Mjpeg => {}
         }
         Ok(())
+    }
+
+    /// Refuses the size of a JPEG whose header is damaged: the camera has kept to another, which was agreed. Of one
+    /// that never has, all are taken.
+    fn check_agreed(&mut self, width: u32, height: u32) -> Result<(), String> {
+        let agreed = self.layout;
+        let is_near = |found: u32, agreed: u32| found.abs_diff(agreed) < JPEG_BLOCK;
+        let is_agreed = is_near(width, agreed.width) && is_near(height, agreed.height);
+        self.keeps_to_size |= is_agreed;
+        if is_agreed || !self.keeps_to_size {
+            return Ok(());
+        }
+        Err(format!(
+            "expected a picture of {}x{}, found one of {width}x{height} (--capture-size asks for another); it is left out",
+            agreed.width, agreed.height
+        ))
     }
 }

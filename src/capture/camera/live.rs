@@ -7,7 +7,8 @@
 //!                                          └────┘ opening failed
 //! ```
 //!
-//! A camera is back with its first picture: one that opens and sends nothing waits as one that does not open.
+//! A camera is back with its first picture: one that opens and sends nothing waits as one that does not open. One that
+//! sends for 3 s nothing that can be decoded is as good as silent, and back with its first picture that can be.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -72,13 +73,17 @@ pub struct Live<P, C> {
     counter: Option<u32>,
     /// Why it could not be opened again, the last time, since it went away.
     refusal: Option<String>,
+    /// Since when none of its pictures could be decoded.
+    undecodable_since: Option<Instant>,
+    /// It was closed because of that: only one that can be decoded shows that it is back.
+    is_doubted: bool,
 }
 
 enum State {
     Streaming {
         stream: Box<dyn CameraStream>,
-        /// When the last picture came, or when it was opened.
-        last_picture: Instant,
+        /// How long it was waited for the next picture: while nobody asks, none is missed.
+        silent: Duration,
         /// Of one that was opened again and has sent nothing yet: how long it was waited for last.
         awaited: Option<Duration>,
     },
@@ -97,47 +102,47 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
     /// Those of [`CameraPort::open`].
     pub fn new(mut port: P, clock: C) -> Result<Self, CaptureError> {
         let stream = port.open()?;
-        let last_picture = clock.now();
         Ok(Self {
             port,
             clock,
             state: State::Streaming {
                 stream,
-                last_picture,
+                silent: Duration::ZERO,
                 awaited: None,
             },
             sequence: None,
             counter: None,
             refusal: None,
+            undecodable_since: None,
+            is_doubted: false,
         })
     }
 
     /// Takes at most about a quarter of a second, reopening aside. After [`Step::Waiting`] `raw` holds nothing useful.
     pub fn step(&mut self, raw: &mut RawPicture) -> Step {
         match &mut self.state {
-            State::Streaming {
-                stream,
-                last_picture,
-                awaited,
-            } => match stream.newest(STEP_LIMIT, raw) {
-                Ok(Some(counter)) => {
-                    *last_picture = self.clock.now();
-                    if awaited.take().is_some() {
-                        self.refusal = None;
-                        tracing::info!("{}: camera is back", self.port.name());
+            State::Streaming { stream, silent, .. } => {
+                let asked = self.clock.now();
+                match stream.newest(STEP_LIMIT, raw) {
+                    Ok(Some(counter)) => {
+                        *silent = Duration::ZERO;
+                        if !self.is_doubted {
+                            self.came_back();
+                        }
+                        raw.sequence = self.count(counter);
+                        Step::Picture
                     }
-                    raw.sequence = self.count(counter);
-                    Step::Picture
-                }
-                Ok(None) => {
-                    let silent = self.clock.now().duration_since(*last_picture);
-                    if silent < SILENCE_LIMIT {
-                        return Step::Waiting("no picture yet".into());
+                    Ok(None) => {
+                        *silent += self.clock.now().duration_since(asked);
+                        if *silent < SILENCE_LIMIT {
+                            return Step::Waiting("no picture yet".into());
+                        }
+                        let reason = format!("no picture for {} s", silent.as_secs());
+                        self.lose(reason)
                     }
-                    self.lose(format!("no picture for {} s", silent.as_secs()))
+                    Err(e) => self.lose(describe(&e)),
                 }
-                Err(e) => self.lose(describe(&e)),
-            },
+            }
             State::Reconnecting {
                 reason,
                 next_try,
@@ -153,7 +158,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                         self.counter = None;
                         self.state = State::Streaming {
                             stream,
-                            last_picture: self.clock.now(),
+                            silent: Duration::ZERO,
                             awaited: Some(*delay),
                         };
                         Step::Waiting("the camera is there, no picture yet".into())
@@ -167,6 +172,34 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                     }
                 }
             }
+        }
+    }
+
+    /// Hears whether the last picture could be decoded, or why not. A camera that sends nothing else is opened again.
+    pub fn judged(&mut self, failure: Option<&str>) {
+        let Some(why) = failure else {
+            self.undecodable_since = None;
+            self.is_doubted = false;
+            self.came_back();
+            return;
+        };
+        let now = self.clock.now();
+        let since = *self.undecodable_since.get_or_insert(now);
+        if self.is_streaming() && now - since >= SILENCE_LIMIT {
+            self.is_doubted = true;
+            // What follows says what to do about a file.
+            let what = why.split("; ").next().unwrap_or(why);
+            self.lose(format!("sends pictures that cannot be decoded ({what})"));
+        }
+    }
+
+    /// It has shown that it is there.
+    fn came_back(&mut self) {
+        if let State::Streaming { awaited, .. } = &mut self.state
+            && awaited.take().is_some()
+        {
+            self.refusal = None;
+            tracing::info!("{}: camera is back", self.port.name());
         }
     }
 
@@ -228,6 +261,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                 (delay * 2).min(LAST_DELAY)
             }
         };
+        self.undecodable_since = None;
         self.state = State::Reconnecting {
             reason: reason.clone(),
             next_try: self.clock.now() + delay,

@@ -6,7 +6,7 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use edgecap_client::place::{Place, runtime_dir};
 
@@ -101,5 +101,91 @@ impl Drop for InstanceLock {
         if let Some(file) = &self.file {
             let _ = file.unlock();
         }
+    }
+}
+
+/// The lock of the device that a camera has: plugged in again, it may have another one.
+#[derive(Debug)]
+pub struct DeviceLock {
+    folder: PathBuf,
+    held: Option<(String, InstanceLock)>,
+}
+
+impl DeviceLock {
+    /// Holds nothing yet; locks lie in `folder`.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self {
+            folder: folder.into(),
+            held: None,
+        }
+    }
+
+    /// Holds the lock of `device`, and no other any more, whether it gets this one or not: two cameras that have
+    /// changed places would wait for each other.
+    ///
+    /// # Errors
+    /// As [`InstanceLock::acquire`].
+    pub fn hold(&mut self, device: &Path) -> Result<(), CaptureError> {
+        let key = lock_key(device);
+        let held = self.held.take().filter(|(held, _)| *held == key);
+        let lock = match held {
+            Some((_, lock)) => lock,
+            None => InstanceLock::acquire_in(&self.folder, &key)?,
+        };
+        self.held = Some((key, lock));
+        Ok(())
+    }
+
+    /// Holds nothing any more.
+    pub fn release(&mut self) {
+        self.held = None;
+    }
+}
+
+/// A name that is the same for all links to a device: `/dev/video0` for `/dev/v4l/by-id/usb-…`.
+fn lock_key(path: &Path) -> String {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    real.display().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lock_follows_a_camera_to_its_new_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let (old, new) = (folder.path().join("video0"), folder.path().join("video1"));
+        let link = folder.path().join("by-id");
+        for device in [&old, &new] {
+            std::fs::write(device, "").unwrap();
+        }
+        let plug = |device: &Path| {
+            let _ = std::fs::remove_file(&link);
+            std::os::unix::fs::symlink(device, &link).unwrap();
+        };
+        let is_free = |device: &Path| DeviceLock::new(folder.path()).hold(device).is_ok();
+        let mut camera = DeviceLock::new(folder.path());
+        plug(&old);
+        camera.hold(&link).unwrap();
+        camera.hold(&old).unwrap();
+        assert!(!is_free(&old) && is_free(&new));
+        plug(&new);
+        camera.hold(&link).unwrap();
+        assert!(is_free(&old) && !is_free(&new));
+        camera.release();
+        assert!(is_free(&new));
+    }
+
+    #[test]
+    fn cameras_that_have_changed_places_do_not_wait_for_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let [left, right] = ["left", "right"].map(|name| folder.path().join(name));
+        let [mut a, mut b] = [(); 2].map(|()| DeviceLock::new(folder.path()));
+        a.hold(&left).unwrap();
+        b.hold(&right).unwrap();
+        assert_eq!(a.hold(&right).unwrap_err().exit_code(), 75);
+        b.hold(&left).unwrap();
+        a.hold(&right).unwrap();
     }
 }

@@ -1,7 +1,7 @@
 //! V4L2 cameras: a device file goes in, the newest picture comes out, for as long as the program runs.
 //!
-//! [`CameraSource`] holds the [lock](InstanceLock) and the [`Live`] state machine, which opens and reopens a
-//! [`CameraPort`]. [`V4l2Port`] is the real one.
+//! [`CameraSource`] holds the [`Live`] state machine, which opens and reopens a [`CameraPort`]. [`V4l2Port`] is the
+//! real one, and holds the [lock](InstanceLock) of the device that it has opened.
 
 mod controls;
 mod decode;

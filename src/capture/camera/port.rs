@@ -4,11 +4,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use edgecap_client::place::runtime_dir;
+
 use super::controls;
 use super::decode::{PictureDecoder, PixelFormat, RawLayout};
 use super::identity::{Identity, Who};
 use super::list::{CameraInfo, list_cameras};
 use super::live::{CameraPort, CameraStream};
+use super::lock::DeviceLock;
 use super::mode::{Mode, choose_mode};
 use super::refusal::{refused, unusable};
 use super::v4l2::{Camera, Capabilities, Filled, Ready, Sizes, Stream};
@@ -36,6 +39,7 @@ pub struct V4l2Port {
     options: OpenOptions,
     /// Who was there when it was last opened.
     identity: Identity,
+    lock: DeviceLock,
 }
 
 impl V4l2Port {
@@ -46,6 +50,7 @@ impl V4l2Port {
             name: name_of(path),
             options: options.clone(),
             identity: Identity::default(),
+            lock: DeviceLock::new(runtime_dir()),
         }
     }
 
@@ -87,14 +92,19 @@ impl V4l2Port {
                     )),
                 }
             }
-            Who::Early(before) => Err(CaptureError::Unavailable {
-                what: self.name.clone(),
-                reason: format!(
-                    "expected {} at {}, found {} at {}, which is another camera; plug the right one in",
-                    before.name, before.bus, here.name, here.bus
-                ),
-            }),
+            Who::Early(before) => {
+                // Another process may have been there before with the camera that is here now.
+                self.lock.release();
+                Err(CaptureError::Unavailable {
+                    what: self.name.clone(),
+                    reason: format!(
+                        "expected {} at {}, found {} at {}, which is another camera; plug the right one in",
+                        before.name, before.bus, here.name, here.bus
+                    ),
+                })
+            }
             Who::Another(before) => {
+                self.lock.hold(&here.path)?;
                 tracing::warn!(
                     "{}: another camera is here now, and its pictures are taken: {} at {} in place of {} at {}",
                     self.name,
@@ -142,6 +152,7 @@ fn nearest([smallest, largest, step]: [u32; 3], wish: u32) -> u32 {
 impl CameraPort for V4l2Port {
     fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
         let (camera, caps, info) = self.open_same()?;
+        self.lock.hold(&info.path)?;
         if !caps.can_stream {
             let what = if caps.multi_plane {
                 "gives multi-plane pictures, which are not supported"

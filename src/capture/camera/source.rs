@@ -4,7 +4,6 @@ use std::path::Path;
 
 use super::list::list_cameras;
 use super::live::{CameraPort, Live, Step};
-use super::lock::InstanceLock;
 use super::port::V4l2Port;
 use crate::camera::{Clock, SystemClock};
 use crate::capture::error::CaptureError;
@@ -20,7 +19,6 @@ pub struct CameraSource<P = V4l2Port, C = SystemClock> {
     /// For who wants the pictures decoded.
     raw: RawPicture,
     decoder: RawDecoder,
-    _lock: Option<InstanceLock>,
 }
 
 impl CameraSource {
@@ -38,9 +36,8 @@ impl CameraSource {
     }
 
     fn open_path(path: &Path, options: &OpenOptions) -> Result<Self, CaptureError> {
-        let lock = InstanceLock::acquire(&lock_key(path))?;
         let live = Live::new(V4l2Port::new(path, options), SystemClock)?;
-        Ok(Self::new(live, Some(lock)))
+        Ok(Self::new(live))
     }
 }
 
@@ -63,21 +60,14 @@ fn first<P, T>(
     }))
 }
 
-/// A name that is the same for all links to a device: `/dev/video0` for `/dev/v4l/by-id/usb-…`.
-fn lock_key(path: &Path) -> String {
-    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    real.display().to_string()
-}
-
 impl<P: CameraPort, C: Clock> CameraSource<P, C> {
-    /// Around a state machine; `lock` is held as long as the source lives.
-    pub fn new(live: Live<P, C>, lock: Option<InstanceLock>) -> Self {
+    /// Around a state machine.
+    pub fn new(live: Live<P, C>) -> Self {
         Self {
             name: live.name().to_owned(),
             live,
             raw: RawPicture::default(),
             decoder: RawDecoder::default(),
-            _lock: lock,
         }
     }
 
@@ -93,6 +83,7 @@ impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
         let mut raw = std::mem::take(&mut self.raw);
         let decoded = self.next_raw(&mut raw).and_then(|more| {
             let drawn = self.decoder.decode(&mut raw, frame);
+            self.judged(drawn.as_ref().err().map(String::as_str));
             drawn.map_err(|reason| CaptureError::Picture {
                 input: self.name.clone(),
                 reason,
@@ -113,6 +104,10 @@ impl<P: CameraPort, C: Clock> Source for CameraSource<P, C> {
                 is_away: self.live.is_away(),
             }),
         }
+    }
+
+    fn judged(&mut self, failure: Option<&str>) {
+        self.live.judged(failure);
     }
 
     fn fps(&self) -> Option<f64> {

@@ -55,9 +55,9 @@ pub fn by_board(
     };
     let mut cameras = Vec::new();
     for ((name, _), pictures) in files.iter().zip(&read) {
-        let lens = match lenses.guessed {
-            true => None,
-            false => Some(lenses.of(name, pictures.size).map_err(Failure::data)?),
+        let lens = match lenses.knows(name) {
+            true => Some(lenses.of(name, pictures.size).map_err(Failure::data)?),
+            false => None,
         };
         let shot = |p: &super::shots::Picture| {
             Some(Shot {

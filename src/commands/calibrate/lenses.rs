@@ -66,6 +66,11 @@ impl Lenses {
         Ok(Self { known, guessed })
     }
 
+    /// Whether a lens was given for a camera, or for all.
+    pub fn knows(&self, name: &str) -> bool {
+        self.lens(name).is_some()
+    }
+
     /// A camera's horizontal field of view, degrees; the usual one where none is known.
     pub fn fov_degrees(&self, name: &str) -> f64 {
         match self.lens(name) {

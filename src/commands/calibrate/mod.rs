@@ -12,6 +12,7 @@ use super::apart::Apart;
 use super::exit::Failure;
 use super::multiview::named as one_named;
 use crate::board::Board;
+use crate::output;
 
 /// Options of `edgecap calibrate`.
 #[derive(Debug, Clone, clap::Args)]
@@ -92,6 +93,8 @@ pub fn calibrate(args: &CalibrateArgs) -> anyhow::Result<()> {
         apart = apart.reads("--lens", file.as_ref());
     }
     apart.check()?;
+    // Before films are looked at, which takes minutes.
+    output::try_place(&args.out).map_err(|e| Failure::output(&args.out, &e))?;
     match &args.board {
         Some(board) => boards::by_board(args, *board, &files),
         None => people::by_people(args, &files),

@@ -21,6 +21,8 @@ use crate::record::CameraSource;
 /// Joints of a view, %, that may lie far from where the others have them: on films of a man on a treadmill places were
 /// right where it was 13 at most, and wrong by a metre where it was 20.
 const FAR: f64 = 16.0;
+/// What to do where views never ran together.
+const OTHERWISE: &str = "give files of one time, or --fps if frames belong together by number";
 
 /// Cameras by what they saw of people.
 ///
@@ -42,6 +44,8 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
             "no --lens: a field of view of {DEFAULT_FOV} degrees is taken for every camera; places are as far off as it is"
         ));
     }
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let scale = scale(args, &names, &mut notes)?;
     let mut seen = Vec::new();
     let mut views = Vec::new();
     for (name, file) in files {
@@ -57,16 +61,15 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         views.push(view);
         seen.push(read);
     }
-    let scale = scale(args, &views, &mut notes)?;
     let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
     let common = if !timed {
         by_number(args.fps, seen, &mut notes)?
     } else if seen.iter().all(|s| s.of_machine) {
         let shifts = by_clock(&seen);
-        by_times(seen, &shifts, &mut notes)?
+        by_times(seen, &shifts, OTHERWISE, &mut notes)?
     } else {
         // Places are not known yet by which what moves would tell the time between films.
-        as_if_together(seen, &mut notes)?
+        as_if_together(seen, OTHERWISE, &mut notes)?
     };
     let Common {
         people,
@@ -109,23 +112,22 @@ fn refused(e: CalibrateError) -> anyhow::Error {
     Failure::data(e.to_string()).into()
 }
 
-fn scale(args: &CalibrateArgs, views: &[View], notes: &mut Vec<String>) -> anyhow::Result<Scale> {
+fn scale(args: &CalibrateArgs, names: &[&str], notes: &mut Vec<String>) -> anyhow::Result<Scale> {
     if let Some(text) = &args.distance {
         let wrong = || {
             Failure::usage(format!(
                 "expected two cameras and metres, as in {},{}=3.2, found --distance {text}",
-                views[0].name, views[1].name
+                names[0], names[1]
             ))
         };
         let (pair, metres) = text.rsplit_once('=').ok_or_else(wrong)?;
         let (a, b) = pair.split_once(',').ok_or_else(wrong)?;
-        let number = |name: &str| views.iter().position(|v| v.name == name);
+        let number = |name: &str| names.iter().position(|n| *n == name);
         for name in [a, b] {
             if number(name).is_none() {
-                let known: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
                 return Err(Failure::usage(format!(
                     "--distance {text}: no --view is of {name}; expected two of {}",
-                    known.join(", ")
+                    names.join(", ")
                 ))
                 .into());
             }

@@ -10,6 +10,8 @@ use crate::commands::progress;
 
 /// Of a film so many pictures a second are looked at, each the first at or after its moment: a board is moved slowly.
 const FILM_RATE: f64 = 2.0;
+/// A picture this little before a moment is of it, seconds.
+const SLACK: f64 = 1e-6;
 /// More refused pictures than this are told by their reasons.
 const MOST_LINES: usize = 8;
 
@@ -51,6 +53,7 @@ impl Pictures {
             .into());
         }
         let fps = source.fps().filter(|_| !source.is_stills());
+        let mut film = fps.map(Moments::new);
         let bar = progress::bar(source.frame_count().unwrap_or(0), camera);
         let mut read = Self {
             size: [0; 2],
@@ -63,12 +66,13 @@ impl Pictures {
             match source.next_into(&mut frame) {
                 Ok(false) => break,
                 Ok(true) => {
-                    if let Some(moment) = moment(&*source, number, fps) {
+                    let time_ns = Some(frame.time_ns);
+                    if let Some(moment) = moment(&mut film, &*source, number, time_ns) {
                         read.look(camera, &frame, moment, &finder)?;
                     }
                 }
                 Err(e) if e.is_skippable() => {
-                    if let Some(moment) = moment(&*source, number, fps) {
+                    if let Some(moment) = moment(&mut film, &*source, number, None) {
                         read.count += 1;
                         read.refused.push((moment, "cannot be read".into()));
                     }
@@ -145,34 +149,79 @@ impl Pictures {
 
 /// What the source's newest picture is called: pictures of one moment have one name. `None` between the moments of a
 /// film.
-fn moment(source: &dyn Source, number: u64, fps: Option<f64>) -> Option<String> {
-    if let Some(fps) = fps {
-        return moment_of_film(number, fps);
+fn moment(
+    film: &mut Option<Moments>,
+    source: &dyn Source,
+    number: u64,
+    time_ns: Option<u64>,
+) -> Option<String> {
+    if let Some(film) = film {
+        return film.next(time_ns);
     }
     let path = PathBuf::from(source.picture());
     let stem = path.file_stem().filter(|_| source.is_stills());
     Some(stem.map_or_else(|| number.to_string(), |s| s.to_string_lossy().into_owned()))
 }
 
-fn moment_of_film(number: u64, fps: f64) -> Option<String> {
-    // The newest moment by a frame; a time just short of one by rounding counts as that one.
-    let newest = |number: u64| (number as f64 * FILM_RATE / fps + 1e-6).floor();
-    let is_first = number == 0 || newest(number) > newest(number - 1);
-    is_first.then(|| format!("{:.1}s", newest(number) / FILM_RATE))
+/// The moments of a film, by the times of its pictures: films of phones have no even rate, others repeat pictures.
+struct Moments {
+    /// Seconds between two pictures, as far as the rate tells.
+    step: f64,
+    /// When the first picture was, seconds on the film's clock.
+    began: Option<f64>,
+    /// When the newest picture was, seconds after the first one.
+    now: Option<f64>,
+    /// The newest moment that has a picture, in moments.
+    newest: Option<f64>,
+}
+
+impl Moments {
+    fn new(fps: f64) -> Self {
+        Self {
+            step: 1.0 / fps,
+            began: None,
+            now: None,
+            newest: None,
+        }
+    }
+
+    /// The name of the next picture's moment, `None` between moments; `time_ns` is unknown of a picture that cannot be
+    /// read.
+    fn next(&mut self, time_ns: Option<u64>) -> Option<String> {
+        let expected = self.now.map_or(0.0, |now| now + self.step);
+        let now = time_ns.map_or(expected, |ns| {
+            let own = ns as f64 * 1e-9;
+            own - *self.began.get_or_insert(own - expected)
+        });
+        self.now = Some(now);
+        // A time just short of a moment by rounding counts as that one.
+        let newest = ((now + SLACK) * FILM_RATE).floor();
+        let is_first = self.newest.is_none_or(|before| newest > before);
+        is_first.then(|| {
+            self.newest = Some(newest);
+            format!("{:.1}s", newest / FILM_RATE)
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Names of the pictures at these times, seconds.
+    fn names(fps: f64, seconds: impl Iterator<Item = f64>) -> Vec<Option<String>> {
+        let mut moments = Moments::new(fps);
+        let ns = |s: f64| (1e9 * s).round() as u64;
+        seconds.map(|s| moments.next(Some(ns(s)))).collect()
+    }
+
     #[test]
     fn films_of_different_rates_show_the_same_moments() {
         for fps in [15.0, 24.0, 25.0, 29.97, 30.0, 59.94, 60.0] {
-            let seconds = |number| f64::from(number) / fps;
-            let shown: Vec<(u32, String)> = (0..2000)
-                .take_while(|n| seconds(*n) < 10.02)
-                .filter_map(|n| Some((n, moment_of_film(n.into(), fps)?)))
-                .collect();
+            let seconds = |number: usize| number as f64 / fps;
+            let times = (0..2000).map(seconds).take_while(|s| *s < 10.02);
+            let each = names(fps, times).into_iter().enumerate();
+            let shown: Vec<(usize, String)> = each.filter_map(|(n, s)| Some((n, s?))).collect();
             assert_eq!(shown.len(), 21, "{fps}");
             for (k, (number, name)) in shown.iter().enumerate() {
                 let moment = 0.5 * k as f64;
@@ -181,7 +230,31 @@ mod tests {
                 assert!((-1e-6..1.0 / fps).contains(&late), "{fps}: {late}");
             }
         }
-        let slow: Vec<_> = (0..3).map(|n| moment_of_film(n, 1.0).unwrap()).collect();
+        let slow: Vec<_> = names(1.0, [0.0, 1.0, 2.0].into_iter());
+        let slow: Vec<_> = slow.into_iter().flatten().collect();
         assert_eq!(slow, ["0.0s", "1.0s", "2.0s"]);
+    }
+
+    #[test]
+    fn moments_go_by_time_where_the_rate_is_uneven() {
+        // 30 frames a second for a second, then 10, on a clock that does not begin at 0.
+        let fast = (0..30).map(|k| f64::from(k) / 30.0);
+        let uneven: Vec<f64> = fast.chain((10..31).map(|k| f64::from(k) / 10.0)).collect();
+        let shown = names(17.0, uneven.iter().map(|s| 7.0 + s));
+        for (name, seconds) in shown.iter().zip(&uneven) {
+            let is_moment = (2.0 * seconds - (2.0 * seconds).round()).abs() < 1e-6;
+            let wanted = is_moment.then(|| format!("{seconds:.1}s"));
+            assert_eq!(*name, wanted, "{seconds}");
+        }
+        assert_eq!(shown.into_iter().flatten().count(), 7);
+    }
+
+    #[test]
+    fn pictures_that_cannot_be_read_have_their_time() {
+        let mut moments = Moments::new(4.0);
+        let times = [None, Some(250_000_000), None, Some(750_000_000), None];
+        let shown = times.map(|ns| moments.next(ns));
+        let wanted = [Some("0.0s"), None, Some("0.5s"), None, Some("1.0s")];
+        assert_eq!(shown, wanted.map(|name| name.map(str::to_owned)));
     }
 }

@@ -12,7 +12,7 @@ use edgecap_client::{LinkError, Priority, Subscriber};
 use super::STEP;
 use super::pace::{Fresh, Pace};
 use crate::camera::{View, calibration, monotonic_ns};
-use crate::commands::exit::Failure;
+use crate::commands::exit::{Failure, told};
 use crate::commands::multiview::{names, pictured};
 use crate::commands::outputs::finish;
 use crate::commands::say;
@@ -211,12 +211,14 @@ fn fit_all(
         while let Some(came) = next {
             let (camera, mut frame) = came?;
             let view = &fit.views()[camera];
-            cameras.check(camera, view, &frame)?;
+            next = news.try_recv().ok();
+            if !cameras.check(camera, view, &frame)? {
+                continue;
+            }
             // Who publishes observations need not know the calibrated lens.
             let (lens, count) = (frame.intrinsics, frame.people().len());
             to_view(view, &lens, &mut frame.people[..count]);
             together.push(camera, &frame, now);
-            next = news.try_recv().ok();
         }
         cameras.say(&together, now);
         let mut is_idle = true;
@@ -261,6 +263,8 @@ struct Camera {
     is_file: bool,
     /// It was said that it is missing.
     said: bool,
+    /// Its pictures are of another shape than before, which was said.
+    is_other: bool,
     apart: Apart,
 }
 
@@ -305,19 +309,23 @@ impl<'a> Cameras<'a> {
         }
     }
 
-    /// Whether a frame goes with the calibration and with the other cameras.
+    /// Whether a frame counts: not where a running camera, which has fitted the calibration before, shows another
+    /// shape.
+    ///
+    /// # Errors
+    /// Where it does not go with the calibration, or not with the other cameras.
     fn check(
         &mut self,
         camera: usize,
         view: &View,
         frame: &ObservationFrame,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<bool> {
         let name = &self.names[camera];
         let own = &mut self.each[camera];
         own.rhythm.hear(Instant::now());
         own.ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if own.ended {
-            return Ok(());
+            return Ok(true);
         }
         if std::mem::take(&mut own.said) {
             tracing::info!("{name} sends observations again");
@@ -325,9 +333,18 @@ impl<'a> Cameras<'a> {
         own.is_file = frame.flags & FLAG_FILE_TIME != 0;
         let size = [frame.width, frame.height];
         if own.size != Some(size) {
-            pictured(view, size, name)?;
+            match pictured(view, size, name) {
+                Err(e) if own.size.is_some() && !own.is_file => {
+                    if !std::mem::replace(&mut own.is_other, true) {
+                        tracing::warn!("{}; until then bodies come of the other cameras", told(&e));
+                    }
+                    return Ok(false);
+                }
+                fitting => drop(fitting?),
+            }
             own.size = Some(size);
         }
+        own.is_other = false;
         let is_file = own.is_file;
         let other = self
             .each
@@ -345,7 +362,7 @@ impl<'a> Cameras<'a> {
             ))
             .into());
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.

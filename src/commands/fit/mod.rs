@@ -311,7 +311,7 @@ fn recorded(
     };
     let outcome = fit();
     let (words, ended) = finish(sinks, frames, outcome);
-    if frames > 0 {
+    if ended.is_ok() || !words.is_empty() {
         say::err(&say::concluded(&counted(frames, "frame", "frames"), &words));
     }
     ended

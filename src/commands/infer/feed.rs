@@ -176,13 +176,15 @@ impl Feeder {
         if self.is_live && self.raw.time_ns < order.from_ns {
             return Delivery::NotDue;
         }
-        self.look(order.wanted, order.buffer)
-            .unwrap_or_else(|reason| {
-                Delivery::Failed(CaptureError::Picture {
-                    input: format!("{}, frame {}", self.source.name(), self.raw.sequence),
-                    reason,
-                })
+        let looked = self.look(order.wanted, order.buffer);
+        let failure = looked.as_ref().err();
+        self.source.judged(failure.map(String::as_str));
+        looked.unwrap_or_else(|reason| {
+            Delivery::Failed(CaptureError::Picture {
+                input: format!("{}, frame {}", self.source.name(), self.raw.sequence),
+                reason,
             })
+        })
     }
 
     fn look(&mut self, wanted: Wanted, mut frame: Frame) -> Result<Delivery, String> {
@@ -206,5 +208,64 @@ impl Feeder {
             name: self.source.picture(),
             total: self.source.frame_count(),
         })))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::capture::camera::PixelFormat;
+
+    /// A camera of which every second picture is damaged; what it hears of them.
+    struct Camera(u64, Arc<Mutex<Vec<bool>>>);
+
+    impl Source for Camera {
+        fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+            self.0 += 1;
+            (frame.width, frame.height) = (2, 2);
+            frame.rgb = vec![9; 12];
+            Ok(true)
+        }
+
+        fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
+            let mut frame = Frame::default();
+            self.next_into(&mut frame)?;
+            raw.take_over(&mut frame);
+            if self.0.is_multiple_of(2) {
+                raw.layout.format = PixelFormat::Mjpeg;
+            }
+            Ok(true)
+        }
+
+        fn judged(&mut self, failure: Option<&str>) {
+            self.1.lock().unwrap().push(failure.is_none());
+        }
+
+        fn name(&self) -> &str {
+            "camera"
+        }
+    }
+
+    #[test]
+    fn a_camera_hears_which_of_its_pictures_could_be_decoded() {
+        let heard = Arc::default();
+        let camera = Camera(0, Arc::clone(&heard));
+        let mut feeder = Feeder::new(Box::new(camera), Mounting::default());
+        for wanted in [Wanted::Colours, Wanted::Both] {
+            for is_whole in [true, false] {
+                let order = Order {
+                    from_ns: 0,
+                    wanted,
+                    ready_at: Instant::now(),
+                    reference: None,
+                    buffer: Frame::default(),
+                };
+                let came = matches!(feeder.fulfil(order), Delivery::Picture(_));
+                assert_eq!(came, is_whole);
+            }
+        }
+        assert_eq!(*heard.lock().unwrap(), [true, false, true, false]);
     }
 }

@@ -182,9 +182,11 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
-    if is_supervised && stop.requested() && outcome.is_ok() {
-        // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another
-        // one.
+    // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another one.
+    if is_supervised && outcome.is_err() {
+        return outcome;
+    }
+    if is_supervised && stop.requested() {
         return Err(Failure::silent(exit::INTERRUPTED).into());
     }
     if outcome.is_ok() && !has_ended && has_end {
@@ -194,7 +196,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let (outcome, left_out) = exit::without_left_out(outcome, observed);
     let (words, ended) = finish(sinks, observed, outcome);
     // Whoever names a stream reads it, among them the verbs that have a film looked at.
-    let has_news = observed > 0 || ended.is_ok();
+    let has_news = ended.is_ok() || !words.is_empty();
     if has_news && !is_supervised && task.input.name.is_none() {
         let frames = counted(observed, "frame", "frames");
         let done = format!("{frames}, {inhabited} with people");

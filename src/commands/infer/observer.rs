@@ -37,6 +37,10 @@ pub struct Observer {
     picture: Frame,
     /// Whether `picture` is the one that was observed last.
     has_picture: bool,
+    /// Whether the lens has fitted a picture.
+    has_fitted: bool,
+    /// Whether it was said that pictures of another shape are left out.
+    has_told_of_shape: bool,
     /// Pictures of a file that could not be decoded: how many, and what was wrong with the first.
     damage: Option<(u64, CaptureError)>,
     picture_name: String,
@@ -88,6 +92,8 @@ impl Observer {
             busy: 0.0,
             picture: Frame::default(),
             has_picture: false,
+            has_fitted: false,
+            has_told_of_shape: false,
             damage: None,
         })
     }
@@ -105,8 +111,8 @@ impl Observer {
     /// Observes the next picture. Damaged ones among many are skipped, and those of a file told at its end.
     ///
     /// # Errors
-    /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture; what
-    /// was observed before stands.
+    /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture (of a
+    /// camera the first one); what was observed before stands.
     pub fn step(&mut self, message: &mut ObservationFrame) -> anyhow::Result<Step> {
         if !self.feed.is_pending() {
             self.order(Duration::ZERO);
@@ -149,10 +155,7 @@ impl Observer {
                 message.publish_ns = monotonic_ns();
                 Ok(Step::Observed)
             }
-            Some(Delivery::Picture(picture)) => {
-                self.observe(*picture, message)?;
-                Ok(Step::Observed)
-            }
+            Some(Delivery::Picture(picture)) => self.observe(*picture, message),
         }
     }
 
@@ -166,15 +169,30 @@ impl Observer {
         });
     }
 
-    fn observe(&mut self, picture: Picture, message: &mut ObservationFrame) -> anyhow::Result<()> {
+    fn observe(
+        &mut self,
+        picture: Picture,
+        message: &mut ObservationFrame,
+    ) -> anyhow::Result<Step> {
         self.spare = std::mem::replace(&mut self.picture, picture.frame);
         self.has_picture = true;
         self.picture_name = picture.name;
         let now = self.picture.time_ns;
         // The lens is that of the picture as the camera gives it.
         let (width, height) = self.mounting.size(self.picture.width, self.picture.height);
-        let lens = self.camera.for_frame(width, height);
-        let lens = lens.map_err(Failure::config)?;
+        let lens = match self.camera.for_frame(width, height) {
+            Ok(lens) => lens,
+            // A camera that has come back in another mode may come back in its own.
+            Err(reason) if self.is_live && self.has_fitted => {
+                if !std::mem::replace(&mut self.has_told_of_shape, true) {
+                    tracing::warn!("pictures of another shape are left out: {reason}");
+                }
+                self.has_picture = false;
+                return Ok(Step::Nothing);
+            }
+            Err(reason) => return Err(Failure::config(reason).into()),
+        };
+        self.has_fitted = true;
         let intrinsics = self.mounting.intrinsics(lens, width, height);
         let idle = self.pace.is_idle();
         if !idle {
@@ -211,7 +229,7 @@ impl Observer {
             self.plan = self.pace.plan(now);
         }
         message.publish_ns = monotonic_ns();
-        Ok(())
+        Ok(Step::Observed)
     }
 }
 

@@ -21,10 +21,12 @@ const SAMPLES: usize = 31;
 /// Makes the masks of every camera whose film is known, as far as they are not in the store.
 ///
 /// # Errors
-/// When there is no film, or one cannot be read or is not what the view saw.
-pub fn masks(given: &[String], scene: &Scene, store: &Store) -> anyhow::Result<MaskFolder> {
-    expect_in_step(scene)?;
-    let films = films(given, scene)?;
+/// When a film cannot be read or is not what the view saw.
+pub fn masks(
+    films: &[Option<PathBuf>],
+    scene: &Scene,
+    store: &Store,
+) -> anyhow::Result<MaskFolder> {
     let bar = progress::bar(scene.frames.len() as u64, "masks");
     let known = films.iter().flatten().count() as u64;
     bar.set_length(known * scene.frames.len() as u64);
@@ -33,8 +35,7 @@ pub fn masks(given: &[String], scene: &Scene, store: &Store) -> anyhow::Result<M
         let Some(film) = film else {
             return Ok(());
         };
-        let camera = &scene.views[v].name;
-        let (out, are_there) = store.masks(camera)?;
+        let (out, are_there) = store.masks(v)?;
         if are_there {
             bar.inc(scene.frames.len() as u64);
             return Ok(());
@@ -57,7 +58,7 @@ pub fn masks(given: &[String], scene: &Scene, store: &Store) -> anyhow::Result<M
             bar.inc(1);
             Ok(())
         })?;
-        store.masks_are_whole(camera);
+        store.masks_are_whole(v);
         Ok(())
     })?;
     bar.finish_and_clear();
@@ -65,7 +66,11 @@ pub fn masks(given: &[String], scene: &Scene, store: &Store) -> anyhow::Result<M
 }
 
 /// The film of every view, as given or as its own file.
-fn films(given: &[String], scene: &Scene) -> anyhow::Result<Vec<Option<PathBuf>>> {
+///
+/// # Errors
+/// When there is no film, one is not there, or the views' frames are not the films'.
+pub fn films(given: &[String], scene: &Scene) -> anyhow::Result<Vec<Option<PathBuf>>> {
+    expect_in_step(scene)?;
     let mut films = scene.films.clone();
     for text in given {
         let wrong = |found: &str| {
@@ -76,7 +81,9 @@ fn films(given: &[String], scene: &Scene) -> anyhow::Result<Vec<Option<PathBuf>>
         };
         let (name, file) = told(text).ok_or_else(|| wrong(text))?;
         let v = scene.views.iter().position(|v| v.name == name);
-        films[v.ok_or_else(|| wrong(name))?] = Some(file.into());
+        let (v, file) = (v.ok_or_else(|| wrong(name))?, PathBuf::from(file));
+        std::fs::metadata(&file).map_err(|e| Failure::no_input(&file, &e))?;
+        films[v] = Some(file);
     }
     if films.iter().all(Option::is_none) {
         return Err(Failure::usage(format!(

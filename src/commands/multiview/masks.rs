@@ -66,11 +66,13 @@ impl MaskFolder {
         Ok(found)
     }
 
-    /// Masks that were made for the scene's cameras, as many as could be; `unknown` is the value of pixels of which it
-    /// is not known whose they are.
+    /// Masks that were made for the scene's cameras, as many as could be, in folders that are called by the views'
+    /// numbers; `unknown` is the value of pixels of which it is not known whose they are.
     pub fn made(path: &Path, scene: &Scene, unknown: u8) -> Self {
         Self {
-            folders: scene.views.iter().map(|v| path.join(&v.name)).collect(),
+            folders: (0..scene.views.len())
+                .map(|v| path.join(v.to_string()))
+                .collect(),
             sizes: scene.views.iter().map(|v| v.size).collect(),
             unknown: Some(unknown),
             failed: Mutex::new(None),

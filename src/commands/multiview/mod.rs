@@ -143,9 +143,11 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         paths: !args.no_dct,
         hierarchy: true,
     };
-    let folder = match &args.masks {
+    let mut films = None;
+    let mut folder = match &args.masks {
         Some(path) if path.as_os_str() == BACKGROUND => {
-            Some(background::masks(&args.film, &scene, &store)?)
+            films = Some(background::films(&args.film, &scene)?);
+            None
         }
         Some(path) => {
             if let Some(film) = args.film.first() {
@@ -159,6 +161,10 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
         }
         None => None,
     };
+    store.begin()?;
+    if let Some(films) = films {
+        folder = Some(background::masks(&films, &scene, &store)?);
+    }
     let read = |frame: usize, view: usize| folder.as_ref()?.mask(frame, view);
     let masks: Option<&Masks<'_>> = args.masks.is_some().then_some(&read);
     let bar = progress::bar(1, "steps");

@@ -6,6 +6,7 @@ use super::MultiviewArgs;
 use super::Sync;
 use super::read::{Scene, named, pictured, view_file};
 use super::store::Store;
+use super::sync::OTHERWISE;
 use crate::camera::{Brown, View, calibration};
 use crate::commands::common_time::{Common, by_number, by_times};
 use crate::commands::exit::Failure;
@@ -63,7 +64,7 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         rate,
         in_step,
     } = match args.sync != Sync::None && file.tells_times() {
-        true => by_times(vec![file], &[0.0], &mut notes)?,
+        true => by_times(vec![file], &[0.0], OTHERWISE, &mut notes)?,
         false => by_number(args.fps, vec![file], &mut notes)?,
     };
     let people = people.swap_remove(0);

@@ -55,10 +55,10 @@ pub struct Store {
 }
 
 impl Store {
-    /// Finds what an earlier run with the same inputs left in `out`; says so where they are others.
+    /// Finds what an earlier run left in `out`, and leaves it as it is until [`begin`](Self::begin).
     ///
     /// # Errors
-    /// When another process is at work there, or it cannot be read or written.
+    /// When another process is at work there, or it cannot be written.
     pub fn open(out: &Path, inputs: String) -> anyhow::Result<Self> {
         let store = Self {
             out: out.to_owned(),
@@ -70,9 +70,20 @@ impl Store {
         };
         if store.folder.is_dir() {
             store.make()?;
-            store.tidy().map_err(|e| Failure::output(out, &e))?;
         }
         Ok(store)
+    }
+
+    /// Removes what is not of these inputs, and says so. A command that names a file which is not there has other
+    /// inputs: this is for after all of them were read.
+    ///
+    /// # Errors
+    /// When the folder cannot be read or written.
+    pub fn begin(&self) -> anyhow::Result<()> {
+        if self.folder.is_dir() {
+            self.tidy().map_err(|e| Failure::output(&self.out, &e))?;
+        }
+        Ok(())
     }
 
     /// Makes the folder where it is not there yet.
@@ -82,7 +93,7 @@ impl Store {
         if lock.is_some() {
             return Ok(());
         }
-        let is_new = !self.folder.is_dir();
+        let inputs = self.folder.join(INPUTS);
         self.made.store(!self.out.is_dir(), Ordering::Relaxed);
         fs::create_dir_all(&self.folder).map_err(|e| failed(&e))?;
         let file = File::create(self.folder.join(LOCK)).map_err(|e| failed(&e))?;
@@ -94,9 +105,9 @@ impl Store {
             return Err(Failure::try_later(found).into());
         }
         *lock = Some(file);
-        if is_new {
-            let path = self.folder.join(INPUTS);
-            output::write(&path, self.inputs.as_bytes()).map_err(|e| failed(&e))?;
+        // Without it, what is kept before the work begins would be taken for somebody's own.
+        if !inputs.exists() {
+            output::write(&inputs, self.inputs.as_bytes()).map_err(|e| failed(&e))?;
         }
         Ok(())
     }
@@ -162,13 +173,14 @@ impl Store {
         Ok((record, false))
     }
 
-    /// Where masks of a camera go, and whether they are all there; what there is of some is removed.
+    /// Where masks of a view go, and whether they are all there; what there is of some is removed. The folder is called
+    /// by its number: a calibration may call its cameras anything, `../../pictures` too.
     ///
     /// # Errors
     /// When the folder cannot be made.
-    pub fn masks(&self, camera: &str) -> anyhow::Result<(PathBuf, bool)> {
+    pub fn masks(&self, view: usize) -> anyhow::Result<(PathBuf, bool)> {
         self.make()?;
-        let name = format!("{MASKS}/{camera}");
+        let name = format!("{MASKS}/{view}");
         let path = self.folder.join(&name);
         if self.is_sealed(&name, &self.inputs) {
             return Ok((path, true));
@@ -181,13 +193,13 @@ impl Store {
         Ok((path, false))
     }
 
-    /// Says that all masks of a camera are there.
-    pub fn masks_are_whole(&self, camera: &str) {
-        let sealed = self.seal(&format!("{MASKS}/{camera}"), &self.inputs);
+    /// Says that all masks of a view are there.
+    pub fn masks_are_whole(&self, view: usize) {
+        let sealed = self.seal(&format!("{MASKS}/{view}"), &self.inputs);
         self.note(sealed);
     }
 
-    /// The folder with a folder of masks a camera.
+    /// The folder with a folder of masks a view.
     pub fn all_masks(&self) -> PathBuf {
         self.folder.join(MASKS)
     }

@@ -22,6 +22,9 @@ pub enum Sync {
     None,
 }
 
+/// What to do where views never ran together.
+pub const OTHERWISE: &str = "give --sync motion if they are of several clocks, --sync none if frames belong together by number";
+
 /// Views at one time.
 pub struct Together {
     /// The views that are, by number; others started when nobody can tell.
@@ -55,7 +58,7 @@ pub fn bring_together(
             let shifts = common_time::by_clock(&seen);
             Ok(Together {
                 used: everyone,
-                common: common_time::by_times(seen, &shifts, notes)?,
+                common: common_time::by_times(seen, &shifts, OTHERWISE, notes)?,
                 offsets: shifts.into_iter().map(Some).collect(),
             })
         }
@@ -115,8 +118,8 @@ fn in_motion(
         .filter(|_| number.next().is_some_and(|k| used.contains(&k)))
         .collect();
     let common = match told.len() {
-        1 => common_time::as_if_together(kept, notes)?,
-        _ => common_time::by_times(kept, &shifts, notes)?,
+        1 => common_time::as_if_together(kept, OTHERWISE, notes)?,
+        _ => common_time::by_times(kept, &shifts, OTHERWISE, notes)?,
     };
     Ok(Together {
         used,

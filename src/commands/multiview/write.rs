@@ -14,7 +14,11 @@ use crate::export::{Axes, Exported, Format, MeshTrack, Take, encode, encode_mesh
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
+use crate::output;
 use crate::record::{BodiesRow, Row};
+
+/// The file of the report.
+const REPORT: &str = "report.json";
 
 /// Which frames get meshes.
 pub enum Chosen {
@@ -64,13 +68,14 @@ pub fn frames(text: Option<&str>) -> anyhow::Result<Chosen> {
     }
 }
 
-/// Refuses a folder that holds files, before any work is done; work that was broken off may lie there.
+/// Refuses a folder that holds files or cannot be written, before any work is done; work that was broken off may lie
+/// there.
 ///
 /// # Errors
-/// When it does.
+/// When it does, or cannot be.
 pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
     if !out.is_dir() {
-        return Ok(());
+        return try_to_write(out);
     }
     let mut entries = std::fs::read_dir(out).map_err(|e| Failure::output(out, &e))?;
     let is_work = |e: &DirEntry| e.file_name() == store::NAME && store::is_one(&e.path());
@@ -81,7 +86,11 @@ pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
         );
         return Err(Failure::usage(found).into());
     }
-    Ok(())
+    try_to_write(out)
+}
+
+fn try_to_write(out: &Path) -> anyhow::Result<()> {
+    Ok(output::try_place(&out.join(REPORT)).map_err(|e| Failure::output(out, &e))?)
 }
 
 /// Writes everything; it comes into the folder when it is complete, and the work that was kept for it goes. Returns the
@@ -126,7 +135,7 @@ pub fn run(
     }
     let mut text = serde_json::to_string_pretty(report)?;
     text.push('\n');
-    put("report.json", text.as_bytes())?;
+    put(REPORT, text.as_bytes())?;
     folder.finish().map_err(|e| Failure::output(out, &e))?;
     // Before the work is gone its results are on the disk.
     match File::open(out).and_then(|f| Ok(rustix::fs::syncfs(f)?)) {

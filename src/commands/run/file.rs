@@ -159,7 +159,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         Err(e) => (Vec::new(), Err(e)),
     };
     words.extend(exported);
-    if tally.frames > 0 || ended.is_ok() {
+    if ended.is_ok() || !words.is_empty() {
         args.conclude(&tally, &words);
     }
     ended?;

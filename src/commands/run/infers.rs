@@ -85,7 +85,12 @@ impl Infers {
             }
         }
         let mut changed = false;
-        for infer in &mut self.each {
+        for infer in self.each.iter_mut() {
+            if infer.ended {
+                // Its last sign of life is none any more.
+                changed |= std::mem::take(&mut infer.away);
+                continue;
+            }
             let away = match infer.child.heard() {
                 Some(Beat::Step) => false,
                 Some(Beat::Away) => true,
@@ -121,7 +126,8 @@ impl Infers {
 
     /// Whether any showed this sign of life since the last look.
     pub fn heard(&self, beat: Beat) -> bool {
-        self.each.iter().any(|i| i.child.heard() == Some(beat))
+        let mut going_on = self.each.iter().filter(|i| !i.ended);
+        going_on.any(|i| i.child.heard() == Some(beat))
     }
 
     /// Ends all that run, to start again.

@@ -150,7 +150,7 @@ pub fn run(
     stop_all(&mut children);
     table.finish();
     let (words, ended) = finish(sinks, tally.frames, outcome);
-    if tally.frames > 0 || ended.is_ok() {
+    if ended.is_ok() || !words.is_empty() {
         args.conclude(&tally, &words);
     }
     ended

@@ -64,6 +64,17 @@ fn role() {
             }
             Err(e) => println!("\nrefused: {e}"),
         },
+        Ok("counter") => {
+            let reader = Subscriber::<BodyFrame>::open(CAMERA).unwrap();
+            let first = reader.next(PATIENCE).unwrap().map(|m| m.sequence);
+            let mut last = first;
+            for _ in 0..150 {
+                last = reader.next(PATIENCE).unwrap().map(|m| m.sequence);
+            }
+            println!("\nread {}", last.unwrap() - first.unwrap());
+            // Until it is killed.
+            std::thread::sleep(3 * PATIENCE);
+        }
         Ok("full") => {
             let error = Publisher::<BodyFrame>::open(CAMERA).unwrap_err();
             println!("\nrefused: {error}");
@@ -204,6 +215,11 @@ fn a_group_reads_and_cannot_write_and_strangers_see_nothing() {
     let refused = play("reader", STRANGER, STRANGER).says("refused");
     assert!(refused.contains("add this user to the group"), "{refused}");
     play("harm", STRANGER, STRANGER).says("no entry");
+
+    // Root may do everything, and leaves nothing that the owner could not remove.
+    let mut counter = play("counter", 0, 0);
+    assert_eq!(counter.says("read "), "read 150");
+    drop(counter);
 
     let mut harm = play("harm", MEMBER, GROUP);
     harm.says("holds what it can");
