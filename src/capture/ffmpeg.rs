@@ -26,6 +26,8 @@ const MAX_COMPLAINT: usize = 4096;
 const DEFAULT_FPS: f64 = 25.0;
 /// Most pictures by which codecs have one decoded before it is shown.
 const MOST_REORDERED: f64 = 17.0;
+/// More packets a picture than this are fields.
+const FIELDS: f64 = 1.5;
 /// What ffmpeg says of a file that ends before its container does, whatever came out of it.
 const CUT_OFF: [&str; 2] = ["ended prematurely", "partial file"];
 
@@ -402,7 +404,12 @@ fn parse_probe(text: &str) -> Option<Probe> {
     let (fps, announced) = stream?;
     let announced = announced.map(|n: u64| n.saturating_sub(left_out));
     let pieces = pieces(&packets, fps).unwrap_or_default();
-    let times = joined(&pieces, fps);
+    let mut times = joined(&pieces, fps);
+    // Interlaced films may have a packet a field, and pictures of two.
+    let pictures = 1.0 + fps * 1e-9 * times.last().copied().unwrap_or(0) as f64;
+    if times.len() as f64 > FIELDS * pictures {
+        times.clear();
+    }
     // What is shown before the first key picture refers to pictures that are not in the file.
     let key = packets.iter().find(|p| p.is_key).and_then(|p| p.shown);
     let early = pieces.first().zip(key).map_or(0, |(piece, key)| {
@@ -609,6 +616,18 @@ mod tests {
         // One picture twice is none of a new film.
         let twice = "packet,0\npacket,0.04\npacket,0.04\npacket,0.08\n";
         assert_eq!(at(&format!("{twice}stream,25/1,N/A\n")), [0, 40, 40, 80]);
+    }
+
+    #[test]
+    fn packets_that_are_fields_tell_no_times() {
+        let times = |step: f64| {
+            let packets = (0..50).map(|k| format!("packet,{:.3},N/A,___\n", step * f64::from(k)));
+            let text = packets.collect::<String>() + "stream,25/1,N/A\n";
+            let probe = parse_probe(&text).unwrap();
+            (probe.times.len(), probe.counted)
+        };
+        assert_eq!(times(0.04), (50, Some(50)));
+        assert_eq!(times(0.02), (0, None));
     }
 
     #[test]
