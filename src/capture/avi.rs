@@ -13,8 +13,8 @@ use image::codecs::jpeg::JpegEncoder;
 use super::camera::PixelFormat;
 use super::error::CaptureError;
 use super::frame::Frame;
-use super::jpeg::{self, JpegPicture};
-use super::raw::RawPicture;
+use super::jpeg;
+use super::raw::{RawDecoder, RawPicture};
 use super::source::Source;
 use super::square::PixelShape;
 
@@ -51,7 +51,7 @@ pub struct AviReader<R> {
     /// Every chunk holds two JPEGs, of which each is every other line.
     is_interlaced: bool,
     raw: RawPicture,
-    jpeg: JpegPicture,
+    decoder: RawDecoder,
 }
 
 /// What is learnt from a walk over the chunks.
@@ -129,7 +129,7 @@ impl<R: Read + Seek> AviReader<R> {
             shape: layout.shape,
             is_interlaced: lines.is_some_and(|lines| 2 * u32::from(lines) == layout.height),
             raw: RawPicture::default(),
-            jpeg: JpegPicture::default(),
+            decoder: RawDecoder::default(),
         })
     }
 
@@ -297,20 +297,13 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
 impl<R: Read + Seek + Send> Source for AviReader<R> {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
         let mut raw = std::mem::take(&mut self.raw);
-        let read = self.next_raw(&mut raw);
-        self.raw = raw;
-        if !read? {
-            return Ok(false);
+        let mut read = self.next_raw(&mut raw);
+        if matches!(read, Ok(true)) {
+            let drawn = self.decoder.decode_of(&self.name, &mut raw, frame);
+            read = drawn.map(|()| true);
         }
-        let raw = &self.raw;
-        self.jpeg
-            .decode(&raw.bytes, frame)
-            .map_err(|reason| CaptureError::Picture {
-                input: format!("{}, frame {}", self.name, raw.sequence),
-                reason,
-            })?;
-        (frame.sequence, frame.time_ns) = (raw.sequence, raw.time_ns);
-        Ok(true)
+        self.raw = raw;
+        read
     }
 
     fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {

@@ -6,8 +6,7 @@ use std::io::{BufRead, Read};
 use super::camera::PixelFormat;
 use super::error::CaptureError;
 use super::frame::Frame;
-use super::jpeg::JpegPicture;
-use super::raw::RawPicture;
+use super::raw::{RawDecoder, RawPicture};
 use super::source::Source;
 
 /// Most bytes that are looked through for the end of a picture: damage must not ask for all the memory there is.
@@ -27,7 +26,7 @@ pub struct MjpegReader<R> {
     has_begun: bool,
     ended: bool,
     raw: RawPicture,
-    jpeg: JpegPicture,
+    decoder: RawDecoder,
 }
 
 /// What was found where a picture is wanted.
@@ -51,7 +50,7 @@ impl<R: BufRead> MjpegReader<R> {
             has_begun: false,
             ended: false,
             raw: RawPicture::default(),
-            jpeg: JpegPicture::default(),
+            decoder: RawDecoder::default(),
         }
     }
 
@@ -112,20 +111,13 @@ fn marker(reader: &mut impl BufRead, bytes: &mut Vec<u8>) -> std::io::Result<Opt
 impl<R: BufRead + Send> Source for MjpegReader<R> {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
         let mut raw = std::mem::take(&mut self.raw);
-        let read = self.next_raw(&mut raw);
-        self.raw = raw;
-        if !read? {
-            return Ok(false);
+        let mut read = self.next_raw(&mut raw);
+        if matches!(read, Ok(true)) {
+            let drawn = self.decoder.decode_of(&self.name, &mut raw, frame);
+            read = drawn.map(|()| true);
         }
-        let raw = &self.raw;
-        self.jpeg
-            .decode(&raw.bytes, frame)
-            .map_err(|reason| CaptureError::Picture {
-                input: format!("{}, frame {}", self.name, raw.sequence),
-                reason,
-            })?;
-        (frame.sequence, frame.time_ns) = (raw.sequence, raw.time_ns);
-        Ok(true)
+        self.raw = raw;
+        read
     }
 
     fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {

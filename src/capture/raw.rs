@@ -2,6 +2,7 @@
 
 use super::brightness::Brightness;
 use super::camera::{PictureDecoder, PixelFormat, RawLayout};
+use super::error::CaptureError;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;
 use super::yuv::Range;
@@ -90,6 +91,23 @@ impl RawDecoder {
             return Ok(());
         }
         self.draw(raw, frame)
+    }
+
+    /// As [`decode`](Self::decode), of a picture of `input`, whose error names it and the frame.
+    ///
+    /// # Errors
+    /// [`CaptureError::Picture`].
+    pub fn decode_of(
+        &mut self,
+        input: &str,
+        raw: &mut RawPicture,
+        frame: &mut Frame,
+    ) -> Result<(), CaptureError> {
+        self.decode(raw, frame)
+            .map_err(|reason| CaptureError::Picture {
+                input: format!("{input}, frame {}", raw.sequence),
+                reason,
+            })
     }
 
     /// Fills `brightness`. A JPEG's colours are not worked out for that.

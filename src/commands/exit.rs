@@ -219,8 +219,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 ) => return Some(USAGE),
                 Some(EngineError::Model(e)) => return Some(model_code(e)),
                 Some(
-                    EngineError::Channels(_)
-                    | EngineError::NotQuantised
+                    EngineError::NotQuantised
                     | EngineError::Outputs(_)
                     | EngineError::Layer(_)
                     | EngineError::Overflow(_)
@@ -327,7 +326,6 @@ mod tests {
     #[test]
     fn a_network_that_the_engine_refuses_is_bad_data() {
         for refused in [
-            EngineError::Channels(4),
             EngineError::NotQuantised,
             EngineError::Outputs("none".into()),
             EngineError::Layer("head2d.out".into()),

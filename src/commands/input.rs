@@ -42,7 +42,7 @@ pub struct InputArgs {
     /// Picture size to ask a camera for
     #[arg(long, value_name = "WxH")]
     pub capture_size: Option<CaptureSize>,
-    /// Frame rate to ask a camera for, or at which a folder's photos were taken
+    /// Frame rate to ask a camera for, or at which a folder's photos or a raw Motion-JPEG film were taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
     /// Set a control of the camera, may be given several times, in this order; 'infer --list-controls' shows what there

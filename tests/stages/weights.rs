@@ -350,6 +350,49 @@ fn layers_without_vector_kernels_are_named() {
     }
 }
 
+/// Not once it runs unattended.
+#[test]
+fn a_network_that_the_engine_refuses_is_found_in_the_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(path("photos")).unwrap();
+    std::fs::copy("docs/demo.jpg", path("photos/0.jpg")).unwrap();
+    let head =
+        r#"name = "head3d.out", from = ["core"], out = 63, kernel = 1, norm = false, relu = false"#;
+    assert!(SMALL.contains(head));
+    let text = SMALL.replace(head, &head.replace("relu = false", "relu = true"));
+    let network = Network::parse(&text).unwrap();
+    let (arch, weights) = (path("small.toml"), path("w"));
+    std::fs::write(&arch, text).unwrap();
+    let bytes = file(&shapes(&network), Some(&template(&network)));
+    std::fs::write(&weights, bytes).unwrap();
+    let (photos, to, settings) = (path("photos"), path("m.ecm"), path("edgecap.toml"));
+    let stage2 = "models/weights/stage2.safetensors";
+    let import = [
+        "model",
+        "import",
+        &weights,
+        "--arch",
+        &arch,
+        "--calibrate",
+        &photos,
+    ];
+    let out = edgecap(&[&import[..], &["--stage2", stage2, "-o", &to]].concat());
+    assert!(
+        out.status.success(),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    std::fs::write(&settings, "[network]\nmodel = \"m.ecm\"\n").unwrap();
+    let refused = edgecap(&["config", "check", "--config", &settings]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(65), "{said}");
+    assert!(
+        said.contains("`head3d.out` is an output with ReLU"),
+        "{said}"
+    );
+}
+
 /// Most memory that a run of the program takes, bytes.
 fn peak(args: &[&str]) -> u64 {
     let mut child = Command::new(env!("CARGO_BIN_EXE_edgecap"))

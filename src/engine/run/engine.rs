@@ -113,9 +113,6 @@ impl Engine {
         let graph = network.graph().clone();
         let multiple = network.input().multiple.max(1);
         check_size(multiple, &options)?;
-        if network.input().channels != 3 {
-            return Err(EngineError::Channels(network.input().channels));
-        }
         let isa = match options.isa {
             Some(isa) => isa,
             None => Isa::detect()?,

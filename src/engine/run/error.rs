@@ -22,9 +22,6 @@ pub enum EngineError {
         /// Asked for.
         height: usize,
     },
-    /// The network does not read RGB pictures.
-    #[error("expected a network whose input has 3 channels, found {0}; choose another network")]
-    Channels(usize),
     /// int8 was asked of float weights.
     #[error(
         "int8 was asked for, but the weights are floats: quantise them with `edgecap model import`, or ask for f32"
@@ -37,7 +34,7 @@ pub enum EngineError {
     Outputs(String),
     /// A layer does what int8 kernels do not.
     #[error(
-        "layer `{0}` is an output with ReLU, residual sum or pooling, which has no int8 kernel; run it in f32"
+        "layer `{0}` is an output with ReLU, residual sum or pooling, which has no int8 kernel; let the network file end without"
     )]
     Layer(String),
     /// A layer's values overflow.
