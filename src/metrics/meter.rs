@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME};
+use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 use super::histogram::Histogram;
@@ -26,7 +27,8 @@ const START_SHIFT: u64 = 2;
 pub struct Meter {
     name: String,
     input: String,
-    started: Instant,
+    /// Since this machine started, its sleep counted.
+    started: Duration,
     silent_after: Duration,
     counts: Mutex<Counts>,
 }
@@ -41,7 +43,8 @@ struct Counts {
     restarts: Vec<(&'static str, u64)>,
     reconnects: u64,
     is_away: bool,
-    last_error: Option<(Instant, String)>,
+    /// When, since this machine started, and what.
+    last_error: Option<(Duration, String)>,
     /// Start of the run as it was reported last, seconds since 1970.
     since: Option<u64>,
     sequence: Option<u64>,
@@ -97,7 +100,7 @@ impl Meter {
         Self {
             name: name.to_owned(),
             input: input.to_owned(),
-            started: Instant::now(),
+            started: since_boot(),
             silent_after: SILENT_AFTER,
             counts: Mutex::new(Counts {
                 restarts: processes.iter().map(|p| (*p, 0)).collect(),
@@ -186,7 +189,7 @@ impl Meter {
 
     /// Something went wrong.
     pub fn failed(&self, what: impl Into<String>) {
-        self.counts().last_error = Some((Instant::now(), what.into()));
+        self.counts().last_error = Some((since_boot(), what.into()));
     }
 
     /// The supervisor has looked after it.
@@ -196,14 +199,13 @@ impl Meter {
 
     /// How it is doing.
     pub fn snapshot(&self) -> Snapshot {
-        self.snapshot_at(Instant::now(), SystemTime::now())
+        self.snapshot_at(Instant::now(), since_boot(), SystemTime::now())
     }
 
-    /// At an instant for which the clock on the wall says `wall`. Times since 1970 are counted back from there: a clock
-    /// that was wrong when this machine started is set meanwhile.
-    fn snapshot_at(&self, now: Instant, wall: SystemTime) -> Snapshot {
-        let ago = |then: Instant| now.saturating_duration_since(then).as_secs();
-        let at = |then: Instant| unix(wall).saturating_sub(ago(then));
+    /// At an instant, so long after this machine started, for which the clock on the wall says `wall`. Times since 1970
+    /// are counted back from there: a clock that was wrong when this machine started is set meanwhile.
+    fn snapshot_at(&self, now: Instant, boot: Duration, wall: SystemTime) -> Snapshot {
+        let at = |then| unix(wall).saturating_sub(boot.saturating_sub(then).as_secs());
         let counts = {
             let mut counts = self.counts();
             let since = at(self.started);
@@ -256,6 +258,15 @@ impl Meter {
     }
 }
 
+/// How long ago this machine started. `Instant` stands still while it sleeps.
+fn since_boot() -> Duration {
+    let t = clock_gettime(ClockId::Boottime);
+    Duration::new(
+        u64::try_from(t.tv_sec).unwrap_or(0),
+        u32::try_from(t.tv_nsec).unwrap_or(0),
+    )
+}
+
 /// Frames a second.
 fn rate(recent: &VecDeque<(Instant, Option<f64>)>) -> f64 {
     match (recent.front(), recent.back()) {
@@ -283,6 +294,12 @@ mod tests {
             publish_ns: 1_040_000_000,
             fit_us: 700,
             ..BodyFrame::default()
+        }
+    }
+
+    impl Meter {
+        fn seen_at(&self, now: Instant) -> Snapshot {
+            self.snapshot_at(now, since_boot(), SystemTime::now())
         }
     }
 
@@ -322,8 +339,7 @@ mod tests {
             let start = Instant::now();
             meter.published_at(start, &frame(0, 0));
             let healthy = |after: f64| {
-                let snapshot = meter.snapshot_at(start + seconds(after), SystemTime::now());
-                snapshot.healthy
+                meter.seen_at(start + seconds(after)).healthy
             };
             assert!(healthy(healthy_for - 0.1), "{interval}");
             assert!(!healthy(healthy_for + 0.1), "{interval}");
@@ -340,7 +356,7 @@ mod tests {
             now += if sequence == 128 { gap } else { interval };
             meter.published_at(now, &frame(sequence, 0));
         }
-        let fps = meter.snapshot_at(now, SystemTime::now()).fps;
+        let fps = meter.seen_at(now).fps;
         assert!((fps - 30.0).abs() < 0.1, "{fps}");
     }
 
@@ -351,7 +367,9 @@ mod tests {
         meter.counts().last_error = Some((started, "broke".to_owned()));
         let told = |after: u64, wall: f64| {
             let wall = SystemTime::UNIX_EPOCH + Duration::from_secs_f64(wall);
-            let snapshot = meter.snapshot_at(started + Duration::from_secs(after), wall);
+            // The instant stands still, as over a machine's sleep.
+            let boot = started + Duration::from_secs(after);
+            let snapshot = meter.snapshot_at(Instant::now(), boot, wall);
             (snapshot.since, snapshot.last_error_at)
         };
         let (at_boot, set) = (1_000.0, 1_700_000_000.0);

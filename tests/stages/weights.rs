@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-use edgecap::engine::model::{Contract, Stage2Contract};
+use edgecap::engine::model::{Calibration, Contract, Stage2Contract};
 use edgecap::engine::network::Op;
-use edgecap::engine::{Model, ModelError, Network};
+use edgecap::engine::{CalibrationOptions, Model, ModelError, Network};
 use safetensors::tensor::{Dtype, TensorView};
 use serde_json::{Value, json};
 
@@ -350,9 +350,9 @@ fn layers_without_vector_kernels_are_named() {
     }
 }
 
-/// Not once it runs unattended.
+/// At the import, and in the settings: not once it runs unattended.
 #[test]
-fn a_network_that_the_engine_refuses_is_found_in_the_settings() {
+fn a_network_that_the_engine_refuses_is_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     std::fs::create_dir(path("photos")).unwrap();
@@ -365,32 +365,31 @@ fn a_network_that_the_engine_refuses_is_found_in_the_settings() {
     let (arch, weights) = (path("small.toml"), path("w"));
     std::fs::write(&arch, text).unwrap();
     let bytes = file(&shapes(&network), Some(&template(&network)));
-    std::fs::write(&weights, bytes).unwrap();
+    std::fs::write(&weights, &bytes).unwrap();
     let (photos, to, settings) = (path("photos"), path("m.ecm"), path("edgecap.toml"));
-    let stage2 = "models/weights/stage2.safetensors";
-    let import = [
-        "model",
-        "import",
-        &weights,
-        "--arch",
-        &arch,
-        "--calibrate",
-        &photos,
-    ];
-    let out = edgecap(&[&import[..], &["--stage2", stage2, "-o", &to]].concat());
-    assert!(
-        out.status.success(),
-        "{}",
-        String::from_utf8_lossy(&out.stderr)
-    );
+    let import = ["model", "import", &weights, "--arch", &arch];
+    let out = edgecap(&[&import[..], &["--calibrate", &photos, "-o", &to]].concat());
+    let refuses = |out: Output| {
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(65), "{said}");
+        let why = "`head3d.out` is an output with ReLU";
+        assert!(said.contains(why), "{said}");
+    };
+    refuses(out);
+    assert!(!Path::new(&to).exists());
+
+    let options = CalibrationOptions {
+        size: (64, 64),
+        ..CalibrationOptions::default()
+    };
+    let stage2 = std::fs::read("models/weights/stage2.safetensors").unwrap();
+    let model = Model::from_safetensors(&bytes, network).unwrap();
+    let model = model.with_stage2(&stage2).unwrap();
+    let seen = Calibration::observe(&model, [vec![90; 3 * 64 * 64]], options).unwrap();
+    let rounded = model.quantise(Some(&seen)).unwrap();
+    rounded.save(Path::new(&to)).unwrap();
     std::fs::write(&settings, "[network]\nmodel = \"m.ecm\"\n").unwrap();
-    let refused = edgecap(&["config", "check", "--config", &settings]);
-    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert_eq!(refused.status.code(), Some(65), "{said}");
-    assert!(
-        said.contains("`head3d.out` is an output with ReLU"),
-        "{said}"
-    );
+    refuses(edgecap(&["config", "check", "--config", &settings]));
 }
 
 /// Most memory that a run of the program takes, bytes.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::{network, read, text};
+use super::{network, read, text, tried};
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::{picture, say};
@@ -103,6 +103,8 @@ pub fn import(a: &Import) -> Result<()> {
         None => model.quantise(None)?,
         Some(folder) => calibrated(a, model, folder)?,
     };
+    // What no engine runs is of no use to anybody.
+    tried(&model).with_context(|| format!("{} cannot be run", a.weights.display()))?;
     model.save(output)?;
     say::out(&format!(
         "{} written: {}",
@@ -127,10 +129,11 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
     let (widths, heights): (Vec<u32>, Vec<u32>) =
         sizes.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     let reference = model.contract().input.reference_size;
+    let multiple = model.network().input().multiple;
+    let side = |sides, most| usual_side(sides, most, multiple);
     let size = (
-        a.width.unwrap_or_else(|| usual_side(widths, reference[0])),
-        a.height
-            .unwrap_or_else(|| usual_side(heights, reference[1])),
+        a.width.unwrap_or_else(|| side(widths, reference[0])),
+        a.height.unwrap_or_else(|| side(heights, reference[1])),
     );
     let options = CalibrationOptions {
         size,
@@ -246,11 +249,11 @@ fn check(a: &Import) -> Result<()> {
     Ok(())
 }
 
-/// The median of pictures' sides in multiples of 16, at most `most`.
-fn usual_side(mut sides: Vec<u32>, most: usize) -> usize {
+/// The median of pictures' sides in multiples of `multiple`, at most `most` or, where that is none, the next one.
+fn usual_side(mut sides: Vec<u32>, most: usize, multiple: usize) -> usize {
     sides.sort_unstable();
     let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
-    (median.next_multiple_of(16)).min(most)
+    median.min(most).next_multiple_of(multiple.max(1))
 }
 
 /// Settles how ranges are chosen by trial on some of the pictures, whole.

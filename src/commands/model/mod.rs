@@ -220,31 +220,8 @@ fn info(path: Option<&Path>) -> Result<()> {
 
 fn verify(path: Option<&Path>) -> Result<()> {
     let model = &open(path)?;
-    // Opening it has checked digest, names, shapes and ranges. What is left is that the kernels take it and give
-    // numbers.
-    let multiple = model.network().input().multiple;
-    let [width, height] = [128_usize, 96].map(|side| side.next_multiple_of(multiple));
-    let options = EngineOptions {
-        width,
-        height,
-        ..EngineOptions::default()
-    };
-    let mut engine = Engine::new(model, options)?;
-    let ramp = (0..3 * width * height)
-        .map(|i| (i * 37 % 256) as u8)
-        .collect::<Vec<_>>();
-    let maps = engine.run(&ramp);
-    if !maps
-        .head2d
-        .iter()
-        .chain(&maps.head3d)
-        .all(|x| x.is_finite())
-    {
-        return Err(Failure::data(
-            "the network gives numbers that are not finite: import the weights again",
-        )
-        .into());
-    }
+    // Opening it has checked digest, names, shapes and ranges.
+    let engine = tried(model)?;
     association(model)?;
     let slow = without_vectors(&engine);
     if !slow.is_empty() {
@@ -258,6 +235,28 @@ fn verify(path: Option<&Path>) -> Result<()> {
         "ok {contents} (contents), {} (file)",
         file_digest(path)?
     ))
+}
+
+/// The engine of a rounded model, which has taken it and given numbers.
+fn tried(model: &Model) -> Result<Engine> {
+    let multiple = model.network().input().multiple;
+    let [width, height] = [128_usize, 96].map(|side| side.next_multiple_of(multiple));
+    let options = EngineOptions {
+        width,
+        height,
+        ..EngineOptions::default()
+    };
+    let mut engine = Engine::new(model, options)?;
+    let ramp = (0..3 * width * height)
+        .map(|i| (i * 37 % 256) as u8)
+        .collect::<Vec<_>>();
+    let maps = engine.run(&ramp);
+    let mut values = maps.head2d.iter().chain(&maps.head3d);
+    if !values.all(|x| x.is_finite()) {
+        let why = "the network gives numbers that are not finite: import the weights again";
+        return Err(Failure::data(why).into());
+    }
+    Ok(engine)
 }
 
 /// Layers that have no kernel but the scalar one, on a machine that has others.

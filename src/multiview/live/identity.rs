@@ -135,24 +135,40 @@ impl Identities {
     pub fn forget(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
         let identity = &config.identity;
         present.sort_by_key(|p| if p.id == 0 { u32::MAX } else { p.id });
-        let mut k = 0;
-        while k < present.len() {
-            let p = &present[k];
-            let doubled = present[..k].iter().any(|other| is_same_body(other, p));
-            let lost = if p.id == 0 {
-                p.unseen > identity.tentative_grace || p.apart > UNPROVEN
+        let mut kept: Vec<Person> = Vec::with_capacity(present.len());
+        for mut person in present.drain(..) {
+            let lost = if person.id == 0 {
+                person.unseen > identity.tentative_grace || person.apart > UNPROVEN
             } else {
-                p.unseen > identity.grace.max(identity.hold) || p.apart > ONE_VIEW
+                person.unseen > identity.grace.max(identity.hold) || person.apart > ONE_VIEW
             };
-            if !(doubled || lost || !p.is_finite()) {
-                k += 1;
-                continue;
-            }
-            let person = present.remove(k);
             if lost {
                 self.leave(person, now_ns);
+                continue;
+            }
+            if !person.is_finite() {
+                continue;
+            }
+            let Some(double) = kept.iter().position(|p| is_same_body(p, &person)) else {
+                kept.push(person);
+                continue;
+            };
+            let old = &mut kept[double];
+            if old.unseen <= MISSED || person.unseen > 0.0 {
+                continue;
+            }
+            // Whoever is missed does not stand where somebody else is seen: they are the same, or one has left.
+            if dissimilarity(&person, old, old.unseen, config) <= 1.0 {
+                std::mem::swap(old, &mut person);
+                old.succeed(person);
+            } else if person.id != 0 {
+                std::mem::swap(old, &mut person);
+                self.leave(person, now_ns);
+            } else {
+                kept.push(person);
             }
         }
+        *present = kept;
         let memory = (identity.memory * 1e9) as u64;
         self.gone
             .retain(|g| g.person.id != 0 && now_ns.saturating_sub(g.left_ns) <= memory);
@@ -187,5 +203,44 @@ fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
     indices.sort_unstable();
     for k in indices.into_iter().rev() {
         items.remove(k);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Appearance;
+    use crate::message::Observation;
+
+    /// Somebody whose clothes have one colour, missed for so long.
+    fn person(id: u32, colour: usize, unseen: f64) -> Person {
+        let mut seen = Observation::default();
+        seen.hue[colour] = 1.0;
+        seen.saturation[colour] = 1.0;
+        Person {
+            unseen,
+            looks: vec![Appearance::new(&seen)],
+            ..Person::standing(id)
+        }
+    }
+
+    /// Who is present and who is remembered after an instant.
+    fn after(mut present: Vec<Person>) -> (Vec<u32>, Vec<u32>) {
+        let mut identities = Identities::default();
+        identities.forget(&mut present, 5_000_000_000, &FitConfig::default());
+        let present = present.iter().map(|p| p.id).collect();
+        (present, identities.gone.iter().map(|g| g.person.id).collect())
+    }
+
+    #[test]
+    fn whoever_is_missed_leaves_the_place_to_whoever_is_seen_there() {
+        let seen = || person(7, 3, 0.0);
+        assert_eq!(after(vec![person(2, 0, 0.8), seen()]), (vec![7], vec![2]));
+        assert_eq!(after(vec![seen(), person(2, 3, 0.8)]), (vec![2], vec![]), "the same looks");
+        assert_eq!(after(vec![person(2, 0, 0.0), seen()]), (vec![2], vec![]), "both are seen");
+        assert_eq!(after(vec![person(2, 0, 0.0), person(7, 3, 0.8)]), (vec![2], vec![]));
+        let of_new = |colour| after(vec![person(0, colour, 0.0), person(2, 0, 0.8)]);
+        assert_eq!(of_new(0), (vec![2], vec![]));
+        assert_eq!(of_new(3), (vec![2, 0], vec![]), "not sure yet that anybody is there");
     }
 }

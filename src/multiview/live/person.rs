@@ -76,7 +76,7 @@ pub struct Person {
     pub deviations: [f64; BODY_JOINTS],
     /// Seconds for which most views have called limbs by the other side's name, or shoulders have pointed another way
     /// than hips.
-    exchanged: f64,
+    pub(super) exchanged: f64,
 }
 
 impl Person {
@@ -105,6 +105,29 @@ impl Person {
         person.settle(&seen, &joints, 0.0);
         person.prove(seen.iter().flatten().count());
         Some(person)
+    }
+
+    /// Somebody of whom nothing else is known.
+    #[cfg(test)]
+    pub fn standing(id: u32) -> Self {
+        let skeleton = Skeleton::builtin();
+        let pose = Pose::facing_camera(0.0);
+        let mut posed = Posed::default();
+        skeleton.pose(&pose, skeleton.lengths(), &mut posed);
+        Self {
+            id,
+            pose,
+            posed,
+            motion: Motion::default(),
+            build: Build::new(skeleton, &[None; EVIDENCE_JOINTS], None),
+            looks: Vec::new(),
+            proof: [0; 2],
+            unseen: 0.0,
+            apart: 0.0,
+            states: [JointState::OCCLUDED; BODY_JOINTS],
+            deviations: [0.05; BODY_JOINTS],
+            exchanged: 0.0,
+        }
     }
 
     /// Where the person is expected `dt` seconds from now.

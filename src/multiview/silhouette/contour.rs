@@ -1,6 +1,6 @@
 //! A mask goes in, the line where a person ends and nobody begins comes out.
 
-use glam::{DVec2, IVec2};
+use glam::{DVec2, IVec2, Vec2};
 
 use crate::camera::View;
 
@@ -46,13 +46,14 @@ impl Mask {
     }
 }
 
-/// A point of a contour, on the plane z = 1 of the camera, the lens undone.
+/// A point of a contour, on the plane z = 1 of the camera, the lens undone. Those of all frames of a person are held at
+/// once: in f32, which knows the plane to a hundredth of a pixel and better.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Where it is.
-    pub plane: DVec2,
+    pub plane: Vec2,
     /// Unit vector to where nobody is.
-    pub normal: DVec2,
+    pub normal: Vec2,
 }
 
 /// The line round a person's mask, as far as nobody else and no edge of the picture is beside it.
@@ -92,7 +93,10 @@ impl Contour {
         let points = line.iter().step_by(step).filter_map(|(pixel, normal)| {
             let plane = view.plane(*pixel);
             let normal = (view.plane(*pixel + *normal) - plane).try_normalize()?;
-            Some(Point { plane, normal })
+            Some(Point {
+                plane: plane.as_vec2(),
+                normal: normal.as_vec2(),
+            })
         });
         Some(Self {
             points: points.collect(),

@@ -1,6 +1,6 @@
 //! Which vertex belongs to which place of a contour, and what that costs.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 use super::contour::{Contour, Point};
 use super::outline::{Outline, Rimmed};
@@ -22,12 +22,14 @@ const ALIKE: f64 = 0.4;
 /// Nearer to a camera nothing is seen.
 const NEAREST: f64 = 0.1;
 
-/// A vertex and the line that it should be on.
+/// A vertex and the line on the plane z = 1 that it should be on. Those of all frames of a person are held at once.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    vertex: usize,
-    at: Point,
-    weight: f64,
+    vertex: u32,
+    weight: f32,
+    normal: Vec2,
+    /// Where the line is along its normal.
+    along: f32,
 }
 
 /// One view's pairs.
@@ -51,37 +53,39 @@ impl<'a> Rim<'a> {
         even: bool,
     ) -> Self {
         let reach = reach / depth;
+        let all = (outline.rim.len() + contour.points.len()).max(1) as f64;
+        let joints = if contour.is_sure { JOINTS } else { UNSURE };
+        let whole = weight * DATA * joints / all;
         let mut pairs = Vec::new();
         let mut pair = |rimmed: &Rimmed, at: &Point| {
-            let off = depth * at.normal.dot(rimmed.plane - at.plane);
-            let weight = match (even, off < 0.0) {
+            let (normal, plane) = (at.normal.as_dvec2(), at.plane.as_dvec2());
+            let off = depth * normal.dot(rimmed.plane - plane);
+            let share = match (even, off < 0.0) {
                 (false, _) => 1.0,
                 (true, outside) => EVEN / off.abs().max(EVEN) * if outside { LOOSE } else { 1.0 },
             };
             pairs.push(Pair {
-                vertex: rimmed.vertex as usize,
-                at: *at,
-                weight,
+                vertex: rimmed.vertex,
+                weight: (share * whole) as f32,
+                normal: at.normal,
+                along: normal.dot(plane) as f32,
             });
         };
-        let alike = |r: &Rimmed, p: &Point| r.normal.dot(p.normal) > ALIKE;
+        let alike = |r: &Rimmed, p: &Point| r.normal.dot(p.normal.as_dvec2()) > ALIKE;
+        let apart = |r: &Rimmed, p: &Point| r.plane.distance_squared(p.plane.as_dvec2());
         for r in &outline.rim {
             let of = contour.points.iter().filter(|p| alike(r, p));
-            if let Some(p) = nearest(of.map(|p| (p, p.plane.distance_squared(r.plane))), reach) {
+            if let Some(p) = nearest(of.map(|p| (p, apart(r, p))), reach) {
                 pair(r, p);
             }
         }
         for p in &contour.points {
             let of = outline.rim.iter().filter(|r| alike(r, p));
-            if let Some(r) = nearest(of.map(|r| (r, p.plane.distance_squared(r.plane))), reach) {
+            if let Some(r) = nearest(of.map(|r| (r, apart(r, p))), reach) {
                 pair(r, p);
             }
         }
-        let all = (outline.rim.len() + contour.points.len()).max(1) as f64;
-        let joints = if contour.is_sure { JOINTS } else { UNSURE };
-        for p in &mut pairs {
-            p.weight *= weight * DATA * joints / all;
-        }
+        pairs.shrink_to_fit();
         Self { view, depth, pairs }
     }
 
@@ -89,9 +93,9 @@ impl<'a> Rim<'a> {
     fn off(&self, pair: &Pair, at: DVec3) -> Option<(f64, DVec3)> {
         let p = self.view.to_camera(at);
         (p.z > NEAREST).then(|| {
-            let n = pair.at.normal;
+            let n = pair.normal.as_dvec2();
             let flat = DVec2::new(p.x, p.y) / p.z;
-            let off = self.depth * n.dot(flat - pair.at.plane);
+            let off = self.depth * (n.dot(flat) - f64::from(pair.along));
             let scale = self.depth / p.z;
             let by = scale * DVec3::new(n.x, n.y, -n.dot(flat));
             (off, self.view.rotation.transpose() * by)
@@ -102,8 +106,8 @@ impl<'a> Rim<'a> {
     pub fn cost(&self, body: &MeshBody, at: &Fitted) -> f64 {
         let surface = Surface::new(body, &at.person, &at.posed);
         let each = self.pairs.iter().map(|pair| {
-            let off = self.off(pair, surface.vertex(pair.vertex));
-            off.map_or(0.0, |(off, _)| pair.weight * off * off)
+            let off = self.off(pair, surface.vertex(pair.vertex as usize));
+            off.map_or(0.0, |(off, _)| f64::from(pair.weight) * off * off)
         });
         each.sum()
     }
@@ -114,15 +118,16 @@ impl<'a> Rim<'a> {
         surface.prepare(shapes);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(FREEDOM + shapes);
         for pair in &self.pairs {
-            let Some((off, by)) = self.off(pair, surface.vertex(pair.vertex)) else {
+            let (vertex, weight) = (pair.vertex as usize, f64::from(pair.weight));
+            let Some((off, by)) = self.off(pair, surface.vertex(vertex)) else {
                 continue;
             };
             row.clear();
-            surface.jacobian(pair.vertex, |k, moves| row.push((k, moves.dot(by))));
+            surface.jacobian(vertex, |k, moves| row.push((k, moves.dot(by))));
             for (a, &(k, ck)) in row.iter().enumerate() {
-                out.pull(k, pair.weight * off * ck);
+                out.pull(k, weight * off * ck);
                 for &(l, cl) in &row[..=a] {
-                    out.add(k, l, pair.weight * ck * cl);
+                    out.add(k, l, weight * ck * cl);
                 }
             }
         }
