@@ -110,6 +110,7 @@ each!(
     association,
     avi,
     y4m,
+    mjpeg,
     photo,
     observations,
     camera,
@@ -145,7 +146,7 @@ fn long_damage() {
 #[test]
 fn seeds_are_whole() {
     use edgecap::camera::CameraFile;
-    use edgecap::capture::{AviReader, PhotoDecoder, Source, Y4mReader};
+    use edgecap::capture::{AviReader, MjpegReader, PhotoDecoder, Source, Y4mReader};
     use edgecap::engine::{Model, Network};
     let seeds = seeds::seeds;
     assert!(
@@ -172,6 +173,10 @@ fn seeds_are_whole() {
             pictures(Box::new(Y4mReader::new(film, "y4m", None).unwrap())),
             3
         );
+    }
+    for film in seeds("mjpeg") {
+        let film = std::io::Cursor::new(film);
+        assert_eq!(pictures(Box::new(MjpegReader::new(film, "mjpeg", None))), 3);
     }
     for photo in seeds("photo") {
         PhotoDecoder::default()

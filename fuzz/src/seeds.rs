@@ -86,6 +86,7 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "avi" => vec![avi()],
         "mp4" => vec![mp4()],
         "y4m" => vec![y4m("420jpeg", 24), y4m("444 XCOLORRANGE=FULL", 48)],
+        "mjpeg" => vec![[jpeg(), exif_jpeg(), jpeg()].concat()],
         "photo" => vec![jpeg(), exif_jpeg(), png()],
         "observations" => vec![observations(), binary_observations()],
         "camera" => CAMERA.map(Into::into).to_vec(),

@@ -11,7 +11,7 @@ use edgecap::camera::CameraFile;
 use edgecap::camera::calibration::{
     check, read_colmap, read_easymocap, read_opencv, read_pose2sim, read_qtm, write_pose2sim,
 };
-use edgecap::capture::{AviReader, Frame, PhotoDecoder, Source, Y4mReader};
+use edgecap::capture::{AviReader, Frame, MjpegReader, PhotoDecoder, Source, Y4mReader};
 use edgecap::detect::{AssociationConfig, Associator};
 use edgecap::engine::model::Calibration;
 use edgecap::engine::{
@@ -38,6 +38,7 @@ pub const TARGETS: &[Target] = &[
     #[cfg(feature = "mp4")]
     ("mp4", mp4),
     ("y4m", y4m),
+    ("mjpeg", mjpeg),
     ("photo", photo),
     ("observations", observations),
     ("camera", camera),
@@ -202,6 +203,11 @@ pub fn y4m(data: &[u8]) {
     if let Ok(pipe) = Y4mReader::new(data, "fuzz.y4m", None) {
         play(pipe);
     }
+}
+
+/// Raw Motion-JPEG.
+pub fn mjpeg(data: &[u8]) {
+    play(MjpegReader::new(data, "fuzz.mjpeg", None));
 }
 
 fn play(mut film: impl Source) {

@@ -47,6 +47,7 @@ pub use frame::Frame;
 pub use jpeg::JpegPicture;
 pub use letterbox::Letterbox;
 pub use limits::{MAX_PIXELS, MAX_SIDE};
+pub use mjpeg::MjpegReader;
 pub use mounting::Mounting;
 #[cfg(feature = "mp4")]
 pub use mp4::Mp4Source;

@@ -4,11 +4,13 @@
 //! Known people take the detections whose rays pass near their joints; what is left is grouped so that within a group
 //! every view agrees with every other. Somebody new must persist and be built like a body: two views alone see ghosts.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::exchange;
 use super::moment::Moment;
-use super::sight::{LIMB_PAIRS, Sight, between, distance};
+use super::sight::{LIMB_PAIRS, Ray, Sight, between, distance};
 use super::triangulate::{Joints3d, triangulate};
 use crate::assignment::Matcher;
 use crate::camera::View;
@@ -22,8 +24,10 @@ const ROAM: [f64; 2] = [0.05, 0.4];
 const AGREE: f64 = 0.15;
 /// Shared joints under which two detections cannot be compared.
 const LEAST_SHARED: usize = 5;
-/// Seconds without two views after which somebody is gone.
+/// Seconds without any view after which somebody is gone, and without two of them: one view alone may follow somebody
+/// else.
 const MEMORY: f64 = 1.0;
+pub(super) const ONE_VIEW: f64 = 10.0;
 /// Frames after which somebody counts who is seen by three views or more, and by two.
 const PROOF: [usize; 2] = [3, 10];
 /// Neck to middle of the hips, metres: no body is outside of this.
@@ -57,8 +61,11 @@ struct Live {
     /// Exchanged limbs of every moment.
     states: Vec<exchange::States>,
     joints: [Option<DVec3>; EVIDENCE_JOINTS],
-    /// Last frame in which two views saw them.
+    /// How far away they are, as a part of what one view alone takes them to be.
+    farther: f64,
+    /// Last frame in which two views saw them, and one did.
     met: usize,
+    seen: usize,
     /// Frames with three views, and with two.
     proof: [usize; 2],
 }
@@ -75,6 +82,91 @@ impl Live {
     }
 }
 
+/// By how much, a second, what a view says of distance is learnt from where two meet, and believed where it is alone.
+const DISTANCE_LEARNT: f64 = 1.0;
+const DISTANCE_TAKEN: f64 = 3.0;
+
+impl Live {
+    /// How far from a view they are by their joints, metres.
+    fn depth(&self, view: &View) -> Option<f64> {
+        let each = self.joints.iter().flatten();
+        let (sum, count) = each.fold((0.0, 0), |(s, n), p| (s + view.to_camera(*p).z, n + 1));
+        let depth = sum / f64::from(count);
+        (count > 0 && depth > 0.0).then_some(depth)
+    }
+
+    /// Learns how what a view says of their distance goes with where they are.
+    fn measure(&mut self, view: &View, sight: Option<&Sight>, share: f64) {
+        let told = sight.and_then(Sight::depth);
+        if let Some((depth, told)) = self.depth(view).zip(told) {
+            // The first time there is nothing to blend with.
+            let share = if self.proof.iter().sum::<usize>() < 2 {
+                1.0
+            } else {
+                share.min(1.0)
+            };
+            self.farther *= (depth / told / self.farther).powf(share);
+        }
+    }
+
+    /// Goes along with the one view that sees them: to its rays, and nearer or farther as it says.
+    fn follow(&mut self, view: &View, sight: &Sight, share: f64) {
+        let Some(depth) = self.depth(view) else {
+            return;
+        };
+        let told = sight.depth().map_or(depth, |told| self.farther * told);
+        let scale = (told / depth).powf(share.min(1.0));
+        let now = |joint: DVec3, ray: &Ray| {
+            let along = (joint - view.position).dot(ray.direction);
+            view.position + scale * along.max(0.0) * ray.direction
+        };
+        let each = self.joints.iter().zip(&sight.rays);
+        let moved = each.filter_map(|(p, ray)| Some(now((*p)?, ray.as_ref()?) - (*p)?));
+        let (sum, count) = moved.fold((DVec3::ZERO, 0), |(s, n), by| (s + by, n + 1));
+        if count == 0 {
+            return;
+        }
+        for (joint, ray) in self.joints.iter_mut().zip(&sight.rays) {
+            *joint = joint.map(|p| match ray {
+                Some(ray) => now(p, ray),
+                None => p + sum / f64::from(count),
+            });
+        }
+    }
+}
+
+/// The one view that sees somebody; `None` where several do.
+fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View, &'a Sight)> {
+    let mut each = views.iter().zip(sights);
+    let own = each.by_ref().find_map(|(v, s)| Some((v, s.as_ref()?)));
+    own.filter(|_| each.all(|(_, s)| s.is_none()))
+}
+
+/// Of two views' detections of somebody whom one view alone has followed that view's stays where their rays do not
+/// meet; the other is free again.
+fn doubt(
+    views: &[View],
+    frame: &[Detections],
+    t: &Live,
+    chosen: &mut [Option<usize>],
+    free: &mut [Vec<bool>],
+) {
+    let own: Vec<(usize, usize)> = (chosen.iter().enumerate())
+        .filter_map(|(v, d)| Some((v, (*d)?)))
+        .collect();
+    let [a, b] = own[..] else {
+        return;
+    };
+    let [of_a, of_b] = [a, b].map(|(v, d)| (&views[v], &frame[v][d]));
+    if ray_distance(of_a, of_b).is_none_or(|d| d < REACH) {
+        return;
+    }
+    let last = t.moments.last().map(|(_, m)| &m.sights);
+    let followed = |v: usize| last.is_some_and(|sights| sights[v].is_some());
+    let (v, d) = if followed(a.0) { b } else { a };
+    (chosen[v], free[v][d]) = (None, true);
+}
+
 /// Whether somebody counts whom three views or more have seen in so many frames, and two, of a sequence of so many
 /// frames.
 pub fn is_proven(proof: [usize; 2], frames: usize) -> bool {
@@ -84,33 +176,68 @@ pub fn is_proven(proof: [usize; 2], frames: usize) -> bool {
 
 /// Finds everyone in `frames`: per frame, per view, who is seen there. `rate` is frames a second.
 pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track> {
-    let patience = (MEMORY * rate).round().max(1.0) as usize;
+    let frames_in = |seconds: f64| (seconds * rate).round().max(1.0) as usize;
+    let (patience, alone) = (frames_in(MEMORY), frames_in(ONE_VIEW));
     let (mut live, mut done): (Vec<Live>, Vec<Live>) = (Vec::new(), Vec::new());
     let mut matcher = Matcher::default();
     for (f, frame) in frames.iter().enumerate() {
         let mut gone = Vec::new();
         live.retain_mut(|t| {
-            let stays = f - t.met <= patience;
+            let stays = match t.is_proven(frames.len()) {
+                true => f - t.seen <= patience && f - t.met <= alone,
+                false => f - t.met <= patience,
+            };
             if !stays {
                 gone.push(std::mem::replace(t, empty()));
             }
             stays
         });
         done.extend(gone);
-        let (taken, free) = take(views, frame, f, frames.len(), &live, &mut matcher);
-        for (t, chosen) in live.iter_mut().zip(&taken) {
-            advance(views, frame, f, chosen, t);
+        let (mut taken, mut free) = take(views, frame, f, frames.len(), &live, &mut matcher);
+        // Where one view has followed somebody, the distance is not known well: another one's detection may be theirs
+        // that is further off than others', and one that is not too far may be somebody else's.
+        let mut owners: HashMap<(usize, usize), usize> = HashMap::new();
+        for (k, (t, chosen)) in live.iter().zip(&mut taken).enumerate() {
+            if t.away(f) > 0.0 {
+                doubt(views, frame, t, chosen, &mut free);
+                let own = chosen
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(v, d)| Some((v, (*d)?)));
+                if let [(v, d)] = own.collect::<Vec<_>>()[..] {
+                    owners.insert((v, d), k);
+                }
+            }
         }
         let all = frame.iter().zip(&free).enumerate();
         let left: Vec<(usize, usize, &Sight)> = all
             .flat_map(|(v, (sights, free))| {
-                let each = sights.iter().enumerate().filter(|(d, _)| free[*d]);
+                let owners = &owners;
+                let is_left = move |d: usize| free[d] || owners.contains_key(&(v, d));
+                let each = sights.iter().enumerate().filter(move |(d, _)| is_left(*d));
                 each.map(move |(d, sight)| (v, d, sight))
             })
             .collect();
+        let mut new = Vec::new();
         for chosen in groups(views, &left) {
+            let each = chosen
+                .iter()
+                .enumerate()
+                .filter_map(|(v, d)| Some((v, (*d)?)));
+            let known: Vec<usize> = each.filter_map(|at| owners.get(&at).copied()).collect();
+            match known[..] {
+                [] => new.push(chosen),
+                [k] => taken[k] = chosen,
+                // Rays of two people whom one view each sees may meet where nobody is.
+                _ => {}
+            }
+        }
+        for (t, chosen) in live.iter_mut().zip(&taken) {
+            advance(views, frame, f, chosen, rate, t);
+        }
+        for chosen in new {
             let mut t = empty();
-            advance(views, frame, f, &chosen, &mut t);
+            advance(views, frame, f, &chosen, rate, &mut t);
             if is_body(&t.joints) {
                 live.push(t);
             }
@@ -182,14 +309,23 @@ fn empty() -> Live {
         moments: Vec::new(),
         states: Vec::new(),
         joints: [None; EVIDENCE_JOINTS],
+        farther: 1.0,
         met: 0,
+        seen: 0,
         proof: [0; 2],
     }
 }
 
 /// Adds a frame to somebody: joints from all views, exchanged limbs healed, a view that is about somebody else left
 /// out.
-fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usize>], t: &mut Live) {
+fn advance(
+    views: &[View],
+    frame: &[Detections],
+    f: usize,
+    chosen: &[Option<usize>],
+    rate: f64,
+    t: &mut Live,
+) {
     let mut sights: Vec<Option<Sight>> = chosen
         .iter()
         .enumerate()
@@ -199,6 +335,7 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
     if count == 0 {
         return;
     }
+    t.seen = f;
     let mut states = exchange::agree(views, &mut sights);
     let mut joints = solve(views, &sights);
     if count > 2 {
@@ -225,7 +362,12 @@ fn advance(views: &[View], frame: &[Detections], f: usize, chosen: &[Option<usiz
         }
         if is_body(&joints.points) {
             t.proof[usize::from(count < 3)] += 1;
+            for (view, sight) in views.iter().zip(&sights) {
+                t.measure(view, sight.as_ref(), DISTANCE_LEARNT / rate);
+            }
         }
+    } else if let Some((view, sight)) = only(views, &sights) {
+        t.follow(view, sight, DISTANCE_TAKEN / rate);
     }
     let points = if known >= LEAST_SHARED {
         joints.points

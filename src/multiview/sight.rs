@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::View;
+use crate::camera::translation::least_squares;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
 use crate::message::Observation;
 
@@ -67,6 +68,22 @@ impl Sight {
             rays: rays.map(|r| r.filter(|r| r.plane.is_finite() && r.direction.is_finite())),
             swapped: 0,
         }
+    }
+
+    /// How far away somebody of canonical stature would be whom the view saw so, metres in camera axes; `None` where
+    /// nobody has lifted them, or it cannot be told.
+    pub fn depth(&self) -> Option<f64> {
+        let lifted = self.lifted?;
+        let plane = self.rays.map(|r| r.map_or(DVec2::ZERO, |r| r.plane));
+        let weights = self.rays.map(|r| r.map_or(0.0, |r| r.confidence));
+        let pelvis = least_squares(&plane, &lifted, &weights)?;
+        let each = self
+            .rays
+            .iter()
+            .zip(&lifted)
+            .filter(|(ray, _)| ray.is_some());
+        let (sum, count) = each.fold((0.0, 0), |(s, n), (_, p)| (s + p.z, n + 1));
+        (count > 0).then(|| pelvis.z + sum / f64::from(count))
     }
 
     /// The same with the sides of some joints exchanged; `right` names the right ones.

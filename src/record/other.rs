@@ -34,12 +34,16 @@ pub fn film(wanted: u8) -> &'static str {
 
 /// Whether a file that begins so is a film or a picture.
 pub fn is_film(head: &[u8]) -> bool {
-    let starts: [&[u8]; 5] = [
+    let starts: [&[u8]; 9] = [
         b"RIFF",
         b"YUV4MPEG2",
         b"\x1A\x45\xDF\xA3",
         b"\xFF\xD8\xFF",
         b"\x89PNG",
+        b"FLV",
+        b"OggS",
+        b"GIF8",
+        b"\x00\x00\x01\xBA",
     ];
     head.get(4..8) == Some(b"ftyp") || starts.iter().any(|start| head.starts_with(start))
 }
@@ -77,7 +81,16 @@ mod tests {
         }
         let said = read::<BodiesRow>(b"EDGECAPO");
         assert!(said.contains("found observations; 'edgecap fit"), "{said}");
-        for bytes in [&b"RIFF....AVI "[..], b"....ftypisom"] {
+        let program_stream = &b"\x00\x00\x01\xBA\x44"[..];
+        let films = [
+            b"RIFF....AVI ",
+            &b"....ftypisom"[..],
+            b"FLV\x01",
+            b"OggS\0",
+            b"GIF89a",
+            program_stream,
+        ];
+        for bytes in films {
             assert!(read::<BodiesRow>(bytes).contains("'edgecap run --input"));
             assert!(read::<ObservationsRow>(bytes).contains("'edgecap infer --input"));
         }

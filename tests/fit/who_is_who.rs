@@ -90,3 +90,76 @@ fn limbs_of_a_view_that_is_left_out_are_not_healed() {
         assert_eq!((seen, moment.healed), (2, 0), "frame {frame}");
     }
 }
+
+/// Frames a second of [`walk`].
+const RATE: f64 = 30.0;
+/// Frames that both views see at the beginning and at the end, and that one alone sees between.
+const BOTH: usize = 15;
+const ONE: usize = 100;
+/// How much taller somebody is than views take everybody to be.
+const TALLER: f64 = 1.1;
+
+/// Somebody who walks away from the first camera and to its right, 0.9 m/s.
+fn walking(frame: usize) -> Joints {
+    let gone = frame as f64 / RATE;
+    hovering(0.0).map(|p| p + DVec3::new(0.4, 0.0, 0.8) * gone - DVec3::new(0.8, 0.0, 1.6))
+}
+
+/// The same with what the view alone makes of it in 3D.
+fn lifted(view: &View, joints: &Joints) -> Sight {
+    let camera = joints.map(|p| view.to_camera(p));
+    let pelvis = 0.5 * (camera[8] + camera[11]);
+    let mut seen = sight(view, joints);
+    seen.lifted = Some(camera.map(|p| (p - pelvis) / TALLER));
+    seen
+}
+
+/// What two views see of them, the second one for a while nobody, or `other` instead.
+fn walk(views: &[View], other: Option<&dyn Fn(usize) -> Joints>) -> Vec<Vec<Detections>> {
+    let all = (0..2 * BOTH + ONE).map(|f| {
+        let between = (BOTH..BOTH + ONE).contains(&f);
+        let second = match (between, other) {
+            (false, _) => Some(walking(f)),
+            (true, other) => other.map(|other| other(f)),
+        };
+        let second = second.map(|joints| lifted(&views[1], &joints));
+        vec![
+            vec![lifted(&views[0], &walking(f))],
+            second.into_iter().collect(),
+        ]
+    });
+    all.collect()
+}
+
+#[test]
+fn whom_one_view_alone_follows_for_seconds_stays_the_same() {
+    let views = views(2);
+    let tracks = track(&views, &walk(&views, None), RATE);
+    assert_eq!(tracks.len(), 1);
+    assert_eq!(tracks[0].moments.len(), 2 * BOTH + ONE);
+    let (_, last) = tracks[0].moments.last().unwrap();
+    assert_eq!(last.sights.iter().flatten().count(), 2);
+    // In the place of one who stands there for ever may be somebody else.
+    let stand = |f: usize| match f {
+        0..BOTH => walk(&views, None).swap_remove(0),
+        _ => vec![vec![lifted(&views[0], &walking(0))], vec![]],
+    };
+    let frames: Vec<_> = (0..BOTH + 500).map(stand).collect();
+    let tracks = track(&views, &frames, RATE);
+    assert_eq!(tracks.len(), 1);
+    let kept = tracks[0].moments.len() as f64 / RATE;
+    assert!((10.0..11.0).contains(&kept), "{kept} s");
+}
+
+#[test]
+fn whom_one_view_follows_does_not_take_who_stands_above_them_in_another() {
+    let views = views(2);
+    let above = |f: usize| walking(f).map(|p| p - 0.6 * DVec3::Y);
+    let tracks = track(&views, &walk(&views, Some(&above)), RATE);
+    assert_eq!(tracks.len(), 1, "one view alone proves nobody");
+    for (frame, moment) in &tracks[0].moments {
+        let both = !(BOTH..BOTH + ONE).contains(frame);
+        let seen = moment.sights.iter().flatten().count();
+        assert_eq!(seen, 1 + usize::from(both), "frame {frame}");
+    }
+}

@@ -6,14 +6,15 @@ import numpy as np
 
 
 class OpenVino:
-    """OpenVINO's CPU plugin, latency mode, one stream. `precision` f32 forbids bf16, `default` leaves the choice to it."""
+    """OpenVINO's CPU plugin, latency mode, one stream. `precision` f32 forbids bf16, all others leave to it what is not
+    rounded."""
 
     def __init__(self, model: Path, threads: int, precision: str):
         import openvino as ov
 
         core = ov.Core()
         config = {"INFERENCE_NUM_THREADS": threads, "NUM_STREAMS": 1, "PERFORMANCE_HINT": "LATENCY"}
-        if precision != "default":
+        if precision == "f32":
             config["INFERENCE_PRECISION_HINT"] = "f32"
         compiled = core.compile_model(model, "CPU", config)
         self.request = compiled.create_infer_request()

@@ -3,12 +3,9 @@
 use super::person::Person;
 use crate::assignment::assign;
 use crate::fit::FitConfig;
-use crate::multiview::people::is_proven;
+use crate::multiview::people::{ONE_VIEW, is_proven};
 
-/// Seconds without two views after which whoever one view still sees is let go: one view alone may follow somebody
-/// else.
-const ONE_VIEW: f64 = 10.0;
-/// The same of somebody without identity.
+/// Seconds without two views after which somebody without identity whom one view still sees is let go.
 const UNPROVEN: f64 = 0.4;
 /// Seconds after which somebody who is missed may stand here under another name.
 const MISSED: f64 = 0.1;
@@ -229,18 +226,36 @@ mod tests {
         let mut identities = Identities::default();
         identities.forget(&mut present, 5_000_000_000, &FitConfig::default());
         let present = present.iter().map(|p| p.id).collect();
-        (present, identities.gone.iter().map(|g| g.person.id).collect())
+        (
+            present,
+            identities.gone.iter().map(|g| g.person.id).collect(),
+        )
     }
 
     #[test]
     fn whoever_is_missed_leaves_the_place_to_whoever_is_seen_there() {
         let seen = || person(7, 3, 0.0);
         assert_eq!(after(vec![person(2, 0, 0.8), seen()]), (vec![7], vec![2]));
-        assert_eq!(after(vec![seen(), person(2, 3, 0.8)]), (vec![2], vec![]), "the same looks");
-        assert_eq!(after(vec![person(2, 0, 0.0), seen()]), (vec![2], vec![]), "both are seen");
-        assert_eq!(after(vec![person(2, 0, 0.0), person(7, 3, 0.8)]), (vec![2], vec![]));
+        assert_eq!(
+            after(vec![seen(), person(2, 3, 0.8)]),
+            (vec![2], vec![]),
+            "the same looks"
+        );
+        assert_eq!(
+            after(vec![person(2, 0, 0.0), seen()]),
+            (vec![2], vec![]),
+            "both are seen"
+        );
+        assert_eq!(
+            after(vec![person(2, 0, 0.0), person(7, 3, 0.8)]),
+            (vec![2], vec![])
+        );
         let of_new = |colour| after(vec![person(0, colour, 0.0), person(2, 0, 0.8)]);
         assert_eq!(of_new(0), (vec![2], vec![]));
-        assert_eq!(of_new(3), (vec![2, 0], vec![]), "not sure yet that anybody is there");
+        assert_eq!(
+            of_new(3),
+            (vec![2, 0], vec![]),
+            "not sure yet that anybody is there"
+        );
     }
 }
