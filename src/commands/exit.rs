@@ -116,6 +116,16 @@ impl Failure {
         ))
     }
 
+    /// A record has no whole frame in it, whether or not it was cut off inside its first.
+    pub fn no_whole_frame(name: &str, what: &str, was_cut: bool) -> Self {
+        match was_cut {
+            false => Self::no_frames(name, what),
+            true => Self::data(format!(
+                "{name}: expected a record of {what}, found it cut off inside its first frame; record again"
+            )),
+        }
+    }
+
     /// The user stopped the work when `frames` were done.
     pub fn stopped(frames: u64) -> Self {
         let message = match frames {

@@ -113,7 +113,7 @@ fn is_published(camera: &str) -> Result<bool, LinkError> {
 fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> anyhow::Result<()> {
     let bodies = Subscriber::<BodyFrame>::open(camera)?;
     let mut events = EventRelay::to_page(camera, hub)?;
-    let pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
+    let mut pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
     let mut told = false;
     let mut published = Instant::now();
     let (mut silence, mut newest) = (Silence::default(), Box::<BodyFrame>::default());
@@ -133,11 +133,15 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
             None if patience.is_some_and(|p| published.elapsed() >= p) => return Ok(()),
             None => {}
         }
-        if silence.begins(Instant::now()) {
+        let is_silent = silence.begins(Instant::now());
+        if is_silent {
             hub.quiet(camera, &mut newest);
         }
         events.look()?;
-        if let Some(pictures) = &pictures {
+        if let Some(pictures) = &mut pictures {
+            if is_silent {
+                pictures.quiet();
+            }
             pictures.look()?;
             if !told && bodies.publisher_count() > 0 && pictures.is_missing() {
                 tracing::warn!("{camera} publishes no pictures: 'edgecap run --show-picture' does");

@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::fmt;
 use std::io::ErrorKind;
 use std::os::unix::fs::FileTypeExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::Context;
@@ -70,17 +70,26 @@ impl TypedValueParser for Words {
     fn parse_ref(
         &self,
         command: &clap::Command,
-        _: Option<&clap::Arg>,
+        option: Option<&clap::Arg>,
         given: &OsStr,
     ) -> Result<String, clap::Error> {
         given.to_str().map(str::to_owned).ok_or_else(|| {
+            let option = option.and_then(clap::Arg::get_long).unwrap_or_default();
             let message = format!(
-                "--input: expected a path in UTF-8, found {}; rename it, or give a link to it (ln -s)",
+                "--{option}: expected a path in UTF-8, found {}; name it otherwise, or give a link to it (ln -s)",
                 given.display()
             );
             clap::Error::raw(clap::error::ErrorKind::InvalidUtf8, message).with_cmd(command)
         })
     }
+}
+
+/// Reads the path of an option that settings hold, too.
+pub fn path_in_words() -> impl TypedValueParser<Value = PathBuf> {
+    Words.try_map(|path| match path.is_empty() {
+        true => Err("expected a path, found none"),
+        false => Ok(PathBuf::from(path)),
+    })
 }
 
 fn parse_fps(text: &str) -> Result<f64, String> {
@@ -240,12 +249,17 @@ fn is_pipe(path: &Path) -> bool {
     })
 }
 
+/// Whether an input is a stream of the network, whose name is no path.
+pub fn is_network(input: &str) -> bool {
+    input.contains("://")
+}
+
 /// Decides which input the arguments mean.
 ///
 /// # Errors
 /// If a pipe is to be played like a camera: it has a pace of its own. Network streams.
 pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
-    if let Some(url) = args.input.as_ref().filter(|text| text.contains("://")) {
+    if let Some(url) = args.input.as_ref().filter(|text| is_network(text)) {
         return Err(Failure::usage(format!(
             "{url}: expected a file or a camera, found a network stream, which is not read: hand it on by ffmpeg -i '{url}' -f yuv4mpegpipe -pix_fmt yuv420p - | edgecap --input -"
         ))
@@ -282,10 +296,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
     }
     let name = args.name.clone().unwrap_or_else(|| match &spec {
         InputSpec::Demo if args.input.is_some() => "demo".to_owned(),
-        InputSpec::Path(path) => path.file_stem().map_or_else(
-            || DEFAULT_NAME.to_owned(),
-            |s| service_name(&s.to_string_lossy()),
-        ),
+        InputSpec::Path(path) => stream_name(path),
         // The clip in place of a camera is read as the camera would be.
         InputSpec::Demo | InputSpec::Stdin | InputSpec::FirstCamera | InputSpec::StandIn(_) => {
             DEFAULT_NAME.to_owned()
@@ -332,6 +343,12 @@ pub fn camera_file(args: &InputArgs, chosen: &NamedInput) -> anyhow::Result<Came
             CameraFile::default()
         }
     })
+}
+
+/// Under which name a film's or a device's streams are published where the user gives none.
+pub fn stream_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default();
+    service_name(&stem.to_string_lossy())
 }
 
 fn service_name(stem: &str) -> String {

@@ -74,6 +74,8 @@ pub struct PictureRelay {
     pictures: Subscriber<PictureFrame>,
     name: String,
     hub: Hub,
+    /// Whether the page shows one.
+    is_shown: bool,
 }
 
 impl PictureRelay {
@@ -94,6 +96,7 @@ impl PictureRelay {
             pictures: Subscriber::open_with(camera, priority)?,
             name: name.to_owned(),
             hub: hub.clone(),
+            is_shown: false,
         }))
     }
 
@@ -101,11 +104,22 @@ impl PictureRelay {
     ///
     /// # Errors
     /// Shared memory's.
-    pub fn look(&self) -> Result<(), LinkError> {
+    pub fn look(&mut self) -> Result<(), LinkError> {
         if let Some(picture) = self.pictures.newest(Duration::ZERO)? {
+            self.is_shown = picture.count > 0;
             self.hub.show(&self.name, &picture);
+        } else if self.is_shown && self.is_missing() {
+            // One that was killed has not said that nothing follows.
+            self.quiet();
         }
         Ok(())
+    }
+
+    /// Lets the page show none until the next one comes.
+    pub fn quiet(&mut self) {
+        if std::mem::take(&mut self.is_shown) {
+            self.hub.show(&self.name, &PictureFrame::default());
+        }
     }
 
     /// Whether nobody publishes any.

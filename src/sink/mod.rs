@@ -9,6 +9,7 @@ mod picture;
 mod record;
 mod shared_memory;
 mod silence;
+mod streams;
 
 pub use error::SinkError;
 pub use events::EventSink;
@@ -19,6 +20,7 @@ pub use picture::PictureSink;
 pub use record::RecordSink;
 pub use shared_memory::{SharedMemorySink, Streamed};
 pub use silence::{Rhythm, Silence};
+pub use streams::Streams;
 
 use crate::capture::Frame;
 

@@ -58,11 +58,26 @@ impl PictureSink {
         self.last = Some(Instant::now());
         let message = &mut *self.message;
         (message.sequence, message.capture_ns, message.flags) = (sequence, capture_ns, flags);
+        self.publish()
+    }
+
+    fn publish(&mut self) -> Result<(), SinkError> {
         self.stream.take(&Packet {
-            message,
+            message: &*self.message,
             source: "",
             picture: None,
         })
+    }
+
+    /// Publishes that there is nothing to be seen, where a picture was the last.
+    fn blank(&mut self) {
+        if self.message.count > 0 {
+            self.message.count = 0;
+            self.message.jpeg.fill(0);
+            self.last = None;
+            // Where it cannot be said, the next picture tells.
+            let _ = self.publish();
+        }
     }
 }
 
@@ -99,6 +114,10 @@ impl Sink<ObservationFrame> for PictureSink {
         self.look(packet.picture, (m.sequence, m.capture_ns, m.flags))
     }
 
+    fn quiet(&mut self) {
+        self.blank();
+    }
+
     fn end(&mut self) -> Result<(), SinkError> {
         self.stream.end()
     }
@@ -112,6 +131,10 @@ impl Sink<BodyFrame> for PictureSink {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
         let m = packet.message;
         self.look(packet.picture, (m.sequence, m.capture_ns, m.flags))
+    }
+
+    fn quiet(&mut self) {
+        self.blank();
     }
 
     fn end(&mut self) -> Result<(), SinkError> {

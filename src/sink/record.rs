@@ -77,7 +77,7 @@ impl<T: Row> Sink<T::Message> for RecordSink<T> {
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
         let path = self.writer.path().to_owned();
-        let is_told = self.says && path.as_os_str() != crate::output::STDOUT;
+        let is_told = self.says && !crate::output::is_stdout(&path);
         let keeps = self.writer.keeps_anything();
         let there = self.writer.finish().map_err(|e| failed(path, keeps, e))?;
         let there = there.filter(|_| is_told);

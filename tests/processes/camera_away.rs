@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use crate::program::stand_in::{StandIn, Watched};
 use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
 use edgecap::camera::monotonic_ns;
+use edgecap::capture::{AviReader, Frame, Source};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::Subscriber;
 
@@ -125,8 +126,8 @@ fn infer_itself_stops_while_it_waits_for_the_camera() {
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
-/// Frames, and how often the camera came back, as `edgecap status` has them.
-fn counted(name: &str) -> Option<(u64, u64)> {
+/// A camera as `edgecap status` has it.
+fn told(name: &str) -> Option<serde_json::Value> {
     let out = edgecap().args(["status", "--json"]).output().unwrap();
     let runs: serde_json::Value = serde_json::from_slice(&out.stdout).ok()?;
     let mut cameras = runs
@@ -134,7 +135,12 @@ fn counted(name: &str) -> Option<(u64, u64)> {
         .iter()
         .filter_map(|r| r["cameras"].as_array())
         .flatten();
-    let camera = cameras.find(|c| c["name"] == name)?;
+    cameras.find(|c| c["name"] == name).cloned()
+}
+
+/// Frames, and how often the camera came back.
+fn counted(name: &str) -> Option<(u64, u64)> {
+    let camera = told(name)?;
     Some((camera["frames"].as_u64()?, camera["reconnects"].as_u64()?))
 }
 
@@ -151,12 +157,14 @@ fn frames_more(name: &str, more: u64) -> u64 {
 fn only_a_camera_that_was_away_has_come_back() {
     // Its next picture is not due at most looks.
     let camera = StandIn::new(5.0);
-    let watched = Watched::start("slow", &camera, &["--no-idle"]);
+    let watched = Watched::start("five-a-second", &camera, &["--no-idle"]);
     let bodies = watched.listen::<BodyFrame>();
     fresh_body(&bodies);
     assert_eq!(frames_more(&watched.name, 15), 0);
     camera.unplug();
-    std::thread::sleep(Duration::from_millis(1500));
+    eventually("its absence in the status", || {
+        (told(&watched.name)?["healthy"] == false).then_some(())
+    });
     camera.plug_in();
     fresh_body(&bodies);
     assert_eq!(frames_more(&watched.name, 10), 1);
@@ -219,4 +227,36 @@ fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
         1,
         "{said}"
     );
+}
+
+#[test]
+fn a_film_of_a_camera_that_comes_back_with_another_size_goes_on_in_another_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film.avi");
+    let camera = StandIn::new(30.0);
+    let (input, name) = (camera.input(), stream("film-of-camera"));
+    let args = ["infer", "--input", &input, "--name", &name, "--overlay"];
+    let small = ["--no-idle", "--size", "64x64", "--threads", "1"];
+    let infer = Running::start(&[&args[..], &[film.to_str().unwrap()], &small].concat());
+    let observations = Subscriber::<ObservationFrame>::open(&name).unwrap();
+    let sees = |size: (u32, u32)| {
+        eventually("a picture of this size", || {
+            let seen = observations.next(Duration::from_millis(100)).unwrap()?;
+            ((seen.width, seen.height) == size).then_some(())
+        });
+    };
+    sees((96, 64));
+    camera.changes_size((64, 64));
+    sees((64, 64));
+    drop(observations);
+    signal(infer.pid(), "TERM");
+    let out = infer.wait(Duration::from_secs(20));
+    assert!(out.status.success(), "{}", stderr(&out));
+    for (part, size) in [("film.avi", (96, 64)), ("film-2.avi", (64, 64))] {
+        let file = std::fs::File::open(folder.path().join(part)).unwrap();
+        let mut film = AviReader::new(file, part).unwrap();
+        let mut picture = Frame::default();
+        assert!(film.next_into(&mut picture).unwrap());
+        assert_eq!((picture.width, picture.height), size);
+    }
 }

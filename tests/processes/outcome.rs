@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use crate::program::stand_in::{StandIn, Watched};
 use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stdout, stream};
 use edgecap::capture::{AviReader, AviWriter, Frame, Source, demo};
-use edgecap::message::BodyFrame;
-use edgecap_client::Subscriber;
+use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap_client::{Publisher, Subscriber};
 
 const SMALL: [&str; 4] = ["--size", "256x160", "--threads", "1"];
 
@@ -240,6 +240,31 @@ fn one_bad_picture_among_many_is_left_out_and_the_rest_is_there() {
         .collect();
     names.sort();
     assert_eq!(names, ["1.png", "3.png"]);
+}
+
+/// As by `--jsonl /dev/stdout >> all.txt`.
+#[test]
+fn standard_output_by_its_name_is_written_on_and_gets_nothing_but_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, seen) = (folder.path().join("all.txt"), folder.path().join("1.jpg"));
+    std::fs::write(&seen, photo()).unwrap();
+    std::fs::write(&all, "a line of before\n").unwrap();
+    let added = std::fs::File::options().append(true).open(&all).unwrap();
+    let out = edgecap()
+        .args(["run", "--jsonl", "/dev/stdout", "--input"])
+        .arg(&seen)
+        .args(["--name", &stream("stdout")])
+        .args(SMALL)
+        .stdout(added)
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(stderr(&out).contains("1 frame, "), "{}", stderr(&out));
+    let text = std::fs::read_to_string(&all).unwrap();
+    let (before, json) = text.split_once('\n').unwrap();
+    assert_eq!(before, "a line of before");
+    let row: serde_json::Value = serde_json::from_str(json).unwrap();
+    assert!(row["people"].is_array());
 }
 
 /// Three photos, of which one is damaged.
@@ -559,6 +584,64 @@ fn a_film_that_is_not_seen_to_its_end_says_so() {
             n => format!("stopped after {n} frames;"),
         };
         assert!(stderr(&out).contains(&said), "{verb}: {}", stderr(&out));
+    }
+}
+
+/// A user's last session has ended, and with it the folder of the shared memory.
+#[test]
+fn a_film_is_seen_to_its_end_whatever_becomes_of_its_streams() {
+    let clip = AviReader::new(std::io::Cursor::new(demo::CLIP), "demo").unwrap();
+    for verb in ["run", "infer"] {
+        let folder = tempfile::tempdir().unwrap();
+        let session = folder.path().join("session");
+        std::fs::create_dir(&session).unwrap();
+        let name = stream("streams-gone");
+        let mut child = edgecap()
+            .args([verb, "--input", "demo", "--name", &name, "--jsonl", "-"])
+            .args(SMALL)
+            .env("EDGECAP_RUNTIME_DIR", session.join("edgecap"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut seen = String::new();
+        stdout.read_line(&mut seen).unwrap();
+        // All that follows does not fit into the pipe: it is at work yet when it notices the loss.
+        std::fs::rename(&session, folder.path().join("ended")).unwrap();
+        std::thread::sleep(Duration::from_secs(2));
+        stdout.read_to_string(&mut seen).unwrap();
+        let out = child.wait_with_output().unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(0), "{verb}: {said}");
+        let frames = seen.lines().count() as u64;
+        assert_eq!(Some(frames), clip.frame_count(), "{verb}: {said}");
+        let told = said.matches("nobody can watch this run").count();
+        assert_eq!(told, 1, "{verb}: {said}");
+    }
+}
+
+/// Nobody has asked for a stream of it.
+#[test]
+fn a_file_without_a_name_needs_no_stream() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = stream("name-taken");
+    let input = folder.path().join(format!("{name}.jpg"));
+    std::fs::write(&input, photo()).unwrap();
+    let _other = Publisher::<ObservationFrame>::open(&name).unwrap();
+    let absent = folder.path().join("absent/edgecap");
+    for place in [None, Some(absent)] {
+        let mut infer = edgecap();
+        infer.current_dir(folder.path()).args(["infer", "--input"]);
+        infer.arg(&input).args(SMALL);
+        infer.envs(place.map(|place| ("EDGECAP_RUNTIME_DIR", place)));
+        let out = infer.output().unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(0), "{said}");
+        let told = said.matches("nobody can watch this run").count();
+        assert_eq!(told, 1, "{said}");
+        let seen = format!("edgecap-out/{name}.observations.jsonl");
+        assert_eq!(count(&folder.path().join(seen)), 1);
     }
 }
 

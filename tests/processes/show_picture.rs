@@ -4,13 +4,14 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use edgecap::message::{BodyFrame, PictureFrame};
+use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, PictureFrame};
 use edgecap_client::{Publisher, Subscriber};
 use image::codecs::jpeg::JpegEncoder;
+use tungstenite::WebSocket;
 
 use crate::program::browser::Browser;
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{Running, eventually, stderr, stream};
+use crate::program::{Running, eventually, signal, stderr, stream};
 
 /// A page of a camera, and its host and port.
 fn view(camera: &str, more: &[&str]) -> (Running, String) {
@@ -33,13 +34,18 @@ fn get(host: &str, path: &str) -> String {
     answer
 }
 
-/// Bytes of the next picture that a page sends.
-fn shown(host: &str) -> Vec<u8> {
+/// What a page sends of pictures.
+fn page_of_pictures(host: &str) -> WebSocket<TcpStream> {
     let socket = TcpStream::connect(host).unwrap();
     let wait = Some(Duration::from_secs(60));
     socket.set_read_timeout(wait).unwrap();
-    let (mut client, _) = tungstenite::client(format!("ws://{host}/pictures"), socket).unwrap();
-    client.read().unwrap().into_data().to_vec()
+    let client = tungstenite::client(format!("ws://{host}/pictures"), socket);
+    client.unwrap().0
+}
+
+/// Bytes before the JPEG of a picture that a page sends.
+fn head(camera: &str) -> usize {
+    36 + camera.len().next_multiple_of(4)
 }
 
 #[test]
@@ -57,10 +63,9 @@ fn pictures_go_where_both_ends_ask_for_them_and_nowhere_else() {
 
     let (_with, host) = view(&run.name, &["--show-picture"]);
     assert!(get(&host, "/features").contains("\"pictures\":true"));
-    let bytes = shown(&host);
+    let bytes = page_of_pictures(&host).read().unwrap().into_data();
     assert_eq!(&bytes[..4], b"PICT");
-    let jpeg = 36 + run.name.len().next_multiple_of(4);
-    let read = image::load_from_memory(&bytes[jpeg..]).unwrap();
+    let read = image::load_from_memory(&bytes[head(&run.name)..]).unwrap();
     assert_eq!(read.width(), first.width);
 
     // Pictures are there to be had, but this page was not asked to show them.
@@ -75,6 +80,44 @@ fn pictures_go_where_both_ends_ask_for_them_and_nowhere_else() {
     assert!(out.status.success(), "{}", stderr(&out));
     let said = stderr(&out);
     assert!(said.contains("--show-picture: pictures of"), "{said}");
+}
+
+#[test]
+fn a_picture_goes_with_its_camera_and_its_run() {
+    let camera = StandIn::new(10.0);
+    let start = || Watched::start("picture-goes", &camera, &["--show-picture", "--no-idle"]);
+    let run = start();
+    let (_view, host) = view(&run.name, &["--show-picture"]);
+    let (mut page, head) = (page_of_pictures(&host), head(&run.name));
+    let mut is_shown = |wanted: bool| {
+        eventually("a picture on the page, or none", || {
+            let message = page.read().unwrap();
+            (message.is_binary() && (message.len() > head) == wanted).then_some(())
+        });
+    };
+    let stream = run.listen::<PictureFrame>();
+    let is_published = |wanted: bool| {
+        eventually("a picture in the stream, or none", || {
+            let picture = stream.next(Duration::from_millis(100)).unwrap()?;
+            ((picture.count > 0) == wanted).then_some(())
+        });
+    };
+    is_published(true);
+    is_shown(true);
+    camera.unplug();
+    is_published(false);
+    is_shown(false);
+    camera.plug_in();
+    is_published(true);
+    is_shown(true);
+    assert!(run.stop().status.success());
+    is_published(false);
+    is_shown(false);
+    // A killed one says nothing.
+    let run = start();
+    is_shown(true);
+    signal(run.run.pid(), "KILL");
+    is_shown(false);
 }
 
 #[test]
@@ -132,19 +175,26 @@ fn long_a_browser_shows_the_picture_only_where_it_was_asked_for() {
         ..PictureFrame::default()
     };
     picture.jpeg[..jpeg.len()].copy_from_slice(&jpeg);
-    let mut publish = || {
-        bodies.publish(&BodyFrame::default()).unwrap();
+    let mut publish = |flags: u32| {
+        let frame = BodyFrame {
+            flags,
+            ..BodyFrame::default()
+        };
+        bodies.publish(&frame).unwrap();
         pictures.publish(&picture).unwrap();
         std::thread::sleep(Duration::from_millis(50));
     };
+    let mut seen_on = |browser: &mut Browser, flags: u32| {
+        (0..100).find_map(|_| {
+            publish(flags);
+            Some(browser.value("edgecap.picture()")).filter(|p| !p.is_null())
+        })
+    };
     for (flags, is_shown) in [(&["--show-picture"][..], true), (&[], false)] {
-        let (_view, host) = view(&camera, flags);
+        let (view, host) = view(&camera, flags);
         browser.open(&format!("http://{host}/"));
         browser.until("window.edgecap");
-        let seen = (0..100).find_map(|_| {
-            publish();
-            Some(browser.value("edgecap.picture()")).filter(|p| !p.is_null())
-        });
+        let seen = seen_on(&mut browser, 0);
         assert_eq!(seen.is_some(), is_shown, "{flags:?}: {seen:?}");
         let Some(seen) = seen else { continue };
         assert_eq!(
@@ -155,5 +205,15 @@ fn long_a_browser_shows_the_picture_only_where_it_was_asked_for() {
             let found = seen["colour"][n].as_f64().unwrap();
             assert!((found - f64::from(*wanted)).abs() < 6.0, "{seen}");
         }
+        // Whoever was seen last does not stay on the page, neither when the camera's run has ended, …
+        eventually("no picture", || {
+            seen_on(&mut browser, FLAG_END_OF_STREAM)
+                .is_none()
+                .then_some(())
+        });
+        assert!(seen_on(&mut browser, 0).is_some(), "it is back");
+        // … nor when the server has.
+        drop(view);
+        browser.until("edgecap.picture() === null");
     }
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::{Inputs, Quality};
 use crate::commands::exit::Failure;
+use crate::commands::input::path_in_words;
 use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
 
 /// Options of the network, shared by the verbs that run it.
@@ -15,10 +16,10 @@ use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
 #[serde(default, deny_unknown_fields)]
 pub struct EngineArgs {
     /// Model file, or PyTorch weights of SelecSLS (safetensors), which run in f32; the shipped model when not given
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub model: Option<PathBuf>,
     /// Weights of Stage II (safetensors) in place of the model's own
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub stage2: Option<PathBuf>,
     /// Network input, multiples of 16, or 'auto', for films and cameras: 512x320 or as much smaller as suits those in
     /// view, which sees people close to the camera better in less time, turned for upright pictures [default: as

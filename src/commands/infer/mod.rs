@@ -31,7 +31,7 @@ use super::stop::Stop;
 use crate::capture::{InputSpec, camera, list_cameras};
 use crate::counted::counted;
 use crate::record::ObservationsRow;
-use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
+use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks, Streams};
 use crate::supervise::Beat;
 pub(super) use engine_args::{EngineArgs, parse_size};
 pub use inputs::{Quality, photo_inputs};
@@ -127,11 +127,15 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
             source.is_stills(),
         )?);
     }
+    let streams = match chosen.is_live() {
+        true => Streams::of_camera(&chosen.name),
+        false => Streams::of_file(&chosen.name, task.input.name.is_some()),
+    };
     if is_published {
-        sinks.push(SharedMemorySink::<ObservationFrame>::open(&chosen.name)?);
+        streams.add_to(&mut sinks, SharedMemorySink::<ObservationFrame>::open)?;
     }
     if task.show_picture {
-        sinks.push(PictureSink::open(&chosen.name)?);
+        streams.add_to(&mut sinks, PictureSink::open)?;
     }
     let mut observer = Observer::new(source, lens, &task.engine, limits, task.input.mounting())?;
     tracing::info!(source = %chosen.spec, name = %chosen.name, "infer starts");
@@ -147,6 +151,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
                     continue;
                 }
                 Step::Away => {
+                    sinks.quiet();
                     heart.beat(Beat::Away);
                     continue;
                 }
@@ -183,10 +188,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         bar.finish_and_clear();
     }
     // The supervisor has not asked for the end of the stream: it knows why this process ends, or starts another one.
-    if is_supervised && outcome.is_err() {
-        return outcome;
-    }
-    if is_supervised && stop.requested() {
+    if is_supervised && (outcome.is_err() || stop.requested()) {
+        // No picture stays that stands for what nobody sees any more.
+        sinks.quiet();
+        outcome?;
         return Err(Failure::silent(exit::INTERRUPTED).into());
     }
     if outcome.is_ok() && !has_ended && has_end {

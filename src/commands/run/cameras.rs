@@ -70,6 +70,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                     let table = Table::of_several(&chosen.name);
                     let plan = Plan::of_camera(args, chosen);
                     let ended = live::run(args, plan, table, meter, &pulse, hub, stop);
+                    meter.ended();
                     if let Err(e) = &ended {
                         meter.failed(told_again(e));
                         tracing::error!(

@@ -4,7 +4,7 @@
 use std::sync::mpsc::{SyncSender, sync_channel};
 
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
-use edgecap_client::{LinkError, Priority, service_name};
+use edgecap_client::{Priority, service_name};
 
 use super::RunArgs;
 use crate::camera::monotonic_ns;
@@ -22,7 +22,7 @@ use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
 use crate::record::BodiesRow;
-use crate::sink::{EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks};
+use crate::sink::{EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks, Streams};
 
 /// Frames that may be seen before the first of them is written.
 const AHEAD: usize = 4;
@@ -66,25 +66,19 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     args.bridges
         .add_events_to(&mut happened, &chosen.name, hub)?;
     let mut table = Table::new(args.table);
-    match SharedMemorySink::<BodyFrame>::open(&chosen.name) {
-        Ok(stream) => {
-            sinks.push(stream);
-            if args.show_picture {
-                sinks.push(PictureSink::open(&chosen.name)?);
-            }
-            happened.push(SharedMemorySink::<EventFrame>::open(&chosen.name)?);
-            let stream = service_name::<BodyFrame>(&chosen.name);
-            table.say(&format!(
-                "{} → shared memory {stream} (Ctrl-C stops)",
-                chosen.spec
-            ));
-        }
-        Err(e @ LinkError::Name(_)) => return Err(e.into()),
-        Err(e) if args.input.name.is_some() => return Err(e.into()),
-        // The file's result does not need it.
-        Err(e) => tracing::warn!("nobody can watch this run: {e}"),
+    let streams = Streams::of_file(&chosen.name, args.input.name.is_some());
+    if streams.add_to(&mut sinks, SharedMemorySink::<BodyFrame>::open)? {
+        let stream = service_name::<BodyFrame>(&chosen.name);
+        table.say(&format!(
+            "{} → shared memory {stream} (Ctrl-C stops)",
+            chosen.spec
+        ));
     }
-    let pictures = PictureRelay::to_page(&chosen.name, &chosen.name, hub, Priority::Reserved)?;
+    if args.show_picture {
+        streams.add_to(&mut sinks, PictureSink::open)?;
+    }
+    streams.add_to(&mut happened, SharedMemorySink::<EventFrame>::open)?;
+    let mut pictures = PictureRelay::to_page(&chosen.name, &chosen.name, hub, Priority::Reserved)?;
     if !happened.is_empty() {
         sinks.push(EventSink::new(events, happened));
     }
@@ -122,8 +116,8 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
             if written.is_err() {
                 break;
             }
-            if let Some(pictures) = &pictures {
-                pictures.look()?;
+            if let Some(Err(e)) = pictures.as_mut().map(PictureRelay::look) {
+                tracing::debug!("{}: {e}", chosen.name);
             }
             if let Some(flight) = &flight {
                 flight.look(false);
@@ -150,13 +144,9 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let (mut words, ended) = finish(sinks, tally.frames, outcome);
     let is_broken = is_stopped || ended.is_err();
     // What was seen before a film broke off is exported, too.
-    let exported = match kept.filter(|_| tally.frames > 0) {
+    let (exported, is_exported) = match kept.filter(|_| tally.frames > 0) {
         Some(kept) => kept.write(&chosen.spec.to_string(), is_broken),
-        None => Ok(Vec::new()),
-    };
-    let (exported, is_exported) = match exported {
-        Ok(more) => (more, Ok(())),
-        Err(e) => (Vec::new(), Err(e)),
+        None => (Vec::new(), Ok(())),
     };
     words.extend(exported);
     if ended.is_ok() || !words.is_empty() {

@@ -128,9 +128,10 @@ pub fn run(
             News::Look => {
                 if silence.begins(Instant::now()) {
                     sinks.quiet();
+                    pictures.iter_mut().for_each(PictureRelay::quiet);
                 }
                 events.as_mut().map_or(Ok(()), EventRelay::look)?;
-                return Ok(pictures.iter().try_for_each(PictureRelay::look)?);
+                return Ok(pictures.iter_mut().try_for_each(PictureRelay::look)?);
             }
         };
         silence.hear(Instant::now());

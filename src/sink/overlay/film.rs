@@ -17,7 +17,8 @@ const USUAL_RATE: f64 = 30.0;
 /// Rates are kept as so many parts of a frame a second.
 const PARTS: u32 = 1000;
 
-/// Writes a film; where one file is full, it goes on in `name-2.avi`, `name-3.avi` and so on.
+/// Writes a film; where one file is full, or a camera has come back with pictures of another size, it goes on in
+/// `name-2.avi`, `name-3.avi` and so on.
 #[derive(Debug)]
 pub struct Film {
     path: PathBuf,
@@ -29,7 +30,7 @@ pub struct Film {
     /// The files after the first.
     more: Vec<PathBuf>,
     written: u64,
-    /// Size of the first picture: a film has one.
+    /// Size of the first picture of this file: it has one.
     size: Option<(u32, u32)>,
 }
 
@@ -68,9 +69,14 @@ impl Film {
     /// Appends a picture, after repeating the one before until the film is as long as the time since its first.
     ///
     /// # Errors
-    /// [`SinkError::Write`]; `InvalidInput` where its size is not that of the first.
+    /// [`SinkError::Write`]; `InvalidInput` where a file's picture has not the size of the first.
     pub fn write(&mut self, picture: &Frame, taken: Taken) -> Result<(), SinkError> {
         self.catch_up(taken).map_err(|e| self.failed(e))?;
+        let size = (picture.width, picture.height);
+        if matches!(taken, Taken::Live(_)) && self.size.is_some_and(|known| known != size) {
+            self.next_part().map_err(|e| self.failed(e))?;
+            self.size = None;
+        }
         let written = match self.append(picture) {
             Err(e) if e.kind() == io::ErrorKind::FileTooLarge => {
                 self.next_part().and_then(|()| self.append(picture))
@@ -255,6 +261,30 @@ mod tests {
         let mut frame = Frame::default();
         let shown = std::iter::from_fn(|| reader.next_into(&mut frame).unwrap().then_some(()));
         assert_eq!(shown.count(), 41);
+    }
+
+    /// As one that was unplugged and comes back in another mode.
+    #[test]
+    fn a_camera_of_another_size_goes_on_in_another_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.avi");
+        let mut film = Film::create(&path, Rate::default()).unwrap();
+        for (k, size) in [(64, 48), (64, 48), (48, 64), (48, 64)]
+            .into_iter()
+            .enumerate()
+        {
+            let taken = Taken::Live(7_000_000_000 + k as u64 * 33_333_333);
+            film.write(&picture(size.0, size.1), taken).unwrap();
+        }
+        film.finish().unwrap();
+        for (name, size) in [("film.avi", (64, 48)), ("film-2.avi", (48, 64))] {
+            let file = fs::File::open(folder.path().join(name)).unwrap();
+            let mut reader = AviReader::new(file, name).unwrap();
+            let mut frame = Frame::default();
+            assert!(reader.next_into(&mut frame).unwrap());
+            assert_eq!((frame.width, frame.height), size);
+            assert_eq!(reader.frame_count(), Some(2));
+        }
     }
 
     #[test]
