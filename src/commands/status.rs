@@ -1,11 +1,14 @@
 //! `edgecap status`: which cameras run on this machine, and how they are doing.
 //!
 //! Every run of cameras keeps a file in the runtime folder, renewed once a second: to read it takes no answer from a
-//! process that may hang.
+//! process that may hang. That the run lives is proved by a lock on a second file: process numbers say nothing of a
+//! container's run, nor where they are hidden.
 
-use std::fs::{self, OpenOptions};
-use std::io::Read;
-use std::os::unix::fs::OpenOptionsExt;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, Read};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
@@ -14,7 +17,9 @@ use std::time::{Duration, SystemTime};
 
 use edgecap_client::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Message, Subscriber, place};
+use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
+use tempfile::NamedTempFile;
 
 use super::closed;
 use super::exit::Failure;
@@ -39,9 +44,8 @@ pub struct StatusArgs {
 /// What a run says of itself.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Status {
+    /// As the run itself knows it: a container has numbers of its own.
     pid: u32,
-    /// Of the process, in the kernel's ticks: another process may get the same number later.
-    started: u64,
     build: String,
     /// Seconds since 1970.
     written: f64,
@@ -60,31 +64,36 @@ impl StatusFile {
     pub fn keep(meters: Vec<Arc<Meter>>) -> Self {
         let (ends, end) = channel();
         let keep = move || {
-            let pid = std::process::id();
-            let path = place::runtime_dir().join(format!("status-{pid}.json"));
-            let started = started(pid).unwrap_or(0);
-            remove_dead(&place::runtime_dir());
+            let folder = place::runtime_dir();
+            remove_dead(&folder);
+            let mut life: Option<NamedTempFile> = None;
             loop {
-                let status = Status {
-                    pid,
-                    started,
-                    build: crate::BUILD.to_owned(),
-                    written: now(),
-                    cameras: meters.iter().map(|m| m.snapshot()).collect(),
-                };
-                // The folder is there once the first stream is.
-                if path.parent().is_some_and(Path::is_dir)
-                    && let Ok(text) = serde_json::to_vec(&status)
-                    && let Err(e) = crate::output::write(&path, &text)
-                {
-                    tracing::debug!("{}: {e}", path.display());
+                if life.as_ref().is_none_or(is_removed) {
+                    // The folder is there once the first stream is.
+                    life = sign_of_life(&folder).ok();
+                }
+                if let Some(life) = &life {
+                    let status = Status {
+                        pid: std::process::id(),
+                        build: crate::BUILD.to_owned(),
+                        written: now(),
+                        cameras: meters.iter().map(|m| m.snapshot()).collect(),
+                    };
+                    let path = status_of(life.path());
+                    if let Ok(text) = serde_json::to_vec(&status)
+                        && let Err(e) = crate::output::write(&path, &text)
+                    {
+                        tracing::debug!("{}: {e}", path.display());
+                    }
                 }
                 if end.recv_timeout(RENEW_EVERY) != Err(std::sync::mpsc::RecvTimeoutError::Timeout)
                 {
                     break;
                 }
             }
-            let _ = fs::remove_file(path);
+            if let Some(life) = life {
+                let _ = fs::remove_file(status_of(life.path()));
+            }
         };
         Self {
             ends: Some(ends),
@@ -205,13 +214,16 @@ impl Status {
     }
 
     fn is_healthy(&self) -> bool {
-        self.cameras.iter().all(|c| c.healthy && !self.hangs(c))
+        let does_well = |c: &Snapshot| c.healthy && !c.ended && !self.hangs(c);
+        self.cameras.iter().all(does_well)
     }
 }
 
 fn line(status: &Status, camera: &Snapshot) -> String {
     let state = if status.hangs(camera) {
         "HANGS"
+    } else if camera.ended {
+        "ENDED"
     } else if camera.healthy {
         "ok"
     } else {
@@ -258,16 +270,15 @@ fn words(seconds: f64) -> String {
 
 /// What this user may see, by the cameras' names.
 fn running() -> Vec<Status> {
-    let mut all: Vec<Status> = folders()
-        .iter()
-        .filter_map(|folder| fs::read_dir(folder).ok())
-        .flatten()
-        .flatten()
-        .filter_map(|entry| read(&entry.path()))
-        .filter(|status| started(status.pid) == Some(status.started))
-        .collect();
+    let files = folders().into_iter().filter_map(|f| fs::read_dir(f).ok());
+    let files = files.flatten().flatten();
+    let alive = files.filter_map(|file| {
+        let status = read(&file.path())?;
+        is_alive(&file.path()).then(|| (file.file_name(), status))
+    });
+    let each: BTreeMap<OsString, Status> = alive.collect();
+    let mut all: Vec<Status> = each.into_values().collect();
     all.sort_by_key(|s| (s.cameras.first().map(|c| c.name.clone()), s.pid));
-    all.dedup_by_key(|s| s.pid);
     all
 }
 
@@ -275,10 +286,45 @@ fn running() -> Vec<Status> {
 fn remove_dead(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
-        if read(&path).is_some_and(|status| started(status.pid) != Some(status.started)) {
-            let _ = fs::remove_file(path);
+        if read(&path).is_some() && !is_alive(&path) {
+            let _ = fs::remove_file(&path);
+            let _ = fs::remove_file(lock_of(&path));
         }
     }
+}
+
+/// A file with a name of its own that this process has locked until it drops it or dies.
+fn sign_of_life(folder: &Path) -> io::Result<NamedTempFile> {
+    let file = tempfile::Builder::new()
+        .prefix("status-")
+        .suffix(".lock")
+        .tempfile_in(folder)?;
+    flock(file.as_file(), FlockOperation::NonBlockingLockExclusive)?;
+    // Whoever may look into the folder may try the lock.
+    let readable = Permissions::from_mode(0o644);
+    file.as_file().set_permissions(readable)?;
+    Ok(file)
+}
+
+/// Whether somebody has cleaned the file away.
+fn is_removed(file: &NamedTempFile) -> bool {
+    file.as_file().metadata().is_ok_and(|m| m.nlink() == 0)
+}
+
+/// Whether the run lives that keeps this file.
+fn is_alive(status: &Path) -> bool {
+    open(&lock_of(status)).is_ok_and(|file| {
+        let tried = flock(&file, FlockOperation::NonBlockingLockShared);
+        tried == Err(rustix::io::Errno::WOULDBLOCK)
+    })
+}
+
+fn lock_of(status: &Path) -> PathBuf {
+    status.with_extension("lock")
+}
+
+fn status_of(lock: &Path) -> PathBuf {
+    lock.with_extension("json")
 }
 
 /// Where runs that this user may see have their files.
@@ -292,11 +338,7 @@ fn read(path: &Path) -> Option<Status> {
     if !name.starts_with("status-") || !name.ends_with(".json") {
         return None;
     }
-    let file = OpenOptions::new()
-        .read(true)
-        .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
-        .open(path)
-        .ok()?;
+    let file = open(path).ok()?;
     if !file.metadata().ok()?.is_file() {
         return None;
     }
@@ -305,12 +347,12 @@ fn read(path: &Path) -> Option<Status> {
     serde_json::from_slice(&text).ok()
 }
 
-/// When a process was started, in ticks since the machine was.
-fn started(pid: u32) -> Option<u64> {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name before may hold anything; the field is the 22nd, and the third follows the name.
-    let fields = stat.rsplit(')').next()?;
-    fields.split_whitespace().nth(19)?.parse().ok()
+/// Opens a file for reading; where a pipe has its name, nobody is waited for.
+fn open(path: &Path) -> io::Result<File> {
+    OpenOptions::new()
+        .read(true)
+        .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
+        .open(path)
 }
 
 fn now() -> f64 {
@@ -323,25 +365,51 @@ fn now() -> f64 {
 mod tests {
     use super::*;
 
+    fn status(cameras: Vec<Snapshot>) -> Status {
+        Status {
+            // There is a process of this number, and it is no run.
+            pid: 1,
+            build: String::new(),
+            written: now(),
+            cameras,
+        }
+    }
+
     #[test]
     fn files_of_killed_runs_are_removed_and_no_others() {
         let folder = tempfile::tempdir().unwrap();
-        let pid = std::process::id();
-        let mut status = Status {
-            pid,
-            started: started(pid).unwrap(),
-            build: String::new(),
-            written: 0.0,
-            cameras: Vec::new(),
-        };
-        let [alive, dead, other] =
-            ["status-1.json", "status-2.json", "other.json"].map(|name| folder.path().join(name));
-        fs::write(&alive, serde_json::to_vec(&status).unwrap()).unwrap();
-        status.started += 1;
-        fs::write(&dead, serde_json::to_vec(&status).unwrap()).unwrap();
-        fs::write(&other, "{}").unwrap();
+        let text = serde_json::to_vec(&status(Vec::new())).unwrap();
+        let [life, end] = [(); 2].map(|()| sign_of_life(folder.path()).unwrap());
+        let [alive, dead] = [&life, &end].map(|file| status_of(file.path()));
+        let unlocked = folder.path().join("status-4711.json");
+        let other = folder.path().join("other.json");
+        for path in [&alive, &dead, &unlocked, &other] {
+            fs::write(path, &text).unwrap();
+        }
+        assert!(is_alive(&alive) && is_alive(&dead) && !is_alive(&unlocked));
+        // As a process leaves it that is killed.
+        let (file, lock) = end.keep().unwrap();
+        drop(file);
         remove_dead(folder.path());
-        assert!(alive.exists() && other.exists());
-        assert!(!dead.exists());
+        assert!(alive.exists() && life.path().exists() && other.exists());
+        assert!(!dead.exists() && !lock.exists() && !unlocked.exists());
+        let mode = life.as_file().metadata().unwrap().mode();
+        assert_eq!(mode & 0o777, 0o644, "readers try the lock");
+        assert!(!is_removed(&life));
+        fs::remove_file(life.path()).unwrap();
+        assert!(is_removed(&life));
+    }
+
+    #[test]
+    fn a_camera_that_has_ended_for_good_does_not_hang() {
+        let meter = Meter::new("hall", "camera", &[]);
+        meter.looked();
+        meter.ended();
+        meter.failed("no such device");
+        let status = status(vec![meter.snapshot()]);
+        let line = line(&status, &status.cameras[0]);
+        assert!(line.starts_with("ENDED     hall (camera)"), "{line}");
+        assert!(line.ends_with("ago: no such device"), "{line}");
+        assert!(!status.is_healthy());
     }
 }

@@ -5,7 +5,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use edgecap_client::message::BodyFrame;
+use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME};
 use edgecap_client::{Subscriber, cameras};
 
 use super::doctor;
@@ -14,8 +14,10 @@ use super::followed::Followed;
 use super::say;
 use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
+use crate::events::EventConfig;
 use crate::export::Clock;
 use crate::record::{BodiesRow, RowReader, Times};
+use crate::sink::{EventSink, Sinks};
 
 /// How long to wait before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
@@ -87,11 +89,18 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
     let camera = path.file_stem().unwrap_or_default().to_string_lossy();
     let server = PageServer::start("--listen", page, Past::Record, false)?;
+    let mut found = EventSink::new(EventConfig::default(), Sinks::default());
     let (mut frames, mut timeline) = (0_u64, Timeline::default());
     while let Some(row) = rows.read()? {
         let mut frame = row.message();
+        // By the record's own times, which say where it begins anew.
+        let happened = found.look(&frame);
         timeline.put(&mut frame);
         server.hub().publish(&camera, &frame);
+        for mut event in happened {
+            (event.time_ns, event.publish_ns) = (frame.pose_ns, frame.publish_ns);
+            server.hub().tell(&camera, &event);
+        }
         frames += 1;
         if stop.requested() {
             return Ok(());
@@ -103,6 +112,7 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     if rows.was_cut() {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are shown");
     }
+    server.hub().loaded();
     let every = server.hub().kept_every();
     if every > 1 {
         say::err(&format!(
@@ -145,6 +155,10 @@ impl Timeline {
             self.step = now - self.last;
         }
         frame.publish_at(now);
+        if frame.flags & FLAG_FILE_TIME != 0 {
+            // Of a second pass what happens is told after what happened in the first.
+            frame.pose_ns = now;
+        }
         self.last = now;
     }
 }
@@ -152,7 +166,6 @@ impl Timeline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::FLAG_FILE_TIME;
 
     const STEP: u64 = 40_000_000;
 
@@ -192,6 +205,7 @@ mod tests {
             assert_eq!(times[0], frame(1).due_ns());
             let steps: Vec<u64> = times.windows(2).map(|w| w[1] - w[0]).collect();
             assert_eq!(steps, [STEP; 99]);
+            assert!(put.is_sorted_by(|a, b| a.pose_ns < b.pose_ns));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME};
 use edgecap_client::{Subscriber, service_name};
 
 use super::input::DEFAULT_NAME;
@@ -10,10 +10,11 @@ use super::say;
 use super::stop::Stop;
 use super::table::{Table, TableArgs};
 use super::tally::Tally;
+use crate::sink::Rhythm;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-/// How long nothing may come before the user is told.
+/// How long nothing may come before the user is told, where the camera is not slower.
 const QUIET: Duration = Duration::from_secs(3);
 
 /// Options of `edgecap watch`.
@@ -26,7 +27,7 @@ pub struct WatchArgs {
     table: TableArgs,
 }
 
-/// Shows bodies until the user stops it or the input ends; waits where nobody publishes yet.
+/// Shows bodies until the user stops it or a file ends; waits where nobody publishes yet, or no more.
 ///
 /// # Errors
 /// Names that cannot be, and shared memory that fails.
@@ -38,28 +39,85 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
         "watching shared memory {} (Ctrl-C stops)",
         service_name::<BodyFrame>(&args.name)
     ));
-    let (mut last, mut told) = (Instant::now(), false);
+    let mut quiet = Quiet::since(Instant::now());
     let mut tally = Tally::default();
     while !stop.requested() {
         if let Some(frame) = bodies.next(LOOK_UP)? {
             if frame.flags & FLAG_END_OF_STREAM != 0 {
-                table.finish();
-                say::out("the input has ended");
-                return Ok(());
+                if frame.flags & FLAG_FILE_TIME != 0 {
+                    table.finish();
+                    say::out("the input has ended");
+                    return Ok(());
+                }
+                // A camera's process that is started again ends its stream, too.
+                continue;
             }
             tally.count(&frame);
             table.update(&frame, tally.left_out);
-            (last, told) = (Instant::now(), false);
-        } else if last.elapsed() > QUIET && !told {
+            quiet.hear(Instant::now());
+        } else if quiet.begins(Instant::now()) {
             let why = if bodies.publisher_count() == 0 {
                 "nobody publishes there yet: start 'edgecap run', with the same --name; 'edgecap doctor' says where it looks"
             } else {
                 "connected, but no frames come: is the camera there?"
             };
             table.say(why);
-            told = true;
         }
     }
     table.finish();
     Ok(())
+}
+
+/// Whether the user is to be told that nothing comes: once of each silence.
+struct Quiet {
+    began: Instant,
+    rhythm: Rhythm,
+    told: bool,
+}
+
+impl Quiet {
+    fn since(began: Instant) -> Self {
+        Self {
+            began,
+            rhythm: Rhythm::default(),
+            told: false,
+        }
+    }
+
+    /// A frame came.
+    fn hear(&mut self, now: Instant) {
+        self.rhythm.hear(now);
+        self.told = false;
+    }
+
+    fn begins(&mut self, now: Instant) -> bool {
+        let is_silent = self.rhythm.is_silent(QUIET, now);
+        let is_silent = is_silent.unwrap_or_else(|| now - self.began > QUIET);
+        let is_news = is_silent && !self.told;
+        self.told |= is_news;
+        is_news
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_camera_is_not_silent_between_its_frames() {
+        let began = Instant::now();
+        let mut quiet = Quiet::since(began);
+        let mut told = Vec::new();
+        for second in 0..100 {
+            let now = began + Duration::from_secs(second);
+            if (10..=50).contains(&second) && second % 5 == 0 {
+                quiet.hear(now);
+            }
+            if quiet.begins(now) {
+                told.push(second);
+            }
+        }
+        // Before the first frame, after it, since it may be the last, and once after the last.
+        assert_eq!(told, [4, 14, 61]);
+    }
 }

@@ -12,8 +12,11 @@ use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, Hand as Side,
 const FORGET: f64 = 3600.0;
 /// A frame that is older than the last by less was overtaken by one that was extrapolated, seconds.
 const RESTART: f64 = 1.0;
-/// Of what is seen after a camera has been silent for longer, what began before tells nothing, seconds.
+/// Of what is seen after a camera has been silent for longer, what began before tells nothing, seconds; or for longer
+/// than twice the time between its frames, where that is longer.
 const SILENCE: f64 = 3.0;
+/// Frames that are further apart are those of a camera that was away, seconds.
+const SLOWEST: f64 = 60.0;
 
 #[derive(Debug, Clone)]
 struct Person {
@@ -33,6 +36,8 @@ pub struct Detector {
     people: BTreeMap<u32, Person>,
     main: Steady<Option<u32>>,
     last: Option<f64>,
+    /// Between the frames before, the newest first, seconds: one pause makes no slow camera.
+    steps: [f64; 2],
 }
 
 impl Detector {
@@ -43,6 +48,7 @@ impl Detector {
             people: BTreeMap::new(),
             main: Steady::new(None, 0.0),
             last: None,
+            steps: [0.0; 2],
         }
     }
 
@@ -60,7 +66,10 @@ impl Detector {
             happened = self.everybody_leaves(last);
             *self = Self::new(self.config.clone());
         }
-        self.last = Some(time);
+        let silence = SILENCE.max(2.0 * self.steps[0].min(self.steps[1]));
+        if let Some(last) = self.last.replace(time) {
+            self.steps = [(time - last).min(SLOWEST), self.steps[0]];
+        }
         for body in frame
             .bodies()
             .iter()
@@ -78,7 +87,7 @@ impl Detector {
             person.seen = time;
         }
         for (&id, person) in &mut self.people {
-            person.lapse(time);
+            person.lapse(time, silence);
             let body = frame.bodies().iter().find(|b| b.id == id);
             let what = person.look(body, frame, time, &self.config);
             happened.extend(what.into_iter().map(|event| Event {
@@ -90,7 +99,7 @@ impl Detector {
             .retain(|_, p| p.there.get() || time - p.seen < FORGET);
         let nearest = self.nearest(frame);
         if nearest.is_some() {
-            self.main.lapse(time, SILENCE);
+            self.main.lapse(time, silence);
         }
         if let Some(main) = self.main.look(nearest, time, self.config.confirm) {
             happened.push(Event {
@@ -161,12 +170,12 @@ impl Detector {
 
 impl Person {
     /// Forgets what began before a camera fell silent. Not that somebody is away: who has gone meanwhile leaves.
-    fn lapse(&mut self, time: f64) {
+    fn lapse(&mut self, time: f64, silence: f64) {
         if !self.there.get() {
-            self.there.lapse(time, SILENCE);
+            self.there.lapse(time, silence);
         }
-        self.zones.iter_mut().for_each(|z| z.lapse(time, SILENCE));
-        self.hands.iter_mut().for_each(|h| h.lapse(time, SILENCE));
+        self.zones.iter_mut().for_each(|z| z.lapse(time, silence));
+        self.hands.iter_mut().for_each(|h| h.lapse(time, silence));
     }
 
     fn look(

@@ -186,3 +186,22 @@ fn two_frames_far_apart_that_know_a_floor_enter_no_zone() {
     );
     assert_eq!(kinds(&stays), [EventKind::ZONE_ENTERED]);
 }
+
+#[test]
+fn of_a_slow_camera_everything_is_told() {
+    let slow =
+        |frames: std::ops::Range<u32>, body| frames.map(move |k| frame(10.0 * f64::from(k), body));
+    let mut detector = Detector::new(EventConfig::default());
+    let frames = slow(0..4, None).chain(slow(4..10, Some(hand(true))));
+    let told = look(&mut detector, frames.chain(slow(10..14, None)));
+    assert_eq!(
+        kinds(&told),
+        [
+            EventKind::ENTERED,
+            EventKind::HAND_RAISED,
+            EventKind::MAIN_PERSON,
+            EventKind::LEFT,
+            EventKind::MAIN_PERSON
+        ]
+    );
+}

@@ -1,11 +1,11 @@
 //! What a client asks: the head of a request.
 
-use std::io::{self, Read};
+use std::io::{self, ErrorKind, Read};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// A longer head is none of ours.
-const MOST_BYTES: usize = 8192;
+/// A longer head is none of ours. Names of this machine share their cookies with every other server on it.
+const MOST_BYTES: usize = 64 << 10;
 
 /// The head of a request.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -22,23 +22,38 @@ impl Request {
     /// Reads one within `patience`; `None` where none came.
     ///
     /// # Errors
-    /// Those of the connection.
+    /// Those of the connection; [`ErrorKind::InvalidData`] for a head that is too long.
     pub fn read(stream: &mut TcpStream, patience: Duration) -> io::Result<Option<Self>> {
         let until = Instant::now() + patience;
         let mut bytes = Vec::new();
         let mut some = [0; 1024];
-        while !bytes.windows(4).any(|w| w == b"\r\n\r\n") {
+        let mut is_too_long = false;
+        let is_whole = loop {
+            if bytes.len() > MOST_BYTES {
+                // Heard to its end all the same: over words that nobody has read a connection ends with a reset, which
+                // may overtake the answer.
+                is_too_long = true;
+                bytes.drain(..bytes.len() - 3);
+            }
             let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() || bytes.len() > MOST_BYTES {
-                return Ok(None);
+            if left.is_zero() {
+                break false;
             }
             stream.set_read_timeout(Some(left))?;
-            match stream.read(&mut some)? {
-                0 => return Ok(None),
-                n => bytes.extend_from_slice(&some[..n]),
+            let n = stream.read(&mut some)?;
+            let before = bytes.len().saturating_sub(3);
+            bytes.extend_from_slice(&some[..n]);
+            let is_end = bytes[before..].windows(4).any(|w| w == b"\r\n\r\n");
+            if is_end || n == 0 {
+                break is_end;
             }
+        };
+        if is_too_long {
+            let expected = format!("expected a request whose head has {MOST_BYTES} bytes or fewer");
+            return Err(io::Error::new(ErrorKind::InvalidData, expected));
         }
-        Ok(Self::parse(&String::from_utf8_lossy(&bytes)))
+        let text = String::from_utf8_lossy(&bytes);
+        Ok(Self::parse(&text).filter(|_| is_whole))
     }
 
     fn parse(text: &str) -> Option<Self> {

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -173,8 +173,14 @@ fn connect(
 fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let Some(request) = Request::read(&mut stream, PATIENCE)? else {
-        return Ok(());
+    let request = match Request::read(&mut stream, PATIENCE) {
+        Ok(Some(request)) => request,
+        Ok(None) => return Ok(()),
+        Err(e) if e.kind() == ErrorKind::InvalidData => {
+            let refusal = Answer::refusal("431 Request Header Fields Too Large", e);
+            return write(&mut stream, &refusal);
+        }
+        Err(e) => return Err(e),
     };
     let answer = match &*request.method {
         "GET" => answer(&request),
@@ -227,9 +233,29 @@ fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Read;
     use std::sync::mpsc;
 
     use super::*;
+
+    #[test]
+    fn a_head_is_answered_however_long_it_is() {
+        let found = |_: &Request| Answer::refusal("200 OK", "found");
+        let server = Server::start(([127, 0, 0, 1], 0).into(), found).unwrap();
+        for (bytes, status) in [(60_000, "200 OK"), (70_000, "431 "), (200_000, "431 ")] {
+            let mut client = TcpStream::connect(server.address()).unwrap();
+            let cookie = "c".repeat(bytes);
+            write!(client, "GET / HTTP/1.1\r\nCookie: {cookie}\r\n\r\n").unwrap();
+            let mut answer = String::new();
+            client.read_to_string(&mut answer).unwrap();
+            assert!(
+                answer.starts_with(&format!("HTTP/1.1 {status}")),
+                "{answer}"
+            );
+            let (_, line) = answer.split_once("\r\n\r\n").unwrap();
+            assert_eq!(line.lines().count(), 1, "{answer}");
+        }
+    }
 
     #[test]
     fn the_kernel_asks_whether_who_has_a_stream_is_still_there() {

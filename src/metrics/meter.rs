@@ -51,6 +51,7 @@ struct Counts {
     /// When frames came, and how old each was, seconds.
     recent: VecDeque<(Instant, Option<f64>)>,
     looked: Option<Instant>,
+    ended: bool,
 }
 
 /// How a camera is doing at this moment.
@@ -64,6 +65,8 @@ pub struct Snapshot {
     pub healthy: bool,
     /// Seconds since the supervisor last looked after it.
     pub looked_seconds_ago: Option<f64>,
+    /// Whether nobody looks after it any more: it has ended for good.
+    pub ended: bool,
     /// Start of the run, seconds since 1970.
     pub since: u64,
     /// Pictures whose bodies were published.
@@ -197,6 +200,12 @@ impl Meter {
         self.counts().looked = Some(Instant::now());
     }
 
+    /// It has ended for good, and nobody looks after it any more.
+    pub fn ended(&self) {
+        let mut counts = self.counts();
+        (counts.looked, counts.ended) = (None, true);
+    }
+
     /// How it is doing.
     pub fn snapshot(&self) -> Snapshot {
         self.snapshot_at(Instant::now(), since_boot(), SystemTime::now())
@@ -232,6 +241,7 @@ impl Meter {
             input: self.input.clone(),
             healthy,
             looked_seconds_ago: counts.looked.map(|t| t.elapsed().as_secs_f64()),
+            ended: counts.ended,
             since: counts.since.unwrap_or_default(),
             frames: counts.frames,
             dropped: counts.dropped,
@@ -338,12 +348,23 @@ mod tests {
             let meter = Meter::new("hall", "camera", &[]).with_interval(seconds(interval));
             let start = Instant::now();
             meter.published_at(start, &frame(0, 0));
-            let healthy = |after: f64| {
-                meter.seen_at(start + seconds(after)).healthy
-            };
+            let healthy = |after: f64| meter.seen_at(start + seconds(after)).healthy;
             assert!(healthy(healthy_for - 0.1), "{interval}");
             assert!(!healthy(healthy_for + 0.1), "{interval}");
         }
+    }
+
+    #[test]
+    fn nobody_looks_after_a_camera_that_has_ended() {
+        let meter = Meter::new("hall", "camera", &[]);
+        meter.looked();
+        let told = || {
+            let snapshot = meter.snapshot();
+            (snapshot.looked_seconds_ago.is_some(), snapshot.ended)
+        };
+        assert_eq!(told(), (true, false));
+        meter.ended();
+        assert_eq!(told(), (false, true));
     }
 
     #[test]

@@ -88,13 +88,23 @@ fn record_of(folder: &Path, from: f64, to: f64) -> String {
 }
 
 fn record_as(format: Format, folder: &Path, from: f64, to: f64) -> String {
+    let moments = (from * FPS) as u64..(to * FPS) as u64;
+    record_at(format, folder, moments.map(|n| (n, n as f64 / FPS, 1.0)))
+}
+
+/// Frames by number, moment of the scene in seconds, and how many times as long it lasts.
+fn record_at(
+    format: Format,
+    folder: &Path,
+    moments: impl Iterator<Item = (u64, f64, f64)>,
+) -> String {
     let path = folder.join("scene.record");
     let mut writer = RecordWriter::<BodiesRow>::create(&path, format).unwrap();
-    for n in (from * FPS) as u64..(to * FPS) as u64 {
-        let bodies = scene(n as f64 / FPS);
+    for (n, moment, times) in moments {
+        let bodies = scene(moment);
         let mut frame = BodyFrame {
             sequence: n,
-            pose_ns: (n as f64 / FPS * 1e9) as u64,
+            pose_ns: (moment * times * 1e9) as u64,
             // The script's time, however late a replay is.
             flags: FLAG_FILE_TIME,
             count: bodies.len() as u32,
@@ -193,6 +203,32 @@ fn a_scene_tells_what_happens_once_each_and_in_time() {
     assert!((seconds(3) - 1.43).abs() < 0.1, "in the door");
     assert!((seconds(4) - 6.0).abs() < 0.1, "there");
     assert!((seconds(6) - 3.0).abs() < 0.1, "away");
+}
+
+/// The scene in slow motion, six frames of its every second and five seconds between them.
+#[test]
+fn at_a_slow_pace_who_comes_and_goes_is_told_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("zones.toml");
+    std::fs::write(&settings, SETTINGS).unwrap();
+    let moments = (0..96).map(|n| (n, n as f64 / 6.0, 30.0));
+    let record = record_at(Format::Binary, folder.path(), moments);
+    let found = events(&record, settings.to_str().unwrap());
+    let presence = ["entered", "left", "came_back"];
+    let told: Vec<(u64, &str)> = found
+        .iter()
+        .filter_map(|e| Some((e["person"].as_u64()?, e["event"].as_str()?)))
+        .filter(|(_, event)| presence.contains(event))
+        .collect();
+    let script = [
+        (1, "entered"),
+        (1, "left"),
+        (1, "came_back"),
+        (2, "entered"),
+        (1, "left"),
+        (2, "left"),
+    ];
+    assert_eq!(told, script, "{found:?}");
 }
 
 #[test]
@@ -328,6 +364,78 @@ fn what_cannot_be_a_zone_is_said() {
     assert_fails(&["events", "--input", "/absent"], 66, &["/absent"]);
 }
 
+#[test]
+fn a_record_that_was_cut_off_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = std::fs::read(record_of(folder.path(), 0.0, 3.0)).unwrap();
+    let path = folder.path().join("cut.record");
+    let args = ["events", "--input", path.to_str().unwrap()];
+    std::fs::write(&path, &whole[..whole.len() - 10]).unwrap();
+    let out = output(&args);
+    let said = stderr(&out);
+    assert!(out.status.success() && !out.stdout.is_empty(), "{said}");
+    assert!(said.contains("cut off inside a frame"), "{said}");
+    std::fs::write(&path, &whole[..20]).unwrap();
+    assert_fails(&args, 65, &["cut off inside its first frame"]);
+}
+
+/// Who does something at each event reads slowly.
+#[test]
+fn a_slow_reader_has_every_event_or_is_told_how_many_are_lost() {
+    const EVENTS: u64 = 5000;
+    let camera = stream("slow-events");
+    let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
+    let mut told = 0;
+    let mut publish = || {
+        let frame = EventFrame {
+            sequence: told,
+            first: told,
+            count: 1,
+            ..EventFrame::default()
+        };
+        publisher.publish(&frame).unwrap();
+        told += 1;
+        told
+    };
+    let mut run = Running::start(&["events", "--camera", &camera]);
+    let mut lines = BufReader::new(run.0.stdout.take().unwrap());
+    let (send, said) = std::sync::mpsc::channel();
+    let reader = std::thread::spawn(move || {
+        let mut line = String::new();
+        lines.read_line(&mut line).unwrap();
+        send.send(line).unwrap();
+        lines
+    });
+    let first = eventually("a line", || {
+        publish();
+        said.recv_timeout(Duration::from_millis(100)).ok()
+    });
+    let mut lines = reader.join().unwrap();
+    // The pipe does not hold them.
+    while publish() < EVENTS {}
+    let number = |line: &str| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        line["frame"].as_u64().unwrap()
+    };
+    let (first, mut read) = (number(&first), 1);
+    for line in (&mut lines).lines() {
+        read += 1;
+        if number(&line.unwrap()) == EVENTS - 1 {
+            break;
+        }
+    }
+    run.0.stdout = Some(lines.into_inner());
+    signal(run.pid(), "INT");
+    let said = stderr(&run.wait(Duration::from_secs(20)));
+    let lost = said.lines().filter_map(|l| l.split_once(" lost: "));
+    let lost = lost.map(|(counted, _)| {
+        let number = counted.split_whitespace().rev().nth(1);
+        number.unwrap().parse::<u64>().unwrap()
+    });
+    let known = read + lost.sum::<u64>();
+    assert!(known >= EVENTS - first, "{known} of {EVENTS} from {first}");
+}
+
 /// A stream of events that go on, and a reader that has gone.
 #[test]
 fn who_reads_no_more_ends_it() {
@@ -388,7 +496,7 @@ fn a_record_that_goes_on_is_stopped_by_a_signal() {
             args.extend(["--listen", "127.0.0.1:0"]);
         }
         let run = Running::start(&args);
-        let (pid, asked) = (run.pid(), std::time::Instant::now());
+        let pid = run.pid();
         let (path, bytes) = (pipe.clone(), bytes.clone());
         let writer = std::thread::spawn(move || {
             use std::io::Write;
@@ -407,7 +515,6 @@ fn a_record_that_goes_on_is_stopped_by_a_signal() {
         });
         let out = run.wait(Duration::from_secs(40));
         assert_eq!(out.status.code(), Some(code), "{verb}: {}", stderr(&out));
-        assert!(asked.elapsed() < Duration::from_secs(40));
         writer.join().unwrap();
     }
 }

@@ -6,6 +6,8 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use crate::program::{Running, edgecap, eventually, signal, stream};
+use edgecap_client::Publisher;
+use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
@@ -128,6 +130,28 @@ fn watch_waits_shows_the_bodies_and_ends_with_the_input() {
     let out = watch.wait(Duration::from_secs(20));
     assert_eq!(out.status.code(), Some(0));
     assert!(said.contains(" people, "), "{said}");
+    assert!(String::from_utf8_lossy(&out.stdout).contains("the input has ended"));
+}
+
+/// Who is asked to end, as `fit` by a SIGTERM, ends its stream, and is started again.
+#[test]
+fn watch_goes_on_where_a_camera_s_stream_ends_and_not_where_a_file_does() {
+    let name = stream("watch-restart");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let mut ends = |more: u32| {
+        let end = BodyFrame {
+            flags: FLAG_END_OF_STREAM | more,
+            ..BodyFrame::default()
+        };
+        publisher.publish(&end).unwrap();
+    };
+    ends(0);
+    let mut watch = Running::start(&["watch", "--name", &name]);
+    // Whether it says that no frames come or, on a busy machine, that nobody is there: it waits.
+    read_until(watch.0.stderr.as_mut().unwrap(), "there");
+    ends(FLAG_FILE_TIME);
+    let out = watch.wait(Duration::from_secs(20));
+    assert_eq!(out.status.code(), Some(0));
     assert!(String::from_utf8_lossy(&out.stdout).contains("the input has ended"));
 }
 

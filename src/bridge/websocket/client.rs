@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tungstenite::error::Error;
 use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
-use tungstenite::{Bytes, Message, WebSocket};
+use tungstenite::{Message, WebSocket};
 
 use super::ear::Ear;
 use crate::http::{Answer, Ends, Request};
@@ -69,7 +69,7 @@ pub struct Line<'a> {
 
 impl Line<'_> {
     /// Sends the past, then what `take` gives within the time it is told, until the client leaves or the server ends.
-    pub fn serve(self, past: Vec<Bytes>, take: &dyn Fn(Duration) -> Option<Message>) {
+    pub fn serve(self, past: Vec<Message>, take: &dyn Fn(Duration) -> Option<Message>) {
         let mut stream = self.stream;
         // Small: an old frame in the kernel's buffer cannot be taken back any more.
         let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
@@ -87,8 +87,8 @@ impl Line<'_> {
             socket,
             ends: self.ends,
         };
-        for bytes in past {
-            if line.send(Message::Binary(bytes)).is_none() {
+        for message in past {
+            if line.send(message).is_none() {
                 return;
             }
         }

@@ -1,6 +1,5 @@
 //! Joins who publishes with the clients that are connected.
 
-use std::cell::OnceCell;
 use std::hash::{BuildHasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
@@ -53,19 +52,53 @@ struct Inner {
     /// Those of pictures; `None`: there are none to be had.
     viewers: Option<Vec<Place<Arc<Picture>>>>,
     history: History,
+    /// What has happened in a record, oldest first.
+    happened: Vec<Happened>,
+    /// A record is still read: of a part of it nobody is told.
+    is_loading: bool,
     /// Another one is another server.
     id: u64,
 }
 
+/// What has happened by a frame of a camera, as messages.
+#[derive(Debug)]
+struct Happened {
+    camera: String,
+    /// One an event.
+    json: Vec<Message>,
+    /// One for all events.
+    binary: Message,
+}
+
+impl Happened {
+    fn new(camera: &str, frame: &EventFrame) -> Self {
+        let lines = events::Line::all(camera, frame);
+        Self {
+            camera: camera.to_owned(),
+            json: lines.map(|line| Message::text(line.json())).collect(),
+            binary: Message::binary(binary::encode_events(camera, frame)),
+        }
+    }
+
+    fn messages(&self, is_binary: bool) -> &[Message] {
+        match is_binary {
+            true => std::slice::from_ref(&self.binary),
+            false => &self.json,
+        }
+    }
+}
+
 impl Hub {
-    /// Keeps the past of so long for clients that come later; zero: none. Pictures go to nobody unless the user `shows`
-    /// them.
+    /// Keeps the past of so long for clients that come later; zero: none, [`Duration::MAX`]: a record, which is there
+    /// for them once it is [`loaded`](Self::loaded). Pictures go to nobody unless the user `shows` them.
     pub fn new(keep: Duration, shows: bool) -> Self {
         Self(Arc::new(Mutex::new(Inner {
             clients: Vec::new(),
             listeners: Vec::new(),
             viewers: shows.then(Vec::new),
             history: History::new(keep),
+            happened: Vec::new(),
+            is_loading: keep == Duration::MAX,
             // Keyed by the system's random numbers.
             id: RandomState::new().hash_one(keep),
         })))
@@ -92,8 +125,16 @@ impl Hub {
     pub fn quiet(&self, camera: &str, newest: &mut BodyFrame) {
         if newest.count > 0 {
             newest.count = 0;
+            // The page tells frames apart by when they were published, in numbers that after months of uptime no longer
+            // hold nanoseconds.
+            newest.publish_ns += 1000;
             self.publish(camera, newest);
         }
+    }
+
+    /// All of a record has been published.
+    pub fn loaded(&self) {
+        self.lock().is_loading = false;
     }
 
     /// Of a record that is kept, every so-manieth frame is: 1 where there is room for all.
@@ -101,24 +142,22 @@ impl Hub {
         self.lock().history.every()
     }
 
-    /// Hands what has happened to everybody who listens: one message an event as JSON, one for all in binary.
+    /// Hands what has happened to everybody who listens, and of a record to who comes later.
     pub fn tell(&self, camera: &str, frame: &EventFrame) {
         if frame.count == 0 {
             return;
         }
-        let binary = OnceCell::new();
-        self.lock().listeners.retain(|(place, is_binary)| {
+        let happened = Happened::new(camera, frame);
+        let mut inner = self.lock();
+        inner.listeners.retain(|(place, is_binary)| {
             place.put(camera, |mailbox| {
-                if *is_binary {
-                    let encode = || Bytes::from(binary::encode_events(camera, frame));
-                    mailbox.queue(Message::Binary(binary.get_or_init(encode).clone()));
-                } else {
-                    for line in events::Line::all(camera, frame) {
-                        mailbox.queue(Message::Text(line.json().into()));
-                    }
-                }
+                let messages = happened.messages(*is_binary);
+                messages.iter().for_each(|m| mailbox.queue(m.clone()));
             })
         });
+        if inner.history.keep() == Duration::MAX {
+            inner.happened.push(happened);
+        }
     }
 
     /// Whether pictures go to anybody.
@@ -162,13 +201,18 @@ impl Hub {
             let line = "pictures are shown to nobody: --show-picture was not given";
             return Answer::refusal("404 Not Found", line);
         }
+        if self.lock().is_loading {
+            let line = "the record is still read: ask again in a second";
+            return Answer::refusal("503 Service Unavailable", line);
+        }
         let both = Client::of(request).and_then(|client| Ok((client, handshake(request)?)));
         let (client, answer) = match both {
             Ok(both) => both,
             Err(refused) => return refused,
         };
         if path != "/bodies" && client.wants_history {
-            let line = "history=1: expected at /bodies; nothing else of the past is kept";
+            let line =
+                "history=1: expected at /bodies; what has happened in a record comes unasked";
             return Answer::refusal("400 Bad Request", line);
         }
         let hub = self.clone();
@@ -190,9 +234,9 @@ impl Hub {
     fn features(&self) -> Answer {
         let pictures = self.shows_pictures();
         // Of a record, which is kept for ever, the page keeps all as well.
-        let (keep, id) = {
+        let (keep, loading, id) = {
             let inner = self.lock();
-            (inner.history.keep(), inner.id)
+            (inner.history.keep(), inner.is_loading, inner.id)
         };
         let (recorded, seconds) = (keep == Duration::MAX, keep.as_secs().min(u32::MAX.into()));
         Answer::Body {
@@ -200,7 +244,8 @@ impl Hub {
             kind: "application/json",
             headers: &[("Cache-Control", "no-store")],
             body: format!(
-                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"seconds\":{seconds},\"server\":\"{id:016x}\"}}\n"
+                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"loading\":{loading},\"seconds\":{seconds},\
+                 \"server\":\"{id:016x}\"}}\n"
             )
             .into_bytes()
             .into(),
@@ -223,8 +268,16 @@ impl Hub {
     fn serve_events(&self, client: &Client, line: Line<'_>) {
         let mailbox = Arc::new(Mailbox::default());
         let place = Place::new(client, &mailbox);
-        self.lock().listeners.push((place, client.is_binary));
-        line.serve(Vec::new(), &|patience| mailbox.take(patience));
+        let past = {
+            let mut inner = self.lock();
+            inner.listeners.push((place, client.is_binary));
+            let camera = client.camera.as_ref();
+            let past = inner.happened.iter();
+            past.filter(|h| camera.is_none_or(|wanted| *wanted == h.camera))
+                .flat_map(|h| h.messages(client.is_binary).iter().cloned())
+                .collect()
+        };
+        line.serve(past, &|patience| mailbox.take(patience));
         say_lost("events", mailbox.lost());
     }
 
@@ -241,12 +294,12 @@ impl Hub {
     }
 
     /// A client's place, and what it is to see of the past: nothing old, however long no frame has come.
-    fn join(&self, client: &Client, now: Instant) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Bytes>) {
+    fn join(&self, client: &Client, now: Instant) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Message>) {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
         inner.clients.push(Place::new(client, &mailbox));
         let past = inner.history.frames(now, client.camera.as_deref());
-        let past = past.cloned();
+        let past = past.map(|bytes| Message::Binary(bytes.clone()));
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
     }
@@ -304,6 +357,31 @@ mod tests {
             [None, Some("hall"), Some("door"), Some("attic")].map(past),
             [3, 2, 1, 0]
         );
+    }
+
+    #[test]
+    fn a_silence_has_a_moment_of_its_own() {
+        let hub = Hub::new(Duration::from_secs(60), false);
+        // On a machine that has been up for half a year.
+        let mut newest = BodyFrame {
+            count: 1,
+            publish_ns: 15_768_000_000_000_001,
+            ..BodyFrame::default()
+        };
+        hub.publish("hall", &newest);
+        hub.quiet("hall", &mut newest);
+        let client = Client {
+            camera: None,
+            wants_history: true,
+            is_binary: true,
+        };
+        let (_, past) = hub.join(&client, Instant::now());
+        let [shown, silent] = [0, 1].map(|k| {
+            let bytes = past[k].clone().into_data();
+            // A number as the page has it.
+            u64::from_le_bytes(bytes[32..40].try_into().unwrap()) as f64
+        });
+        assert!(shown < silent, "{shown} and {silent}");
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! `camera=NAME` for one camera, `history=1` for the kept past first (binary only), `token=` where the server wants
 //! one.
 //!
-//! At `/events` it gets what has happened, in the same two forms. Events are queued: only a client that is behind by a
-//! thousand loses the oldest.
+//! At `/events` it gets what happens, of a record all that has happened, in the same two forms. Events are queued: only
+//! a client that is behind by a thousand loses the oldest.
 
 mod access;
 pub mod binary;

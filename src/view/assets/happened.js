@@ -3,6 +3,7 @@
 import { colourOf } from './space.js';
 
 const RETRY_MS = 1000;
+/** Events of a running camera; of a record all are. */
 const KEPT = 500;
 const SHOWN = 8;
 const WORDS = {
@@ -21,7 +22,8 @@ const WORDS = {
 /** Events of every camera; shows the newest before the frame that is shown. */
 export class Happened {
   constructor(table) {
-    Object.assign(this, { body: table.querySelector('tbody'), byCamera: new Map(), changed: false, drawn: '' });
+    const body = table.querySelector('tbody');
+    Object.assign(this, { body, byCamera: new Map(), most: KEPT, changed: false, drawn: '' });
   }
 
   /** `url` takes a path to an address; a connection that is lost is made again. */
@@ -36,7 +38,7 @@ export class Happened {
     // A run that begins again: its clock, too, if it plays a file.
     if (events.length > 0 && event.time_ns < events.at(-1).time_ns) events.length = 0;
     events.push(event);
-    if (events.length > KEPT) events.shift();
+    if (events.length > this.most) events.shift();
     this.byCamera.set(event.camera, events);
     this.changed = true;
   }

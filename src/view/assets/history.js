@@ -34,6 +34,12 @@ export class History {
     return ago >= 0 && ago <= HELD_NS;
   }
 
+  /** The time between a camera's last frames, nanoseconds; the shorter of two: one pause makes no slow camera. */
+  interval(camera) {
+    const [a, b, c] = this.frames(camera).slice(-3).map((f) => f.publishNs);
+    return c === undefined ? 0 : Math.min(b - a, c - b);
+  }
+
   frames(camera) {
     return this.cameras.get(camera) ?? [];
   }

@@ -9,6 +9,7 @@ import { Space } from './space.js';
 
 const RETRY_MS = 1000;
 const QUIET_MS = 3000;
+const FORGET_EVERY_MS = 1000;
 const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
 const [history, space, panel] = [new History(), openSpace(), new Panel()];
@@ -17,11 +18,12 @@ const happened = new Happened(byId('events'));
 
 /**
  * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came;
- * `unwritten` says that the tables are those of an earlier frame; `refused` is why the server lets nobody in.
+ * `unwritten` says that the tables are those of an earlier frame; `refused` is why the server lets nobody in; `loading`
+ * that it still reads its record.
  */
 const state = {
   camera: null, at: null, connected: false, heard: new Map(), ended: new Set(), changed: true, unwritten: false,
-  isDragged: false, refused: null,
+  isDragged: false, refused: null, loading: false,
 };
 
 function openSpace() {
@@ -62,10 +64,13 @@ function connect(first) {
 async function readFeatures() {
   try {
     const answer = await fetch(url('http', 'features'));
+    const told = answer.ok ? await answer.json() : {};
     state.refused = answer.ok ? null : await answer.text();
-    return answer.ok ? await answer.json() : {};
+    state.loading = told.loading ?? false;
+    return told;
   } catch {
     state.refused = null;
+    state.loading = false;
     return {};
   }
 }
@@ -80,9 +85,10 @@ function take(frame) {
   state.heard.set(frame.camera, performance.now());
   if (frame.ended) {
     state.ended.add(frame.camera);
+    showPicture();
     return;
   }
-  state.ended.delete(frame.camera);
+  if (state.ended.delete(frame.camera)) showPicture();
   history.add(frame);
   if (![...select.options].some((o) => o.value === frame.camera)) {
     select.append(new Option(frame.camera));
@@ -105,8 +111,22 @@ function seek(publishNs) {
   state.at = publishNs;
   state.changed = true;
   history.hold(publishNs === null ? null : history.frames(state.camera)[shownIndex()] ?? null);
-  picture.choose(state.camera, publishNs === null);
+  showPicture();
   pause.textContent = publishNs === null ? 'pause' : newestIs();
+}
+
+/** Of the camera that is shown, for as long as it runs. */
+function showPicture() {
+  picture.choose(state.camera, state.at === null && !state.ended.has(state.camera));
+}
+
+/** Lets go of cameras of whose past nothing is left. */
+function forget() {
+  for (const [camera, heard] of state.heard) {
+    if (camera === state.camera || performance.now() - heard <= history.keepNs / 1e6) continue;
+    for (const kept of [state.heard, state.ended, history.cameras, happened.byCamera]) kept.delete(camera);
+    [...select.options].find((o) => o.value === camera)?.remove();
+  }
 }
 
 /** What the newest frame is called. */
@@ -124,8 +144,10 @@ function shownIndex() {
 }
 
 function words() {
-  const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > QUIET_MS;
+  const patience = Math.max(QUIET_MS, 2 * history.interval(state.camera) / 1e6);
+  const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > patience;
   if (state.refused) return `not let in: ${state.refused}`;
+  if (!state.connected && state.loading) return 'the record is still read …';
   if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;
@@ -197,7 +219,9 @@ window.edgecap = {
 
 const features = await readFeatures();
 if (features.seconds) history.keepNs = features.seconds * 1e9;
+if (features.recorded) happened.most = Infinity;
 connect(true);
 if (features.pictures) picture.connect(url);
 happened.connect(url);
+setInterval(forget, FORGET_EVERY_MS);
 requestAnimationFrame(step);

@@ -5,7 +5,7 @@ const RETRY_MS = 1000;
 /** The newest picture of the camera that is shown. Without `--show-picture` it never asks for one. */
 export class Picture {
   constructor(canvas) {
-    Object.assign(this, { canvas, camera: null, sequence: null });
+    Object.assign(this, { canvas, camera: null, sequence: null, hides: 0 });
     this.context = canvas.getContext('2d');
   }
 
@@ -14,7 +14,10 @@ export class Picture {
     const socket = new WebSocket(url('ws', 'pictures'));
     socket.binaryType = 'arraybuffer';
     socket.onmessage = ({ data }) => this.take(data);
-    socket.onclose = () => setTimeout(() => this.connect(url), RETRY_MS);
+    socket.onclose = () => {
+      this.hide();
+      setTimeout(() => this.connect(url), RETRY_MS);
+    };
   }
 
   /** `live`: whether the newest frame is shown; of the past there are no pictures. */
@@ -24,6 +27,7 @@ export class Picture {
   }
 
   hide() {
+    this.hides++;
     this.canvas.hidden = true;
     this.sequence = null;
   }
@@ -39,8 +43,9 @@ export class Picture {
       this.hide();
       return;
     }
+    const { hides } = this;
     const picture = await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
-    if (camera !== this.camera) return;
+    if (hides !== this.hides) return;
     const { width, height } = picture;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     this.context.drawImage(picture, 0, 0);
