@@ -85,20 +85,36 @@ impl Live {
 /// By how much, a second, what a view says of distance is learnt from where two meet, and believed where it is alone.
 const DISTANCE_LEARNT: f64 = 1.0;
 const DISTANCE_TAKEN: f64 = 3.0;
+/// By what factor somebody may be nearer or farther than where one view has followed them to.
+const NEARER: f64 = 1.15;
 
 impl Live {
-    /// How far from a view they are by their joints, metres.
-    fn depth(&self, view: &View) -> Option<f64> {
-        let each = self.joints.iter().flatten();
-        let (sum, count) = each.fold((0.0, 0), |(s, n), p| (s + view.to_camera(*p).z, n + 1));
-        let depth = sum / f64::from(count);
-        (count > 0 && depth > 0.0).then_some(depth)
+    fn was_seen_by(&self, view: usize) -> bool {
+        let last = self.moments.last();
+        last.is_some_and(|(_, moment)| moment.sights[view].is_some())
+    }
+
+    /// Whether what several views see may be a body, about where one of them has followed this person to.
+    fn goes_on(&self, views: &[View], frame: &[Detections], chosen: &[Option<usize>]) -> bool {
+        let each = chosen.iter().enumerate();
+        let mut sights: Vec<Option<Sight>> =
+            each.map(|(v, d)| Some(frame[v][(*d)?].clone())).collect();
+        exchange::agree(views, &mut sights);
+        let joints = solve(views, &sights).points;
+        let mut followed = (0..views.len()).filter(|&v| sights[v].is_some() && self.was_seen_by(v));
+        let is_near = |v: usize| {
+            let [was, now] = [&self.joints, &joints].map(|joints| depth(&views[v], joints));
+            let ratio = was.zip(now).map(|(was, now)| now / was);
+            ratio.is_some_and(|r| (1.0 / NEARER..NEARER).contains(&r))
+        };
+        let is_told = [1, 8, 11].iter().all(|&j| joints[j].is_some());
+        (is_body(&joints) || !is_told) && followed.all(is_near)
     }
 
     /// Learns how what a view says of their distance goes with where they are.
     fn measure(&mut self, view: &View, sight: Option<&Sight>, share: f64) {
         let told = sight.and_then(Sight::depth);
-        if let Some((depth, told)) = self.depth(view).zip(told) {
+        if let Some((depth, told)) = depth(view, &self.joints).zip(told) {
             // The first time there is nothing to blend with.
             let share = if self.proof.iter().sum::<usize>() < 2 {
                 1.0
@@ -111,7 +127,7 @@ impl Live {
 
     /// Goes along with the one view that sees them: to its rays, and nearer or farther as it says.
     fn follow(&mut self, view: &View, sight: &Sight, share: f64) {
-        let Some(depth) = self.depth(view) else {
+        let Some(depth) = depth(view, &self.joints) else {
             return;
         };
         let told = sight.depth().map_or(depth, |told| self.farther * told);
@@ -135,6 +151,14 @@ impl Live {
     }
 }
 
+/// How far from a view joints are on average, metres.
+fn depth(view: &View, joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<f64> {
+    let each = joints.iter().flatten();
+    let (sum, count) = each.fold((0.0, 0), |(s, n), p| (s + view.to_camera(*p).z, n + 1));
+    let depth = sum / f64::from(count);
+    (count > 0 && depth > 0.0).then_some(depth)
+}
+
 /// The one view that sees somebody; `None` where several do.
 fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View, &'a Sight)> {
     let mut each = views.iter().zip(sights);
@@ -142,8 +166,8 @@ fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View,
     own.filter(|_| each.all(|(_, s)| s.is_none()))
 }
 
-/// Of two views' detections of somebody whom one view alone has followed that view's stays where their rays do not
-/// meet; the other is free again.
+/// Of two views' detections of somebody whom one view alone has followed that view's stays where the two do not go on
+/// from there; the other is free again.
 fn doubt(
     views: &[View],
     frame: &[Detections],
@@ -157,13 +181,10 @@ fn doubt(
     let [a, b] = own[..] else {
         return;
     };
-    let [of_a, of_b] = [a, b].map(|(v, d)| (&views[v], &frame[v][d]));
-    if ray_distance(of_a, of_b).is_none_or(|d| d < REACH) {
+    if t.goes_on(views, frame, chosen) {
         return;
     }
-    let last = t.moments.last().map(|(_, m)| &m.sights);
-    let followed = |v: usize| last.is_some_and(|sights| sights[v].is_some());
-    let (v, d) = if followed(a.0) { b } else { a };
+    let (v, d) = if t.was_seen_by(a.0) { b } else { a };
     (chosen[v], free[v][d]) = (None, true);
 }
 
@@ -227,8 +248,8 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
             let known: Vec<usize> = each.filter_map(|at| owners.get(&at).copied()).collect();
             match known[..] {
                 [] => new.push(chosen),
-                [k] => taken[k] = chosen,
-                // Rays of two people whom one view each sees may meet where nobody is.
+                [k] if live[k].goes_on(views, frame, &chosen) => taken[k] = chosen,
+                // Rays of two people may meet where nobody is.
                 _ => {}
             }
         }

@@ -127,7 +127,7 @@ fn nearest<'a>(lines: impl Iterator<Item = (&'a Line, f64)>) -> Option<DVec3> {
 pub struct Joints3d {
     /// World, metres; none where fewer than two views saw the joint.
     pub points: [Option<DVec3>; EVIDENCE_JOINTS],
-    /// Robust cost of every joint, square metres.
+    /// Robust cost of every joint, mean of its rays by their weights, square metres.
     pub costs: [f64; EVIDENCE_JOINTS],
 }
 
@@ -149,7 +149,8 @@ pub fn triangulate(views: &[View], sights: &[Option<&Sight>]) -> Joints3d {
             })
         }));
         if let Some((point, cost)) = meet(&lines) {
-            (joints.points[j], joints.costs[j]) = (Some(point), cost);
+            let weights: f64 = lines.iter().map(|l| l.weight).sum();
+            (joints.points[j], joints.costs[j]) = (Some(point), cost / weights);
         }
     }
     joints

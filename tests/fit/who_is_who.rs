@@ -152,14 +152,24 @@ fn whom_one_view_alone_follows_for_seconds_stays_the_same() {
 }
 
 #[test]
-fn whom_one_view_follows_does_not_take_who_stands_above_them_in_another() {
+fn whom_one_view_follows_does_not_take_somebody_else_in_another() {
     let views = views(2);
     let above = |f: usize| walking(f).map(|p| p - 0.6 * DVec3::Y);
-    let tracks = track(&views, &walk(&views, Some(&above)), RATE);
-    assert_eq!(tracks.len(), 1, "one view alone proves nobody");
-    for (frame, moment) in &tracks[0].moments {
-        let both = !(BOTH..BOTH + ONE).contains(frame);
-        let seen = moment.sights.iter().flatten().count();
-        assert_eq!(seen, 1 + usize::from(both), "frame {frame}");
+    // So that the rays of both meet in a body which nobody has, farther away.
+    let [a, b] = [0, 1].map(|v| views[v].position);
+    let beside = |f: usize| {
+        walking(f).map(|p| {
+            let met = a + 1.25 * (p - a);
+            b + (met - b) / 1.25
+        })
+    };
+    for other in [&above as &dyn Fn(usize) -> Joints, &beside] {
+        let tracks = track(&views, &walk(&views, Some(other)), RATE);
+        assert_eq!(tracks.len(), 1, "one view alone proves nobody");
+        for (frame, moment) in &tracks[0].moments {
+            let both = !(BOTH..BOTH + ONE).contains(frame);
+            let seen = moment.sights.iter().flatten().count();
+            assert_eq!(seen, 1 + usize::from(both), "frame {frame}");
+        }
     }
 }

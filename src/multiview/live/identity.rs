@@ -181,8 +181,12 @@ fn is_same_body(a: &Person, b: &Person) -> bool {
     sum < ONE_BODY * a.posed.joints.len() as f64
 }
 
-/// How unlike somebody new and somebody who has been gone for some seconds are; up to 1 they may be the same person.
+/// How unlike somebody new and somebody who has been gone for some seconds are; up to 1 they may be the same person,
+/// which two who were seen at one instant are not.
 fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f64 {
+    if new.age > gone {
+        return f64::INFINITY;
+    }
     let apart = new.pose.position.distance(old.pose.position);
     let looks = match new.unlike(old) {
         Some(unlike) => unlike / config.identity.reidentify_appearance.max(1e-6),
@@ -249,6 +253,15 @@ mod tests {
         assert_eq!(
             after(vec![person(2, 0, 0.0), person(7, 3, 0.8)]),
             (vec![2], vec![])
+        );
+        let long_seen = Person {
+            age: 1.0,
+            ..person(7, 3, 0.0)
+        };
+        assert_eq!(
+            after(vec![person(2, 3, 0.8), long_seen]),
+            (vec![7], vec![2]),
+            "both were seen at one instant"
         );
         let of_new = |colour| after(vec![person(0, colour, 0.0), person(2, 0, 0.8)]);
         assert_eq!(of_new(0), (vec![2], vec![]));

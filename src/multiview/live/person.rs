@@ -28,8 +28,8 @@ const REST_SIGMA: f64 = 1.5;
 const STUCK: f64 = 0.15;
 /// … and a body is elsewhere where its joints do so on average.
 const ELSEWHERE: f64 = 0.35;
-/// Rays meet in a joint when its robust cost is no more than this, square metres.
-const MET: f64 = 0.006;
+/// Rays meet in a joint when their mean robust cost is no more than this, square metres, however many they are.
+const MET: f64 = 0.0035;
 /// Seconds after which limbs that most views call by the other side's name are believed, or shoulders that point
 /// another way than hips are not.
 const PERSISTENCE: f64 = 0.4;
@@ -66,6 +66,8 @@ pub struct Person {
     pub looks: Vec<Option<Appearance>>,
     /// Instants at which three views or more agreed about them, and two.
     pub proof: [usize; 2],
+    /// Seconds since they were seen first.
+    pub age: f64,
     /// Seconds since any view saw them.
     pub unseen: f64,
     /// Seconds since two views did.
@@ -95,6 +97,7 @@ impl Person {
             build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
             looks: seen.iter().map(|s| s.as_ref()?.looks).collect(),
             proof: [0; 2],
+            age: 0.0,
             unseen: 0.0,
             apart: 0.0,
             states: [JointState::OCCLUDED; BODY_JOINTS],
@@ -122,6 +125,7 @@ impl Person {
             build: Build::new(skeleton, &[None; EVIDENCE_JOINTS], None),
             looks: Vec::new(),
             proof: [0; 2],
+            age: 0.0,
             unseen: 0.0,
             apart: 0.0,
             states: [JointState::OCCLUDED; BODY_JOINTS],
@@ -169,6 +173,7 @@ impl Person {
             joints = meet(cx.views, &seen);
             self.exchanged = 0.0;
         }
+        self.age += dt;
         self.unseen = 0.0;
         self.apart = if count > 1 { 0.0 } else { self.apart + dt };
         let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > ELSEWHERE);
@@ -203,6 +208,7 @@ impl Person {
         self.pose = self.motion.coast(&self.pose, dt, cx.model);
         skeleton.clamp(&mut self.pose.angles);
         skeleton.pose(&self.pose, self.build.lengths(), &mut self.posed);
+        self.age += dt;
         self.unseen += dt;
         self.apart += dt;
         self.states = [JointState::PREDICTED; BODY_JOINTS];
@@ -227,6 +233,7 @@ impl Person {
         for (own, old) in self.proof.iter_mut().zip(old.proof) {
             *own += old;
         }
+        self.age = self.age.max(old.age);
         self.build = old.build;
         for (own, old) in self.looks.iter_mut().zip(old.looks) {
             *own = own.or(old);
