@@ -1,6 +1,6 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
-//! as `/dev/stdout`, `/dev/null` or a named pipe, is written into as it is; a link stays a link, but where the program
-//! itself chose the name.
+//! as `/dev/null` or a named pipe, is written into as it is, and so is what this process has open already, such as
+//! `/dev/stdout`; a link stays a link, but where the program itself chose the name.
 
 mod device;
 mod folder;
@@ -13,7 +13,6 @@ mod trial;
 use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::os::fd::AsFd;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +22,7 @@ use tempfile::NamedTempFile;
 
 pub use folder::AtomicFolder;
 pub use left::sweep;
-pub use link::steps as link_steps;
+pub use link::{is_stdout, steps as link_steps};
 pub use suffix::suffixed;
 pub use trial::try_place;
 
@@ -109,15 +108,15 @@ pub struct AtomicFile {
 
 impl AtomicFile {
     /// Starts writing what will become `path`; missing parent folders are made. A device or pipe of that name gets the
-    /// bytes at once, as does standard output, whose name is `-`.
+    /// bytes at once, as does standard output, whose name is `-`, and any other descriptor that is named.
     ///
     /// # Errors
     /// If the folder cannot be made or written, if a link leads into a folder that is missing, or if nobody reads from
     /// the pipe.
     pub fn create(path: &Path) -> io::Result<Self> {
-        if path.as_os_str() == STDOUT {
-            let stdout = io::stdout().as_fd().try_clone_to_owned()?;
-            return Ok(Self::new(Place::Device(stdout.into()), path, None));
+        if let Some(number) = link::descriptor(path) {
+            let same = device::opened_before(number, path)?;
+            return Ok(Self::new(Place::Device(same), path, None));
         }
         let path = &link::behind_links(path)?;
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
@@ -141,11 +140,13 @@ impl AtomicFile {
                 "it is a folder",
             ));
         }
-        // Temporary files are private by default; results are as readable as any file the user makes.
+        // Temporary files are private by default; results are as readable as any file the user makes, and not by more
+        // than what they replace.
+        let mode = fs::symlink_metadata(path).map_or(0o666, |there| (there.mode() | 0o600) & 0o666);
         let file = tempfile::Builder::new()
             .prefix(PREFIX)
             .suffix(SUFFIX)
-            .permissions(fs::Permissions::from_mode(0o666))
+            .permissions(fs::Permissions::from_mode(mode))
             .tempfile_in(folder)
             .map_err(unnamed)?;
         // Held for as long as somebody writes to it: `sweep` takes only what nobody holds.
@@ -472,29 +473,59 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_keeps_whole_records_or_nothing() {
+    fn what_lies_in_memory_is_not_kept() {
         let folder = tempfile::tempdir().unwrap();
         let mut file = AtomicFile::create(&folder.path().join("file")).unwrap();
         file.write_all(b"a record").unwrap();
         file.mark_whole();
-        assert!(!file.keeps_anything(), "it lies in memory");
+        assert!(!file.keeps_anything());
         file.flush().unwrap();
         assert!(file.keeps_anything());
     }
 
-    /// A file that may not grow stands in for a full disk: of a record that is longer than the buffer, and so goes past
-    /// it, a part finds room.
-    #[test]
-    fn a_part_of_a_long_record_is_not_kept() {
+    /// A file that takes so many bytes and no more, as on a disk that is full then.
+    fn full_at(bytes: u64) -> File {
         use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
         let full = File::from(memfd_create("full", MemfdFlags::ALLOW_SEALING).unwrap());
+        full.set_len(bytes).unwrap();
+        fcntl_add_seals(&full, SealFlags::GROW).unwrap();
+        full
+    }
+
+    #[test]
+    fn a_full_disk_keeps_whole_records_or_nothing() {
+        let record = [b'r'; 20_000];
+        for (room, whole) in [(45_000, 40_000), (20_001, 20_000), (19_999, 0)] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("file");
+            let full = full_at(room);
+            let kept = full.try_clone().unwrap();
+            let beside = NamedTempFile::new_in(folder.path()).unwrap();
+            let beside = NamedTempFile::from_parts(full, beside.into_temp_path());
+            let mut file = AtomicFile::new(Place::Beside(beside), &path, None);
+            while file.write_all(&record).is_ok() {
+                file.mark_whole();
+            }
+            assert_eq!(file.keeps_anything(), whole > 0, "{room}");
+            assert!(file.finish().is_err(), "what broke off is said");
+            assert_eq!(path.exists(), whole > 0, "{room}");
+            if whole > 0 {
+                assert_eq!(kept.metadata().unwrap().len(), whole);
+            }
+            let left = fs::read_dir(folder.path()).unwrap().count();
+            assert_eq!(left, usize::from(whole > 0), "{room}");
+        }
+    }
+
+    /// Of a record that is longer than the buffer, and so goes past it, a part finds room.
+    #[test]
+    fn a_part_of_a_long_record_is_not_kept() {
+        let full = full_at(24 << 10);
         let kept = full.try_clone().unwrap();
         let mut file = AtomicFile::new(Place::Named(full), Path::new("full"), None);
         let record = [b'r'; 20_000];
         file.write_all(&record).unwrap();
         file.mark_whole();
-        kept.set_len(24 << 10).unwrap();
-        fcntl_add_seals(&kept, SealFlags::GROW).unwrap();
         assert!(file.write_all(&record).is_err());
         assert!(file.finish().is_err(), "what broke off is said");
         assert_eq!(kept.metadata().unwrap().len(), 20_000);
@@ -514,6 +545,17 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"headtail");
         write(&path, b"other").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"other");
+    }
+
+    #[test]
+    fn a_file_that_others_may_not_read_is_replaced_by_another_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        fs::write(&path, "old").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        write(&path, b"new").unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
+        assert_eq!(fs::read(&path).unwrap(), b"new");
     }
 
     #[test]

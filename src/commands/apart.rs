@@ -11,7 +11,7 @@ use super::input::InputArgs;
 use super::outputs::RecordArgs;
 use crate::capture::{InputSpec, is_photo};
 use crate::config::Setting;
-use crate::output::{STDOUT, link_steps};
+use crate::output::{is_stdout, link_steps};
 
 /// What a verb reads and writes.
 #[derive(Debug, Default)]
@@ -166,7 +166,7 @@ impl Named {
     /// `None` for devices and pipes: what is written there replaces nothing.
     fn new(option: &str, path: &Path) -> Option<Self> {
         let what = match fs::metadata(path) {
-            _ if path.as_os_str() == STDOUT => What::Stdout,
+            _ if is_stdout(path) => What::Stdout,
             Ok(found) if found.is_file() || found.is_dir() => What::there(&found),
             Ok(_) => return None,
             Err(_) => What::Free(place(path)),
@@ -335,7 +335,7 @@ mod tests {
         };
         let e = both(&at("new/out"), &at("new/./out")).unwrap_err();
         assert!(e.contains("--jsonl") && e.contains("--record"), "{e}");
-        assert!(both(Path::new(STDOUT), Path::new(STDOUT)).is_err());
+        assert!(both(Path::new("-"), Path::new("/dev/stdout")).is_err());
         both(&at("a"), &at("b")).unwrap();
         let nowhere = Path::new("/dev/null");
         both(nowhere, nowhere).unwrap();

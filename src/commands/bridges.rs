@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
+use super::input::path_in_words;
 use super::serve::{PageArgs, PageServer, Past, address, parse_address, parse_token};
 use crate::bridge::osc::{OscBridge, OscEvents};
 use crate::bridge::vmc::VmcBridge;
@@ -39,7 +40,7 @@ pub struct BridgeArgs {
     #[serde(deserialize_with = "address")]
     pub vmc: Option<SocketAddr>,
     /// Keep the last minute of a camera's bodies, and write it to this folder on SIGUSR1, or when a process has crashed
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = path_in_words())]
     pub flight: Option<PathBuf>,
 }
 

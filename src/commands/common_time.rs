@@ -98,8 +98,8 @@ pub fn as_if_together(
     by_times(seen, &shifts, otherwise, notes)
 }
 
-/// Brings views together frame by frame; `given` is the user's word for the rate. Views whose times are in no order get
-/// those of the rate.
+/// Brings views together frame by frame; `given` is the user's word for the rate, else it is that of the first that
+/// tells one. Views whose times are in no order get those of the rate.
 ///
 /// # Errors
 /// When views differ in rate or length.
@@ -109,7 +109,8 @@ pub fn by_number(
     notes: &mut Vec<String>,
 ) -> anyhow::Result<Common> {
     let rates: Vec<Option<f64>> = seen.iter().map(ViewFile::rate).collect();
-    let rate = given.or(rates[0]).unwrap_or(USUAL_RATE);
+    let first = rates.iter().position(Option::is_some).unwrap_or(0);
+    let rate = given.or(rates[first]).unwrap_or(USUAL_RATE);
     let is_other = |r: &Option<f64>| r.is_some_and(|r| (r / rate - 1.0).abs() > RATE_TOLERANCE);
     if given.is_none()
         && let Some(k) = rates.iter().position(is_other)
@@ -117,7 +118,7 @@ pub fn by_number(
         return Err(Failure::data(format!(
             "expected views of one rate, found {:.2} frames a second of camera {} and {:.2} of {}; bring them to one rate, or give --fps if they are",
             rate,
-            seen[0].name,
+            seen[first].name,
             rates[k].unwrap_or(rate),
             seen[k].name
         ))
@@ -337,4 +338,39 @@ fn inhabited(all: &[Timed<'_>], origin: f64, end: f64, rate: f64) -> Vec<u64> {
         }
     }
     numbers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Intrinsics;
+
+    /// A view with somebody in every frame, at these times, nanoseconds.
+    fn view(name: &str, times: impl Iterator<Item = u64>) -> ViewFile {
+        let times: Vec<u64> = times.collect();
+        ViewFile {
+            name: name.to_owned(),
+            size: [640, 480],
+            intrinsics: Intrinsics::default(),
+            frames: vec![vec![Observation::default()]; times.len()],
+            times,
+            of_machine: false,
+        }
+    }
+
+    #[test]
+    fn the_rate_is_that_of_a_view_that_tells_one_wherever_it_stands() {
+        let told = |rate: u64| (0..50).map(move |k| k * 1_000_000_000 / rate);
+        let silent = || view("silent", (0..50).map(|_| 7));
+        let at_50 = || view("a", told(50));
+        for seen in [vec![silent(), at_50()], vec![at_50(), silent()]] {
+            let common = by_number(None, seen, &mut Vec::new()).unwrap();
+            assert!((common.rate - 50.0).abs() < 1e-6, "{}", common.rate);
+        }
+        let seen = vec![silent(), at_50(), view("b", told(25))];
+        let e = by_number(None, seen, &mut Vec::new()).map(|_| ());
+        let e = e.unwrap_err().to_string();
+        assert!(e.contains("50.00 frames a second of camera a"), "{e}");
+        assert!(e.contains("25.00 of b"), "{e}");
+    }
 }

@@ -1,7 +1,7 @@
 //! `edgecap export`: a record of bodies as a file of another program.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use super::apart::Apart;
@@ -9,7 +9,7 @@ use super::exit::Failure;
 use super::say;
 use crate::export::{ExportError, Exported, Format, Take, encode};
 use crate::message::BodyFrame;
-use crate::output::AtomicFile;
+use crate::output::{self, AtomicFile};
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{RecordSink, Sinks};
 
@@ -81,10 +81,11 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     if take.was_cut {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are exported");
     }
-    for line in write(&take, format, &args.to, false)? {
+    let (lines, written) = write(&take, format, &args.to, false);
+    for line in lines {
         say::out(&line);
     }
-    Ok(())
+    written
 }
 
 fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
@@ -100,25 +101,38 @@ fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
     Ok(Box::new(BufReader::new(open()?)))
 }
 
-/// Writes a take's files; what there is now, a line each. Those of a take that broke off do not replace longer ones.
-fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> anyhow::Result<Vec<String>> {
-    let mut lines = Vec::new();
-    for Exported { path, bytes, late } in encode(take, format, to)? {
-        let written = write_file(&path, &bytes, is_broken);
-        let beside = written.map_err(|e| Failure::output(&path, &e))?;
-        let path = beside.unwrap_or(path);
-        let late = late.map_or(String::new(), |seconds| {
+/// What there is now, a line each, and how it ended: with the first failure, after which others are written all the
+/// same.
+type Written = (Vec<String>, anyhow::Result<()>);
+
+/// Writes a take's files. Those of a take that broke off do not replace longer ones.
+fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> Written {
+    let files = match encode(take, format, to) {
+        Ok(files) => files,
+        Err(e) => return (Vec::new(), Err(e.into())),
+    };
+    let (mut lines, mut first) = (Vec::new(), Ok(()));
+    for file in files {
+        let beside = match write_file(&file, is_broken) {
+            Ok(beside) => beside,
+            Err(e) => {
+                first = first.and(Err(Failure::output(&file.path, &e).into()));
+                continue;
+            }
+        };
+        let path = beside.unwrap_or(file.path);
+        let late = file.late.map_or(String::new(), |seconds| {
             format!(" (begins {seconds:.3} s after the first of all)")
         });
         lines.push(format!("→ {}{late}", path.display()));
     }
-    Ok(lines)
+    (lines, first)
 }
 
 /// Writes a whole file; the name that it got in place of its own, if it did.
-fn write_file(path: &Path, bytes: &[u8], is_broken: bool) -> io::Result<Option<PathBuf>> {
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(bytes)?;
+fn write_file(exported: &Exported<'_>, is_broken: bool) -> io::Result<Option<PathBuf>> {
+    let mut file = AtomicFile::create(&exported.path)?;
+    exported.write(&mut file)?;
     if is_broken {
         file.break_off();
     }
@@ -138,29 +152,29 @@ impl Exports {
         let named = to.iter().map(|to| Ok((Format::of(to)?, to.clone())));
         let named = named.collect::<Result<Vec<_>, ExportError>>()?;
         for (_, path) in &named {
-            // Leaves nothing; what cannot be written should be known before hours of work.
-            AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
+            // What cannot be written should be known before hours of work.
+            output::try_place(path).map_err(|e| Failure::output(path, &e))?;
         }
         Ok(Self(named))
     }
 
-    /// Writes all of them; what there is now, a line each.
-    ///
-    /// # Errors
-    /// As [`export`].
-    pub fn write(&self, take: &Take) -> anyhow::Result<Vec<String>> {
+    /// Writes all of them; errors are as those of [`export`].
+    pub fn write(&self, take: &Take) -> Written {
         self.write_take(take, false)
     }
 
-    fn write_take(&self, take: &Take, is_broken: bool) -> anyhow::Result<Vec<String>> {
-        let mut lines = Vec::new();
+    fn write_take(&self, take: &Take, is_broken: bool) -> Written {
+        let (mut lines, mut first) = (Vec::new(), Ok(()));
         for (format, to) in &self.0 {
-            lines.extend(write(take, *format, to, is_broken)?);
+            let (more, written) = write(take, *format, to, is_broken);
+            lines.extend(more);
+            first = first.and(written);
         }
-        Ok(lines)
+        (lines, first)
     }
 
-    /// Starts to keep what is to be exported, if anything is.
+    /// Starts to keep what is to be exported, if anything is, where nobody else may read it; what killed processes left
+    /// of the same is cleared away.
     ///
     /// # Errors
     /// If there is no place for it.
@@ -168,7 +182,9 @@ impl Exports {
         if self.0.is_empty() {
             return Ok(None);
         }
+        // What takes its name is private, too.
         let file = tempfile::NamedTempFile::new()?;
+        output::sweep(output::parent(file.path()));
         let record = RecordSink::<BodiesRow>::create(file.path(), RecordFormat::Binary)?;
         sinks.push(record.untold());
         Ok(Some(Kept {
@@ -187,12 +203,96 @@ pub struct Kept {
 
 impl Kept {
     /// Writes all files, once the sinks have finished; `source` is what was run. Where the run broke off, what there is
-    /// does not replace more.
-    ///
-    /// # Errors
-    /// As [`export`].
-    pub fn write(self, source: &str, is_broken: bool) -> anyhow::Result<Vec<String>> {
-        let take = Take::read(open(&self.path)?, source)?;
-        self.exports.write_take(&take, is_broken)
+    /// does not replace more. Errors are as those of [`export`].
+    pub fn write(self, source: &str, is_broken: bool) -> Written {
+        let read = open(&self.path).and_then(|input| Ok(Take::read(input, source)?));
+        match read {
+            Ok(take) => self.exports.write_take(&take, is_broken),
+            Err(e) => (Vec::new(), Err(e)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::MetadataExt;
+    use std::time::{Duration, SystemTime};
+
+    use super::*;
+    use crate::commands::exit;
+    use crate::record::Row;
+
+    /// Somebody in frames at these times, seconds.
+    fn take(times: &[u64]) -> Take {
+        let mut lines = Vec::new();
+        for (sequence, seconds) in (0..).zip(times) {
+            let mut message = BodyFrame {
+                sequence,
+                pose_ns: seconds * 1_000_000_000,
+                count: 1,
+                ..BodyFrame::default()
+            };
+            message.bodies[0].id = 1;
+            serde_json::to_writer(&mut lines, &BodiesRow::new(&message, "")).unwrap();
+            lines.push(b'\n');
+        }
+        Take::read(&lines[..], "take").unwrap()
+    }
+
+    #[test]
+    fn what_one_format_cannot_hold_the_others_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), "").unwrap();
+        // More even steps than there is room for.
+        let take = take(&[0, 1, 2, 1_000_000_000]);
+        let named = ["a.glb", "file/b.csv", "c.svg"].map(at);
+        let all = named.map(|path| (Format::of(&path).unwrap(), path));
+        let (lines, written) = Exports(all.into()).write(&take);
+        assert_eq!(lines, [format!("→ {}", at("c.svg").display())]);
+        assert!(at("c.svg").exists());
+        let e = written.unwrap_err();
+        assert_eq!(exit::code(&e), exit::DATA, "the first: {e}");
+        assert!(e.to_string().contains("4 GiB of numbers"), "{e}");
+    }
+
+    #[test]
+    fn a_place_is_tried_without_a_trace_and_a_pipe_gets_the_whole_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        Exports::new(&[at("new/folder/a.glb")]).unwrap();
+        assert!(!at("new").exists());
+        let pipe = at("pipe.csv");
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read_to_string(pipe).unwrap()
+        });
+        let exports = Exports::new(&[pipe]).unwrap();
+        let (lines, written) = exports.write(&take(&[0, 1, 2]));
+        written.unwrap();
+        assert_eq!(lines.len(), 1);
+        let read = reader.join().unwrap();
+        assert_eq!(read.lines().count(), 1 + 3 * crate::joints::BODY_JOINTS);
+    }
+
+    #[test]
+    fn what_a_run_keeps_to_export_is_nobody_elses_and_what_was_left_of_it_goes() {
+        let left = tempfile::Builder::new()
+            .prefix(".edgecap-")
+            .suffix(".part")
+            .tempfile()
+            .unwrap();
+        let long_ago = SystemTime::now() - Duration::from_secs(2 * 24 * 60 * 60);
+        left.as_file().set_modified(long_ago).unwrap();
+        let left = left.into_temp_path();
+        let mut sinks = Sinks::default();
+        let exports = Exports(vec![(Format::Csv, PathBuf::from("a.csv"))]);
+        let kept = exports.keep(&mut sinks).unwrap().unwrap();
+        assert!(!left.exists());
+        sinks.finish().1.unwrap();
+        let mode = fs::metadata(&kept.path).unwrap().mode();
+        assert_eq!(mode & 0o777, 0o600);
     }
 }

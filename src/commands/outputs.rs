@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::exit::Failure;
+use super::input::path_in_words;
 use super::say;
 use crate::output;
 use crate::record::{Format, Row};
@@ -16,11 +17,11 @@ use crate::sink::{PatientRecord, RecordSink, SinkError, Sinks};
 #[serde(default, deny_unknown_fields)]
 pub struct RecordArgs {
     /// Write one line of JSON per frame to this file; '-' for standard output
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub jsonl: Option<PathBuf>,
     /// Write the same in binary, a third of the size; what reads one reads the other: of bodies (run, fit) 'export',
     /// 'replay' and 'view --record', of observations (infer) 'fit --input'
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub record: Option<PathBuf>,
 }
 
@@ -32,8 +33,8 @@ impl RecordArgs {
 
     /// Whether standard output carries results, so that words have to go elsewhere.
     pub fn takes_stdout(&self) -> bool {
-        let is_stdout = |p: &PathBuf| p.as_os_str() == output::STDOUT;
-        self.jsonl.iter().chain(&self.record).any(is_stdout)
+        let mut all = self.jsonl.iter().chain(&self.record);
+        all.any(|path| output::is_stdout(path))
     }
 
     /// Starts the records. Those of an input with an end appear whole; others grow under their names: a power cut after
@@ -63,7 +64,7 @@ impl RecordArgs {
         sinks: &mut Sinks<T::Message>,
     ) -> Result<(), SinkError> {
         for (path, format) in self.each() {
-            if path.as_os_str() == output::STDOUT {
+            if output::is_stdout(path) {
                 sinks.push(RecordSink::<T>::create(path, format)?.growing());
             } else {
                 sinks.push(PatientRecord::<T>::create(path, format)?);
@@ -105,7 +106,7 @@ impl RecordArgs {
         let lines = self.jsonl.iter().map(|path| (path, Format::Jsonl));
         let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
         all.inspect(|(path, _)| {
-            if path.as_os_str() != output::STDOUT {
+            if !output::is_stdout(path) {
                 output::sweep(output::parent(path));
             }
         })

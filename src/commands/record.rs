@@ -12,6 +12,7 @@ use super::input::DEFAULT_NAME;
 use super::say;
 use super::stop::Stop;
 use crate::counted::counted;
+use crate::output;
 use crate::record::{BodiesRow, Format, GrowingRecord, ObservationsRow, Row, Times};
 use crate::sink::SinkError;
 
@@ -51,6 +52,13 @@ pub fn record(args: RecordVerb) -> anyhow::Result<()> {
 }
 
 fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Result<()> {
+    if output::is_stdout(&args.to) {
+        return Err(Failure::usage(
+            "a record grows under its name: expected that of a file, found standard output; \
+             'edgecap record hall.jsonl' and 'tail -f hall.jsonl' show it on the way",
+        )
+        .into());
+    }
     let stop = Stop::on_signals()?;
     let stream = Subscriber::<M>::open(&args.camera)?;
     let mut file = create::<T>(&args.to)?;

@@ -1,6 +1,6 @@
 //! `edgecap replay`: publishes a record as if its camera ran again, at the times at which it was published.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,6 +10,7 @@ use edgecap_client::service_name;
 
 use super::events;
 use super::exit::Failure;
+use super::fit::numbers::Numbers;
 use super::input::DEFAULT_NAME;
 use super::say;
 use super::stop::Stop;
@@ -59,6 +60,14 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
     let name = args.record.display().to_string();
+    let found = fs::metadata(&args.record).map_err(|e| Failure::no_input(&args.record, &e))?;
+    if !found.is_file() {
+        return Err(Failure::usage(format!(
+            "{name}: expected a file, which is read from its start more than once, found something else; \
+             write what a pipe brings to a file first"
+        ))
+        .into());
+    }
     match Kind::of(&mut open(&args.record)?) {
         Some(Kind::Bodies) => {
             let mut rows = |take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<bool>| {
@@ -68,7 +77,7 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
                         break;
                     }
                 }
-                Ok(())
+                Ok(rows.was_cut())
             };
             let config = events::config(args.events.as_ref())?;
             let mut sinks = Sinks::default();
@@ -76,7 +85,7 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
             let mut happened = Sinks::default();
             happened.push(SharedMemorySink::<EventFrame>::open(&args.name)?);
             sinks.push(EventSink::new(config, happened));
-            play(&args, &stop, sinks, &mut rows)
+            play(&args, &stop, "bodies", sinks, &mut rows)
         }
         Some(Kind::Observations) => {
             let mut rows = |take: &mut dyn FnMut(&ObservationFrame) -> anyhow::Result<bool>| {
@@ -90,11 +99,11 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
                         break;
                     }
                 }
-                Ok(())
+                Ok(rows.was_cut())
             };
             let mut sinks = Sinks::default();
             sinks.push(SharedMemorySink::<ObservationFrame>::open(&args.name)?);
-            play(&args, &stop, sinks, &mut rows)
+            play(&args, &stop, "observations", sinks, &mut rows)
         }
         None => Err(Failure::data(format!(
             "{name}: expected a record of bodies or observations, found something else; 'edgecap record' makes one"
@@ -108,36 +117,34 @@ fn open(path: &Path) -> anyhow::Result<BufReader<File>> {
     Ok(BufReader::new(file))
 }
 
-/// Calls its argument with every frame of the record until that says `false`.
+/// Calls its argument with every frame of the record until that says `false`; whether the record ends inside a frame.
 type Rows<'a, M> =
-    &'a mut dyn FnMut(&mut dyn FnMut(&M) -> anyhow::Result<bool>) -> anyhow::Result<()>;
+    &'a mut dyn FnMut(&mut dyn FnMut(&M) -> anyhow::Result<bool>) -> anyhow::Result<bool>;
 
 fn play<M: Streamed + Times>(
     args: &ReplayArgs,
     stop: &Stop,
+    what: &str,
     mut sinks: Sinks<M>,
     rows: Rows<'_, M>,
 ) -> anyhow::Result<()> {
+    let name = args.record.display().to_string();
     say::err(&format!(
-        "{} → shared memory {} (Ctrl-C stops)",
-        args.record.display(),
+        "{name} → shared memory {} (Ctrl-C stops)",
         service_name::<M>(&args.name)
     ));
     let mut frames = 0_u64;
-    // The numbers of a further pass go on where the last one ended.
-    let mut offset = 0;
+    let mut numbers = Numbers::default();
     let outcome = loop {
         let mut clock = Clock::new(args.speed);
-        let (before, mut first, mut last) = (frames, None, 0);
+        let before = frames;
         let played = rows(&mut |recorded| {
             clock.wait(recorded, stop);
             if stop.requested() {
                 return Ok(false);
             }
             let mut message = Box::new(*recorded);
-            first.get_or_insert(recorded.number());
-            last = recorded.number();
-            message.renumber(last.saturating_add(offset));
+            message.renumber(numbers.go_on(recorded.number()));
             message.publish_at(monotonic_ns());
             sinks.take(&Packet {
                 message: &*message,
@@ -147,20 +154,24 @@ fn play<M: Streamed + Times>(
             frames += 1;
             Ok(true)
         });
-        if let Err(e) = played {
-            break Err(e);
-        }
+        let was_cut = match played {
+            Ok(was_cut) => was_cut,
+            Err(e) => break Err(e),
+        };
         if stop.requested() {
             break Ok(());
         }
         if frames == before {
-            let nothing = format!("{}: no frames in it", args.record.display());
-            break Err(Failure::data(nothing).into());
+            break Err(Failure::no_whole_frame(&name, what, was_cut).into());
+        }
+        // Of further passes nobody has to be told again.
+        if was_cut && before == 0 {
+            tracing::warn!("{name}: cut off inside a frame; the frames before it are replayed");
         }
         if !args.again {
             break Ok(());
         }
-        offset += (last + 1).saturating_sub(first.unwrap_or(0));
+        numbers.begin_anew();
     };
     let finished = sinks.finish().1;
     outcome?;

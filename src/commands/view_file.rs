@@ -13,13 +13,11 @@ use super::say;
 use crate::camera::DEFAULT_FOV;
 pub use crate::capture::is_film;
 use crate::counted::counted;
-use crate::export::inhabited_steps;
+use crate::export::usual_rate;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
 use crate::record::{CameraSource, ObservationReader};
 use crate::supervise::tie;
 
-/// A time between frames counts as one without a frame missing, in usual ones.
-const USUAL: f64 = 1.75;
 /// Frames a second beyond which times say nothing.
 const MOST_RATE: f64 = 10_000.0;
 
@@ -143,12 +141,7 @@ impl ViewFile {
             let step = times[1].checked_sub(times[0]).filter(|step| *step > 0)?;
             Some((step as f64 * 1e-9, seen.iter().all(|s| !s.is_empty())))
         });
-        let steps = inhabited_steps(steps);
-        let median = *steps.get(steps.len() / 2)?;
-        // The median alone would be as coarse as the file's clock, which often counts milliseconds.
-        let usual = steps.partition_point(|step| *step <= USUAL * median);
-        let sum: f64 = steps[..usual].iter().sum();
-        Some((usual as f64 / sum).min(MOST_RATE))
+        usual_rate(steps).map(|rate| rate.min(MOST_RATE))
     }
 }
 

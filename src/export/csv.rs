@@ -1,7 +1,7 @@
 //! CSV, tidy: one row for each joint of each person in each frame, at the frames' own times. Metres in camera axes (x
 //! right, y down, z forward) and, where the frame knew a floor, in the floor's; pixels of the picture.
 
-use std::fmt::Write;
+use std::io::{self, Write};
 
 use super::take::Take;
 use crate::joints::JOINT_NAMES;
@@ -9,8 +9,11 @@ use crate::joints::JOINT_NAMES;
 const HEAD: &str = "frame,time_s,person,state,person_confidence,height_m,joint,joint_state,confidence,\
                     x_m,y_m,z_m,u_px,v_px,floor_x_m,floor_y_m,floor_z_m\n";
 
-/// The file's text.
-pub fn encode(take: &Take) -> String {
+/// Writes the file's text row by row: all of it may be twice as large as the take.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write(take: &Take, out: &mut impl Write) -> io::Result<()> {
     let mut rows: Vec<(usize, u32)> = take
         .people
         .iter()
@@ -18,7 +21,7 @@ pub fn encode(take: &Take) -> String {
         .collect();
     let sample = |&(n, id): &(usize, u32)| &take.people[&id][n];
     rows.sort_by_key(|row| (sample(row).frame, row.1));
-    let mut out = HEAD.to_owned();
+    out.write_all(HEAD.as_bytes())?;
     for row in &rows {
         let (frame, body) = (&take.frames[sample(row).frame], &sample(row).body);
         let start = format!(
@@ -34,20 +37,20 @@ pub fn encode(take: &Take) -> String {
             let ([x, y, z], [u, v]) = (body.joints3d[j], body.joints2d[j]);
             let state = body.joint_states[j].name().unwrap_or_default();
             let sure = body.confidence[j];
-            let _ = write!(
+            write!(
                 out,
                 "{start},{name},{state},{sure:.3},{x:.5},{y:.5},{z:.5},{u:.2},{v:.2},"
-            );
-            let _ = match frame.world.is_known() {
+            )?;
+            match frame.world.is_known() {
                 true => {
                     let [x, y, z] = frame.world.point(body.joints3d[j]);
-                    writeln!(out, "{x:.5},{y:.5},{z:.5}")
+                    writeln!(out, "{x:.5},{y:.5},{z:.5}")?;
                 }
-                false => writeln!(out, ",,"),
-            };
+                false => writeln!(out, ",,")?,
+            }
         }
     }
-    out
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Recorded bodies as the files of other programs. A record goes in as a [`Take`]; each format is a file here and gives
-//! bytes.
+//! bytes, or writes them.
 //!
 //! Axes of BVH, glTF and TRC: the floor's of the record's last frame that knows one (x to the camera's right, y up, z
 //! towards the viewer). Where none does, the camera's axes set upright, with the lowest foot at height 0.
@@ -21,8 +21,9 @@ pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
 pub use motion::{Axes, Motion};
 pub use take::Take;
-pub use times::{Clock, inhabited_steps};
+pub use times::{Clock, usual_rate};
 
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// What a file is for.
@@ -70,14 +71,34 @@ impl Format {
 const LONGEST_HELD: f64 = 600.0;
 
 /// A file of a take.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Exported {
+#[derive(Debug)]
+pub struct Exported<'a> {
     /// Where it goes.
     pub path: PathBuf,
-    /// What is in it.
-    pub bytes: Vec<u8>,
+    content: Content<'a>,
     /// How long after the first of all people it begins, seconds, where it does not say so itself.
     pub late: Option<f64>,
+}
+
+/// What is in a file.
+#[derive(Debug)]
+enum Content<'a> {
+    Bytes(Vec<u8>),
+    /// Rows of CSV, which are made as they are written.
+    Rows(&'a Take),
+}
+
+impl Exported<'_> {
+    /// Writes what is in it.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        match &self.content {
+            Content::Bytes(bytes) => out.write_all(bytes),
+            Content::Rows(take) => csv::write(take, out),
+        }
+    }
 }
 
 /// The files of a take, by name: `to`, or where a format holds one person only and there are several, `to` with each
@@ -86,17 +107,21 @@ pub struct Exported {
 ///
 /// # Errors
 /// [`ExportError::Format`] where the numbers do not fit the format.
-pub fn encode(take: &Take, format: Format, to: &Path) -> Result<Vec<Exported>, ExportError> {
+pub fn encode<'a>(
+    take: &'a Take,
+    format: Format,
+    to: &Path,
+) -> Result<Vec<Exported<'a>>, ExportError> {
     if !format.is_of_one() {
-        let bytes = match format {
-            Format::Glb => gltf::encode(take)?,
-            Format::Svg => plot::encode(take).into_bytes(),
-            Format::Npz => npz::encode(take)?,
-            _ => csv::encode(take).into_bytes(),
+        let content = match format {
+            Format::Glb => Content::Bytes(gltf::encode(take)?),
+            Format::Svg => Content::Bytes(plot::encode(take).into_bytes()),
+            Format::Npz => Content::Bytes(npz::encode(take)?),
+            _ => Content::Rows(take),
         };
         return Ok(vec![Exported {
             path: to.to_owned(),
-            bytes,
+            content,
             late: None,
         }]);
     }
@@ -118,7 +143,7 @@ pub fn encode(take: &Take, format: Format, to: &Path) -> Result<Vec<Exported>, E
         };
         Exported {
             path,
-            bytes: text.into_bytes(),
+            content: Content::Bytes(text.into_bytes()),
             late,
         }
     });

@@ -53,12 +53,14 @@ impl Motion {
         let steps: f64 = take.people.values().map(|s| steps(take, s, rate)).sum();
         let bytes = steps * size_of::<Moment>() as f64;
         size::expect(bytes, || format!("{steps} steps of {:.6} s", 1.0 / rate))?;
-        Ok(take.people.keys().map(move |&id| Self::of(take, id, rate)))
+        // They may take a look at everybody: not again for each.
+        let axes = Axes::of(take);
+        let ids = take.people.keys();
+        Ok(ids.map(move |&id| Self::of(take, id, rate, &axes)))
     }
 
-    fn of(take: &Take, id: u32, rate: f64) -> Self {
+    fn of(take: &Take, id: u32, rate: f64, axes: &Axes) -> Self {
         let samples = &take.people[&id];
-        let axes = Axes::of(take);
         let time = |s: &Sample| take.frames[s.frame].time;
         let lengths = std::array::from_fn(|j| {
             median(samples.iter().map(|s| f64::from(s.body.bone_lengths[j])))

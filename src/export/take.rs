@@ -9,8 +9,8 @@ use super::times::{self, RATE};
 use crate::message::{Body, World};
 use crate::record::{BodiesRow, RowReader};
 
-/// No camera is faster: shorter steps are a record's mistake, and would make endless files.
-const SHORTEST_STEP: f64 = 1e-3;
+/// No camera is faster: shorter steps are a record's mistake, and would make endless files. Frames a second.
+const MOST_RATE: f64 = 1e3;
 /// People listed in an error.
 const MOST_LISTED: usize = 20;
 
@@ -148,7 +148,7 @@ impl Take {
         first.map_or(0.0, |frame| self.frames[frame].time)
     }
 
-    /// Frames a second while somebody is in view: of the median step.
+    /// Frames a second while somebody is in view.
     pub fn rate(&self) -> f64 {
         let mut inhabited = vec![false; self.frames.len()];
         for sample in self.people.values().flatten() {
@@ -159,9 +159,7 @@ impl Take {
             let step = frames[1].time - frames[0].time;
             (step, inhabited[0] && inhabited[1])
         });
-        let steps = times::inhabited_steps(steps);
-        let median = steps.get(steps.len() / 2);
-        median.map_or(RATE, |step| 1.0 / step.max(SHORTEST_STEP))
+        times::usual_rate(steps).map_or(RATE, |rate| rate.min(MOST_RATE))
     }
 
     /// The floor of the last frame that knows one.

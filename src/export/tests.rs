@@ -1,5 +1,7 @@
 //! Records whose times and ids are as a publisher that waits, ends or is started again leaves them.
 
+use std::time::Instant;
+
 use super::take::{Frame, Sample};
 use super::*;
 use crate::message::{Body, BodyFrame, World};
@@ -93,6 +95,17 @@ fn whoever_is_in_no_two_frames_in_a_row_has_the_rate_of_all() {
     assert!((rate - 10.0).abs() < 1e-6, "{rate}");
 }
 
+/// Containers such as Matroska's count milliseconds.
+#[test]
+fn a_film_whose_times_are_whole_milliseconds_has_its_rate() {
+    let ms = |k: u64| (k * 1000 + 30) / 60;
+    let times = (0..600).map(|k| (k, ms(k) * SECOND / 1000, &[1][..]));
+    let take = take(&times.collect::<Vec<_>>());
+    assert!((take.rate() - 60.0).abs() < 0.05, "{}", take.rate());
+    let motion = Motion::all(&take).unwrap().next().unwrap();
+    assert_eq!(motion.moments.len(), 600);
+}
+
 #[test]
 fn a_frame_that_was_overtaken_is_left_out() {
     let take = take(&[
@@ -169,6 +182,26 @@ fn steps_are_no_shorter_than_a_camera_s() {
     assert_eq!(take.rate(), 1000.0);
 }
 
+/// Two thousand visitors of a week took as many looks at all of them.
+#[test]
+fn everybody_is_looked_at_once_for_the_floor_and_not_once_for_each() {
+    const PEOPLE: u32 = 3000;
+    const LOOKS: u32 = 100;
+    let take = crowd((0..PEOPLE).map(|k| f64::from(k) / 30.0));
+    let began = Instant::now();
+    for _ in 0..LOOKS {
+        assert!(Axes::of(&take).point([0.0; 3]).is_finite());
+    }
+    let one_look = began.elapsed() / LOOKS;
+    let began = Instant::now();
+    assert_eq!(Motion::all(&take).unwrap().count(), PEOPLE as usize);
+    let took = began.elapsed();
+    assert!(
+        took < one_look * PEOPLE / 2,
+        "{took:?}, a look {one_look:?}"
+    );
+}
+
 #[test]
 fn what_cannot_be_held_is_refused_before_it_is_made() {
     let refused = |take: &Take, name: &str, words: [&str; 2]| {
@@ -187,6 +220,37 @@ fn what_cannot_be_held_is_refused_before_it_is_made() {
     for name in ["a.bvh", "a.trc", "a.glb"] {
         refused(&long, name, ["steps of 0.020000 s", "shorter takes"]);
     }
+}
+
+fn bytes(file: &Exported<'_>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    file.write(&mut bytes).unwrap();
+    bytes
+}
+
+/// The bytes of all pieces that came, and of the longest.
+#[derive(Debug, Default)]
+struct Pieces(usize, usize);
+
+impl Write for Pieces {
+    fn write(&mut self, piece: &[u8]) -> io::Result<usize> {
+        self.0 += piece.len();
+        self.1 = self.1.max(piece.len());
+        Ok(piece.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_csv_of_any_length_is_never_held() {
+    let take = crowd((0..300).map(|k| f64::from(k) / 30.0));
+    let files = encode(&take, Format::Csv, "a.csv".as_ref()).unwrap();
+    let mut pieces = Pieces::default();
+    files[0].write(&mut pieces).unwrap();
+    assert!(pieces.0 > 300_000 && pieces.1 < 1000, "{pieces:?}");
 }
 
 /// The times of every animated property of a file, and the sizes where it is one.
@@ -217,7 +281,7 @@ fn tracks(glb: &[u8]) -> Vec<(String, Vec<f32>, Vec<f32>)> {
 
 fn glb(take: &Take) -> Vec<(String, Vec<f32>, Vec<f32>)> {
     let files = encode(take, Format::Glb, "a.glb".as_ref()).unwrap();
-    let tracks = tracks(&files[0].bytes);
+    let tracks = tracks(&bytes(&files[0]));
     for (name, times, _) in &tracks {
         assert!(times.is_sorted_by(|a, b| a < b), "{name}: {times:?}");
     }
@@ -267,9 +331,10 @@ fn who_comes_much_later_does_not_stand_still_in_a_bvh_and_is_told() {
     let mut messages: Vec<Message<'_>> = (0..30).map(|k| (k, k * SECOND / 30, &[1][..])).collect();
     messages.extend((30..60).map(|k| (k, 5 * SECOND + k * SECOND / 30, &[2][..])));
     messages.extend((60..90).map(|k| (k, 3600 * SECOND + k * SECOND / 30, &[3][..])));
-    let files = encode(&take(&messages), Format::Bvh, "a.bvh".as_ref()).unwrap();
+    let take = take(&messages);
+    let files = encode(&take, Format::Bvh, "a.bvh".as_ref()).unwrap();
     let found = files.iter().map(|file| {
-        let text = std::str::from_utf8(&file.bytes).unwrap();
+        let text = String::from_utf8(bytes(file)).unwrap();
         let frames = text.split("Frames: ").nth(1).unwrap();
         let frames = frames.lines().next().unwrap().parse().unwrap();
         assert_eq!(

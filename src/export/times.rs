@@ -2,6 +2,8 @@
 
 /// Frames a second of a record whose times say nothing, such as one of photos.
 pub const RATE: f64 = 30.0;
+/// A time between frames counts as one without a frame missing, in usual ones.
+const USUAL: f64 = 1.75;
 /// Times that go back by more than this belong to another recording.
 const RESTART_NS: u64 = 500_000_000;
 
@@ -36,9 +38,20 @@ pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
     times.collect()
 }
 
+/// Frames a second, by the `steps` between frames that follow each other, seconds: those with somebody in both frames
+/// (`true`) where there are any. Steps over frames that are missing do not count.
+pub fn usual_rate(steps: impl Iterator<Item = (f64, bool)>) -> Option<f64> {
+    let steps = inhabited_steps(steps);
+    let median = *steps.get(steps.len() / 2)?;
+    // The median alone would be as coarse as the record's clock, which often counts milliseconds.
+    let usual = steps.partition_point(|step| *step <= USUAL * median);
+    let sum: f64 = steps[..usual].iter().sum();
+    Some(usual as f64 / sum)
+}
+
 /// Steps between frames that follow each other, seconds, sorted: those with somebody in both frames (`true`), as live
 /// cameras look at empty places less often; all of them where there are none.
-pub fn inhabited_steps(steps: impl Iterator<Item = (f64, bool)>) -> Vec<f64> {
+fn inhabited_steps(steps: impl Iterator<Item = (f64, bool)>) -> Vec<f64> {
     let (inhabited, others): (Vec<_>, Vec<_>) = steps.partition(|(_, inhabited)| *inhabited);
     let chosen = match inhabited.is_empty() {
         true => others,

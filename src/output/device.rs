@@ -1,7 +1,8 @@
-//! Devices and pipes to write into.
+//! Devices and pipes to write into, and what this process has open already.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
+use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -37,12 +38,51 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
     }
 }
 
+/// What descriptor `number` is, which `path` names, to be written on where it stands: a file that is opened anew
+/// begins at its start, also where it is to be added to.
+pub(super) fn opened_before(number: u32, path: &Path) -> io::Result<File> {
+    let same = match number {
+        0 => io::stdin().as_fd().try_clone_to_owned()?,
+        1 => io::stdout().as_fd().try_clone_to_owned()?,
+        2 => io::stderr().as_fd().try_clone_to_owned()?,
+        // No other can be had by its number alone: at the end of a file nothing is written over.
+        _ if fs::metadata(path)?.is_file() => return File::options().append(true).open(path),
+        _ => return open(path),
+    };
+    Ok(same.into())
+}
+
 #[cfg(test)]
 mod tests {
-    use std::fs;
     use std::io::Write;
+    use std::os::fd::AsRawFd;
 
     use super::super::AtomicFile;
+    use super::*;
+
+    #[test]
+    fn what_is_open_already_is_written_on_and_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("all.txt");
+        fs::write(&path, "a line\n").unwrap();
+        let open = File::options().append(true).open(&path).unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink("/dev/fd", &link).unwrap();
+        let number = open.as_raw_fd();
+        let own = std::process::id();
+        for name in [
+            format!("/dev/fd/{number}"),
+            format!("/proc/self/fd/{number}"),
+            format!("/proc/{own}/fd/{number}"),
+            format!("{}/{number}", link.display()),
+        ] {
+            super::super::try_place(name.as_ref()).unwrap();
+            super::super::write(name.as_ref(), b"{}\n").unwrap();
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(text, format!("a line\n{}", "{}\n".repeat(4)));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
 
     #[test]
     fn a_pipe_gets_the_bytes_and_stays_a_pipe() {

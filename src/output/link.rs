@@ -1,4 +1,4 @@
-//! Where a name leads through links, so that none is replaced by a file.
+//! Where a name leads through links, so that none is replaced by a file, nor what this process has open.
 
 use std::fs;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::io::Errno;
 
-use super::parent;
+use super::{STDOUT, parent};
 
 /// As many links as the system itself follows.
 const MOST_LINKS: usize = 40;
@@ -16,6 +16,23 @@ const MOST_LINKS: usize = 40;
 pub fn steps(path: &Path) -> impl Iterator<Item = PathBuf> + use<> {
     let next = |link: &PathBuf| Some(parent(link).join(fs::read_link(link).ok()?));
     iter::successors(Some(path.to_owned()), next).take(MOST_LINKS + 1)
+}
+
+/// Whether `path` names standard output, by whatever name.
+pub fn is_stdout(path: &Path) -> bool {
+    descriptor(path) == Some(1)
+}
+
+/// The number of the descriptor of this process that `path` names, itself or by links, as `/dev/stdout` does; that of
+/// standard output for `-`.
+pub(super) fn descriptor(path: &Path) -> Option<u32> {
+    if path.as_os_str() == STDOUT {
+        return Some(1);
+    }
+    let own = fs::canonicalize("/proc/self/fd").ok()?;
+    let is_own = |step: &PathBuf| parent(step).canonicalize().is_ok_and(|p| p == own);
+    let named = steps(path).find(is_own)?;
+    named.file_name()?.to_str()?.parse().ok()
 }
 
 /// The file behind `path`, which need not be there yet; `path` itself where it is no link.

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use super::link::behind_links;
+use super::link::{behind_links, descriptor};
 use super::{parent, unnamed};
 
 /// Begins a file where `path`, or the first of its folders that is missing, would be made, and leaves nothing.
@@ -12,6 +12,9 @@ use super::{parent, unnamed};
 /// # Errors
 /// The system's.
 pub fn try_place(path: &Path) -> io::Result<()> {
+    if descriptor(path).is_some() {
+        return Ok(());
+    }
     let path = &behind_links(path)?;
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => {

@@ -1,6 +1,6 @@
 //! The binary format: a magic, then frames with their lengths.
 
-use std::io::{self, BufRead, ErrorKind, Read};
+use std::io::{self, BufRead, Read};
 
 /// How a binary record begins; a byte that says of what follows.
 pub const MAGIC: &[u8; 7] = b"EDGECAP";
@@ -15,6 +15,8 @@ pub enum Piece {
     Frame,
     /// The file ends inside it.
     Cut,
+    /// None: it would have more bytes than any frame, so many.
+    TooLong(usize),
     /// There is none.
     End,
 }
@@ -34,10 +36,7 @@ pub fn take<R: BufRead>(input: &mut R, buffer: &mut Vec<u8>) -> io::Result<Piece
         _ => return Ok(Piece::Cut),
     };
     if length > MAX_FRAME {
-        return Err(io::Error::new(
-            ErrorKind::InvalidData,
-            format!("expected a frame of at most {MAX_FRAME} bytes, found {length}"),
-        ));
+        return Ok(Piece::TooLong(length));
     }
     buffer.clear();
     Ok(if read_up_to(input, length, buffer)? == length {

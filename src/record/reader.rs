@@ -1,6 +1,6 @@
 //! Reading records frame by frame, whichever format they have.
 
-use std::io::{BufRead, Read};
+use std::io::{BufRead, ErrorKind, Read};
 use std::marker::PhantomData;
 
 use super::binary::{self, HEAD, MAGIC, Piece};
@@ -84,8 +84,12 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
             return Ok(false);
         }
         let mut head = [0; HEAD];
-        if let Err(e) = self.input.read_exact(&mut head) {
-            return Err(self.io(1, e));
+        match self.input.read_exact(&mut head) {
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
+                return Err(self.damaged(1, "the end of the file".to_owned()));
+            }
+            Err(e) => return Err(self.io(1, e)),
+            Ok(()) => {}
         }
         if !head.starts_with(MAGIC) || head[MAGIC.len()] != T::KIND {
             self.line = 1;
@@ -105,6 +109,10 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
             Ok(Piece::Cut) => {
                 self.was_cut = true;
                 Ok(None)
+            }
+            Ok(Piece::TooLong(length)) => {
+                self.line += 1;
+                Err(self.bad(format!("a length of {length} bytes")))
             }
             Ok(Piece::Frame) => {
                 self.line += 1;
@@ -186,15 +194,16 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
         RecordError::Io { name, line, source }
     }
 
+    fn damaged(&self, frame: u64, found: String) -> RecordError {
+        let name = self.name.clone();
+        RecordError::Frame { name, frame, found }
+    }
+
     pub(super) fn bad(&self, found: String) -> RecordError {
         let (name, line) = (self.name.clone(), self.line);
         match self.is_binary {
             // Nobody repairs one of these by hand.
-            Some(true) => RecordError::Frame {
-                name,
-                frame: line,
-                found,
-            },
+            Some(true) => self.damaged(line, found),
             _ => RecordError::Line {
                 name,
                 line,

@@ -192,6 +192,21 @@ fn settings_are_not_replaced_by_a_result() {
 }
 
 #[test]
+fn an_export_is_not_written_to_a_result_of_multiview() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (absent, out) = (at("absent"), at("mv"));
+    for name in ["bodies.npz", "joints.trc", "./meshes.glb"] {
+        let to = at(&format!("mv/{name}"));
+        let views = ["--view", &absent, "--view", &absent];
+        let args = ["multiview", "--calibration", &absent, "--out", &out];
+        let args = [&args[..], &views, &["--export", &to]].concat();
+        assert_fails(&args, 64, &["--export", "--out", "a file for each"]);
+    }
+    assert!(!Path::new(&out).exists());
+}
+
+#[test]
 fn two_results_are_not_written_to_one_file() {
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("same.out");

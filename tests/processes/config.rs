@@ -241,6 +241,16 @@ fn flags_win_over_the_file_and_everything_says_where_it_came_from() {
     assert_eq!(values(&again), values(&said));
 }
 
+#[test]
+fn an_address_of_the_network_is_no_path_below_the_settings() {
+    let text = "[[camera]]\ninput = \"rtsp://10.0.0.5/stream\"\n";
+    let said = program::stderr(&config("check", text, &[]));
+    assert!(
+        said.contains("ffmpeg -i 'rtsp://10.0.0.5/stream'"),
+        "{said}"
+    );
+}
+
 /// What a run ends with for good, a service that is not started again.
 #[test]
 fn what_no_run_would_start_with_is_not_right() {

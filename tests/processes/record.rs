@@ -13,6 +13,8 @@ use edgecap::record::{
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
+use crate::program::assert_fails;
+
 const FOV: CameraSource<'static> = CameraSource::Recorded { fov_degrees: 60.0 };
 const FORMATS: [Format; 2] = [Format::Jsonl, Format::Binary];
 
@@ -320,8 +322,23 @@ fn binary_is_read_wherever_lines_are_and_is_much_smaller() {
     );
     let mut damaged = binary;
     damaged[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
-    let mut reader = RowReader::<_, BodiesRow>::new(&damaged[..], "record");
-    assert!(matches!(reader.read(), Err(RecordError::Io { .. })));
+    // A length that no frame has, and a file that ends before its first frame.
+    for bytes in [&damaged[..], &damaged[..5]] {
+        let mut reader = RowReader::<_, BodiesRow>::new(bytes, "record");
+        let found = reader.read().unwrap_err();
+        assert!(
+            matches!(found, RecordError::Frame { frame: 1, .. }),
+            "{found}"
+        );
+        std::fs::write(&path, bytes).unwrap();
+        let to = folder.path().join("a.csv");
+        let export = ["export", path.to_str().unwrap(), "--to"];
+        assert_fails(
+            &[&export[..], &[to.to_str().unwrap()]].concat(),
+            65,
+            &["frame 1"],
+        );
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! that are calibrated, or from a recorded file.
 
 mod cameras;
-mod numbers;
+pub mod numbers;
 mod pace;
 pub mod settings;
 
@@ -11,7 +11,9 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, ObservationFrame};
+use edgecap_client::message::{
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame,
+};
 use edgecap_client::{Priority, Subscriber};
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +29,7 @@ use super::stop::Stop;
 use numbers::Numbers;
 use pace::{Fresh, Pace};
 
-use crate::camera::{DEFAULT_FOV, monotonic_ns};
+use crate::camera::{DEFAULT_FOV, Sleep, monotonic_ns};
 use crate::config::Setting;
 use crate::counted::counted;
 use crate::events::EventConfig;
@@ -194,6 +196,7 @@ fn live(
     let mut fit_us = 0;
     let mut frames = 0;
     let (mut fresh, mut numbers) = (Fresh::default(), Numbers::default());
+    let mut sleep = Sleep::default();
     let mut fit = || -> anyhow::Result<()> {
         let mut take = |out: &mut BodyFrame| {
             frames += 1;
@@ -218,6 +221,10 @@ fn live(
                     continue;
                 }
                 let start = Instant::now();
+                let slept = sleep.seconds();
+                if frame.flags & FLAG_FILE_TIME == 0 {
+                    fitter.slept(slept);
+                }
                 fitter.update(&frame, &mut out);
                 fit_us = start.elapsed().as_micros() as u32;
                 out.fit_us = fit_us;
@@ -294,11 +301,10 @@ fn recorded(
         }
         let name = input.display();
         match (frames, reader.was_cut()) {
-            (0, false) => Err(Failure::no_frames(&name.to_string(), "observations").into()),
-            (0, true) => Err(Failure::data(format!(
-                "{name}: expected a record of observations, found it cut off inside its first frame; record again"
-            ))
-            .into()),
+            (0, was_cut) => {
+                let name = name.to_string();
+                Err(Failure::no_whole_frame(&name, "observations", was_cut).into())
+            }
             (_, true) => {
                 tracing::warn!(
                     "{name}: cut off inside frame {}; the frames before it were fitted",

@@ -215,11 +215,15 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     }
     let take = write::run((&args.out, store), body, &scene, &fitted, &report, &chosen)?;
     let told = say::whole(&write::table(&report));
-    for line in exports.write(&take)? {
+    let (lines, exported) = exports.write(&take);
+    for line in lines {
         say::out(&line);
     }
-    masked.and(told)
+    exported.and(masked).and(told)
 }
+
+/// Results of its own that an export can have the name of.
+const RESULTS: [&str; 3] = ["bodies.npz", "joints.trc", "meshes.glb"];
 
 /// What is read and written; the folder for results is empty.
 fn apart(args: &MultiviewArgs) -> Apart {
@@ -231,6 +235,9 @@ fn apart(args: &MultiviewArgs) -> Apart {
         .may_read("--calibration", args.calibration.as_deref())
         .may_read("--body", args.body.as_deref())
         .writes_exports(&args.export);
+    for name in RESULTS {
+        apart = apart.writes("--out", &args.out.join(name));
+    }
     for (option, all) in [("--view", &args.view), ("--film", &args.film)] {
         for file in files(all) {
             apart = apart.reads(option, &file);

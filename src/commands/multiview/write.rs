@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
-use crate::export::{Axes, Exported, Format, MeshTrack, Take, encode, encode_meshes};
+use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
@@ -115,8 +115,10 @@ pub fn run(
     let lines = lines(body, scene, fit, report)?;
     put("bodies.jsonl", &lines)?;
     let take = Take::read(&lines[..], "bodies.jsonl")?;
-    for Exported { path, bytes, .. } in encode(&take, Format::Trc, Path::new("joints.trc"))? {
-        put(&path.display().to_string(), &bytes)?;
+    for file in encode(&take, Format::Trc, Path::new("joints.trc"))? {
+        let mut bytes = Vec::new();
+        file.write(&mut bytes)?;
+        put(&file.path.display().to_string(), &bytes)?;
     }
     put("meshes.glb", &meshes(body, scene, fit, &take)?)?;
     for person in &fit.people {

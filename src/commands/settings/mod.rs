@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::bridges::BridgeArgs;
 use super::exit::Failure;
 use super::infer::{EngineArgs, PaceArgs};
-use super::input::InputArgs;
+use super::input::{InputArgs, is_network};
 use super::outputs::RecordArgs;
 use crate::bounded;
 use crate::capture::InputSpec;
@@ -226,6 +226,7 @@ impl Settings {
         };
         for camera in &mut self.cameras {
             if let Some(input) = &mut camera.input.input
+                && !is_network(input)
                 && let Ok(InputSpec::Path(path)) = input.parse()
             {
                 *input = folder.join(path).display().to_string();
