@@ -10,7 +10,7 @@ mod file;
 pub mod translation;
 mod view;
 
-pub use clock::{Clock, SystemClock, monotonic_ns};
+pub use clock::{Clock, Sleep, SystemClock, monotonic_ns};
 pub use distortion::Brown;
 pub use error::CameraError;
 pub use file::{CameraFile, DEFAULT_FOV};

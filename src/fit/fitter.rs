@@ -10,7 +10,7 @@ use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
 use crate::fit::evidence::Evidence;
 use crate::fit::identity::Appearance;
-use crate::fit::identity::{dissimilarity, reidentification};
+use crate::fit::identity::{dissimilarity, looks_may_tell, reidentification};
 use crate::fit::publish::Header;
 use crate::fit::publish::write_body;
 use crate::fit::scene::FloorEstimate;
@@ -29,7 +29,7 @@ const STEP: [f64; 2] = [1e-3, 1.0];
 const MAX_REMEMBERED: usize = 64;
 /// Share of the threshold for people without identity: chance must not confirm anybody.
 const NEWCOMER: f64 = 0.5;
-/// Seconds that a newcomer without looks waits for them, while there is somebody to recognise.
+/// Seconds that a newcomer without looks waits for them, while they may tell that it is somebody who was here.
 const WAIT_FOR_LOOKS: f64 = 2.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
@@ -55,7 +55,17 @@ type PersonEvidence = (Evidence, Option<Appearance>);
 #[derive(Debug, Clone)]
 struct Gone {
     track: Track,
-    left_ns: u64,
+    /// Seconds since they were seen.
+    away: f64,
+}
+
+impl From<Track> for Gone {
+    fn from(track: Track) -> Self {
+        Self {
+            away: track.unseen,
+            track,
+        }
+    }
 }
 
 /// Stage III: identity, filters, bone lengths, fit.
@@ -72,6 +82,8 @@ pub struct Fitter {
     feet: FloorEstimate,
     floor: SteadyFloor,
     since_feet: f64,
+    /// Seconds that the machine slept since the newest frame.
+    slept: f64,
     counters: FitCounters,
 }
 
@@ -101,6 +113,7 @@ impl Fitter {
             feet: FloorEstimate::default(),
             floor: SteadyFloor::default(),
             since_feet: 0.0,
+            slept: 0.0,
             counters: FitCounters::default(),
         })
     }
@@ -189,6 +202,9 @@ impl Fitter {
             return;
         };
         let (dt, after_pause) = (passed.min(STEP[1]), passed > STEP[1]);
+        for gone in &mut self.gone {
+            gone.away += passed;
+        }
         self.counters.frames += 1;
         let header = Header::of(frame);
         if self.header.is_some_and(|last| !last.same_camera(&header)) {
@@ -207,10 +223,16 @@ impl Fitter {
         let matches = self.match_people(&seen, dt);
         self.advance(&seen, &matches, dt);
         self.start_people(&seen, &matches);
-        self.confirm(frame.capture_ns, after_pause);
+        self.confirm(after_pause);
         self.learn_ground(dt);
-        self.forget(frame.capture_ns);
+        self.forget();
         self.publish(frame.capture_ns, 0.0, out);
+    }
+
+    /// Says that the machine slept for so long since the newest frame, seconds. Frames' times stand still meanwhile, and
+    /// people do not: it is like a pause without frames.
+    pub fn slept(&mut self, seconds: f64) {
+        self.slept += seconds.max(0.0);
     }
 
     /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest frame.
@@ -225,6 +247,7 @@ impl Fitter {
     /// Seconds since the last frame; `None` for a stale frame. Starts over where the input did.
     fn step(&mut self, frame: &ObservationFrame) -> Option<f64> {
         let Some(last) = self.header else {
+            self.slept = 0.0;
             return Some(STEP[0]);
         };
         if self.config.stills {
@@ -241,19 +264,23 @@ impl Fitter {
             self.start_over();
             return Some(STEP[0]);
         }
-        let dt = (now - before) as f64 * 1e-9;
+        let slept = std::mem::take(&mut self.slept);
+        let dt = (now - before) as f64 * 1e-9 + slept;
         if dt > self.config.identity.memory.max(STEP[1]) {
             self.start_over();
             return Some(STEP[0]);
         }
         if dt > STEP[1] {
-            // A long pause: everybody is somewhere else now, but may be recognised.
-            self.leave_all(before);
+            // A long pause: everybody is somewhere else now, but may be recognised. Those without identity are
+            // remembered until the next frame: where frames are so far apart, somebody seen in two of them has been
+            // seen often enough.
+            self.gone.extend(self.present.drain(..).map(Gone::from));
         }
         Some(dt.max(STEP[0]))
     }
 
     fn start_over(&mut self) {
+        self.slept = 0.0;
         self.present.clear();
         self.gone.clear();
         self.forget_floor();
@@ -265,16 +292,6 @@ impl Fitter {
         self.feet = FloorEstimate::default();
         self.floor.forget();
         self.since_feet = 0.0;
-    }
-
-    /// Lets everybody go. Those without identity are remembered until the next frame: where frames are so far apart,
-    /// somebody seen in two of them has been seen often enough.
-    fn leave_all(&mut self, at_ns: u64) {
-        let gone = self.present.drain(..).map(|track| Gone {
-            track,
-            left_ns: at_ns,
-        });
-        self.gone.extend(gone);
     }
 
     /// The track of every person seen. Those with an identity choose first: a newcomer must not take an observation
@@ -365,54 +382,45 @@ impl Fitter {
     }
 
     /// Gives identities to those seen often enough: their old one if they are recognised.
-    fn confirm(&mut self, now_ns: u64, after_pause: bool) {
+    fn confirm(&mut self, after_pause: bool) {
         let config = &self.config.identity;
+        let absent = self.absent();
+        let known = || {
+            let each = absent.iter().map(|(who, gone)| (self.track(*who), *gone));
+            each.filter(|(track, _)| track.id != 0)
+        };
         // Waiting only tells newcomers from those who come back: with nobody away there is nothing to wait for. After
         // a pause everybody is away, and at such a pace no second look would ever come.
-        let nobody_waited_for = after_pause
-            || !self.gone.iter().any(|g| g.track.id != 0)
-                && !self.present.iter().any(|t| t.id != 0 && t.unseen > 0.0);
+        let nobody_waited_for = after_pause || known().next().is_none();
         let is_sure = |track: &Track| nobody_waited_for && track.first_score >= config.sure_score;
         let often_enough = |track: &Track| {
             self.config.stills
                 || after_pause
                 || is_sure(track)
                 || track.hits >= config.confirm_hits
-                || track.hits >= 2 && track.steady && track.age >= config.confirm_time
+                || track.hits >= 2 && track.is_steady() && track.age >= config.confirm_time
         };
         let ready: Vec<usize> = (0..self.present.len())
             .filter(|&t| {
                 let track = &self.present[t];
-                let looks_may_tell = track.appearance.is_none() && track.age < WAIT_FOR_LOOKS;
-                let known = |t: &Track| t.id != 0 && t.unseen > 0.0 && t.appearance.is_some();
-                let wait = looks_may_tell
-                    && !after_pause
-                    && (self.gone.iter().any(|g| known(&g.track))
-                        || self.present.iter().any(known));
-                track.id == 0 && track.unseen == 0.0 && often_enough(track) && !wait
+                let waits = || {
+                    let looks_may_come = track.appearance.is_none() && track.age < WAIT_FOR_LOOKS;
+                    let mut known = known();
+                    looks_may_come
+                        && !after_pause
+                        && known.any(|(left, gone)| looks_may_tell(track, left, gone))
+                };
+                track.id == 0 && track.unseen == 0.0 && often_enough(track) && !waits()
             })
             .collect();
         if ready.is_empty() {
             return;
         }
-        // Those missed for a moment may be standing here under another name as well as those who left.
-        let absent: Vec<Absent> = (0..self.present.len())
-            .filter(|&t| self.present[t].id != 0 && self.present[t].unseen > 0.0)
-            .map(Absent::Present)
-            .chain((0..self.gone.len()).map(Absent::Gone))
-            .collect();
         let mut costs = Vec::with_capacity(ready.len() * absent.len());
         for &t in &ready {
-            for who in &absent {
-                let (track, seconds) = match *who {
-                    Absent::Present(p) => (&self.present[p], self.present[p].unseen),
-                    Absent::Gone(g) => {
-                        let gone = &self.gone[g];
-                        let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
-                        (&gone.track, seconds)
-                    }
-                };
-                costs.push(reidentification(&self.present[t], track, seconds, config));
+            for (who, gone) in &absent {
+                let (newcomer, left) = (&self.present[t], self.track(*who));
+                costs.push(reidentification(newcomer, left, *gone, config));
             }
         }
         let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
@@ -421,7 +429,7 @@ impl Fitter {
             let Some(who) = pair else {
                 let track = &self.present[t];
                 let apart = track.age / f64::from(track.hits.saturating_sub(1).max(1));
-                let telling = track.steady && apart >= config.confirm_time;
+                let telling = track.is_steady() && apart >= config.confirm_time;
                 if track.age < config.birth_time
                     && !telling
                     && !is_sure(track)
@@ -434,16 +442,12 @@ impl Fitter {
                 self.counters.births += 1;
                 continue;
             };
-            let old = match absent[who] {
-                Absent::Present(p) => {
-                    from_present.push(p);
-                    self.present[p].clone()
-                }
-                Absent::Gone(g) => {
-                    from_gone.push(g);
-                    self.gone[g].track.clone()
-                }
-            };
+            let (who, _) = absent[who];
+            match who {
+                Absent::Present(p) => from_present.push(p),
+                Absent::Gone(g) => from_gone.push(g),
+            }
+            let old = self.track(who).clone();
             self.present[t].succeed(old);
             if self.present[t].id != 0 {
                 self.counters.returns += 1;
@@ -457,8 +461,28 @@ impl Fitter {
         remove_all(&mut self.gone, from_gone);
     }
 
+    /// Who may stand here under another name, with the seconds since they were seen: those missed for a moment as well
+    /// as those who left.
+    fn absent(&self) -> Vec<(Absent, f64)> {
+        let present = self.present.iter().enumerate();
+        let missed = present
+            .filter(|(_, t)| t.id != 0 && t.unseen > 0.0)
+            .map(|(p, t)| (Absent::Present(p), t.unseen));
+        let gone = self.gone.iter().enumerate();
+        missed
+            .chain(gone.map(|(g, gone)| (Absent::Gone(g), gone.away)))
+            .collect()
+    }
+
+    fn track(&self, who: Absent) -> &Track {
+        match who {
+            Absent::Present(p) => &self.present[p],
+            Absent::Gone(g) => &self.gone[g].track,
+        }
+    }
+
     /// Lets go of those missed for too long, and of the memory of those who left long ago.
-    fn forget(&mut self, now_ns: u64) {
+    fn forget(&mut self) {
         let config = &self.config.identity;
         let mut t = 0;
         while t < self.present.len() {
@@ -472,20 +496,16 @@ impl Fitter {
             if broken || track.unseen > grace {
                 let track = self.present.swap_remove(t);
                 if track.id != 0 && !broken {
-                    let unseen_ns = (track.unseen * 1e9) as u64;
-                    self.gone.push(Gone {
-                        track,
-                        left_ns: now_ns.saturating_sub(unseen_ns),
-                    });
+                    self.gone.push(Gone::from(track));
                 }
             } else {
                 t += 1;
             }
         }
-        let memory = (config.memory * 1e9) as u64;
         self.gone
-            .retain(|g| g.track.id != 0 && now_ns.saturating_sub(g.left_ns) <= memory);
-        self.gone.sort_by_key(|g| (g.left_ns, g.track.id));
+            .retain(|g| g.track.id != 0 && g.away <= config.memory);
+        self.gone
+            .sort_by(|a, b| b.away.total_cmp(&a.away).then(a.track.id.cmp(&b.track.id)));
         let extra = self.gone.len().saturating_sub(MAX_REMEMBERED);
         self.gone.drain(..extra);
     }

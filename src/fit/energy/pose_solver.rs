@@ -113,7 +113,7 @@ impl PoseSolver {
 mod tests {
     use super::*;
     use crate::fit::energy::targets::{exact_targets, no_targets};
-    use crate::joints::BODY_JOINTS;
+    use crate::joints::{BODY_JOINTS, PELVIS};
 
     const EFFORT: Effort = Effort {
         iterations: 60,
@@ -201,12 +201,30 @@ mod tests {
     }
 
     #[test]
-    fn nothing_known_leaves_the_pose_alone() {
+    fn what_nothing_determines_is_left_alone() {
+        const WRIST: usize = 4;
+        let s = Skeleton::builtin();
         let start = bent_pose();
-        let targets = no_targets(start);
+        let mut truth = start;
+        for &k in s.chain(WRIST) {
+            truth.angles[k] += 0.2;
+        }
+        s.clamp(&mut truth.angles);
+        // One wrist, relative to the pelvis: no word of where the person is, nor of the other limbs.
+        let exact = exact_targets(s, &truth, s.lengths());
+        let mut targets = no_targets(start);
+        targets.points3d[WRIST] = exact.points3d[WRIST];
+        targets.weights3d[WRIST] = exact.weights3d[WRIST];
         let mut posed = Posed::default();
         let found = PoseSolver::default().solve(&problem(&targets), &start, EFFORT, &mut posed);
-        assert!(found.pose.is_finite());
-        assert!((found.pose.position - start.position).length() < 1e-9);
+        let wrist = |p: &Posed| p.joints[WRIST] - p.joints[PELVIS];
+        let mut before = Posed::default();
+        s.pose(&start, s.lengths(), &mut before);
+        let [from, left] = [&before, &posed].map(|p| wrist(p).distance(targets.points3d[WRIST]));
+        assert!(from > 0.1 && left < 1e-3, "{from} m, then {left} m off");
+        assert_eq!(found.pose.position, start.position);
+        for (k, (now, then)) in found.pose.angles.iter().zip(&start.angles).enumerate() {
+            assert!(now == then || s.chain(WRIST).contains(&k), "angle {k}");
+        }
     }
 }

@@ -2,6 +2,12 @@
 
 use crate::message::{APPEARANCE_BINS, Observation};
 
+/// Bins of saturation, up to a tenth, in which hue is that of the light, …
+const GREY_BINS: usize = 3;
+/// … and the share of a torso in them from which it has no colour: all of it before a camera without colours, of grey
+/// and white clothes before others nearly all.
+const GREY: f32 = 0.9;
+
 /// Hue and saturation of a torso, each summing to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Appearance {
@@ -27,6 +33,11 @@ impl Appearance {
             &blurred(&other.saturation, false),
         );
         (2.0 * hue + saturation) / 3.0
+    }
+
+    /// Whether there is any colour to tell people apart by.
+    pub fn has_colour(&self) -> bool {
+        self.saturation[..GREY_BINS].iter().sum::<f32>() < GREY
     }
 
     /// Moves this memory towards what is seen now.
@@ -91,6 +102,20 @@ mod tests {
         let mut b = peaked(15, 20);
         b.blend(&a, 1.0);
         assert!(b.distance(&a) < 1e-3);
+    }
+
+    #[test]
+    fn grey_is_no_colour() {
+        assert!(peaked(29, 3).has_colour() && !peaked(29, 2).has_colour());
+        let mut seen = Observation {
+            hue: [1.0; APPEARANCE_BINS],
+            ..Observation::default()
+        };
+        seen.saturation[0] = 0.88;
+        seen.saturation[20] = 0.12;
+        assert!(Appearance::new(&seen).unwrap().has_colour());
+        seen.saturation[20] = 0.05;
+        assert!(!Appearance::new(&seen).unwrap().has_colour());
     }
 
     #[test]

@@ -31,6 +31,8 @@ const DEPTH_SLACK: f64 = 0.15;
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
 const VETO: f64 = 1.35;
+/// Longest absence, seconds, after which somebody is recognised by the place alone.
+const BY_PLACE: f64 = 3.0;
 /// Handicap per second without being seen, up to one second.
 const ABSENT: f64 = 0.25;
 
@@ -86,23 +88,50 @@ pub fn dissimilarity(
     cost
 }
 
-/// How unlike a newcomer and somebody who left `gone` seconds ago are; up to 1 they may be the same person.
+/// How unlike a newcomer and somebody last seen `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
-    // How far one has to have walked meanwhile, at canonical stature.
-    let (here, there) = (newcomer.pose.position, left.pose.position);
-    let gap = here - there;
-    let along = (gap.z.abs() - DEPTH_SLACK * here.z.min(there.z)).max(0.0);
-    let apart = gap.truncate().length().hypot(along);
-    let looks = match (&newcomer.appearance, &left.appearance) {
-        (Some(a), Some(b)) => a.distance(b) / config.reidentify_appearance.max(1e-6),
-        // Nothing tells people apart: only somebody who vanished just now and just here.
-        _ if gone < 3.0 => apart / (0.5 + gone),
-        _ => return f64::INFINITY,
+    let unlike = match (&newcomer.appearance, &left.appearance) {
+        (Some(a), Some(b)) => {
+            let unlike = a.distance(b) / config.reidentify_appearance.max(1e-6);
+            // Without colours everybody looks alike.
+            (unlike > 1.0 || a.has_colour() || b.has_colour()).then_some(unlike)
+        }
+        _ => None,
     };
+    let looks = match unlike {
+        Some(unlike) => unlike,
+        // Nothing tells people apart: only somebody who vanished just now and just here.
+        None if gone < BY_PLACE => apart(newcomer, left) / (0.5 + gone),
+        None => return f64::INFINITY,
+    };
+    looks + besides_looks(newcomer, left, gone)
+}
+
+/// Whether a newcomer without looks may turn out, once they are seen, to be somebody last seen `gone` seconds ago.
+pub fn looks_may_tell(newcomer: &Track, left: &Track, gone: f64) -> bool {
+    left.appearance.is_some_and(|looks| looks.has_colour())
+        && besides_looks(newcomer, left, gone) <= 1.0
+}
+
+/// What speaks against it besides looks.
+fn besides_looks(newcomer: &Track, left: &Track, gone: f64) -> f64 {
+    // Both were seen in one picture: that in which the one who left was seen last, or the newcomer's first.
+    let first = newcomer.age - gone;
+    if newcomer.seen_for >= gone || (0.0..=left.seen_for).contains(&first) {
+        return f64::INFINITY;
+    }
     let proportions = newcomer
         .bones
         .difference(&left.bones)
         .map_or(0.0, |d| (d / 0.15).min(1.0));
-    let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
-    looks + 0.3 * proportions + 0.5 * farther + 0.001 * gone
+    let farther = (apart(newcomer, left) - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
+    0.3 * proportions + 0.5 * farther + 0.001 * gone
+}
+
+/// How far one has to have walked meanwhile, metres at canonical stature.
+fn apart(newcomer: &Track, left: &Track) -> f64 {
+    let (here, there) = (newcomer.pose.position, left.pose.position);
+    let gap = here - there;
+    let along = (gap.z.abs() - DEPTH_SLACK * here.z.min(there.z)).max(0.0);
+    gap.truncate().length().hypot(along)
 }

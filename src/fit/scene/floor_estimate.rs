@@ -40,6 +40,10 @@ const BELIEVED: [f64; 2] = [0.45, 1.35];
 /// What is left of all feet after one that contradicts the floor: a camera that was moved has another one after some
 /// minutes.
 const DOUBT: f64 = 0.995;
+/// Feet so near to one another (metres, over the floor) rest in one place, …
+const SAME_PLACE: f64 = 0.3;
+/// … of which a person has so many at a time: two, and two where restless feet go to and fro.
+const PLACES: usize = 4;
 /// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
 const ROUNDS: usize = 4;
 
@@ -68,11 +72,23 @@ impl Stander {
     }
 }
 
+/// Where somebody's foot was seen, and how often since it came there.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    id: u32,
+    foot: DVec3,
+    looks: f64,
+}
+
 /// Whose feet stood where.
 #[derive(Debug, Clone, Default)]
 pub struct FloorEstimate {
     /// In the order of the last look.
     standers: Vec<Stander>,
+    /// In the order of the last look.
+    places: Vec<Place>,
+    /// By how much feet that contradict the floor lately outweigh those that it bears.
+    against: f64,
     found: Option<Floor>,
 }
 
@@ -117,15 +133,23 @@ impl FloorEstimate {
         if !foot.is_finite() || foot.z < 0.3 {
             return;
         }
+        let weight = self.weight(id, foot);
         let row = Vector3::new(foot.x, foot.z, 1.0);
         let known = self.standers.iter().position(|s| s.id == id);
         if let Some(floor) = &self.found
             && !floor.bears(foot, known.map(|k| &self.standers[k]))
         {
-            self.fade(DOUBT);
+            self.fade(DOUBT.powf(weight));
+            self.against += weight;
+            if self.count() < self.against.min(ENOUGH) {
+                // What is left stood on the old floor: together with feet on another it would make a slope of a step.
+                self.standers.clear();
+                self.against = 0.0;
+            }
             return;
         }
-        self.fade((MEMORY / (self.count() + 1.0)).min(1.0));
+        self.against = (self.against - weight).max(0.0);
+        self.fade((MEMORY / (self.count() + weight)).min(1.0));
         let mut own = known.map_or_else(
             || Stander {
                 id,
@@ -134,13 +158,42 @@ impl FloorEstimate {
             },
             |k| self.standers.remove(k),
         );
-        own.xx += row * row.transpose();
-        own.xy += row * foot.y;
+        own.xx += weight * row * row.transpose();
+        own.xy += weight * row * foot.y;
         self.standers.push(own);
         self.standers.retain(|s| s.count() > FORGOTTEN);
         if self.standers.len() > PEOPLE {
             self.standers.remove(0);
         }
+    }
+
+    /// What a look at a foot is worth: the n-th at one place an n-th, whether the floor bears it or not. Whoever rests
+    /// for hours tells little more than in the first seconds, and looks at a foot that rests err alike.
+    fn weight(&mut self, id: u32, foot: DVec3) -> f64 {
+        let is_there = |p: &Place| {
+            let apart = p.foot - foot;
+            p.id == id && apart.x.hypot(apart.z) < SAME_PLACE
+        };
+        let mut place = match self.places.iter().position(is_there) {
+            Some(k) => self.places.remove(k),
+            None => Place {
+                id,
+                foot,
+                looks: 0.0,
+            },
+        };
+        place.looks += 1.0;
+        self.places.push(place);
+        let own = self.places.iter().filter(|p| p.id == id).count();
+        if own > PLACES
+            && let Some(oldest) = self.places.iter().position(|p| p.id == id)
+        {
+            self.places.remove(oldest);
+        }
+        if self.places.len() > PEOPLE * PLACES {
+            self.places.remove(0);
+        }
+        1.0 / place.looks
     }
 
     fn fade(&mut self, left: f64) {
@@ -311,6 +364,66 @@ mod tests {
         }
         estimate.update();
         assert!(estimate.floor().is_none());
+    }
+
+    /// How far, degrees and metres, the floor is off.
+    fn off(estimate: &FloorEstimate) -> (f64, f64) {
+        let ground = estimate.floor().expect("a floor").ground;
+        let tilt = ground.normal.angle_between(truth().normal).to_degrees();
+        (tilt, (ground.offset - truth().offset).abs())
+    }
+
+    #[test]
+    fn whoever_rests_their_feet_in_one_place_for_long_does_not_tilt_the_floor() {
+        // Taken for the floor, beyond what it bears, and on the floor with an error that lasts.
+        for (above, nearer) in [(0.3, 1.0), (0.6, 1.0), (0.9, 1.0), (0.0, 0.95)] {
+            let mut estimate = walked(&[(1, 1.0)], 2000);
+            let rest = |x, z| nearer * ankle(1.0, x, z, -above);
+            let places = [rest(-0.9, 4.6), rest(-0.5, 4.7)];
+            for _ in 0..4000 {
+                for place in places {
+                    estimate.add(1, place);
+                }
+                estimate.update();
+                let (tilt, height) = off(&estimate);
+                assert!(
+                    tilt < 1.0 && height < 0.1,
+                    "{above} m: {tilt}°, {height} m off"
+                );
+            }
+            for i in 0..300u32 {
+                let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
+                estimate.add(1, ankle(1.0, x, z, 0.0));
+                estimate.update();
+                let (tilt, height) = off(&estimate);
+                assert!(
+                    tilt < 1.0 && height < 0.1,
+                    "{above} m: {tilt}°, {height} m off"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_floor_that_is_lost_leaves_no_feet_to_the_next() {
+        let mut estimate = walked(&[(1, 1.0)], 50);
+        // The camera now looks straight ahead at half the height.
+        let moved = FloorPlane {
+            normal: DVec3::NEG_Y,
+            offset: 0.9,
+        };
+        let mut lost = None;
+        for i in 0..1000u32 {
+            let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
+            estimate.add(1, ankle_on(moved, 1.0, x, z, 0.0));
+            if estimate.standers.is_empty() {
+                lost = lost.or(Some(i));
+            }
+            estimate.update();
+        }
+        assert!(lost.is_some_and(|i| i < 300), "{lost:?}");
+        let ground = estimate.floor().unwrap().ground;
+        assert!(ground.normal.dot(moved.normal) > 0.9999, "{ground:?}");
     }
 
     #[test]

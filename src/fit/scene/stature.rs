@@ -12,10 +12,14 @@ use crate::message::JointState;
 
 /// Statures that are believed, metres.
 const BELIEVED: [f64; 2] = [0.8, 2.3];
-/// Frames over which the first estimate is a plain mean.
-const FIRST: u32 = 30;
-/// Step of the running median, as a share of the stature.
+/// Seconds that one look stands for, and the most looks that a frame counts for: errors last about that long.
+const LOOK: f64 = 1.0 / 30.0;
+const MOST: f64 = 6.0;
+/// Looks over which the first estimate is a plain mean: 30, and a little more, so that rounding decides nothing.
+const FIRST: f64 = 30.5;
+/// Step of the running median, as a share of the stature, and the difference from which it is taken in full, metres.
 const STEP: f64 = 0.003;
+const FULL: f64 = 0.02;
 
 /// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the
 /// stature, in a second: bodies that grow move through the room.
@@ -30,14 +34,14 @@ pub fn assumed(config: &FitConfig) -> f64 {
 /// Running estimate of one person's stature.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Stature {
-    frames: u32,
+    looks: f64,
     estimate: f64,
 }
 
 impl Stature {
     /// Stature in metres.
     pub fn metres(&self, config: &FitConfig) -> f64 {
-        if config.height.is_some() || self.frames == 0 {
+        if config.height.is_some() || self.looks == 0.0 {
             assumed(config)
         } else {
             self.estimate
@@ -52,9 +56,9 @@ impl Stature {
     /// Takes in what the floor found from feet tells, as a share of the assumed stature, `dt` seconds after the last
     /// time.
     pub fn follow(&mut self, config: &FitConfig, share: f64, dt: f64) {
-        if self.frames == 0 {
+        if self.looks == 0.0 {
             *self = Self {
-                frames: 1,
+                looks: 1.0,
                 estimate: assumed(config),
             };
         }
@@ -63,13 +67,14 @@ impl Stature {
         self.estimate += step.clamp(-most, most);
     }
 
-    /// Takes in a fit at canonical stature. Only a given floor tells a stature: the person is as tall as it takes for
-    /// the lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
+    /// Takes in a fit at canonical stature, `dt` seconds after the last. Only a given floor tells a stature: the person
+    /// is as tall as it takes for the lower foot to reach it. Feet that are not seen (by `states`) tell nothing.
     pub fn update(
         &mut self,
         config: &FitConfig,
         posed: &Posed,
         states: &[JointState; BODY_JOINTS],
+        dt: f64,
     ) {
         if config.height.is_some() {
             return;
@@ -89,11 +94,15 @@ impl Stature {
         if !(stature > BELIEVED[0] && stature < BELIEVED[1]) {
             return;
         }
-        self.frames = self.frames.saturating_add(1);
-        if self.frames <= FIRST {
-            self.estimate += (stature - self.estimate) / self.frames as f64;
+        let look = (dt / LOOK).min(MOST);
+        self.looks += look;
+        if self.looks <= FIRST {
+            self.estimate += (stature - self.estimate) * look / self.looks;
         } else {
-            self.estimate *= 1.0 + STEP * ((stature - self.estimate) / 0.02).clamp(-1.0, 1.0);
+            // Long steps that were taken in full for small differences would overshoot.
+            let full = FULL * look.max(1.0);
+            self.estimate *=
+                1.0 + STEP * look * ((stature - self.estimate) / full).clamp(-1.0, 1.0);
         }
     }
 }
@@ -104,19 +113,59 @@ mod tests {
     use crate::body::skeleton::{Pose, Skeleton};
     use crate::fit::config::GroundConfig;
 
-    #[test]
-    fn the_floor_tells_the_height() {
-        let s = Skeleton::builtin();
-        let truth = 1.86;
-        let scale = truth / 1.70;
-        let camera_height = 1.4;
-        let config = FitConfig {
+    const CAMERA_HEIGHT: f64 = 1.4;
+
+    fn config() -> FitConfig {
+        FitConfig {
             ground: Some(GroundConfig {
                 normal: [0.0, -2.0, 0.0],
-                offset: camera_height,
+                offset: CAMERA_HEIGHT,
             }),
             ..FitConfig::default()
+        }
+    }
+
+    #[test]
+    fn seconds_count_and_not_frames() {
+        let (config, s) = (config(), Skeleton::builtin());
+        let seen = [JointState::OBSERVED; BODY_JOINTS];
+        let mut pose = Pose::facing_camera(3.0);
+        let mut posed = Posed::default();
+        s.pose(&pose, s.lengths(), &mut posed);
+        let low = posed.joints[10].y;
+        // Somebody who seems to be 1.60 m tall in the first fifth of the seconds and 1.80 m from then on.
+        let mut taken_for = |fps: f64, seconds: f64| {
+            let mut stature = Stature::default();
+            for i in 0..(seconds * fps).round() as u32 {
+                let truth = match f64::from(i) < 0.2 * seconds * fps - 0.5 {
+                    true => 1.60,
+                    false => 1.80,
+                };
+                pose.position.y = CAMERA_HEIGHT * 1.70 / truth - ANKLE_HEIGHT - low;
+                s.pose(&pose, s.lengths(), &mut posed);
+                stature.update(&config, &posed, &seen, 1.0 / fps);
+            }
+            stature.metres(&config)
         };
+        for fps in [240.0, 60.0, 30.0, 10.0, 5.0] {
+            let mean = taken_for(fps, 1.0);
+            assert!((mean - 1.76).abs() < 0.005, "{fps} fps: {mean}");
+        }
+        let usual = taken_for(30.0, 2.0);
+        for fps in [240.0, 60.0, 10.0] {
+            let found = taken_for(fps, 2.0);
+            assert!((found - usual).abs() < 0.01, "{fps} fps: {found}, {usual}");
+        }
+        // A second between frames: the median begins with the sixth and reaches the truth within 20.
+        let slow = taken_for(1.0, 20.0);
+        assert!((slow - 1.80).abs() < 0.02, "{slow}");
+    }
+
+    #[test]
+    fn the_floor_tells_the_height() {
+        let (config, s) = (config(), Skeleton::builtin());
+        let truth = 1.86;
+        let scale = truth / 1.70;
         let mut stature = Stature::default();
         assert_eq!(stature.metres(&config), 1.70);
         let seen = [JointState::OBSERVED; BODY_JOINTS];
@@ -127,13 +176,13 @@ mod tests {
             // Stand it on the floor in true metres, then look at it at canonical stature.
             let low = posed.joints[10].y;
             let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
-            pose.position.y += (camera_height - jump) / scale - ANKLE_HEIGHT - low;
+            pose.position.y += (CAMERA_HEIGHT - jump) / scale - ANKLE_HEIGHT - low;
             s.pose(&pose, s.lengths(), &mut posed);
-            stature.update(&config, &posed, &seen);
+            stature.update(&config, &posed, &seen, LOOK);
             // Feet that nobody sees say nothing, wherever they are.
             pose.position.y -= 0.5;
             s.pose(&pose, s.lengths(), &mut posed);
-            stature.update(&config, &posed, &[JointState::OCCLUDED; BODY_JOINTS]);
+            stature.update(&config, &posed, &[JointState::OCCLUDED; BODY_JOINTS], LOOK);
         }
         assert!(
             (stature.metres(&config) - truth).abs() < 0.03,

@@ -5,16 +5,17 @@ use glam::DVec3;
 use crate::body::skeleton::{BoneLengths, Posed, Skeleton};
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, PARENTS, PELVIS};
 
-/// Frames after which lengths are first changed.
-const FIRST: u32 = 10;
+/// Errors last about this long, seconds, so that looks that come faster count for less.
+const CORRELATED: f64 = 0.2;
+/// Looks of their own after which lengths are first changed: a third of a second, two where frames are far apart. A
+/// little less, so that rounding decides nothing.
+const FIRST: f64 = 1.66;
 /// Spread of people's proportions about the average, as a share of the length.
 const PRIOR_SPREAD: f64 = 0.06;
 /// Error of one frame's length, metres.
 const FRAME_ERROR: f64 = 0.08;
-/// Errors last about this many frames, so that only every so many counts.
-const CORRELATED_FRAMES: f64 = 6.0;
-/// Memory of the slow refinement, frames.
-const MEMORY: f64 = 1800.0;
+/// Memory of the slow refinement, looks of their own.
+const MEMORY: f64 = 300.0;
 /// Farthest a length may be from the average person's, as a share.
 const MOST: f64 = 0.2;
 /// A frame's length farther from the estimate than this share (plus 5 cm) is an outlier.
@@ -36,8 +37,9 @@ const PAIRS: [(usize, usize); 8] = [
 #[derive(Debug, Clone)]
 pub struct Bones {
     mean: BoneLengths,
-    frames: [f64; BODY_JOINTS],
-    seen: u32,
+    /// Looks of their own behind each mean, and those at the person.
+    looks: [f64; BODY_JOINTS],
+    seen: f64,
     lengths: BoneLengths,
 }
 
@@ -46,8 +48,8 @@ impl Bones {
     pub fn new(skeleton: &Skeleton) -> Self {
         Self {
             mean: *skeleton.lengths(),
-            frames: [0.0; BODY_JOINTS],
-            seen: 0,
+            looks: [0.0; BODY_JOINTS],
+            seen: 0.0,
             lengths: *skeleton.lengths(),
         }
     }
@@ -57,10 +59,17 @@ impl Bones {
         &self.lengths
     }
 
-    /// Takes in a good frame. A bone's length is its observed vector along the fitted direction: the noise across the
-    /// bone, which would lengthen it, drops out.
-    pub fn update(&mut self, skeleton: &Skeleton, points: &[DVec3; BODY_JOINTS], posed: &Posed) {
-        self.seen = self.seen.saturating_add(1);
+    /// Takes in a good frame, `dt` seconds after the last. A bone's length is its observed vector along the fitted
+    /// direction: the noise across the bone, which would lengthen it, drops out.
+    pub fn update(
+        &mut self,
+        skeleton: &Skeleton,
+        points: &[DVec3; BODY_JOINTS],
+        posed: &Posed,
+        dt: f64,
+    ) {
+        let look = (dt / CORRELATED).min(1.0);
+        self.seen += look;
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
             let direction = posed.frames[j] * skeleton.directions()[j];
             let length = (points[j] - points[PARENTS[j]]).dot(direction);
@@ -68,8 +77,8 @@ impl Bones {
             if (length - expected).abs() > OUTLIER * expected + 0.05 {
                 continue;
             }
-            self.frames[j] = (self.frames[j] + 1.0).min(MEMORY);
-            self.mean[j] += (length - expected) / self.frames[j];
+            self.looks[j] = (self.looks[j] + look).min(MEMORY);
+            self.mean[j] += (length - expected) * look / self.looks[j];
         }
         if self.seen >= FIRST {
             self.settle(skeleton);
@@ -82,7 +91,7 @@ impl Bones {
         let mut lengths = *average;
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
             let prior = (PRIOR_SPREAD * average[j]).powi(-2);
-            let seen = self.frames[j] / CORRELATED_FRAMES / (FRAME_ERROR * FRAME_ERROR);
+            let seen = self.looks[j] / (FRAME_ERROR * FRAME_ERROR);
             lengths[j] = (prior * average[j] + seen * self.mean[j]) / (prior + seen);
         }
         for (r, l) in PAIRS {
@@ -115,6 +124,45 @@ mod tests {
     use super::*;
     use crate::body::skeleton::Pose;
 
+    /// How long a thigh a tenth longer than average is taken for, as a share of what it is longer by, after `seconds`
+    /// at a rate.
+    fn learned(fps: f64, seconds: f64) -> f64 {
+        let s = Skeleton::builtin();
+        let mut truth = *s.lengths();
+        for j in [9, 12] {
+            truth[j] *= 1.1;
+        }
+        let mut posed = Posed::default();
+        s.pose(&Pose::facing_camera(3.0), &truth, &mut posed);
+        let points = posed.joints.map(|p| p - posed.joints[PELVIS]);
+        let mut bones = Bones::new(s);
+        for _ in 0..(seconds * fps).round() as u32 {
+            bones.update(s, &points, &posed, 1.0 / fps);
+        }
+        // Beside the shank: the whole is kept at canonical stature.
+        let longer = |l: &BoneLengths| (l[9] / l[10]) / (s.lengths()[9] / s.lengths()[10]) - 1.0;
+        longer(bones.lengths()) / longer(&truth)
+    }
+
+    #[test]
+    fn a_second_tells_the_same_at_any_rate() {
+        let usual = learned(30.0, 3.0);
+        assert!((0.3..0.8).contains(&usual), "{usual}");
+        for fps in [240.0, 60.0, 10.0, 5.0] {
+            let found = learned(fps, 3.0);
+            assert!(
+                (found / usual - 1.0).abs() < 0.02,
+                "{fps} fps: {found}, {usual}"
+            );
+        }
+        // No look tells more than one.
+        assert!(learned(1.0, 15.0) < 1.02 * usual);
+        for fps in [240.0, 30.0] {
+            assert_eq!(learned(fps, 0.29), 0.0, "{fps} fps");
+            assert!(learned(fps, 0.35) > 0.0, "{fps} fps");
+        }
+    }
+
     #[test]
     fn proportions_are_learned_and_outliers_are_not() {
         let s = Skeleton::builtin();
@@ -140,7 +188,7 @@ mod tests {
             if i.is_multiple_of(7) {
                 points[10] = DVec3::splat(5.0);
             }
-            bones.update(s, &points, &posed);
+            bones.update(s, &points, &posed, 1.0 / 30.0);
             if i < 8 {
                 assert_eq!(
                     bones.lengths(),

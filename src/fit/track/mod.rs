@@ -76,8 +76,8 @@ pub struct Track {
     pub hits: u32,
     /// Seconds since the person was first seen.
     pub age: f64,
-    /// Never missed since.
-    pub steady: bool,
+    /// Seconds since then, or since the person was last missed.
+    pub seen_for: f64,
     /// Seconds since the person was last seen.
     pub unseen: f64,
     /// The pose now, at canonical stature.
@@ -120,7 +120,7 @@ impl Track {
             first_score: evidence.score,
             hits: 0,
             age: 0.0,
-            steady: true,
+            seen_for: 0.0,
             unseen: 0.0,
             pose: first_pose(cx.skeleton, evidence.root?, &evidence.points3d)?,
             posed: Posed::default(),
@@ -194,11 +194,21 @@ impl Track {
         self.motion
             .correct(&innovation, &solution.information, &targets.weights_motion);
         self.pose = solution.pose;
+        self.seen_for = if self.unseen > 0.0 {
+            0.0
+        } else {
+            self.seen_for + dt
+        };
         self.unseen = 0.0;
         self.hits = self.hits.saturating_add(1);
         self.age += dt;
         self.appearance_age += dt;
         self.settle_after(&evidence, &targets, dt, cx);
+    }
+
+    /// Whether the person has never been missed.
+    pub fn is_steady(&self) -> bool {
+        self.seen_for >= self.age
     }
 
     /// Lets `dt` seconds pass without evidence.
@@ -208,7 +218,6 @@ impl Track {
         cx.skeleton
             .pose(&self.pose, self.bones.lengths(), &mut self.posed);
         self.age += dt;
-        self.steady = false;
         self.unseen += dt;
         self.appearance_age += dt;
         self.states = [JointState::PREDICTED; BODY_JOINTS];
@@ -278,7 +287,6 @@ impl Track {
         fresh.first_score = self.first_score;
         fresh.hits = self.hits.saturating_add(1);
         fresh.age = self.age + dt;
-        fresh.steady = self.steady;
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
         fresh.appearance_age = self.appearance_age + dt;
@@ -449,7 +457,7 @@ impl Track {
             .map(|j| targets.joint_cost(&self.posed, j))
             .sum();
         if torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64 {
-            self.bones.update(cx.skeleton, &e.points3d, &self.posed);
+            self.bones.update(cx.skeleton, &e.points3d, &self.posed, dt);
         }
         self.feet.update(
             cx.skeleton,
@@ -458,7 +466,8 @@ impl Track {
             &self.states,
             dt,
         );
-        self.stature.update(cx.config, &self.posed, &self.states);
+        self.stature
+            .update(cx.config, &self.posed, &self.states, dt);
     }
 
     fn settle(&mut self, e: &Evidence, targets: &Targets) {
