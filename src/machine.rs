@@ -107,8 +107,13 @@ mod tests {
             let alone = std::process::Command::new(std::env::current_exe().unwrap())
                 .args(["--exact", name, "--nocapture"])
                 .env(ALONE, "1")
-                .status();
-            assert!(alone.unwrap().success());
+                .stderr(std::process::Stdio::inherit())
+                .output()
+                .unwrap();
+            let said = String::from_utf8_lossy(&alone.stdout);
+            print!("{said}");
+            assert!(alone.status.success());
+            assert!(said.contains(" 1 passed"), "no test is called {name}");
             return;
         }
         let Some(before) = reset_peak_memory() else {

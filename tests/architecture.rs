@@ -99,30 +99,57 @@ fn rooms() -> Vec<(String, PathBuf)> {
         .collect()
 }
 
-/// Rooms that a file names after `crate::`, comments left out.
+/// Rooms that a file names, comments left out.
 fn named_in(file: &Path) -> BTreeSet<String> {
     let text = fs::read_to_string(file).unwrap();
     let code = text.lines().filter(|l| !l.trim_start().starts_with("//"));
-    let paths = code.flat_map(|line| line.split("crate::").skip(1));
-    let mut named = BTreeSet::new();
-    for path in paths {
-        let list = match path.strip_prefix('{') {
-            Some(list) => list.split('}').next().unwrap(),
-            None => path,
-        };
-        let parts = if list.len() < path.len() {
-            list.split(',').collect()
-        } else {
-            vec![path]
-        };
-        named.extend(parts.iter().map(|part| {
-            let part = part.trim().trim_start_matches("r#");
-            part.chars()
-                .take_while(|c| c.is_alphanumeric() || *c == '_')
-                .collect()
-        }));
+    let code: Vec<&str> = code.collect();
+    let modules = file.strip_prefix(src()).unwrap().components().count();
+    let depth = modules - usize::from(file.ends_with("mod.rs"));
+    named_by(&code.join("\n"), depth)
+}
+
+/// What code in a module so deep below the crate names after `crate::`, or after as many `super::` as lead there.
+fn named_by(code: &str, depth: usize) -> BTreeSet<String> {
+    let up = "super::".repeat(depth);
+    let paths = ["crate::", &up].map(|root| code.split(root).skip(1));
+    let parts = paths.into_iter().flatten().flat_map(parts_of);
+    let name = |part: &str| -> String {
+        let part = part.trim().trim_start_matches("r#");
+        part.chars()
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect()
+    };
+    parts.map(name).filter(|name| !name.is_empty()).collect()
+}
+
+/// What stands between the braces that a text begins with, parted by the commas that no other braces hold; the text
+/// itself where it begins with none.
+fn parts_of(text: &str) -> Vec<&str> {
+    let Some(list) = text.strip_prefix('{') else {
+        return vec![text];
+    };
+    let mut open = 1;
+    let ends_part = |c: char| {
+        open += i32::from(c == '{') - i32::from(c == '}');
+        open == 0 || (c == ',' && open == 1)
+    };
+    let mut parts = Vec::new();
+    for part in list.split_inclusive(ends_part) {
+        parts.push(part);
+        if part.ends_with('}') && part.matches('{').count() < part.matches('}').count() {
+            break;
+        }
     }
-    named
+    parts
+}
+
+#[test]
+fn rooms_are_found_however_they_are_named() {
+    let code = "use crate::{\n    camera::{Lens, View},\n    fit, r#npz,\n};\nuse super::super::{body::{A, B}, record};\n\
+        fn f() { crate::solve::g(); super::output::h(); other(); }";
+    let named = Vec::from_iter(named_by(code, 2));
+    assert_eq!(named, ["body", "camera", "fit", "npz", "record", "solve"]);
 }
 
 #[test]

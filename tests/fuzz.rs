@@ -142,12 +142,26 @@ fn long_damage() {
     });
 }
 
+/// What lies in a folder of another name is never run again.
+#[test]
+fn whatever_was_found_is_a_targets() {
+    let names: Vec<&str> = TARGETS.iter().map(|(name, _)| *name).collect();
+    for entry in fs::read_dir(folder("found", "")).unwrap() {
+        let found = entry.unwrap().file_name().into_string().unwrap();
+        assert!(
+            found == "mp4" || names.contains(&&*found),
+            "fuzz/found/{found}: expected one of {names:?}"
+        );
+    }
+}
+
 /// Seeds that are refused at once would test nothing.
 #[test]
 fn seeds_are_whole() {
     use edgecap::camera::CameraFile;
     use edgecap::capture::{AviReader, MjpegReader, PhotoDecoder, Source, Y4mReader};
     use edgecap::engine::{Model, Network};
+    use edgecap::message::{BodyFrame, ObservationFrame};
     let seeds = seeds::seeds;
     assert!(
         Model::from_bytes(&seeds("model")[0])
@@ -182,6 +196,30 @@ fn seeds_are_whole() {
         PhotoDecoder::default()
             .decode(&photo, &mut Default::default())
             .unwrap();
+    }
+    #[cfg(feature = "mp4")]
+    for bytes in seeds("mp4") {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        fs::write(file.path(), bytes).unwrap();
+        let film = edgecap::capture::Mp4Source::open(file.path()).unwrap();
+        assert_eq!(pictures(Box::new(film.unwrap())), 2);
+    }
+    let [stage1, stage2] = &seeds("safetensors")[..] else {
+        panic!("a seed of each stage");
+    };
+    let network = Network::parse(self::seeds::NETWORK).unwrap();
+    let model = Model::from_safetensors(stage1, network).unwrap();
+    model.with_stage2(stage2).unwrap();
+    for text in seeds("calibration") {
+        let text = String::from_utf8(text).unwrap();
+        assert!(!targets::calibrations(&text).is_empty(), "{text}");
+    }
+    for bytes in seeds("messages") {
+        let people = match bytes[0] {
+            0 => self::seeds::from_bytes::<ObservationFrame>(&bytes[1..]).count,
+            _ => self::seeds::from_bytes::<BodyFrame>(&bytes[1..]).count,
+        };
+        assert!(people > 0, "nobody in a message");
     }
     for text in seeds("camera") {
         CameraFile::parse(std::str::from_utf8(&text).unwrap()).unwrap();

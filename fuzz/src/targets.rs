@@ -9,7 +9,8 @@ use edgecap::body::BodyModel;
 use edgecap::body::mesh::{FREEDOM, MeshBody, PosedTree, Skin};
 use edgecap::camera::CameraFile;
 use edgecap::camera::calibration::{
-    check, read_colmap, read_easymocap, read_opencv, read_pose2sim, read_qtm, write_pose2sim,
+    Calibration as Calibrated, check, read_colmap, read_easymocap, read_opencv, read_pose2sim,
+    read_qtm, write_pose2sim,
 };
 use edgecap::capture::{AviReader, Frame, MjpegReader, PhotoDecoder, Source, Y4mReader};
 use edgecap::detect::{AssociationConfig, Associator};
@@ -267,22 +268,24 @@ pub fn camera(data: &[u8]) {
     }
 }
 
-/// Calibrations of other programs, every format. What is read can be written and read again. Formats of two files have
-/// them one after the other, parted by a form feed.
-pub fn calibration(data: &[u8]) {
-    let text = String::from_utf8_lossy(data);
-    let (first, second) = text.split_once('\x0c').unwrap_or((&text, &text));
+/// What a text is as a calibration of other programs, in every format that takes it. Formats of two files have them one
+/// after the other, parted by a form feed.
+pub fn calibrations(text: &str) -> Vec<Calibrated> {
+    let (first, second) = text.split_once('\x0c').unwrap_or((text, text));
     let all = [
-        read_pose2sim(&text, "fuzz"),
-        read_qtm(&text, "fuzz"),
-        read_opencv(&text, "camera", "fuzz").map(|view| vec![view]),
+        read_pose2sim(text, "fuzz"),
+        read_qtm(text, "fuzz"),
+        read_opencv(text, "camera", "fuzz").map(|view| vec![view]),
         read_easymocap(first, second, "fuzz"),
         read_colmap(first, second, "fuzz"),
     ];
-    for views in all.into_iter().flatten() {
-        let Ok(checked) = check("fuzz", views) else {
-            continue;
-        };
+    let read = all.into_iter().flatten();
+    read.filter_map(|views| check("fuzz", views).ok()).collect()
+}
+
+/// Calibrations: what is read can be written and read again.
+pub fn calibration(data: &[u8]) {
+    for checked in calibrations(&String::from_utf8_lossy(data)) {
         let again = read_pose2sim(&write_pose2sim(&checked.views), "fuzz");
         assert_eq!(
             again.expect("what was written can be read").len(),

@@ -6,4 +6,6 @@ mod measures;
 mod recall;
 mod studio;
 mod synth;
+#[path = "../program/tools.rs"]
+mod tools;
 mod truth;

@@ -11,6 +11,8 @@ use edgecap::lab::eval::{
 };
 use npyz::WriterBuilder;
 
+use crate::tools;
+
 type Pose = [[f64; 3]; BODY_JOINTS];
 
 /// A man who stands with one arm raised, relative to his pelvis, metres, camera axes.
@@ -748,7 +750,8 @@ fn the_sets_own_protocol_gives_the_same_figures() {
         .stderr(std::process::Stdio::null())
         .status();
     if !has.is_ok_and(|s| s.success()) {
-        eprintln!("skipped: no {python} with numpy and scipy (name one in PYTHON)");
+        let why = format!("no {python} with numpy and scipy (name one in PYTHON)");
+        tools::skip("scipy", &why);
         return;
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference/mupots.py");

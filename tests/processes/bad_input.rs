@@ -479,6 +479,26 @@ fn arguments_of_other_bytes_are_answered_as_any_other() {
     assert_eq!(out.status.code(), Some(64), "{said}");
     assert!(said.contains("--input: expected a path in UTF-8"), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
+    // What settings hold, too.
+    for option in [
+        "--jsonl",
+        "--record",
+        "--model",
+        "--stage2",
+        "--flight",
+        "--calibration",
+    ] {
+        let run = edgecap()
+            .args(["run", "--input", "demo", option])
+            .arg(other)
+            .output();
+        let run = run.unwrap();
+        let said = stderr(&run);
+        assert_eq!(run.status.code(), Some(64), "{said}");
+        let words = format!("{option}: expected a path in UTF-8");
+        assert!(said.contains(&words), "{said}");
+        assert_fails(&["run", "--input", "demo", option, ""], 64, &[option]);
+    }
 }
 
 /// A pipe can be read once, so that nothing on it plays over and over.

@@ -37,7 +37,7 @@ fn every_thing_has_its_line() {
         .unwrap();
     let [build, processor, settings, speed, memory, ..] = report(&out);
     assert!(
-        settings.starts_with("note") && settings.contains("defaults hold"),
+        settings.starts_with("ok ") && settings.contains("edgecap.toml: right"),
         "{settings}"
     );
     assert!(build.ends_with(edgecap::BUILD), "{build}");
@@ -50,6 +50,22 @@ fn every_thing_has_its_line() {
     if edgecap::capture::list_cameras().is_err() {
         assert_eq!(out.status.code(), Some(0), "no camera is no fault");
     }
+}
+
+#[test]
+fn without_settings_defaults_hold() {
+    if std::path::Path::new("/etc/edgecap/edgecap.toml").exists() {
+        eprintln!("skipped: this machine has settings");
+        return;
+    }
+    let mut doctor = edgecap();
+    doctor.args(["doctor", "--threads", "1"]);
+    let out = doctor.env("XDG_CONFIG_HOME", "/nonexistent").output();
+    let [_, _, settings, ..] = report(&out.unwrap());
+    assert!(
+        settings.starts_with("note") && settings.contains("defaults hold"),
+        "{settings}"
+    );
 }
 
 /// What a report of a fault must name: the digest is that of the file beside the sources.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::program::{assert_fails, edgecap, stderr};
+use crate::program::{assert_fails, edgecap, stderr, tools};
 
 fn install(root: &Path, more: &[&str]) -> Output {
     let out = edgecap()
@@ -349,13 +349,10 @@ fn the_units_say_what_they_have_to() {
 }
 
 fn systemd_analyze(args: &[&str]) -> Option<Output> {
-    match Command::new("systemd-analyze").args(args).output() {
-        Ok(out) => Some(out),
-        Err(_) => {
-            eprintln!("skipped: systemd-analyze is not installed");
-            None
-        }
-    }
+    tools::has("systemd-analyze").then(|| {
+        let out = Command::new("systemd-analyze").args(args).output();
+        out.unwrap()
+    })
 }
 
 #[test]
@@ -395,7 +392,7 @@ fn systemd_finds_the_units_right_and_the_service_locked_up() {
     };
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     if stderr(&out).contains("unrecognized option") {
-        eprintln!("skipped: this systemd-analyze knows no --offline");
+        tools::skip("systemd-analyze", "this systemd-analyze knows no --offline");
         return;
     }
     assert!(

@@ -1,6 +1,5 @@
 //! `edgecap fit --cameras` and `edgecap run --calibration`: several cameras that see the same people.
 
-use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -174,7 +173,7 @@ fn show(publisher: &mut Publisher<ObservationFrame>, view: &View, began: Instant
 fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
     let folder = tempfile::tempdir().unwrap();
     let views = views(3, [640, 480]);
-    let names: Vec<String> = (0..3).map(|k| stream(&format!("late{k}"))).collect();
+    let names: Vec<String> = (0..3).map(|k| stream(&format!("comes-late{k}"))).collect();
     let named: Vec<View> = views
         .iter()
         .zip(&names)
@@ -184,7 +183,7 @@ fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
         })
         .collect();
     let calibration = calibrated(folder.path(), &named);
-    let room = stream("late");
+    let room = stream("comes-late");
     let bodies = Subscriber::<BodyFrame>::open(&room).unwrap();
     let args = [
         "fit",
@@ -229,7 +228,7 @@ fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
 fn a_camera_too_slow_to_be_combined_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let views = views(2, [640, 480]);
-    let names = [stream("quick"), stream("slow")];
+    let names = [stream("quick"), stream("seldom")];
     let cameras = format!("view0={},view1={}", names[0], names[1]);
     let calibration = calibrated(folder.path(), &views);
     let args = ["fit", "--cameras", &cameras, "--calibration", &calibration];
@@ -250,7 +249,7 @@ fn a_camera_too_slow_to_be_combined_is_named() {
             }
             signal(pid, "TERM");
         });
-        let line = said(&mut fit, "to be combined");
+        let line = fit.says("to be combined");
         is_heard.store(true, Ordering::Relaxed);
         line
     });
@@ -393,18 +392,6 @@ fn settings(folder: &Path, name: &str, cameras: &[StandIn]) -> (String, Vec<View
     (file.display().to_string(), named)
 }
 
-/// Reads what a run says until a line with these words, which is returned.
-fn said(run: &mut Running, words: &str) -> String {
-    let mut said = BufReader::new(run.0.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains(words) {
-        line.clear();
-        assert!(said.read_line(&mut line).unwrap() > 0, "no '{words}'");
-    }
-    run.0.stderr = Some(said.into_inner());
-    line
-}
-
 #[test]
 fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -414,7 +401,7 @@ fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
     let taken = Publisher::<ObservationFrame>::open(&named[1].name).unwrap();
     let second = Subscriber::<ObservationFrame>::open(&named[1].name).unwrap();
     let mut run = Running::start(&["run", "--config", &file]);
-    let line = said(&mut run, "the others go on");
+    let line = run.says("the others go on");
     assert!(line.contains(&named[1].name), "{line}");
     drop(taken);
     eventually("the second camera", || {
@@ -459,7 +446,7 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     });
     assert_eq!(verbs(&name), ["fit", "infer", "infer", "infer"]);
     // Beside the room's bodies the page shows what its first camera sees.
-    let line = said(&mut run, "the page: http://");
+    let line = run.says("the page: http://");
     let (_, url) = line.trim_end().split_once("http://").unwrap();
     let host = url.trim_end_matches('/');
     let socket = TcpStream::connect(host).unwrap();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use edgecap::capture::{AviWriter, Frame, demo, open_bytes};
 use serde_json::Value;
 
-use crate::program::{Running, assert_fails, signal, stderr};
+use crate::program::{Running, assert_fails, eventually, signal, stderr};
 
 /// The bundled clip after a grey wall of so many seconds, 15 pictures a second.
 fn film(path: &Path, empty_seconds: usize) {
@@ -33,20 +33,24 @@ fn film(path: &Path, empty_seconds: usize) {
     film.finish().unwrap();
 }
 
-/// What `infer` says of the film played as by a camera for so many seconds.
+/// What `infer` says of the film played as by a camera, up to so many of its seconds.
 fn observed(film: &Path, seconds: u64, more: &[&str]) -> Vec<Value> {
     let out = film.with_extension("jsonl");
     let [film, out] = [film, &out].map(|p| p.to_str().unwrap());
     let args = ["infer", "--live", "--input", film, "--jsonl", out];
     let run = Running::start(&[&args[..], &["--size", "256x160"], more].concat());
-    std::thread::sleep(Duration::from_secs(seconds));
+    let lines = || -> Vec<Value> {
+        let text = std::fs::read_to_string(out).unwrap_or_default();
+        let whole = text.split_inclusive('\n').filter(|l| l.ends_with('\n'));
+        whole.map(|l| serde_json::from_str(l).unwrap()).collect()
+    };
+    eventually("the film", || {
+        (sequence(lines().last()?) >= seconds * 15).then_some(())
+    });
     signal(run.pid(), "TERM");
     let ended = run.wait(Duration::from_secs(60));
     assert!(ended.status.success(), "{}", stderr(&ended));
-    let text = std::fs::read_to_string(out).unwrap();
-    text.lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect()
+    lines()
 }
 
 fn sequence(line: &Value) -> u64 {

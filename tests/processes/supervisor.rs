@@ -5,6 +5,7 @@ use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::{self, Running, eventually, signal, stream};
+use edgecap::camera::monotonic_ns;
 use edgecap::joints::{NECK, PELVIS};
 use edgecap::lab::synth::Truth;
 use edgecap::lab::synth::truth::VISIBLE;
@@ -214,15 +215,36 @@ fn killing_fit_does_not_stop_infer() {
     assert!(!lines(&folder.path().join("bodies.jsonl")).is_empty());
 }
 
-/// With a rate, bodies keep coming however infer does.
+/// With a rate, bodies keep coming however infer does: for a second those of what it saw last.
 #[test]
 fn a_dead_infer_is_replaced_while_bodies_keep_coming() {
     let camera = Camera::start("kill-infer", &["--rate", "240"]);
     let bodies = camera.listen::<BodyFrame>();
     some_body(&bodies);
     let [infer, fit] = camera.children();
+    while bodies.next(Duration::ZERO).unwrap().is_some() {}
+    some_body(&bodies);
+    // Stopped, the supervisor does not start another one.
+    signal(camera.run.pid(), "STOP");
     signal(infer, "KILL");
+    let killed = monotonic_ns();
+    let mut published = killed;
+    for _ in 0..3 {
+        published = eventually("bodies of the dead one's pictures", || {
+            let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+            assert!(body.capture_ns <= killed, "nobody sees anything");
+            (body.publish_ns > published).then_some(body.publish_ns)
+        });
+    }
+    signal(camera.run.pid(), "CONT");
     camera.replaced("infer", infer);
+    let mut shown = monotonic_ns();
+    for _ in 0..3 {
+        shown = eventually("bodies of the new one's pictures", || {
+            let body = bodies.next(Duration::from_millis(100)).unwrap()?;
+            (body.capture_ns > shown).then_some(body.capture_ns)
+        });
+    }
     assert_eq!(camera.run.child("fit"), Some(fit));
     assert!(camera.stop().0.status.success());
 }

@@ -7,20 +7,38 @@ pub mod place;
 pub mod stand_in;
 pub mod tools;
 
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
+
+use rustix::fs::OFlags;
 
 /// The built program.
 pub fn edgecap() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_edgecap"));
+    command_of(env!("CARGO_BIN_EXE_edgecap").as_ref())
+}
+
+/// A program that behaves alike on every machine.
+fn command_of(program: &OsStr) -> Command {
+    let mut command = Command::new(program);
     command
         .stdin(Stdio::null())
         .env_remove("EDGECAP_LOG")
-        // Whoever tests may have settings of their own.
-        .env("XDG_CONFIG_HOME", "/nonexistent");
+        .env("XDG_CONFIG_HOME", empty_settings());
     command
+}
+
+/// A folder of settings that say nothing. Whoever tests may have some; where they have none, the machine's would hold.
+fn empty_settings() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("empty-settings");
+    let file = folder.join("edgecap/edgecap.toml");
+    std::fs::create_dir_all(folder.join("edgecap")).expect("target takes folders");
+    std::fs::write(file, "").expect("target takes files");
+    folder
 }
 
 /// Runs it to its end.
@@ -28,8 +46,17 @@ pub fn output(args: &[&str]) -> Output {
     edgecap().args(args).output().expect("the program starts")
 }
 
-/// A stream name that no other test uses.
+/// A stream name that no other test uses. One test may ask for it again; each has a thread of its own.
 pub fn stream(test: &str) -> String {
+    static OWNERS: Mutex<BTreeMap<String, Option<String>>> = Mutex::new(BTreeMap::new());
+    let this = std::thread::current().name().map(ToOwned::to_owned);
+    let mut owners = OWNERS.lock().expect("nobody panics with it");
+    let owner = owners
+        .entry(test.to_owned())
+        .or_insert(this.clone())
+        .clone();
+    drop(owners);
+    assert_eq!(this, owner, "'{test}' is the name of another test's stream");
     format!("test-{test}-{}", std::process::id())
 }
 
@@ -84,11 +111,18 @@ impl Drop for Running {
 /// What lies in a pipe that others may still hold open.
 fn lines_so_far(mut pipe: ChildStderr) -> String {
     let mut said = Vec::new();
-    // Not to be waited for: reading ends with an error where nothing more lies there.
-    let flags = rustix::fs::fcntl_getfl(&pipe).expect("a pipe has flags");
-    let _ = rustix::fs::fcntl_setfl(&pipe, flags | rustix::fs::OFlags::NONBLOCK);
-    let _ = pipe.read_to_end(&mut said);
+    read_so_far(&mut pipe, &mut said);
     String::from_utf8_lossy(&said).into_owned()
+}
+
+/// Adds what lies in a pipe; whether that was the end of it.
+fn read_so_far(pipe: &mut ChildStderr, said: &mut Vec<u8>) -> bool {
+    // Not to be waited for: reading ends with an error where nothing more lies there.
+    let flags = rustix::fs::fcntl_getfl(&*pipe).expect("a pipe has flags");
+    let _ = rustix::fs::fcntl_setfl(&*pipe, flags | OFlags::NONBLOCK);
+    let is_end = pipe.read_to_end(said).is_ok();
+    let _ = rustix::fs::fcntl_setfl(&*pipe, flags);
+    is_end
 }
 
 impl Running {
@@ -117,6 +151,20 @@ impl Running {
             s.rsplit(')')
                 .next()
                 .is_some_and(|s| s.trim_start().starts_with('Z'))
+        })
+    }
+
+    /// Waits until it has said `words` on stderr; the line that holds them.
+    pub fn says(&mut self, words: &str) -> String {
+        let pipe = self.0.stderr.as_mut().expect("piped");
+        let mut said = Vec::new();
+        eventually(words, || {
+            let has_ended = read_so_far(pipe, &mut said);
+            let text = String::from_utf8_lossy(&said);
+            let mut whole = text.split_inclusive('\n').filter(|l| l.ends_with('\n'));
+            let line = whole.find(|l| l.contains(words)).map(ToOwned::to_owned);
+            assert!(line.is_some() || !has_ended, "no '{words}' in: {text}");
+            line
         })
     }
 

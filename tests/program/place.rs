@@ -1,7 +1,8 @@
 //! A test with shared memory of its own, so that nothing of other tests is counted.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The variable that names the runtime folder.
 const VARIABLE: &str = "EDGECAP_RUNTIME_DIR";
@@ -18,13 +19,22 @@ pub fn own_place(test: &str) -> Option<PathBuf> {
         return Some(folder.into());
     }
     let folder = tempfile::tempdir().unwrap();
-    let status = Command::new(std::env::current_exe().unwrap())
+    let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", test, "--ignored", "--nocapture"])
         .env(VARIABLE, folder.path())
         .env(INSIDE, folder.path())
-        .status()
+        .stdout(Stdio::piped())
+        .spawn()
         .unwrap();
+    let mut has_passed = false;
+    for line in BufReader::new(child.stdout.take().unwrap()).lines() {
+        let line = line.unwrap();
+        println!("{line}");
+        has_passed |= line.contains(" 1 passed");
+    }
+    let status = child.wait().unwrap();
     assert!(status.success(), "{test} failed in its own place");
+    assert!(has_passed, "{test}: no test has this name");
     None
 }
 

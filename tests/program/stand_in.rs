@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::time::Duration;
 
-use super::{Running, edgecap, signal, stream};
+use super::{Running, command_of, edgecap, signal, stream};
 use edgecap_client::{Message, Subscriber};
 
 /// A camera's stand-in with a film of a few small pictures.
@@ -150,11 +150,7 @@ impl Watched {
 /// The program under test: the one named in `EDGECAP_PROGRAM`, such as the shipped one, else the one just built.
 pub fn program() -> std::process::Command {
     match std::env::var_os("EDGECAP_PROGRAM") {
-        Some(named) => {
-            let mut command = std::process::Command::new(named);
-            command.stdin(Stdio::null()).env_remove("EDGECAP_LOG");
-            command
-        }
+        Some(named) => command_of(&named),
         None => edgecap(),
     }
 }

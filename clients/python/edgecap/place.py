@@ -7,6 +7,8 @@ import re
 from typing import Final
 
 SERVICE_DIR: Final = "/run/edgecap"
+BODIES_VERSION: Final = 2
+"""Of the messages that hold bodies; part of their files' names."""
 
 
 def runtime_dir() -> str:
@@ -41,12 +43,12 @@ def _without_session() -> str:
 
 
 def cameras() -> list[str]:
-    """The cameras whose bodies this user may read, by name.  One whose publisher was killed is among them; ask
-    `publishers()` of its stream."""
+    """The cameras whose bodies this user and this client may read, by name.  One whose publisher was killed is among
+    them; ask `publishers()` of its stream."""
     found = set()
     for folder in reading_dirs():
         for name in _names(folder):
-            if camera := re.fullmatch(r"([a-zA-Z0-9_-]{1,64})\.bodies\.v\d+", name):
+            if camera := re.fullmatch(rf"([a-zA-Z0-9_-]{{1,64}})\.bodies\.v{BODIES_VERSION}", name):
                 found.add(camera[1])
     return sorted(found)
 

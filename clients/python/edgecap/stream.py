@@ -12,7 +12,7 @@ from typing import Any, Final, Generic
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
 from .event import EventFrame
 from .message import FLAG_END_OF_STREAM, FLAG_FILE_TIME, BodyFrame, ObservationFrame
-from .place import cameras, reading_dirs
+from .place import BODIES_VERSION, cameras, reading_dirs
 from .ring import SLOTS, Kind, M, Ring, open_in
 from .wake import Wake
 
@@ -251,7 +251,7 @@ def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[Bo
 
     A loop over it waits where nobody publishes; with `timeout_s` it raises `NoFrame` after so long without a frame.
     """
-    return Stream(camera, "bodies", 2, BodyFrame, timeout_s)
+    return Stream(camera, "bodies", BODIES_VERSION, BodyFrame, timeout_s)
 
 
 def observations(camera: str = "camera0", timeout_s: float | None = None) -> Stream[ObservationFrame]:

@@ -99,6 +99,12 @@ class Streams(InPlace):
             next(iter(edgecap.bodies("hall", timeout_s=0.1)))
         writer.close()
 
+    def test_bodies_of_other_versions_are_no_camera_that_can_be_read(self) -> None:
+        writers = [Writer(self.folder, "old", 1), Writer(self.folder, "door"), Writer(self.folder, "new", 22)]
+        self.assertEqual(edgecap.cameras(), ["door"])
+        for writer in writers:
+            writer.close()
+
     def test_a_program_with_thousands_of_open_files_reads_too(self) -> None:
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         if hard < 1200:

@@ -1,5 +1,8 @@
 //! H.264 without ffmpeg. A real film comes from the folder in `EDGECAP_DATA`.
 
+#[path = "../../../tests/program/tools.rs"]
+mod tools;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -25,7 +28,7 @@ fn pictures_are_those_that_ffmpeg_shows() {
     let mut theirs = match FfmpegSource::open(&path, &Ffmpeg::default()) {
         Ok(source) => source,
         Err(e) => {
-            println!("skipped: {e}");
+            tools::skip("ffmpeg", &e.to_string());
             return;
         }
     };
@@ -161,7 +164,7 @@ fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
         .arg(&path)
         .status();
     if !made.is_ok_and(|made| made.success()) {
-        println!("skipped: no ffmpeg with libx264");
+        tools::skip("ffmpeg", "no ffmpeg with libx264");
         return None;
     }
     let film = std::fs::read(&path).unwrap();

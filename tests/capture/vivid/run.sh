@@ -1,10 +1,10 @@
-#!/bin/sh
+#!/usr/bin/env bash
 # Runs the real camera code against the kernel's virtual camera `vivid` in an emulated machine: pictures, unplugging, a driver
 # that fails, a second instance, what `edgecap doctor` says. About five minutes; prints what happened, checks nothing by itself.
 #
 # Debian: apt-get install --no-install-recommends qemu-system-x86 busybox-static v4l-utils cpio kmod
 # Usage: cargo build --release --bins --example camera_probe && tests/capture/vivid/run.sh
-set -eu
+set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 build=${1:-$here/../../../target/release}
 work=$(mktemp -d)
