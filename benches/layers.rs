@@ -125,6 +125,7 @@ fn f32(c: &mut Criterion) {
                 bias: &bias,
                 relu: true,
                 residual: false,
+                algorithm: Algorithm::Direct,
             };
             FConv::new(isa, &params).expect("the layer can be packed")
         };

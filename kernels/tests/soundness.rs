@@ -155,6 +155,7 @@ fn buffers_that_do_not_hold_their_tensor_are_refused() {
                 bias: &[0.0; 8],
                 relu: false,
                 residual: false,
+                algorithm: Algorithm::Direct,
             },
         )
         .unwrap();
