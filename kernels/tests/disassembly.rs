@@ -118,8 +118,20 @@ fn is_epilogue(line: &Line) -> bool {
     if cfg!(target_arch = "aarch64") {
         return line.1.contains("cvt") || (line.1.starts_with("st") && !line.1.contains(STACK));
     }
-    let is_store = line.1.trim_end().ends_with(')') && line.1.contains("mov");
+    // A mask stands behind the address.
+    let operands = line.1.split('{').next().unwrap_or(&line.1);
+    let is_store = operands.trim_end().ends_with(')') && line.1.contains("mov");
     line.1.contains("cvt") || (has_vector(line) && is_store && !line.1.contains("(%rsp"))
+}
+
+/// Whether an instruction belongs to Winograd's transforms in f32, which multiply as well, and go through the stack.
+fn is_transform(line: &Line) -> bool {
+    let differences = if cfg!(target_arch = "x86_64") {
+        ["subps", "fnmadd", "vaddps"]
+    } else {
+        ["fsub", "fmls", "fadd"]
+    };
+    differences.iter().any(|name| line.1.contains(name))
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -192,7 +204,8 @@ fn loops_of_products(text: &str, kernel: &str) -> Vec<(String, Vec<Line>)> {
     let mut loops = Vec::new();
     for (name, code) in &found {
         for inner in innermost_loops(code) {
-            if inner.iter().any(is_product) && !inner.iter().any(is_epilogue) {
+            let other = |line: &Line| is_epilogue(line) || is_transform(line);
+            if inner.iter().any(is_product) && !inner.iter().any(other) {
                 loops.push((name.clone(), inner.to_vec()));
             }
         }
