@@ -51,21 +51,10 @@ impl Algorithm {
         }
     }
 
-    /// The algorithm of [`Algorithms::Portable`] in int8. It depends on the shape alone.
+    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone: with fewer channels the transforms take
+    /// longer than what they save.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
         if shape.group_in() >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
-            Algorithm::Winograd
-        } else {
-            Algorithm::Direct
-        }
-    }
-
-    /// The algorithm of [`Algorithms::Portable`] in f32. It depends on the shape alone.
-    pub fn preferred_f32(shape: &ConvShape) -> Algorithm {
-        if shape.group_in() >= 8
-            && shape.group_out() >= 8
-            && Self::candidates(shape).contains(&Algorithm::Winograd)
-        {
             Algorithm::Winograd
         } else {
             Algorithm::Direct
@@ -76,7 +65,7 @@ impl Algorithm {
 /// Which algorithm each layer of a network takes. In int8 every CPU gives the same bits for the same choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Algorithms {
-    /// [`Algorithm::preferred`] and [`Algorithm::preferred_f32`]: what is fastest on most CPUs, and in f32 on all.
+    /// [`Algorithm::preferred`]: what is fastest on most CPUs, and in f32 on all.
     #[default]
     Portable,
     /// [`Algorithm::Direct`] for every layer: the definition, and in int8 what is fastest on CPUs that multiply small
@@ -96,18 +85,10 @@ impl Algorithms {
         }
     }
 
-    /// The choice for an int8 layer.
+    /// The choice for a layer.
     pub fn of(self, shape: &ConvShape) -> Algorithm {
         match self {
             Algorithms::Portable => Algorithm::preferred(shape),
-            Algorithms::Direct => Algorithm::Direct,
-        }
-    }
-
-    /// The choice for an f32 layer.
-    pub fn of_f32(self, shape: &ConvShape) -> Algorithm {
-        match self {
-            Algorithms::Portable => Algorithm::preferred_f32(shape),
             Algorithms::Direct => Algorithm::Direct,
         }
     }

@@ -245,7 +245,7 @@ fn main() {
         for (height, width, times, shape) in table() {
             for _ in 0..times {
                 network.push(if floats {
-                    let algorithm = Algorithm::preferred_f32(&shape);
+                    let algorithm = Algorithm::preferred(&shape);
                     f32(isa, algorithm, height, width, shape, &pool_f32).1
                 } else {
                     int8(

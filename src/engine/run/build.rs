@@ -141,7 +141,7 @@ fn kernel(
                 bias: &conv.bias,
                 relu: *relu,
                 residual: node.residual.is_some(),
-                algorithm: how.algorithms.of_f32(shape),
+                algorithm: how.algorithms.of(shape),
             };
             Kernel::Float(FConv::new(how.isa, &params).map_err(refused(node))?)
         }
