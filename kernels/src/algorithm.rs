@@ -14,9 +14,9 @@ pub enum Algorithm {
     /// Every product of the definition; in int8 exact in i32.
     #[default]
     Direct,
-    /// Winograd F(4×4, 3×3): a quarter of the products. In int8 with i16 weights and inputs, each on half as many lanes:
-    /// inputs are exact; rounding of the transformed weights is far below that of the i8 weights themselves. In f32
-    /// rounding errors are a few times those of the definition ([`FConv`](crate::FConv)).
+    /// Winograd F(4×4, 3×3): a quarter of the products. In int8 with i16 weights and inputs, each on half as many
+    /// lanes: inputs are exact; rounding of the transformed weights is far below that of the i8 weights themselves. In
+    /// f32 rounding errors are a few times those of the definition ([`FConv`](crate::FConv)).
     Winograd,
 }
 
@@ -51,8 +51,8 @@ impl Algorithm {
         }
     }
 
-    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone: with fewer channels the transforms take
-    /// longer than what they save.
+    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone: with fewer channels the transforms
+    /// take longer than what they save.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
         if shape.group_in() >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
             Algorithm::Winograd

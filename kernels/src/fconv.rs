@@ -30,7 +30,9 @@ pub struct FConvParams<'a> {
 
 /// A packed f32 convolution for one instruction set: `relu(bias + Σ weight · input + residual)`.
 ///
-/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-5 · (|bias| + Σ|weight · input|)`.
+/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-5 · (|bias| + Σ|weight · input|)`. By
+/// [`Algorithm::Winograd`] to `1e-5 · (|bias| + Σ|weight| · max|input|)`, of the 6 × 6 input pixels of a tile, and with
+/// the definition as well; an input that is not finite spoils all outputs of its tiles.
 #[derive(Debug, Clone)]
 pub struct FConv {
     shape: ConvShape,

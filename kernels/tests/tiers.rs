@@ -665,6 +665,45 @@ fn check_f(case: &Case) {
     }
 }
 
+prop_compose! {
+    /// Layers that Winograd computes: tiles cut by every edge and by parts, channels around the vectors' widths.
+    fn winograd_case()(
+        groups in 1usize..4,
+        depth in prop_oneof![1usize..6, 7usize..10, 15usize..19, Just(32), 47usize..50],
+        outs in prop_oneof![1usize..20, 30usize..50],
+        padding in 0usize..3,
+    )(
+        shape in Just(ConvShape::new(ConvDims {
+            in_channels: groups * depth,
+            out_channels: groups * outs,
+            groups,
+            kernel: 3,
+            padding,
+            ..ConvDims::default()
+        }).unwrap()),
+        height in 3usize..14,
+        width in prop_oneof![3usize..15, 15usize..40],
+        values in prop_oneof![Just(Values::Any), Just(Values::Ends)],
+        around in 0usize..6,
+        residual in any::<bool>(),
+        to_f32 in any::<bool>(),
+        parts in 1usize..5,
+        seed in any::<u64>(),
+    ) -> Case {
+        Case { shape, height, width, input_max: 127, values, around, residual, to_f32, parts, seed }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    #[cfg_attr(miri, ignore = "hours under Miri; f32_of_any_shape_is_close_to_scalar draws small ones")]
+    fn winograd_of_any_shape_is_as_scalar(case in winograd_case()) {
+        check_algorithm(&case, Algorithm::Winograd);
+        check_f(&case);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: if cfg!(miri) { 4 } else { 150 }, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]

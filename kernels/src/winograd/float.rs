@@ -1,8 +1,8 @@
 //! Winograd in f32.
 //!
-//! The polynomials are taken at 0, ±√½, ±√2 and ∞. Of the points that make a pair of every product (±a, ±b) these lose
-//! least: what is added in the transforms stays of one size, as a · b = 1. With 0, ±1, ±2, ∞, as in integers, errors are
-//! two to four times as large. Sums are of f32, so that tiers differ as they do by the definition.
+//! The polynomials are taken at 0, ±√½, ±√2 and ∞. No other pairs ±a, ±b lose clearly less (README): with 0, ±1, ±2, ∞,
+//! as in integers, errors are two to four times as large. Sums are of f32, so that tiers differ as they do by the
+//! definition.
 
 pub(crate) mod reference;
 mod weights;

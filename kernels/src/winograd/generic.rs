@@ -50,7 +50,7 @@ pub(crate) struct Job<'a, K: Kind> {
 ///
 /// # Safety
 /// The features of `D` are on; the contract of `QConv::run_part` holds for the job's tensors and the writer's; `plan`
-/// was made for `D` and these channels.
+/// was made for `K`, `D` and these channels.
 #[inline(always)]
 pub(crate) unsafe fn run<K, D, W>(job: &Job<K>, writer: &W)
 where
@@ -59,6 +59,7 @@ where
     W: Write<D::S, D::Acc>,
 {
     const { assert!(matches!(D::MAX_MR, 4 | 6 | 8), "`Chunk::run` has these") };
+    const { assert!(size_of::<K::Value>() * D::PACK == 4 && size_of::<K::Sum>() == 4) };
     assert_eq!(
         job.packed.blocking(),
         Blocking::of::<D>(),
