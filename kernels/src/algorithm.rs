@@ -30,7 +30,17 @@ impl Algorithm {
         }
     }
 
-    /// Products that it sums for an input of `height` × `width`.
+    /// What it multiplies in int8 for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count
+    /// twice, as half as many fit a vector.
+    pub fn work(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
+        let products = self.products(shape, height, width);
+        match self {
+            Algorithm::Direct => products,
+            Algorithm::Winograd => products.saturating_mul(2),
+        }
+    }
+
+    /// Multiply-accumulates for an input of `height` × `width`, of whatever numbers.
     pub fn products(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
         match self {
             Algorithm::Direct => shape.macs(height, width),
@@ -182,6 +192,8 @@ mod tests {
         let (direct, winograd) = (Algorithm::Direct, Algorithm::Winograd);
         assert_eq!(products(direct, 8), 64 * 9 * 64 * 32);
         assert_eq!(4 * products(winograd, 8), products(direct, 8));
+        // Of i16 in int8.
+        assert_eq!(2 * winograd.work(&shape, 8, 8), direct.work(&shape, 8, 8));
         // A tile that hangs over the edge is computed whole.
         assert_eq!(products(winograd, 5), products(winograd, 8));
     }

@@ -130,11 +130,6 @@ impl FConv {
         self.algorithm
     }
 
-    /// What it multiplies for an input of `height` × `width`, in multiply-accumulates.
-    pub fn work(&self, height: usize, width: usize) -> u64 {
-        self.algorithm.products(&self.shape, height, width)
-    }
-
     /// The kernel's name, for logs and benches.
     pub fn name(&self) -> &'static str {
         match &self.kernel {

@@ -89,16 +89,6 @@ impl QConv {
         self.algorithm
     }
 
-    /// What it multiplies for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count twice,
-    /// as half as many fit a vector.
-    pub fn work(&self, height: usize, width: usize) -> u64 {
-        let products = self.algorithm.products(&self.shape, height, width);
-        match self.algorithm {
-            Algorithm::Direct => products,
-            Algorithm::Winograd => products.saturating_mul(2),
-        }
-    }
-
     /// The kernel's name, for logs and benches.
     pub fn name(&self) -> &'static str {
         self.kernel.name()

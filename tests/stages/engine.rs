@@ -77,6 +77,7 @@ fn f32_is_what_a_naive_reference_computes() {
                 assert_eq!(winograd, algorithms == Algorithms::Portable, "{isa}");
                 let (macs, executed) = (engine.macs(), engine.executed_macs());
                 assert_eq!(executed < macs, winograd, "{executed} of {macs}");
+                assert_eq!(executed == macs, !winograd, "{executed} of {macs}");
             }
         }
     }
@@ -165,6 +166,7 @@ fn direct_algorithms_are_near_f32_and_the_same_on_every_tier() {
     for isa in Isa::available() {
         for threads in [1, 2, 5] {
             let mut engine = by(Algorithms::Direct, &quantised, threads, isa);
+            assert_eq!(engine.executed_macs(), engine.macs());
             assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
             assert_vectors(&engine);
         }

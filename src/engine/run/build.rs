@@ -225,9 +225,10 @@ fn step(
     let busy = |p: &Part| !p.rows.is_empty() && !p.groups.is_empty();
     let parts = (0..count).map(part).filter(busy).collect();
     let (h, w) = plan.sizes[node.inputs[0]];
-    let work = match kernel {
-        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.work(h, w),
-        Kernel::Float(c) => c.work(h, w),
+    // Of the network's channels, of which the picture may have one more in memory.
+    let work = |s: &ConvShape| match kernel {
+        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.algorithm().work(s, h, w),
+        Kernel::Float(c) => c.algorithm().products(s, h, w),
         Kernel::Pool(_) => 0,
     };
     Ok(Step {
@@ -236,7 +237,7 @@ fn step(
         target,
         parts,
         macs: node.conv().map_or(0, |s| s.macs(h, w)),
-        work,
+        work: node.conv().map_or(0, work),
     })
 }
 

@@ -71,7 +71,7 @@ pub struct LayerProfile {
     pub output: (usize, usize),
     /// Multiply-accumulates of the definition.
     pub macs: u64,
-    /// Those that the kernel executes ([`edgecap_kernels::QConv::work`], [`edgecap_kernels::FConv::work`]).
+    /// Those that the kernel executes ([`edgecap_kernels::Algorithm::work`]).
     pub work: u64,
     /// Nanoseconds.
     pub ns: u64,
@@ -314,7 +314,7 @@ impl Engine {
         self.track.work.steps.iter().map(|s| s.macs).sum()
     }
 
-    /// Those that the kernels execute ([`edgecap_kernels::QConv::work`], [`edgecap_kernels::FConv::work`]).
+    /// Those that the kernels execute ([`edgecap_kernels::Algorithm::work`]).
     pub fn executed_macs(&self) -> u64 {
         self.track.work.steps.iter().map(|s| s.work).sum()
     }
