@@ -118,49 +118,55 @@ fn f32(c: &mut Criterion) {
             1,
         )
         .unwrap();
-        let build = |isa| {
-            let params = FConvParams {
-                shape,
-                weights: &weights,
-                bias: &bias,
-                relu: true,
-                residual: false,
+        for &algorithm in Algorithm::candidates(&shape) {
+            let build = |isa| {
+                let params = FConvParams {
+                    shape,
+                    weights: &weights,
+                    bias: &bias,
+                    relu: true,
+                    residual: false,
+                    algorithm,
+                };
+                FConv::new(isa, &params).expect("the layer can be packed")
             };
-            FConv::new(isa, &params).expect("the layer can be packed")
-        };
-        let mut scratch = Scratch::default();
-        let mut run = |conv: &FConv, result: &mut [f32], part: &Part| {
-            conv.check((&input, data.len()), None, (&output, result.len()))
-                .expect("the tensors fit");
-            // SAFETY: checked above; the buffers are separate.
-            unsafe {
-                conv.run_part(
-                    data.as_ptr(),
-                    &input,
-                    None,
-                    result.as_mut_ptr(),
-                    &output,
-                    part,
-                    &mut scratch,
-                );
-            }
-        };
-        let conv = build(isa);
-        let mut result = vec![0f32; output.buffer_len()];
-        let mut expected = result.clone();
-        let first = Part::whole(CHECKED_ROWS.min(output.height()), shape.groups());
-        run(&conv, &mut result, &first);
-        run(&build(Isa::Scalar), &mut expected, &first);
-        let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * (1.0 + b.abs());
-        assert!(
-            result.iter().zip(&expected).all(close),
-            "{} differs from scalar",
-            conv.name()
-        );
-        let whole = Part::whole(output.height(), shape.groups());
-        group.bench_function(conv.name(), |b| {
-            b.iter(|| run(&conv, black_box(&mut result), &whole));
-        });
+            let mut scratch = Scratch::default();
+            let mut run = |conv: &FConv, result: &mut [f32], part: &Part| {
+                conv.check((&input, data.len()), None, (&output, result.len()))
+                    .expect("the tensors fit");
+                if scratch.len() < conv.scratch_bytes() {
+                    scratch = Scratch::new(conv.scratch_bytes());
+                }
+                // SAFETY: checked above; the buffers are separate.
+                unsafe {
+                    conv.run_part(
+                        data.as_ptr(),
+                        &input,
+                        None,
+                        result.as_mut_ptr(),
+                        &output,
+                        part,
+                        &mut scratch,
+                    );
+                }
+            };
+            let conv = build(isa);
+            let mut result = vec![0f32; output.buffer_len()];
+            let mut expected = result.clone();
+            let first = Part::whole(CHECKED_ROWS.min(output.height()), shape.groups());
+            run(&conv, &mut result, &first);
+            run(&build(Isa::Scalar), &mut expected, &first);
+            let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * (1.0 + b.abs());
+            assert!(
+                result.iter().zip(&expected).all(close),
+                "{} differs from scalar",
+                conv.name()
+            );
+            let whole = Part::whole(output.height(), shape.groups());
+            group.bench_function(conv.name(), |b| {
+                b.iter(|| run(&conv, black_box(&mut result), &whole));
+            });
+        }
     }
 }
 

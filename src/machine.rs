@@ -16,7 +16,7 @@ pub struct Machine {
     pub governor: Option<String>,
     /// Instruction set in use.
     pub isa: &'static str,
-    /// Algorithms in use, unless `EDGECAP_ALGORITHM` names some that there are not.
+    /// Algorithms of int8 in use, unless `EDGECAP_ALGORITHM` names some that there are not.
     pub algorithms: &'static str,
     /// Instruction sets this CPU has kernels for, slowest first.
     pub available: Vec<&'static str>,

@@ -7,15 +7,16 @@ use crate::{ConvShape, Isa, winograd};
 /// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
 pub const ALGORITHM_VARIABLE: &str = "EDGECAP_ALGORITHM";
 
-/// How an int8 convolution is computed. Results are bit-identical on every tier within one algorithm.
+/// How a convolution is computed. In int8 results are bit-identical on every tier within one algorithm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum Algorithm {
-    /// Every product of the definition, exact in i32.
+    /// Every product of the definition; in int8 exact in i32.
     #[default]
     Direct,
-    /// Winograd F(4×4, 3×3) with i16 weights and inputs: a quarter of the products, each on half as many lanes. Inputs
-    /// are exact; rounding of the transformed weights is far below that of the i8 weights themselves.
+    /// Winograd F(4×4, 3×3): a quarter of the products. In int8 with i16 weights and inputs, each on half as many
+    /// lanes: inputs are exact; rounding of the transformed weights is far below that of the i8 weights themselves. In
+    /// f32 rounding errors are a few times those of the definition ([`FConv`](crate::FConv)).
     Winograd,
 }
 
@@ -29,21 +30,39 @@ impl Algorithm {
         }
     }
 
-    /// What it multiplies for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count twice,
-    /// as half as many fit a vector.
+    /// What it multiplies in int8 for an input of `height` × `width`, in int8 multiply-accumulates: those of i16 count
+    /// twice, as half as many fit a vector.
     pub fn work(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
+        let products = self.products(shape, height, width);
+        match self {
+            Algorithm::Direct => products,
+            Algorithm::Winograd => products.saturating_mul(2),
+        }
+    }
+
+    /// Multiply-accumulates for an input of `height` × `width`, of whatever numbers.
+    pub fn products(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
         match self {
             Algorithm::Direct => shape.macs(height, width),
             Algorithm::Winograd => {
                 let rows = shape.output_len(height).div_ceil(winograd::OUT);
                 let columns = shape.output_len(width).div_ceil(winograd::OUT);
-                let per_tile = 2 * winograd::POINTS * shape.group_in() * shape.out_channels();
+                let per_tile = winograd::POINTS * shape.group_in() * shape.out_channels();
                 (per_tile as u64).saturating_mul((rows * columns) as u64)
             }
         }
     }
 
-    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone.
+    /// Output rows that are computed together.
+    pub(crate) fn row_block(self) -> usize {
+        match self {
+            Algorithm::Direct => 1,
+            Algorithm::Winograd => winograd::OUT,
+        }
+    }
+
+    /// The algorithm of [`Algorithms::Portable`]. It depends on the shape alone: with fewer channels the transforms
+    /// take longer than what they save.
     pub fn preferred(shape: &ConvShape) -> Algorithm {
         if shape.group_in() >= 16 && Self::candidates(shape).contains(&Algorithm::Winograd) {
             Algorithm::Winograd
@@ -53,14 +72,14 @@ impl Algorithm {
     }
 }
 
-/// Which algorithm each layer of a network takes. Every CPU gives the same bits for the same choice.
+/// Which algorithm each layer of a network takes. In int8 every CPU gives the same bits for the same choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Algorithms {
-    /// [`Algorithm::preferred`]: what is fastest on most CPUs.
+    /// [`Algorithm::preferred`]: what is fastest on most CPUs, and in f32 on all.
     #[default]
     Portable,
-    /// [`Algorithm::Direct`] for every layer: the definition, and what is fastest on CPUs that multiply small matrices
-    /// ([`Isa::Amx`], [`Isa::NeonI8mm`]).
+    /// [`Algorithm::Direct`] for every layer: the definition, and in int8 what is fastest on CPUs that multiply small
+    /// matrices ([`Isa::Amx`], [`Isa::NeonI8mm`]).
     Direct,
 }
 
@@ -84,7 +103,7 @@ impl Algorithms {
         }
     }
 
-    /// The choice that is fastest with kernels of `isa`.
+    /// The choice that is fastest in int8 with kernels of `isa`.
     pub fn fastest(isa: Isa) -> Self {
         match isa {
             // No CPU with i8mm was at hand. By Arm's guide Neoverse N2 begins two `usmmla` of 32 products a cycle and
@@ -94,14 +113,27 @@ impl Algorithms {
         }
     }
 
-    /// What `EDGECAP_ALGORITHM` says, else the choice that is fastest with kernels of `isa`.
+    /// What `EDGECAP_ALGORITHM` says, else the choice that is fastest in int8 with kernels of `isa`.
     ///
     /// # Errors
     /// When the variable names no choice.
     pub fn detect(isa: Isa) -> Result<Self, AlgorithmsError> {
+        Ok(Self::set()?.unwrap_or_else(|| Self::fastest(isa)))
+    }
+
+    /// What `EDGECAP_ALGORITHM` says, else the choice that is fastest in f32: no CPU here multiplies matrices of f32.
+    ///
+    /// # Errors
+    /// When the variable names no choice.
+    pub fn detect_f32() -> Result<Self, AlgorithmsError> {
+        Ok(Self::set()?.unwrap_or(Self::Portable))
+    }
+
+    /// What `EDGECAP_ALGORITHM` says.
+    fn set() -> Result<Option<Self>, AlgorithmsError> {
         match std::env::var(ALGORITHM_VARIABLE) {
-            Ok(name) if !name.is_empty() => Self::named(&name),
-            _ => Ok(Self::fastest(isa)),
+            Ok(name) if !name.is_empty() => Self::named(&name).map(Some),
+            _ => Ok(None),
         }
     }
 
@@ -147,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn winograd_multiplies_half_of_what_the_definition_does() {
+    fn winograd_takes_a_quarter_of_the_products() {
         let shape = ConvShape::new(crate::ConvDims {
             in_channels: 64,
             out_channels: 32,
@@ -156,11 +188,14 @@ mod tests {
             ..crate::ConvDims::default()
         })
         .unwrap();
-        let work = |algorithm: Algorithm, side| algorithm.work(&shape, side, side);
-        assert_eq!(work(Algorithm::Direct, 8), 64 * 9 * 64 * 32);
-        assert_eq!(2 * work(Algorithm::Winograd, 8), work(Algorithm::Direct, 8));
+        let products = |algorithm: Algorithm, side| algorithm.products(&shape, side, side);
+        let (direct, winograd) = (Algorithm::Direct, Algorithm::Winograd);
+        assert_eq!(products(direct, 8), 64 * 9 * 64 * 32);
+        assert_eq!(4 * products(winograd, 8), products(direct, 8));
+        // Of i16 in int8.
+        assert_eq!(2 * winograd.work(&shape, 8, 8), direct.work(&shape, 8, 8));
         // A tile that hangs over the edge is computed whole.
-        assert_eq!(work(Algorithm::Winograd, 5), work(Algorithm::Winograd, 8));
+        assert_eq!(products(winograd, 5), products(winograd, 8));
     }
 
     #[test]

@@ -91,15 +91,15 @@ macro_rules! winograd_int8 {
         static $static: Winograd = {
             use crate::{arch::leaf, winograd::generic, writers};
             const { assert!(crate::arch::names_tile::<$dot>($name)) };
-            leaf!([$($feature),*], fn to_u8(job: &generic::Job<'_>, writer: &writers::ToU8<'_>) =
-                generic::run::<$dot, _>(job, writer));
-            leaf!([$($feature),*], fn to_f32(job: &generic::Job<'_>, writer: &writers::ToF32<'_>) =
-                generic::run::<$dot, _>(job, writer));
+            leaf!([$($feature),*], fn to_u8(job: &generic::Job<'_, generic::Integers>, writer: &writers::ToU8<'_>) =
+                generic::run::<generic::Integers, $dot, _>(job, writer));
+            leaf!([$($feature),*], fn to_f32(job: &generic::Job<'_, generic::Integers>, writer: &writers::ToF32<'_>) =
+                generic::run::<generic::Integers, $dot, _>(job, writer));
             Winograd {
                 name: $name,
                 available: || true $(&& has!($feature))*,
                 blocking: crate::packed::Blocking::of::<$dot>(),
-                plan: generic::Plan::new::<$dot>,
+                plan: generic::Plan::new::<generic::Integers, $dot>,
                 to_u8,
                 to_f32,
             }
@@ -119,6 +119,25 @@ macro_rules! direct_f32 {
                 name: $name,
                 available: || true $(&& has!($feature))*,
                 blocking: crate::packed::Blocking::of::<<$chain as direct::Chain>::D>(),
+                run,
+            }
+        };
+    };
+}
+
+/// A Winograd f32 kernel around a product.
+macro_rules! winograd_f32 {
+    ($static:ident = $name:literal, [$($feature:tt),*], $dot:ty) => {
+        static $static: FloatWinograd = {
+            use crate::{arch::leaf, winograd::generic, writers};
+            const { assert!(crate::arch::names_tile::<$dot>($name)) };
+            leaf!([$($feature),*], fn run(job: &generic::Job<'_, generic::Floats>, writer: &writers::Biased<'_>) =
+                generic::run::<generic::Floats, $dot, _>(job, writer));
+            FloatWinograd {
+                name: $name,
+                available: || true $(&& has!($feature))*,
+                blocking: crate::packed::Blocking::of::<$dot>(),
+                plan: generic::Plan::new::<generic::Floats, $dot>,
                 run,
             }
         };
@@ -148,4 +167,4 @@ macro_rules! chain {
     };
 }
 
-pub(crate) use {chain, direct_f32, direct_int8, leaf, max_pool, winograd_int8};
+pub(crate) use {chain, direct_f32, direct_int8, leaf, max_pool, winograd_f32, winograd_int8};

@@ -1,17 +1,24 @@
 //! Checks shared by the int8 and f32 convolutions.
 
 use crate::tensor::Expected;
-use crate::{ConvShape, Isa, KernelError, Layout, Scratch};
+use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Scratch};
 
-/// Refuses what cannot be packed: a tier that the CPU lacks, arrays of the wrong length.
+/// Refuses what cannot be packed: a tier that the CPU lacks, an algorithm that is none for the shape, arrays of the
+/// wrong length.
 pub(crate) fn check_params(
     isa: Isa,
+    algorithm: Algorithm,
     shape: &ConvShape,
     weights: usize,
     bias: usize,
 ) -> Result<(), KernelError> {
     if !isa.is_available() {
         return Err(KernelError::Unsupported(isa));
+    }
+    if !Algorithm::candidates(shape).contains(&algorithm) {
+        return Err(KernelError::Shape(format!(
+            "expected a 3x3 convolution of stride 1 for {algorithm:?}, found {shape:?}; take one of Algorithm::candidates()"
+        )));
     }
     check_length("weights", shape.weight_len(), weights)?;
     check_length("biases", shape.out_channels(), bias)

@@ -3,10 +3,13 @@
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod direct;
 mod reference;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod winograd;
 
 use crate::conv_check::{check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
-use crate::{ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
+use crate::winograd::float::{Points, transform_weights};
+use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
 
 /// What an f32 convolution is made of.
 #[derive(Debug, Clone)]
@@ -21,17 +24,22 @@ pub struct FConvParams<'a> {
     pub relu: bool,
     /// Whether a tensor of the output's size is added before ReLU (ResNet).
     pub residual: bool,
+    /// How to compute it; one of [`Algorithm::candidates`].
+    pub algorithm: Algorithm,
 }
 
 /// A packed f32 convolution for one instruction set: `relu(bias + Σ weight · input + residual)`.
 ///
-/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-5 · (|bias| + Σ|weight · input|)`.
+/// Tiers differ in the order and fusing of sums: they agree with scalar to `1e-5 · (|bias| + Σ|weight · input|)`. By
+/// [`Algorithm::Winograd`] to `1e-5 · (|bias| + Σ|weight| · max|input|)`, of the 6 × 6 input pixels of a tile, and with
+/// the definition as well; an input that is not finite spoils all outputs of its tiles.
 #[derive(Debug, Clone)]
 pub struct FConv {
     shape: ConvShape,
     isa: Isa,
     relu: bool,
     residual: bool,
+    algorithm: Algorithm,
     phases: Vec<Phase>,
     kernel: Kernel,
 }
@@ -41,21 +49,44 @@ pub struct FConv {
 enum Kernel {
     /// The scalar reference on the weights as given.
     Reference { weights: Vec<f32>, bias: Vec<f32> },
+    /// The scalar reference of Winograd.
+    WinogradReference {
+        weights: Vec<Points>,
+        bias: Vec<f32>,
+    },
     /// A direct kernel of a vector tier.
     #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     Direct(direct::Direct),
+    /// A Winograd kernel of a vector tier.
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+    Winograd(winograd::Winograd),
 }
 
 impl Kernel {
     fn new(isa: Isa, params: &FConvParams) -> Self {
-        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-        if let Some(direct) = direct::Direct::new(isa, params) {
-            return Kernel::Direct(direct);
-        }
         let _ = isa;
-        Kernel::Reference {
-            weights: params.weights.to_vec(),
-            bias: params.bias.to_vec(),
+        match params.algorithm {
+            Algorithm::Direct => {
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+                if let Some(direct) = direct::Direct::new(isa, params) {
+                    return Kernel::Direct(direct);
+                }
+                Kernel::Reference {
+                    weights: params.weights.to_vec(),
+                    bias: params.bias.to_vec(),
+                }
+            }
+            Algorithm::Winograd => {
+                let weights = transform_weights(params.weights);
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+                if let Some(winograd) = winograd::Winograd::new(isa, params, &weights) {
+                    return Kernel::Winograd(winograd);
+                }
+                Kernel::WinogradReference {
+                    weights,
+                    bias: params.bias.to_vec(),
+                }
+            }
         }
     }
 }
@@ -64,7 +95,7 @@ impl FConv {
     /// Packs a convolution for `isa`.
     ///
     /// # Errors
-    /// When the CPU lacks `isa`, or lengths or shape do not fit.
+    /// When the CPU lacks `isa`, or lengths, shape or algorithm do not fit.
     pub fn new(isa: Isa, params: &FConvParams) -> Result<Self, KernelError> {
         let FConvParams {
             shape,
@@ -72,12 +103,13 @@ impl FConv {
             bias,
             ..
         } = params;
-        check_params(isa, shape, weights.len(), bias.len())?;
+        check_params(isa, params.algorithm, shape, weights.len(), bias.len())?;
         Ok(Self {
             shape: *shape,
             isa,
             relu: params.relu,
             residual: params.residual,
+            algorithm: params.algorithm,
             phases: Phase::of(shape),
             kernel: Kernel::new(isa, params),
         })
@@ -93,18 +125,30 @@ impl FConv {
         self.isa
     }
 
+    /// How it is computed.
+    pub fn algorithm(&self) -> Algorithm {
+        self.algorithm
+    }
+
     /// The kernel's name, for logs and benches.
     pub fn name(&self) -> &'static str {
         match &self.kernel {
             Kernel::Reference { .. } => "f32_direct__scalar",
+            Kernel::WinogradReference { .. } => "f32_winograd4__scalar",
             #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
             Kernel::Direct(direct) => direct.name(),
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+            Kernel::Winograd(winograd) => winograd.name(),
         }
     }
 
     /// Bytes of [`Scratch`] that a run needs, per thread.
     pub fn scratch_bytes(&self) -> usize {
-        0
+        match &self.kernel {
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+            Kernel::Winograd(winograd) => winograd.scratch_bytes(),
+            _ => 0,
+        }
     }
 
     /// Share `index` of `count` of the work, as even as this kernel can divide it.
@@ -112,7 +156,8 @@ impl FConv {
     /// # Panics
     /// Unless `index < count`.
     pub fn part(&self, out_height: usize, index: usize, count: usize) -> Part {
-        Part::share(out_height, self.shape.groups(), 1, index, count)
+        let row_block = self.algorithm.row_block();
+        Part::share(out_height, self.shape.groups(), row_block, index, count)
     }
 
     /// Checks layouts and buffer lengths (elements) for a run; call once at plan time before
@@ -203,6 +248,11 @@ impl FConv {
                 Kernel::Reference { weights, bias } => self.run_reference(weights, bias, &run),
                 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
                 Kernel::Direct(direct) => direct.run(self.relu, &run),
+                Kernel::WinogradReference { weights, bias } => {
+                    self.run_winograd_reference(weights, bias, &run);
+                }
+                #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+                Kernel::Winograd(winograd) => winograd.run(self.relu, &run, scratch),
             }
         }
     }
@@ -216,4 +266,17 @@ struct Run<'a> {
     output: *mut f32,
     out_layout: &'a Layout,
     part: &'a Part,
+}
+
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+impl<'a> Run<'a> {
+    /// What becomes of this run's sums.
+    fn writer(&self, relu: bool) -> crate::writers::Float<'a> {
+        crate::writers::Float {
+            relu,
+            residual: self.residual,
+            output: self.output,
+            layout: self.out_layout,
+        }
+    }
 }

@@ -9,8 +9,8 @@ use std::ops::Deref;
 use crate::direct::Job;
 use crate::packed::{Blocking, Packed};
 use crate::segments::SegmentedPacked;
-use crate::winograd::generic as winograd;
-use crate::writers::{Float, ToF32, ToU8};
+use crate::winograd::generic::{self as winograd, Floats, Integers};
+use crate::writers::{Biased, Float, ToF32, ToU8};
 use crate::{ConvShape, Isa, arch, pool};
 
 /// Something static that runs only where the CPU has some features.
@@ -92,9 +92,9 @@ descriptor! {
         /// How scratch memory is divided for groups of so many channels.
         plan: fn(usize, usize) -> winograd::Plan,
         /// Runs a job; safe where the CPU has the features, for a job and a writer as `winograd::run` wants them.
-        to_u8: unsafe fn(&winograd::Job<'_>, &ToU8<'_>),
+        to_u8: unsafe fn(&winograd::Job<'_, Integers>, &ToU8<'_>),
         /// As `to_u8`.
-        to_f32: unsafe fn(&winograd::Job<'_>, &ToF32<'_>),
+        to_f32: unsafe fn(&winograd::Job<'_, Integers>, &ToF32<'_>),
     }
 }
 
@@ -105,6 +105,18 @@ descriptor! {
         blocking: Blocking,
         /// Runs a job; safe where the CPU has the features, for a job and a writer as `direct::run` wants them.
         run: unsafe fn(&Job<'_, Packed>, &Float<'_>),
+    }
+}
+
+descriptor! {
+    /// A Winograd f32 convolution.
+    FloatWinograd {
+        /// How the panels are cut.
+        blocking: Blocking,
+        /// How scratch memory is divided for groups of so many channels.
+        plan: fn(usize, usize) -> winograd::Plan,
+        /// Runs a job; safe where the CPU has the features, for a job and a writer as `winograd::run` wants them.
+        run: unsafe fn(&winograd::Job<'_, Floats>, &Biased<'_>),
     }
 }
 
@@ -160,6 +172,7 @@ pub(crate) struct Tier {
     pub widening: &'static Direct<Packed>,
     pub winograd: &'static Winograd,
     pub float: &'static FloatDirect,
+    pub float_winograd: &'static FloatWinograd,
     pub pool: &'static Pool,
     pub peak_int8: &'static PeakChain,
     pub peak_f32: &'static PeakChain,
@@ -177,10 +190,11 @@ impl Tier {
             DotProduct::Plain { kernel, .. } | DotProduct::Choice { kernel, .. } => *kernel,
             DotProduct::Segmented { kernel, .. } => *kernel,
         };
-        let others: [&dyn Kernel; 6] = [
+        let others: [&dyn Kernel; 7] = [
             self.widening,
             self.winograd,
             self.float,
+            self.float_winograd,
             self.pool,
             self.peak_int8,
             self.peak_f32,

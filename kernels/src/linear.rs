@@ -1,7 +1,8 @@
 //! Fully connected f32 layer over a small batch: `y = relu(x Wᵀ + b)`.
 
 use crate::{
-    ConvDims, ConvShape, FConv, FConvParams, Isa, KernelError, Layout, Scratch, Tensor, TensorMut,
+    Algorithm, ConvDims, ConvShape, FConv, FConvParams, Isa, KernelError, Layout, Scratch, Tensor,
+    TensorMut,
 };
 
 /// A packed fully connected layer.
@@ -46,6 +47,7 @@ impl Linear {
                 bias,
                 relu,
                 residual: false,
+                algorithm: Algorithm::Direct,
             },
         )?;
         Ok(Self { conv })

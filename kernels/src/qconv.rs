@@ -11,9 +11,7 @@ pub use epilogue::{Epilogue, OutElement};
 
 use crate::conv_check::{check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
-use crate::{
-    Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut, winograd,
-};
+use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
 use kernel::Kernel;
 use run::Run;
 
@@ -62,7 +60,7 @@ impl QConv {
             epilogue,
             algorithm,
         } = params;
-        check_params(isa, shape, weights.len(), bias.len())?;
+        check_params(isa, *algorithm, shape, weights.len(), bias.len())?;
         epilogue.check(shape.out_channels())?;
         check_range(shape, weights, bias, *input_max)?;
         let (kernel, epilogue) = Kernel::new(isa, params)?;
@@ -106,10 +104,7 @@ impl QConv {
     /// # Panics
     /// Unless `index < count`.
     pub fn part(&self, out_height: usize, index: usize, count: usize) -> Part {
-        let row_block = match self.algorithm {
-            Algorithm::Direct => 1,
-            Algorithm::Winograd => winograd::OUT,
-        };
+        let row_block = self.algorithm.row_block();
         Part::share(out_height, self.shape.groups(), row_block, index, count)
     }
 

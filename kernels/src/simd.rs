@@ -23,7 +23,12 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn load_f_part(at: *const f32, n: usize) -> Self::F;
     unsafe fn store_f_part(value: Self::F, at: *mut f32, n: usize);
     unsafe fn add_f(a: Self::F, b: Self::F) -> Self::F;
+    unsafe fn sub_f(a: Self::F, b: Self::F) -> Self::F;
     unsafe fn mul_f(a: Self::F, b: Self::F) -> Self::F;
+    /// `c + a · b`, rounded once where the CPU can.
+    unsafe fn mul_add_f(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `c − a · b`, rounded once where the CPU can.
+    unsafe fn mul_sub_f(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// The greater; `b` where `a` is no number.
     unsafe fn max_f(a: Self::F, b: Self::F) -> Self::F;
     /// The smaller; `b` where `a` is no number.

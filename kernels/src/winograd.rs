@@ -1,20 +1,17 @@
-//! Winograd F(4×4, 3×3) in integers: 36 products per channel where the definition takes 144.
+//! Winograd F(4×4, 3×3): 36 products per channel where the definition takes 144.
 //!
 //! Output is computed in tiles of 4 × 4 pixels from 6 × 6 input pixels d, on a grid that begins at output (0, 0):
-//! - `V = Bᵀ d B`, exact in i16 (|V| ≤ 100 · 255 = 25500);
-//! - `U = round(t · G w Gᵀ)` in i16, made when weights are packed, with one whole number t per output channel, as large
-//!   as i16 and the final sum allow;
-//! - `M = Σ channels U · V` and `Y = Aᵀ M A` in i32, modulo 2³²: only Y must fit, and t is chosen so that it does;
-//! - `Y ≈ t · acc`, so that the epilogue's scale is divided by t, and the bias multiplied by it.
-//!
-//! Input pixels outside the tensor and its padding count as 0. All steps are integers: every tier gives the same bits.
+//! `Y = Aᵀ (Σ channels (G w Gᵀ) · (Bᵀ d B)) A`, where `G w Gᵀ` is made when weights are packed. Input pixels outside
+//! the tensor and its padding count as 0.
 
+pub(crate) mod float;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(crate) mod generic;
-pub(crate) mod reference;
-mod weights;
+pub(crate) mod int8;
+mod sandwich;
+mod walk;
 
-pub(crate) use weights::TransformedWeights;
+pub(crate) use walk::walk;
 
 /// Output rows and columns of a tile.
 pub(crate) const OUT: usize = 4;
@@ -22,5 +19,3 @@ pub(crate) const OUT: usize = 4;
 pub(crate) const IN: usize = 6;
 /// Products per channel.
 pub(crate) const POINTS: usize = IN * IN;
-/// The product that reaches every output with factor 1: the bias is added there.
-pub(crate) const BIAS_POINT: usize = IN + 1;

@@ -135,3 +135,26 @@ unsafe impl<S: Simd> Write<S, S::F> for Float<'_> {
         }
     }
 }
+
+/// f32 sums without their bias → as [`Float`].
+pub(crate) struct Biased<'a> {
+    /// Padded, one per lane.
+    pub bias: *const f32,
+    pub to: Float<'a>,
+}
+
+// SAFETY: as for `Float`, and a whole vector of padded biases.
+unsafe impl<S: Simd> Write<S, S::F> for Biased<'_> {
+    #[inline(always)]
+    unsafe fn write<const M: usize>(&self, acc: [S::F; M], place: Place) {
+        // SAFETY: the place lies in the checked layouts, and its lanes among the padded ones.
+        unsafe {
+            let bias = S::load_f(self.bias.add(place.lane));
+            let mut values = acc;
+            for value in &mut values {
+                *value = S::add_f(*value, bias);
+            }
+            Write::<S, S::F>::write(&self.to, values, place);
+        }
+    }
+}

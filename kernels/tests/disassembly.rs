@@ -121,8 +121,20 @@ fn is_epilogue(line: &Line) -> bool {
     if cfg!(target_arch = "aarch64") {
         return line.1.contains("cvt") || (line.1.starts_with("st") && !line.1.contains(STACK));
     }
-    let is_store = line.1.trim_end().ends_with(')') && line.1.contains("mov");
+    // A mask stands behind the address.
+    let operands = line.1.split('{').next().unwrap_or(&line.1);
+    let is_store = operands.trim_end().ends_with(')') && line.1.contains("mov");
     line.1.contains("cvt") || (has_vector(line) && is_store && !line.1.contains("(%rsp"))
+}
+
+/// Whether an instruction belongs to Winograd's transforms in f32, which multiply as well, and go through the stack.
+fn is_transform(line: &Line) -> bool {
+    let differences = if cfg!(target_arch = "x86_64") {
+        ["subps", "fnmadd", "vaddps"]
+    } else {
+        ["fsub", "fmls", "fadd"]
+    };
+    differences.iter().any(|name| line.1.contains(name))
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -131,17 +143,20 @@ const KERNELS: &[&str] = &[
     "WIDE_SSE41",
     "WINOGRAD_SSE41",
     "F32_SSE41",
+    "WINOGRAD_F32_SSE41",
     "DIRECT_AVX2",
     "PAIRS_AVX2",
     "WIDE_AVX2",
     "WINOGRAD_AVX2",
     "F32_AVX2",
+    "WINOGRAD_F32_AVX2",
     "DIRECT_AVXVNNI",
     "WINOGRAD_AVXVNNI",
     "DIRECT_AVX512",
     "WIDE_AVX512",
     "WINOGRAD_AVX512",
     "F32_AVX512",
+    "WINOGRAD_F32_AVX512",
     "DIRECT_AVX512VNNI",
     "WINOGRAD_AVX512VNNI",
 ];
@@ -151,6 +166,7 @@ const KERNELS: &[&str] = &[
     "WIDE_NEON",
     "WINOGRAD_NEON",
     "F32_NEON",
+    "WINOGRAD_F32_NEON",
     "DIRECT_NEONDOT",
     "DIRECT_NEONI8MM",
     "DOT_NEONI8MM",
@@ -206,7 +222,8 @@ fn loops_of_products(text: &str, kernel: &str) -> Vec<(String, Vec<Line>)> {
     let mut loops = Vec::new();
     for (name, code) in &found {
         for inner in innermost_loops(code) {
-            if inner.iter().any(is_product) && !inner.iter().any(is_epilogue) {
+            let other = |line: &Line| is_epilogue(line) || is_transform(line);
+            if inner.iter().any(is_product) && !inner.iter().any(other) {
                 loops.push((name.clone(), inner.to_vec()));
             }
         }

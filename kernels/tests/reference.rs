@@ -194,6 +194,7 @@ fn f32_equals_scattered_definition() {
                 bias: &bias,
                 relu: true,
                 residual: false,
+                algorithm: Algorithm::Direct,
             },
         )
         .unwrap();

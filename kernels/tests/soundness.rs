@@ -147,20 +147,25 @@ fn buffers_that_do_not_hold_their_tensor_are_refused() {
             },
         )
         .unwrap();
-        let float = FConv::new(
-            isa,
-            &FConvParams {
-                shape,
-                weights: &vec![1.0; shape.weight_len()],
-                bias: &[0.0; 8],
-                relu: false,
-                residual: false,
-            },
-        )
-        .unwrap();
+        let floats_by = |algorithm| {
+            FConv::new(
+                isa,
+                &FConvParams {
+                    shape,
+                    weights: &vec![1.0; shape.weight_len()],
+                    bias: &[0.0; 8],
+                    relu: false,
+                    residual: false,
+                    algorithm,
+                },
+            )
+            .unwrap()
+        };
+        let float = [Algorithm::Direct, Algorithm::Winograd].map(floats_by);
         let pool = MaxPool::new(isa, PoolShape::new(3, 1, 1).unwrap()).unwrap();
         let (mut q, mut f) = ([0u8; 160], [0.0f32; 160]);
-        let mut scratch = Scratch::new(int8.scratch_bytes());
+        let needed = float.iter().map(FConv::scratch_bytes).max().unwrap_or(0);
+        let mut scratch = Scratch::new(needed.max(int8.scratch_bytes()));
         for (from, to, short) in [
             (input, output, 1),
             (taller, output, 0),
@@ -174,17 +179,65 @@ fn buffers_that_do_not_hold_their_tensor_are_refused() {
             );
             let result = int8.run(x, None, TensorMut::new(&mut q, to), &mut scratch);
             assert!(result.is_err(), "{isa}");
-            let result = float.run(y, None, TensorMut::new(&mut f, to), &mut scratch);
-            assert!(result.is_err(), "{isa}");
+            for float in &float {
+                let result = float.run(y, None, TensorMut::new(&mut f, to), &mut scratch);
+                assert!(result.is_err(), "{isa} {}", float.name());
+            }
             assert!(pool.run(x, TensorMut::new(&mut q, to)).is_err(), "{isa}");
         }
         let (x, y) = (Tensor::new(&bytes, input), Tensor::new(&floats, input));
         let short = TensorMut::new(&mut q[..159], output);
         assert!(int8.run(x, None, short, &mut scratch).is_err());
-        let short = TensorMut::new(&mut f[..159], output);
-        assert!(float.run(y, None, short, &mut scratch).is_err());
+        for float in &float {
+            let short = TensorMut::new(&mut f[..159], output);
+            assert!(float.run(y, None, short, &mut scratch).is_err());
+            if float.scratch_bytes() > 0 {
+                let mut little = Scratch::new(float.scratch_bytes() - 64);
+                let whole = TensorMut::new(&mut f, output);
+                assert!(float.run(y, None, whole, &mut little).is_err(), "{isa}");
+            }
+        }
         let short = TensorMut::new(&mut q[..159], output);
         assert!(pool.run(x, short).is_err());
         assert!(q.iter().all(|&v| v == 0) && f.iter().all(|&v| v == 0.0));
+    }
+}
+
+/// Winograd reads what only layers of 3 × 3 and stride 1 have.
+#[test]
+fn algorithms_that_cannot_compute_a_shape_are_refused() {
+    let good = ConvDims {
+        in_channels: 8,
+        out_channels: 8,
+        kernel: 3,
+        padding: 1,
+        ..ConvDims::default()
+    };
+    let (wider, strided, upwards) = (
+        ConvDims { kernel: 5, ..good },
+        ConvDims { stride: 2, ..good },
+        ConvDims {
+            transposed: true,
+            ..good
+        },
+    );
+    for isa in Isa::available() {
+        for (dims, fits) in [
+            (good, true),
+            (wider, false),
+            (strided, false),
+            (upwards, false),
+        ] {
+            let shape = ConvShape::new(dims).unwrap();
+            let params = FConvParams {
+                shape,
+                weights: &vec![1.0; shape.weight_len()],
+                bias: &[0.0; 8],
+                relu: false,
+                residual: false,
+                algorithm: Algorithm::Winograd,
+            };
+            assert_eq!(FConv::new(isa, &params).is_ok(), fits, "{isa} {dims:?}");
+        }
     }
 }

@@ -10,16 +10,19 @@ use edgecap::engine::{
 
 const SIZE: (usize, usize) = (48, 32);
 
-fn engine(model: &Model, precision: Precision, threads: usize, isa: Option<Isa>) -> Engine {
-    let options = EngineOptions {
+fn options(precision: Precision, threads: usize, isa: Option<Isa>) -> EngineOptions {
+    EngineOptions {
         width: SIZE.0,
         height: SIZE.1,
         threads,
         isa,
         precision,
         ..EngineOptions::default()
-    };
-    Engine::new(model, options).unwrap()
+    }
+}
+
+fn engine(model: &Model, precision: Precision, threads: usize, isa: Option<Isa>) -> Engine {
+    Engine::new(model, options(precision, threads, isa)).unwrap()
 }
 
 fn quantised(model: &Model) -> Model {
@@ -55,23 +58,50 @@ fn f32_is_what_a_naive_reference_computes() {
     };
     let expected = naive(model.network().graph(), weights, &picture, SIZE);
     for isa in Isa::available() {
-        for threads in [1, 3] {
-            let mut engine = engine(&model, Precision::F32, threads, Some(isa));
-            let e = error(&expected, engine.run(&picture));
-            assert!(e < 1e-5, "{isa}, {threads} threads: {e}");
+        for algorithms in Algorithms::ALL {
+            let mut alone = None;
+            for threads in [1, 3] {
+                let options = EngineOptions {
+                    algorithms: Some(algorithms),
+                    ..options(Precision::F32, threads, Some(isa))
+                };
+                let mut engine = Engine::new(&model, options).unwrap();
+                let maps = engine.run(&picture).clone();
+                let e = error(&expected, &maps);
+                assert!(e < 1e-5, "{isa}, {algorithms:?}, {threads} threads: {e}");
+                // However the rows are cut, tiles are the same.
+                let alone = alone.get_or_insert_with(|| maps.clone());
+                assert!(*alone == maps, "{isa}, {algorithms:?}, {threads} threads");
+                let profile = engine.profile();
+                let winograd = profile.iter().any(|l| l.kernel.contains("winograd"));
+                assert_eq!(winograd, algorithms == Algorithms::Portable, "{isa}");
+                let (macs, executed) = (engine.macs(), engine.executed_macs());
+                assert_eq!(executed < macs, winograd, "{executed} of {macs}");
+                assert_eq!(executed == macs, !winograd, "{executed} of {macs}");
+            }
         }
+    }
+}
+
+#[test]
+fn f32_takes_winograd_on_tiers_whose_int8_does_not() {
+    // The variable, which a developer may have set, has the last word.
+    if std::env::var_os("EDGECAP_ALGORITHM").is_some() {
+        println!("skipped: EDGECAP_ALGORITHM is set");
+        return;
+    }
+    let model = Model::random(tiny(), 3);
+    for isa in Isa::available() {
+        let engine = engine(&model, Precision::F32, 1, Some(isa));
+        assert!(engine.executed_macs() < engine.macs(), "{isa}");
     }
 }
 
 /// By these algorithms on every tier: which ones are the fastest depends on the tier.
 fn by(algorithms: Algorithms, model: &Model, threads: usize, isa: Isa) -> Engine {
     let options = EngineOptions {
-        width: SIZE.0,
-        height: SIZE.1,
-        threads,
         algorithms: Some(algorithms),
-        isa: Some(isa),
-        ..EngineOptions::default()
+        ..options(Precision::Int8, threads, Some(isa))
     };
     Engine::new(model, options).unwrap()
 }
@@ -136,6 +166,7 @@ fn direct_algorithms_are_near_f32_and_the_same_on_every_tier() {
     for isa in Isa::available() {
         for threads in [1, 2, 5] {
             let mut engine = by(Algorithms::Direct, &quantised, threads, isa);
+            assert_eq!(engine.executed_macs(), engine.macs());
             assert!(*engine.run(&picture) == scalar, "{isa}, {threads} threads");
             assert_vectors(&engine);
         }

@@ -36,7 +36,7 @@ impl<T: Copy + From<u8>> Pool<T> {
             .collect();
         Rc::new(RefCell::new(Self {
             buffers: [buffer.clone(), buffer],
-            scratch: Scratch::new(2 << 20),
+            scratch: Scratch::new(8 << 20),
         }))
     }
 }
@@ -107,6 +107,7 @@ fn int8(
 
 fn f32(
     isa: Isa,
+    algorithm: Algorithm,
     height: usize,
     width: usize,
     shape: ConvShape,
@@ -124,6 +125,7 @@ fn f32(
             bias: &vec![0.0; shape.out_channels()],
             relu: true,
             residual: false,
+            algorithm,
         },
     )
     .unwrap();
@@ -192,14 +194,9 @@ fn main() {
     let mut all = Vec::new();
     for (height, width, times, shape) in table() {
         let macs = shape.macs(height, width);
-        let candidates = if floats {
-            &[Algorithm::Direct]
-        } else {
-            Algorithm::candidates(&shape)
-        };
-        for &algorithm in candidates {
+        for &algorithm in Algorithm::candidates(&shape) {
             let (name, run) = if floats {
-                f32(isa, height, width, shape, &pool_f32)
+                f32(isa, algorithm, height, width, shape, &pool_f32)
             } else {
                 int8(isa, algorithm, height, width, shape, &pool_u8)
             };
@@ -248,7 +245,8 @@ fn main() {
         for (height, width, times, shape) in table() {
             for _ in 0..times {
                 network.push(if floats {
-                    f32(isa, height, width, shape, &pool_f32).1
+                    let algorithm = Algorithm::preferred(&shape);
+                    f32(isa, algorithm, height, width, shape, &pool_f32).1
                 } else {
                     int8(
                         isa,

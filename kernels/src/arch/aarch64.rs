@@ -4,10 +4,12 @@
 mod i8mm;
 mod neon;
 
-use super::{chain, direct_f32, direct_int8, max_pool, winograd_int8};
+use super::{chain, direct_f32, direct_int8, max_pool, winograd_f32, winograd_int8};
 use crate::Isa;
 use crate::direct::Plain;
-use crate::kernel::{Direct, DotProduct, FloatDirect, PeakChain, Pool, Tier, Winograd};
+use crate::kernel::{
+    Direct, DotProduct, FloatDirect, FloatWinograd, PeakChain, Pool, Tier, Winograd,
+};
 use crate::packed::Packed;
 use crate::peak::{dots, products};
 use std::arch::is_aarch64_feature_detected as has;
@@ -23,6 +25,7 @@ pub(crate) static TIERS: [Tier; 3] = [
         widening: &WIDE_NEON,
         winograd: &WINOGRAD_NEON,
         float: &F32_NEON,
+        float_winograd: &WINOGRAD_F32_NEON,
         pool: &POOL_NEON,
         peak_int8: &WIDEN,
         peak_f32: &FMA,
@@ -36,6 +39,7 @@ pub(crate) static TIERS: [Tier; 3] = [
         widening: &WIDE_NEON,
         winograd: &WINOGRAD_NEON,
         float: &F32_NEON,
+        float_winograd: &WINOGRAD_F32_NEON,
         pool: &POOL_NEON,
         peak_int8: &SDOT,
         peak_f32: &FMA,
@@ -50,6 +54,7 @@ pub(crate) static TIERS: [Tier; 3] = [
         widening: &WIDE_NEON,
         winograd: &WINOGRAD_NEON,
         float: &F32_NEON,
+        float_winograd: &WINOGRAD_F32_NEON,
         pool: &POOL_NEON,
         peak_int8: &USMMLA,
         peak_f32: &FMA,
@@ -67,6 +72,11 @@ direct_f32!(
     F32_NEON = "f32_direct_8x12__neon",
     ["neon"],
     Plain<neon::F32>
+);
+winograd_f32!(
+    WINOGRAD_F32_NEON = "f32_winograd4_8x12__neon",
+    ["neon"],
+    neon::F32
 );
 max_pool!(POOL_NEON = "maxpool__neon", ["neon"]);
 chain!(WIDEN = "smull + saddlp", ["neon"], products::<neon::U7>);

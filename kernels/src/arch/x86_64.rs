@@ -6,10 +6,12 @@ mod avx2;
 pub(crate) mod avx512;
 mod sse41;
 
-use super::{chain, direct_f32, direct_int8, max_pool, winograd_int8};
+use super::{chain, direct_f32, direct_int8, max_pool, winograd_f32, winograd_int8};
 use crate::Isa;
 use crate::direct::{Plain, Segmented};
-use crate::kernel::{Direct, DotProduct, FloatDirect, Kernel, PeakChain, Pool, Tier, Winograd};
+use crate::kernel::{
+    Direct, DotProduct, FloatDirect, FloatWinograd, Kernel, PeakChain, Pool, Tier, Winograd,
+};
 use crate::packed::Packed;
 use crate::peak::{dots, products, sums};
 use crate::segments::SegmentedPacked;
@@ -26,6 +28,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_SSE41,
         winograd: &WINOGRAD_SSE41,
         float: &F32_SSE41,
+        float_winograd: &WINOGRAD_F32_SSE41,
         pool: &POOL_SSE41,
         peak_int8: &MADDUBS_128,
         peak_f32: &MULTIPLY_ADD_128,
@@ -39,6 +42,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_AVX2,
         winograd: &WINOGRAD_AVX2,
         float: &F32_AVX2,
+        float_winograd: &WINOGRAD_F32_AVX2,
         pool: &POOL_AVX2,
         peak_int8: &MADDUBS_256,
         peak_f32: &FMA_256,
@@ -52,6 +56,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_AVX2,
         winograd: &WINOGRAD_AVXVNNI,
         float: &F32_AVX2,
+        float_winograd: &WINOGRAD_F32_AVX2,
         pool: &POOL_AVX2,
         peak_int8: &VNNI_256,
         peak_f32: &FMA_256,
@@ -65,6 +70,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_AVX512,
         winograd: &WINOGRAD_AVX512,
         float: &F32_AVX512,
+        float_winograd: &WINOGRAD_F32_AVX512,
         pool: &POOL_AVX512,
         peak_int8: &MADDUBS_512,
         peak_f32: &FMA_512,
@@ -78,6 +84,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_AVX512,
         winograd: &WINOGRAD_AVX512VNNI,
         float: &F32_AVX512,
+        float_winograd: &WINOGRAD_F32_AVX512,
         pool: &POOL_AVX512,
         peak_int8: &VNNI_512,
         peak_f32: &FMA_512,
@@ -92,6 +99,7 @@ pub(crate) static TIERS: [Tier; 6] = [
         widening: &WIDE_AVX512,
         winograd: &WINOGRAD_AVX512VNNI,
         float: &F32_AVX512,
+        float_winograd: &WINOGRAD_F32_AVX512,
         pool: &POOL_AVX512,
         peak_int8: &TILES,
         peak_f32: &FMA_512,
@@ -110,6 +118,11 @@ direct_f32!(
     F32_SSE41 = "f32_direct_4x8__sse41",
     ["sse4.1", "ssse3"],
     Plain<sse41::F32>
+);
+winograd_f32!(
+    WINOGRAD_F32_SSE41 = "f32_winograd4_4x8__sse41",
+    ["sse4.1", "ssse3"],
+    sse41::F32
 );
 max_pool!(POOL_SSE41 = "maxpool__sse41", ["sse4.1", "ssse3"]);
 chain!(
@@ -136,6 +149,11 @@ direct_f32!(
     F32_AVX2 = "f32_direct_6x16__avx2",
     ["avx2", "fma"],
     Plain<avx2::F32>
+);
+winograd_f32!(
+    WINOGRAD_F32_AVX2 = "f32_winograd4_6x16__avx2",
+    ["avx2", "fma"],
+    avx2::F32
 );
 max_pool!(POOL_AVX2 = "maxpool__avx2", ["avx2", "fma"]);
 chain!(
@@ -172,6 +190,11 @@ direct_f32!(
     F32_AVX512 = "f32_direct_8x48__avx512",
     ["avx512f", "avx512bw", "avx512vl", "avx2", "fma"],
     Plain<avx512::F32>
+);
+winograd_f32!(
+    WINOGRAD_F32_AVX512 = "f32_winograd4_8x48__avx512",
+    ["avx512f", "avx512bw", "avx512vl", "avx2", "fma"],
+    avx512::F32
 );
 max_pool!(
     POOL_AVX512 = "maxpool__avx512",

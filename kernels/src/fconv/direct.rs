@@ -5,7 +5,6 @@ use crate::Isa;
 use crate::direct::Job;
 use crate::kernel::{FloatDirect, Ready, Tier};
 use crate::packed::Packed;
-use crate::writers::Float;
 
 /// Weights and bias in a direct kernel's order.
 #[derive(Debug, Clone)]
@@ -39,12 +38,7 @@ impl Direct {
     /// # Safety
     /// As `FConv::run_part`.
     pub unsafe fn run(&self, relu: bool, run: &Run) {
-        let writer = Float {
-            relu,
-            residual: run.residual,
-            output: run.output,
-            layout: run.out_layout,
-        };
+        let writer = run.writer(relu);
         // SAFETY: `Ready` proves that the CPU has the features, `FConv::check` that the tensors fit (caller).
         unsafe {
             let job = Job::new(

@@ -206,8 +206,8 @@ impl ConvShape {
     /// No kernel's packed weights take more bytes. Outputs of a group are padded to whole vectors and blocks, so that
     /// it can be many times [`weight_len`](Self::weight_len) where groups have few outputs.
     pub fn most_packed_bytes(&self) -> usize {
-        // Winograd's weights take 8 bytes for one.
-        let bytes = self.dims.kernel * self.dims.kernel * 8;
+        // Winograd's weights take 16 bytes for one in f32, 8 in int8.
+        let bytes = self.dims.kernel * self.dims.kernel * 16;
         let outs = self.group_out().next_multiple_of(64) * self.dims.groups;
         outs.saturating_mul(self.group_in()).saturating_mul(bytes)
     }
@@ -307,8 +307,8 @@ mod tests {
             let shape = ConvShape::new(ConvDims { groups, ..dims }).unwrap();
             (shape.weight_len(), shape.most_packed_bytes())
         };
-        assert_eq!(bytes(1), (64 * 64 * 9, 8 * 64 * 64 * 9));
-        assert_eq!(bytes(64), (64 * 9, 8 * 64 * 64 * 9));
+        assert_eq!(bytes(1), (64 * 64 * 9, 16 * 64 * 64 * 9));
+        assert_eq!(bytes(64), (64 * 9, 16 * 64 * 64 * 9));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::run::Run;
 use super::{Epilogue, QConv, QConvParams};
-use crate::winograd::TransformedWeights;
+use crate::winograd::int8::TransformedWeights;
 use crate::{Algorithm, Isa, KernelError, Scratch};
 
 /// The packed form.
@@ -25,7 +25,7 @@ impl Kernel {
     /// accumulators.
     ///
     /// # Errors
-    /// When the algorithm cannot compute the shape with these weights.
+    /// When the algorithm cannot compute these weights.
     pub fn new(isa: Isa, params: &QConvParams) -> Result<(Self, Epilogue), KernelError> {
         let QConvParams {
             shape,
@@ -33,12 +33,6 @@ impl Kernel {
             bias,
             ..
         } = params;
-        if !Algorithm::candidates(shape).contains(&params.algorithm) {
-            return Err(KernelError::Shape(format!(
-                "expected a 3x3 convolution of stride 1 for {:?}, found {shape:?}; take one of Algorithm::candidates()",
-                params.algorithm
-            )));
-        }
         let _ = isa;
         match params.algorithm {
             Algorithm::Direct => {

@@ -7,10 +7,11 @@ use crate::direct::Job;
 use crate::kernel::{Direct, DotProduct, Ready, Tier, Winograd};
 use crate::packed::{Blocking, Packed, Panels};
 use crate::segments::SegmentedPacked;
-use crate::winograd::generic::{self as winograd, Plan, Shift};
-use crate::winograd::{IN, POINTS, TransformedWeights};
+use crate::winograd::POINTS;
+use crate::winograd::generic::{Integers, Prepared, Shift, Sums};
+use crate::winograd::int8::TransformedWeights;
 use crate::writers::{Residual, ToF32, ToU8};
-use crate::{ConvDims, ConvShape, Isa, Scratch};
+use crate::{ConvShape, Isa, Scratch};
 
 /// Weights and per-channel constants in a kernel's order.
 #[derive(Debug, Clone)]
@@ -29,21 +30,14 @@ enum Method {
     /// The definition, summed in i16 segments.
     Segmented(Ready<Direct<SegmentedPacked>>, SegmentedPacked),
     /// F(4×4, 3×3) in i16.
-    Winograd(Ready<Winograd>, Packed, WinogradConstants),
-}
-
-#[derive(Debug, Clone)]
-struct WinogradConstants {
-    plan: Plan,
-    zeros: Vec<u8>,
-    padding: usize,
-    shifts: Box<[Shift; POINTS]>,
+    Winograd(Ready<Winograd>, Prepared<Integers>, Box<[Shift; POINTS]>),
 }
 
 impl Method {
     fn packed(&self) -> &Packed {
         match self {
-            Method::Plain(_, packed) | Method::Winograd(_, packed, _) => packed,
+            Method::Plain(_, packed) => packed,
+            Method::Winograd(_, prepared, _) => prepared.packed(),
             Method::Segmented(_, segmented) => segmented.packed(),
         }
     }
@@ -114,24 +108,10 @@ impl Vector {
         epilogue: &Epilogue,
     ) -> Option<Self> {
         let kernel = Ready::new(Tier::of(isa)?.winograd)?;
-        let depth = shape.group_in();
-        // The 36 points take the place of kernel elements.
-        let points = ConvShape::new(ConvDims {
-            kernel: IN,
-            ..shape.dims()
-        })
-        .ok()?;
-        let packed = Packed::new(&points, kernel.blocking, |oc, ic, tap| {
-            let at = (oc * depth + ic) * POINTS + tap.ky * IN + tap.kx;
-            weights.weights[at].to_le_bytes()
-        })?;
-        let constants = WinogradConstants {
-            plan: (kernel.plan)(depth, shape.group_out()),
-            zeros: vec![0; depth],
-            padding: shape.padding(),
-            shifts: Box::new(weights.shift.map(Shift::new)),
-        };
-        let method = Method::Winograd(kernel, packed, constants);
+        let weight = |i: usize| weights.weights[i].to_le_bytes();
+        let prepared = Prepared::new(shape, kernel.blocking, kernel.plan, weight)?;
+        let shifts = Box::new(weights.shift.map(Shift::new));
+        let method = Method::Winograd(kernel, prepared, shifts);
         Some(Self::new(method, &weights.bias, epilogue))
     }
 
@@ -154,7 +134,7 @@ impl Vector {
 
     pub fn scratch_bytes(&self) -> usize {
         match &self.method {
-            Method::Winograd(_, _, constants) => constants.plan.bytes(),
+            Method::Winograd(_, prepared, _) => prepared.scratch_bytes(),
             Method::Plain(..) | Method::Segmented(..) => 0,
         }
     }
@@ -196,21 +176,13 @@ impl Vector {
                 (Method::Segmented(kernel, panels), Writer::F32(writer)) => {
                     (kernel.to_f32)(&self.job(panels, run), writer);
                 }
-                (Method::Winograd(kernel, packed, constants), writer) => {
-                    let job = winograd::Job {
-                        packed,
+                (Method::Winograd(kernel, prepared, shifts), writer) => {
+                    let sums = Sums {
                         bias: self.bias.as_ptr(),
-                        shifts: &constants.shifts,
-                        channels: constants.zeros.len(),
-                        input: run.input,
-                        in_layout: run.in_layout,
-                        padding: constants.padding,
-                        zeros: constants.zeros.as_ptr(),
-                        out_layout: run.out_layout,
-                        part: run.part,
-                        plan: constants.plan,
-                        scratch: scratch.as_mut_bytes().as_mut_ptr(),
+                        shifts,
                     };
+                    let input = (run.input, run.in_layout);
+                    let job = prepared.job(sums, input, run.out_layout, run.part, scratch);
                     match writer {
                         Writer::U8(writer) => (kernel.to_u8)(&job, writer),
                         Writer::F32(writer) => (kernel.to_f32)(&job, writer),

@@ -4,134 +4,67 @@
 //! then for every block of output channels multiply point by point (a tile of MR Winograd tiles × NV vectors, the same
 //! core as the direct kernels') and transform the outputs (vectors of output channels) straight into the writer.
 
+mod float;
 mod input;
+mod int8;
+mod kind;
 mod output;
+mod plan;
+mod prepared;
 
-use super::{BIAS_POINT, OUT, POINTS};
+pub(crate) use float::Floats;
+pub(crate) use int8::{Integers, Shift, Sums};
+pub(crate) use kind::{Kind, Vectors};
+pub(crate) use plan::Plan;
+pub(crate) use prepared::Prepared;
+
+use super::int8::BIAS_POINT;
+use super::{OUT, POINTS};
 use crate::direct::{ALL, LINE, Plain, Tile, Write};
-use crate::packed::Packed;
+use crate::packed::{Blocking, Packed};
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
-
-/// How a point's sums lose the bits that its weights have more: in every lane of a vector, since the compiler makes two
-/// instructions of a shift that it knows to be the same in all of them.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
-pub(crate) struct Shift {
-    /// What sums begin with: half a unit of the shift.
-    start: [i32; MOST_LANES],
-    /// By how much they are shifted to the right.
-    bits: [i32; MOST_LANES],
-}
-
-/// Most 32-bit lanes of a vector.
-const MOST_LANES: usize = 16;
-
-impl Shift {
-    /// By `bits`, less than 32.
-    pub fn new(bits: u32) -> Self {
-        Self {
-            start: [(1 << bits) >> 1; MOST_LANES],
-            bits: [bits as i32; MOST_LANES],
-        }
-    }
-}
+use plan::products_point;
 
 /// A Winograd convolution over concrete tensors.
-pub(crate) struct Job<'a> {
+pub(crate) struct Job<'a, K: Kind> {
     /// 36 taps: the points.
-    pub packed: &'a Packed,
-    /// Where the bias point's sums begin; padded, one per lane.
-    pub bias: *const i32,
-    pub shifts: &'a [Shift; POINTS],
-    /// Channels of a group, even.
-    pub channels: usize,
-    pub input: *const u8,
-    pub in_layout: &'a Layout,
-    pub padding: usize,
+    packed: &'a Packed,
+    /// What sums begin with, and what is done to them.
+    sums: K::Sums<'a>,
+    /// Channels of a group.
+    channels: usize,
+    input: *const K::Input,
+    in_layout: &'a Layout,
+    padding: usize,
     /// As many zeros as a group has channels.
-    pub zeros: *const u8,
-    pub out_layout: &'a Layout,
-    pub part: &'a Part,
-    pub plan: Plan,
+    zeros: *const K::Input,
+    out_layout: &'a Layout,
+    part: &'a Part,
+    plan: Plan,
     /// `plan.bytes()`, aligned to a vector.
-    pub scratch: *mut u8,
-}
-
-/// How scratch memory is divided.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Plan {
-    /// Winograd tiles per chunk, a multiple of MR.
-    tiles: usize,
-    /// i16 from a tile's transformed input to the next tile's.
-    row: usize,
-    /// i16 from a point's first tile to the next point's.
-    point: usize,
-    /// Bytes of the products of one chunk.
-    products: usize,
-}
-
-/// i32 from a point's products of MR tiles and `nv` vectors to the next point's. A line is left free behind every
-/// point, or all points of a tile would fall into a few sets of the cache.
-#[inline(always)]
-const fn products_point<D: Dot>(nv: usize) -> usize {
-    D::MAX_MR * nv * D::S::LANES + LINE / 4
-}
-
-/// Bytes that transformed inputs and products of a chunk may take: a part of a common second-level cache.
-const CHUNK_BYTES: usize = 320 << 10;
-
-/// Most tiles of a chunk, up to a multiple of MR.
-const MOST_TILES: usize = 40;
-
-/// Products of a group's channels from which on chunks take [`LARGE_CHUNK_BYTES`]. Weights take 72 bytes for each,
-/// which hardly fits a second-level cache (1.8 MB at 192 → 128): they come from further away for every chunk anew,
-/// which takes longer than to read a chunk's inputs from there.
-const MANY_WEIGHTS: usize = 1 << 14;
-
-/// Enough for [`MOST_TILES`] of 512 channels.
-const LARGE_CHUNK_BYTES: usize = 2 << 20;
-
-impl Plan {
-    /// For groups of `channels` channels and `outs` outputs, with `D`.
-    pub fn new<D: Dot>(channels: usize, outs: usize) -> Self {
-        // Whole cache lines, so that stores of vectors do not cross them.
-        let row = channels.next_multiple_of(32);
-        let per_tile = POINTS * (2 * row + 4 * D::S::LANES * D::MAX_NV);
-        let most = MOST_TILES.next_multiple_of(D::MAX_MR);
-        let bytes = if channels * outs < MANY_WEIGHTS {
-            CHUNK_BYTES
-        } else {
-            LARGE_CHUNK_BYTES
-        };
-        let tiles = bytes / per_tile + D::MAX_MR / 2;
-        let tiles = (tiles / D::MAX_MR * D::MAX_MR).clamp(D::MAX_MR, most);
-        Self {
-            tiles,
-            row,
-            point: tiles * row + LINE / 2,
-            products: tiles / D::MAX_MR * POINTS * products_point::<D>(D::MAX_NV) * 4,
-        }
-    }
-
-    /// Scratch bytes needed.
-    pub fn bytes(&self) -> usize {
-        self.products + 2 * POINTS * self.point
-    }
+    scratch: *mut u8,
 }
 
 /// Runs a job.
 ///
 /// # Safety
 /// The features of `D` are on; the contract of `QConv::run_part` holds for the job's tensors and the writer's; `plan`
-/// was made for `D` and these channels.
+/// was made for `K`, `D` and these channels.
 #[inline(always)]
-pub(crate) unsafe fn run<D, W>(job: &Job, writer: &W)
+pub(crate) unsafe fn run<K, D, W>(job: &Job<K>, writer: &W)
 where
-    D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
-    W: Write<D::S, <D::S as Simd>::I>,
+    K: Vectors<D>,
+    D: Dot,
+    W: Write<D::S, D::Acc>,
 {
     const { assert!(matches!(D::MAX_MR, 4 | 6 | 8), "`Chunk::run` has these") };
+    const { assert!(size_of::<K::Value>() * D::PACK == 4 && size_of::<K::Sum>() == 4) };
+    assert_eq!(
+        job.packed.blocking(),
+        Blocking::of::<D>(),
+        "packed for another kernel"
+    );
     let rows = &job.part.rows;
     if rows.is_empty() {
         return;
@@ -150,7 +83,7 @@ where
                     count,
                     across,
                 };
-                input::transform_inputs::<D::S>(job, group, tiles);
+                input::transform_inputs::<K, D>(job, group, tiles);
                 for b in 0..job.packed.blocks().len() {
                     let chunk = Chunk {
                         job,
@@ -198,40 +131,40 @@ impl Tiles {
     }
 }
 
-impl Job<'_> {
+impl<K: Kind> Job<'_, K> {
     /// Transformed input of a point and tile of the chunk.
     ///
     /// # Safety
     /// `point < 36`, `tile < plan.tiles`.
     #[inline(always)]
-    unsafe fn v(&self, point: usize, tile: usize) -> *mut i16 {
+    unsafe fn v(&self, point: usize, tile: usize) -> *mut K::Value {
         // SAFETY: the region behind the products holds 36 · tiles rows.
         unsafe {
             self.scratch
-                .add(self.plan.products)
-                .cast::<i16>()
-                .add(point * self.plan.point + tile * self.plan.row)
+                .add(self.plan.products + point * self.plan.point + tile * self.plan.row)
+                .cast()
         }
     }
 }
 
 /// A chunk of tiles and a block of output channels.
-struct Chunk<'a, 'b, W> {
-    job: &'b Job<'a>,
+struct Chunk<'a, 'b, K: Kind, W> {
+    job: &'b Job<'a, K>,
     writer: &'b W,
     group: usize,
     block: usize,
     tiles: Tiles,
 }
 
-impl<W> Chunk<'_, '_, W> {
+impl<K: Kind, W> Chunk<'_, '_, K, W> {
     /// # Safety
     /// As [`run`].
     #[inline(always)]
     unsafe fn run<D, const NV: usize>(&self)
     where
-        D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
-        W: Write<D::S, <D::S as Simd>::I>,
+        K: Vectors<D>,
+        D: Dot,
+        W: Write<D::S, D::Acc>,
     {
         // SAFETY: the caller's contract; MR is MAX_MR.
         unsafe {
@@ -251,7 +184,8 @@ impl<W> Chunk<'_, '_, W> {
     #[inline(always)]
     unsafe fn multiply<D, const MR: usize, const NV: usize>(&self)
     where
-        D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
+        K: Vectors<D>,
+        D: Dot,
     {
         let job = self.job;
         let (lanes, packed) = (D::S::LANES, job.packed);
@@ -264,10 +198,9 @@ impl<W> Chunk<'_, '_, W> {
         let spread = self.tiles.count >= step_lines * MR;
         for point in 0..POINTS {
             let weights = &panel[point * point_bytes..(point + 1) * point_bytes];
-            let bias = (point == BIAS_POINT).then(|| {
-                // SAFETY: lane + NV · lanes <= the padded number of output channels, of which each has a bias.
-                unsafe { job.bias.add(lane) }
-            });
+            let bias = K::bias(&job.sums).filter(|_| point == BIAS_POINT);
+            // SAFETY: lane + NV · lanes <= the padded number of output channels, of which each has a bias.
+            let bias = bias.map(|bias| unsafe { bias.add(lane) });
             let mut first = 0;
             while first < self.tiles.count {
                 // SAFETY: first + MR <= plan.tiles, as both are multiples of MR; V and the products hold that many
@@ -300,18 +233,17 @@ impl<W> Chunk<'_, '_, W> {
         point: usize,
         first: usize,
         weights: &[u8],
-        bias: Option<*const i32>,
+        bias: Option<*const K::Sum>,
     ) where
-        D: Dot<Acc = <<D as Dot>::S as Simd>::I>,
+        K: Vectors<D>,
+        D: Dot,
     {
         let job = self.job;
         let lanes = D::S::LANES;
-        let shift = &job.shifts[point];
-        const { assert!(D::S::LANES <= MOST_LANES) };
-        // SAFETY: V and the products hold tiles first..first + M, a vector has at most MOST_LANES lanes, the panel
-        // holds depth · NV vectors for the point (caller).
+        // SAFETY: V and the products hold tiles first..first + M, the panel holds depth · NV vectors for the point
+        // (caller).
         unsafe {
-            let mut acc = [[D::load_acc(shift.start.as_ptr().cast()); NV]; M];
+            let mut acc = [[K::start(&job.sums, point); NV]; M];
             if let Some(bias) = bias {
                 for n in 0..NV {
                     let bias = D::load_acc(bias.add(n * lanes).cast());
@@ -322,7 +254,7 @@ impl<W> Chunk<'_, '_, W> {
             }
             let tile = Tile {
                 x: job.v(point, first).cast(),
-                x_step: job.plan.row * 2,
+                x_step: job.plan.row,
                 taps: &[0],
                 depth: job.packed.depth(),
                 weights: weights.as_ptr(),
@@ -332,13 +264,12 @@ impl<W> Chunk<'_, '_, W> {
             let acc = Plain::<D>::products::<M, NV, AHEAD>(acc, &tile, ahead);
             let to = job
                 .scratch
-                .cast::<i32>()
+                .cast::<K::Sum>()
                 .add((first / D::MAX_MR * POINTS + point) * products_point::<D>(NV));
-            let bits = D::S::load_i(shift.bits.as_ptr());
+            let end = K::end(&job.sums, point);
             for m in 0..M {
                 for n in 0..NV {
-                    let product = D::S::shr_i(acc[m][n], bits);
-                    D::S::store_i(product, to.add((m * NV + n) * lanes));
+                    K::store_sum(acc[m][n], end, to.add((m * NV + n) * lanes));
                 }
             }
         }

@@ -96,8 +96,8 @@ pub(super) struct How {
     pub algorithms: Algorithms,
 }
 
-/// Most bytes of all packed weights, some times what the largest networks for poses can take (HRNet-W48: 0.7 GB). What
-/// is larger is a mistake in a network file, or a small file that asks for the memory of a large one.
+/// Most bytes of all packed weights, more than the largest networks for poses can take (HRNet-W48: 1.3 GB). What is
+/// larger is a mistake in a network file, or a small file that asks for the memory of a large one.
 const MOST_PACKED: usize = 2 << 30;
 
 /// Packs every node's weights.
@@ -141,6 +141,7 @@ fn kernel(
                 bias: &conv.bias,
                 relu: *relu,
                 residual: node.residual.is_some(),
+                algorithm: how.algorithms.of(shape),
             };
             Kernel::Float(FConv::new(how.isa, &params).map_err(refused(node))?)
         }
@@ -224,9 +225,11 @@ fn step(
     let busy = |p: &Part| !p.rows.is_empty() && !p.groups.is_empty();
     let parts = (0..count).map(part).filter(busy).collect();
     let (h, w) = plan.sizes[node.inputs[0]];
-    let algorithm = match kernel {
-        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.algorithm(),
-        Kernel::Float(_) | Kernel::Pool(_) => Algorithm::Direct,
+    // Of the network's channels, of which the picture may have one more in memory.
+    let work = |s: &ConvShape| match kernel {
+        Kernel::Int8(c) | Kernel::Int8ToMap(c) => c.algorithm().work(s, h, w),
+        Kernel::Float(c) => c.algorithm().products(s, h, w),
+        Kernel::Pool(_) => 0,
     };
     Ok(Step {
         input,
@@ -234,7 +237,7 @@ fn step(
         target,
         parts,
         macs: node.conv().map_or(0, |s| s.macs(h, w)),
-        work: node.conv().map_or(0, |s| algorithm.work(s, h, w)),
+        work: node.conv().map_or(0, work),
     })
 }
 

@@ -37,7 +37,7 @@ pub struct EngineOptions {
     pub threads: usize,
     /// Instruction set; `None` takes the fastest, or what `EDGECAP_ISA` says.
     pub isa: Option<Isa>,
-    /// Algorithms of int8 layers; `None` takes those that are fastest with `isa`, or what `EDGECAP_ALGORITHM` says.
+    /// Algorithms of layers; `None` takes those that are fastest with `isa`, or what `EDGECAP_ALGORITHM` says.
     pub algorithms: Option<Algorithms>,
     /// Arithmetic.
     pub precision: Precision,
@@ -119,7 +119,10 @@ impl Engine {
         };
         let algorithms = match options.algorithms {
             Some(algorithms) => algorithms,
-            None => Algorithms::detect(isa)?,
+            None => match options.precision {
+                Precision::Int8 => Algorithms::detect(isa)?,
+                Precision::F32 => Algorithms::detect_f32()?,
+            },
         };
         let source = match options.precision {
             Precision::Int8 => Source::int8(model.weights())?,

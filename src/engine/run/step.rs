@@ -76,7 +76,7 @@ pub(super) struct Step {
     pub parts: Vec<Part>,
     /// Multiply-accumulates of the definition.
     pub macs: u64,
-    /// Those that the kernel executes ([`Algorithm::work`]).
+    /// Those that the kernel executes ([`Algorithm::work`], in f32 [`Algorithm::products`]).
     pub work: u64,
 }
 

@@ -47,7 +47,10 @@ unsafe impl Simd for Neon {
             }
         };
         fn add_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vaddq_f32(a, b);
+        fn sub_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vsubq_f32(a, b);
         fn mul_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vmulq_f32(a, b);
+        fn mul_add_f(a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t = vfmaq_f32(c, a, b);
+        fn mul_sub_f(a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t = vfmsq_f32(c, a, b);
         // `fmaxnm`, not `fmax`: where one is no number, the other.
         fn max_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vmaxnmq_f32(a, b);
         fn min_f(a: float32x4_t, b: float32x4_t) -> float32x4_t = vminnmq_f32(a, b);

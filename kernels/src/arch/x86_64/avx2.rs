@@ -84,7 +84,10 @@ unsafe impl Simd for Avx2 {
         fn store_f_part(value: __m256, at: *mut f32, n: usize) =
             if n == 8 { _mm256_storeu_ps(at, value) } else { _mm256_maskstore_ps(at, lane_mask(n), value) };
         fn add_f(a: __m256, b: __m256) -> __m256 = _mm256_add_ps(a, b);
+        fn sub_f(a: __m256, b: __m256) -> __m256 = _mm256_sub_ps(a, b);
         fn mul_f(a: __m256, b: __m256) -> __m256 = _mm256_mul_ps(a, b);
+        fn mul_add_f(a: __m256, b: __m256, c: __m256) -> __m256 = _mm256_fmadd_ps(a, b, c);
+        fn mul_sub_f(a: __m256, b: __m256, c: __m256) -> __m256 = _mm256_fnmadd_ps(a, b, c);
         fn max_f(a: __m256, b: __m256) -> __m256 = _mm256_max_ps(a, b);
         fn min_f(a: __m256, b: __m256) -> __m256 = _mm256_min_ps(a, b);
         fn f_from_i(value: __m256i) -> __m256 = _mm256_cvtepi32_ps(value);

@@ -51,7 +51,10 @@ unsafe impl Simd for Avx512 {
         fn load_f_part(at: *const f32, n: usize) -> __m512 = _mm512_maskz_loadu_ps(mask16(n), at);
         fn store_f_part(value: __m512, at: *mut f32, n: usize) = _mm512_mask_storeu_ps(at, mask16(n), value);
         fn add_f(a: __m512, b: __m512) -> __m512 = _mm512_add_ps(a, b);
+        fn sub_f(a: __m512, b: __m512) -> __m512 = _mm512_sub_ps(a, b);
         fn mul_f(a: __m512, b: __m512) -> __m512 = _mm512_mul_ps(a, b);
+        fn mul_add_f(a: __m512, b: __m512, c: __m512) -> __m512 = _mm512_fmadd_ps(a, b, c);
+        fn mul_sub_f(a: __m512, b: __m512, c: __m512) -> __m512 = _mm512_fnmadd_ps(a, b, c);
         fn max_f(a: __m512, b: __m512) -> __m512 = _mm512_max_ps(a, b);
         fn min_f(a: __m512, b: __m512) -> __m512 = _mm512_min_ps(a, b);
         fn f_from_i(value: __m512i) -> __m512 = _mm512_cvtepi32_ps(value);

@@ -61,7 +61,10 @@ unsafe impl Simd for Sse41 {
             }
         };
         fn add_f(a: __m128, b: __m128) -> __m128 = _mm_add_ps(a, b);
+        fn sub_f(a: __m128, b: __m128) -> __m128 = _mm_sub_ps(a, b);
         fn mul_f(a: __m128, b: __m128) -> __m128 = _mm_mul_ps(a, b);
+        fn mul_add_f(a: __m128, b: __m128, c: __m128) -> __m128 = _mm_add_ps(c, _mm_mul_ps(a, b));
+        fn mul_sub_f(a: __m128, b: __m128, c: __m128) -> __m128 = _mm_sub_ps(c, _mm_mul_ps(a, b));
         fn max_f(a: __m128, b: __m128) -> __m128 = _mm_max_ps(a, b);
         fn min_f(a: __m128, b: __m128) -> __m128 = _mm_min_ps(a, b);
         fn f_from_i(value: __m128i) -> __m128 = _mm_cvtepi32_ps(value);

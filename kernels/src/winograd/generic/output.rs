@@ -1,11 +1,11 @@
 //! `Y = Aᵀ M A`: vectors of output channels, straight into the writer.
 
 use super::super::{IN, OUT, POINTS};
-use super::{Chunk, products_point};
+use super::{Chunk, Kind, Vectors, products_point};
 use crate::direct::{Place, Write};
 use crate::simd::{Dot, Simd};
 
-impl<W> Chunk<'_, '_, W> {
+impl<K: Kind, W> Chunk<'_, '_, K, W> {
     /// `Aᵀ M A` of the chunk's tiles to the writer.
     ///
     /// # Safety
@@ -13,8 +13,9 @@ impl<W> Chunk<'_, '_, W> {
     #[inline(always)]
     pub(super) unsafe fn transform_outputs<D, const NV: usize>(&self)
     where
+        K: Vectors<D>,
         D: Dot,
-        W: Write<D::S, <D::S as Simd>::I>,
+        W: Write<D::S, D::Acc>,
     {
         let job = self.job;
         let (lanes, packed) = (D::S::LANES, job.packed);
@@ -56,39 +57,40 @@ impl<W> Chunk<'_, '_, W> {
         place: Place,
         whole: bool,
     ) where
+        K: Vectors<D>,
         D: Dot,
-        W: Write<D::S, <D::S as Simd>::I>,
+        W: Write<D::S, D::Acc>,
     {
         let point = products_point::<D>(NV);
         let (tiles, tile) = (i / D::MAX_MR, i % D::MAX_MR);
         // SAFETY: 36 points of the tile lie in the products (caller).
         unsafe {
-            let from = self.job.scratch.cast::<i32>();
+            let from = self.job.scratch.cast::<K::Sum>();
             let from = from.add(tiles * POINTS * point + (tile * NV + n) * D::S::LANES);
-            let (mut s, d) = sum_and_difference::<D::S>(
-                product_row::<D::S>(from, point, 1),
-                product_row::<D::S>(from, point, 2),
+            let (s, d) = sum_and_difference::<K, D>(
+                product_row::<K, D>(from, point, 1),
+                product_row::<K, D>(from, point, 2),
             );
-            let (s2, d2) = sum_and_difference::<D::S>(
-                product_row::<D::S>(from, point, 3),
-                product_row::<D::S>(from, point, 4),
+            let (s2, d2) = sum_and_difference::<K, D>(
+                product_row::<K, D>(from, point, 3),
+                product_row::<K, D>(from, point, 4),
             );
-            let mut row = product_row::<D::S>(from, point, 0);
+            let mut row = product_row::<K, D>(from, point, 0);
             for x in 0..OUT {
-                row[x] = D::S::add_i(D::S::add_i(row[x], s[x]), s2[x]);
+                row[x] = K::a0(row[x], s[x], s2[x]);
             }
             self.put::<D>(row, place, 0, whole);
             for x in 0..OUT {
-                row[x] = D::S::add_i(d[x], D::S::add_i(d2[x], d2[x]));
+                row[x] = K::a1(d[x], d2[x]);
             }
             self.put::<D>(row, place, 1, whole);
             for x in 0..OUT {
-                s[x] = D::S::add_i(s[x], D::S::shl_i::<2>(s2[x]));
+                row[x] = K::a2(s[x], s2[x]);
             }
-            self.put::<D>(s, place, 2, whole);
-            let mut row = product_row::<D::S>(from, point, 5);
+            self.put::<D>(row, place, 2, whole);
+            let mut row = product_row::<K, D>(from, point, 5);
             for x in 0..OUT {
-                row[x] = D::S::add_i(D::S::add_i(d[x], D::S::shl_i::<3>(d2[x])), row[x]);
+                row[x] = K::a3(d[x], d2[x], row[x]);
             }
             self.put::<D>(row, place, 3, whole);
         }
@@ -99,10 +101,11 @@ impl<W> Chunk<'_, '_, W> {
     /// # Safety
     /// As [`transform_output`](Self::transform_output).
     #[inline(always)]
-    unsafe fn put<D>(&self, row: [<D::S as Simd>::I; OUT], place: Place, y: usize, whole: bool)
+    unsafe fn put<D>(&self, row: [D::Acc; OUT], place: Place, y: usize, whole: bool)
     where
+        K: Vectors<D>,
         D: Dot,
-        W: Write<D::S, <D::S as Simd>::I>,
+        W: Write<D::S, D::Acc>,
     {
         let place = Place {
             y: place.y + y,
@@ -126,54 +129,46 @@ impl<W> Chunk<'_, '_, W> {
 /// Row `y` of a tile's products, times `A`.
 ///
 /// # Safety
-/// The features of `S` are on; 36 points lie at `from`, `point` numbers apart; `y < 6`.
+/// The features of `D` are on; 36 points lie at `from`, `point` numbers apart; `y < 6`.
 #[inline(always)]
-unsafe fn product_row<S: Simd>(from: *const i32, point: usize, y: usize) -> [S::I; OUT] {
+unsafe fn product_row<K: Vectors<D>, D: Dot>(
+    from: *const K::Sum,
+    point: usize,
+    y: usize,
+) -> [D::Acc; OUT] {
     // SAFETY: the caller's contract.
     unsafe {
-        let mut row = [S::load_i(from.add(y * IN * point)); IN];
+        let mut m = [D::load_acc(from.add(y * IN * point).cast()); IN];
         for x in 1..IN {
-            row[x] = S::load_i(from.add((y * IN + x) * point));
+            m[x] = D::load_acc(from.add((y * IN + x) * point).cast());
         }
-        a_transform::<S>(row)
+        let (s, d) = (K::add(m[1], m[2]), K::sub(m[1], m[2]));
+        let (s2, d2) = (K::add(m[3], m[4]), K::sub(m[3], m[4]));
+        [
+            K::a0(m[0], s, s2),
+            K::a1(d, d2),
+            K::a2(s, s2),
+            K::a3(d, d2, m[5]),
+        ]
     }
 }
 
 /// Sums and differences by element.
 ///
 /// # Safety
-/// The features of `S` are on.
+/// The features of `D` are on.
 #[inline(always)]
-unsafe fn sum_and_difference<S: Simd>(
-    a: [S::I; OUT],
-    b: [S::I; OUT],
-) -> ([S::I; OUT], [S::I; OUT]) {
+unsafe fn sum_and_difference<K: Vectors<D>, D: Dot>(
+    a: [D::Acc; OUT],
+    b: [D::Acc; OUT],
+) -> ([D::Acc; OUT], [D::Acc; OUT]) {
     let (mut sum, mut difference) = (a, a);
     for x in 0..OUT {
         // SAFETY: no memory is touched.
         unsafe {
-            sum[x] = S::add_i(a[x], b[x]);
-            difference[x] = S::sub_i(a[x], b[x]);
+            sum[x] = K::add(a[x], b[x]);
+            difference[x] = K::sub(a[x], b[x]);
         }
     }
     (sum, difference)
-}
-
-/// `Aᵀ` on six vectors.
-///
-/// # Safety
-/// The features of `S` are on.
-#[inline(always)]
-unsafe fn a_transform<S: Simd>(m: [S::I; IN]) -> [S::I; OUT] {
-    // SAFETY: no memory is touched.
-    unsafe {
-        let (s, d) = (S::add_i(m[1], m[2]), S::sub_i(m[1], m[2]));
-        let (s2, d2) = (S::add_i(m[3], m[4]), S::sub_i(m[3], m[4]));
-        [
-            S::add_i(S::add_i(m[0], s), s2),
-            S::add_i(d, S::add_i(d2, d2)),
-            S::add_i(s, S::shl_i::<2>(s2)),
-            S::add_i(S::add_i(d, S::shl_i::<3>(d2)), m[5]),
-        ]
-    }
 }

@@ -1,6 +1,8 @@
 //! Winograd in plain integers: the specification of the algorithm's numerics.
 
-use super::{BIAS_POINT, IN, OUT, POINTS, TransformedWeights};
+use super::{BIAS_POINT, TransformedWeights};
+use crate::winograd::sandwich::sandwich;
+use crate::winograd::{IN, OUT, POINTS};
 
 /// Bᵀ.
 const B: [[i32; IN]; IN] = [
@@ -20,33 +22,16 @@ const A: [[i32; IN]; OUT] = [
     [0, 1, -1, 8, -8, 1],
 ];
 
-/// `Bᵀ d B`.
-pub(crate) fn input(d: &[i32; POINTS]) -> [i32; POINTS] {
-    let mut half = [0; POINTS];
-    let mut points = [0; POINTS];
-    for i in 0..POINTS {
-        half[i] = (0..IN).map(|k| B[i / IN][k] * d[k * IN + i % IN]).sum();
-    }
-    for i in 0..POINTS {
-        points[i] = (0..IN).map(|k| half[i / IN * IN + k] * B[i % IN][k]).sum();
-    }
-    points
+/// `sum + a · b`, modulo 2³².
+fn add(sum: i32, a: i32, b: i32) -> i32 {
+    sum.wrapping_add(a.wrapping_mul(b))
 }
 
-/// `Aᵀ M A`, modulo 2³².
-pub(crate) fn output(m: &[i32; POINTS]) -> [i32; OUT * OUT] {
-    let sum = |terms: &mut dyn Iterator<Item = (i32, i32)>| {
-        terms.fold(0i32, |sum, (a, b)| sum.wrapping_add(a.wrapping_mul(b)))
-    };
-    let mut half = [0; OUT * IN];
-    let mut values = [0; OUT * OUT];
-    for i in 0..OUT * IN {
-        half[i] = sum(&mut (0..IN).map(|k| (A[i / IN][k], m[k * IN + i % IN])));
-    }
-    for i in 0..OUT * OUT {
-        values[i] = sum(&mut (0..IN).map(|k| (half[i / OUT * IN + k], A[i % OUT][k])));
-    }
-    values
+/// `Bᵀ d B`.
+pub(crate) fn input(d: &[i32; POINTS]) -> [i32; POINTS] {
+    let mut points = [0; POINTS];
+    sandwich(&B, d, &mut points, add);
+    points
 }
 
 /// Y of one tile and output channel; `v` holds the transformed input of every channel of the group.
@@ -60,13 +45,15 @@ pub(crate) fn tile(
     for (ic, points) in v.iter().enumerate() {
         let u = &weights.weights[(oc * v.len() + ic) * POINTS..][..POINTS];
         for i in 0..POINTS {
-            m[i] = m[i].wrapping_add(i32::from(u[i]).wrapping_mul(points[i]));
+            m[i] = add(m[i], i32::from(u[i]), points[i]);
         }
     }
     for (m, shift) in m.iter_mut().zip(&weights.shift) {
         *m >>= shift;
     }
-    output(&m)
+    let mut values = [0; OUT * OUT];
+    sandwich(&A, &m, &mut values, add);
+    values
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! `t · G w Gᵀ` rounded to i16.
 
-use super::{BIAS_POINT, IN, POINTS};
+use super::BIAS_POINT;
 use crate::ConvShape;
+use crate::winograd::{IN, POINTS};
 
 /// 24 · G.
 const G24: [[i64; 3]; IN] = [
