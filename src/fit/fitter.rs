@@ -229,7 +229,7 @@ impl Fitter {
         self.publish(frame.capture_ns, 0.0, out);
     }
 
-    /// Says that the machine slept for so long since the newest frame, seconds. Frames' times stand still meanwhile, and
+    /// Says that the machine slept for so long since the newest frame, seconds. Frames' times stand still meanwhile,
     /// people do not: it is like a pause without frames.
     pub fn slept(&mut self, seconds: f64) {
         self.slept += seconds.max(0.0);

@@ -166,8 +166,8 @@ fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View,
     own.filter(|_| each.all(|(_, s)| s.is_none()))
 }
 
-/// Of two views' detections of somebody whom one view alone has followed that view's stays where the two do not go on
-/// from there; the other is free again.
+/// Of two views' detections of somebody whom one view alone has followed that view's stays where their rays do not
+/// meet, or not about where it has followed them to; the other is free again.
 fn doubt(
     views: &[View],
     frame: &[Detections],
@@ -181,7 +181,9 @@ fn doubt(
     let [a, b] = own[..] else {
         return;
     };
-    if t.goes_on(views, frame, chosen) {
+    let [of_a, of_b] = [a, b].map(|(v, d)| (&views[v], &frame[v][d]));
+    let meet = ray_distance(of_a, of_b).is_none_or(|d| d < REACH);
+    if meet && t.goes_on(views, frame, chosen) {
         return;
     }
     let (v, d) = if t.was_seen_by(a.0) { b } else { a };

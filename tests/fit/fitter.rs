@@ -628,7 +628,7 @@ fn memory_of_those_who_left_is_bounded() {
         let x = if person % 2 == 0 { -1.2 } else { 1.2 };
         let cast = vec![standing(person as u64, x, 4.0)];
         let mut scene = Scene::new(cast, Noise::NONE, FPS, 1);
-        for _ in 0..8 {
+        for _ in 0..10 {
             let (mut frame, _) = scene.next();
             // All 90 pairs; those of one hue come so far apart that the first has left.
             let (hue, saturation) = (person % 10 * 3, 3 + person % 9 * 3);
@@ -777,7 +777,7 @@ proptest! {
 
 #[test]
 fn who_was_seen_beside_somebody_is_not_that_somebody() {
-    // The same clothes, a metre apart. The second one comes later and is missed once or never, the first is missed then.
+    // The same clothes, a metre apart. The second one comes later and is missed once or never, then the first is missed.
     for missed in [None, Some(31), Some(32)] {
         for gap in 33..36 {
             let mut stage = Stage::new(vec![standing(3, -0.5, 4.0), standing(4, 0.5, 4.0)]);

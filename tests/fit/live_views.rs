@@ -347,12 +347,14 @@ fn whoever_leaves_and_returns_is_recognised_by_looks() {
 fn after_a_pause_whoever_stands_there_is_known_by_looks() {
     let there = walk(0.0, 1.0, &[(0.0, 4.2), (0.0, 4.2)]);
     let views = views(3);
-    let ids = |after: u64| -> Vec<u32> {
+    // Seconds that times tell, and that the machine slept.
+    let ids = |after: u64, pause: f64, slept: f64| -> Vec<u32> {
         let mut rng = SmallRng::seed_from_u64(3);
         let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
         let mut out = BodyFrame::default();
-        let seconds = [(21, 0.0), (after, 20.0)];
-        let last = seconds.map(|(seed, from)| {
+        let visits = [(21, 0.0, 0.0), (after, 1.0 + pause, slept)];
+        let last = visits.map(|(seed, from, slept)| {
+            fit.slept(slept);
             let person = Person::new(seed, there.clone(), Activity::Stand);
             for k in 0..30 {
                 let t = from + f64::from(k) / 30.0;
@@ -374,8 +376,11 @@ fn after_a_pause_whoever_stands_there_is_known_by_looks() {
         });
         last.to_vec()
     };
-    assert_eq!(ids(21), [1, 1], "the same person");
-    assert_eq!(ids(22), [1, 2], "somebody else");
+    for (pause, slept) in [(19.0, 0.0), (0.0, 19.0)] {
+        assert_eq!(ids(21, pause, slept), [1, 1], "the same person");
+        assert_eq!(ids(22, pause, slept), [1, 2], "somebody else");
+    }
+    assert_eq!(ids(21, 0.0, 3600.0), [1, 2], "nobody is remembered so long");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use edgecap_client::{LinkError, Priority, Subscriber};
 
 use super::STEP;
 use super::pace::{Fresh, Pace};
-use crate::camera::{View, calibration, monotonic_ns};
+use crate::camera::{Sleep, View, calibration, monotonic_ns};
 use crate::commands::exit::{Failure, told};
 use crate::commands::multiview::{names, pictured};
 use crate::commands::outputs::finish;
@@ -195,6 +195,7 @@ fn fit_all(
     let mut together = Synchroniser::new(names.len());
     let mut out = Box::new(BodyFrame::default());
     let mut fit_us = 0;
+    let mut sleep = Sleep::default();
     heart.beat(Beat::Idle);
     while !stop.requested() {
         let longest = if together.is_waiting() {
@@ -223,6 +224,10 @@ fn fit_all(
         cameras.say(&together, now);
         let mut is_idle = true;
         while let Some(set) = together.next(now) {
+            let slept = sleep.seconds();
+            if !set.file_time {
+                fit.slept(slept);
+            }
             let start = Instant::now();
             fit.update(&set, &mut out);
             fit_us = start.elapsed().as_micros() as u32;

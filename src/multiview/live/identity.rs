@@ -117,6 +117,13 @@ impl Identities {
         }
     }
 
+    /// Those who left have been away for so much longer, seconds, which times do not tell.
+    pub fn slept(&mut self, seconds: f64) {
+        for gone in &mut self.gone {
+            gone.left_ns = gone.left_ns.saturating_sub((seconds * 1e9) as u64);
+        }
+    }
+
     fn leave(&mut self, person: Person, now_ns: u64) {
         if !person.is_finite() {
             return;

@@ -62,6 +62,8 @@ pub struct LiveFit {
     present: Vec<Person>,
     identities: Identities,
     newest: Option<Newest>,
+    /// Seconds that the machine slept since the newest instant.
+    slept: f64,
     sequence: u64,
 }
 
@@ -92,6 +94,7 @@ impl LiveFit {
             present: Vec::new(),
             identities: Identities::default(),
             newest: None,
+            slept: 0.0,
             sequence: 0,
         })
     }
@@ -136,6 +139,12 @@ impl LiveFit {
         self.publish(0.0, out);
     }
 
+    /// Says that the machine slept for so long since the newest instant, seconds. Times stand still meanwhile, and
+    /// people do not: it is like a pause without instants.
+    pub fn slept(&mut self, seconds: f64) {
+        self.slept += seconds.max(0.0);
+    }
+
     /// Writes everyone as they are expected at `pose_ns`, at most `prediction.max` seconds after the newest instant.
     /// Changes nothing.
     pub fn predict(&self, pose_ns: u64, out: &mut BodyFrame) {
@@ -153,7 +162,8 @@ impl LiveFit {
         if now <= capture_ns && capture_ns - now <= RESTART_NS {
             return None;
         }
-        let dt = now.saturating_sub(capture_ns) as f64 * 1e-9;
+        let slept = std::mem::take(&mut self.slept);
+        let dt = now.saturating_sub(capture_ns) as f64 * 1e-9 + slept;
         if now < capture_ns || dt > self.config.identity.memory.max(STEP[1]) {
             self.present.clear();
             self.identities.clear();
@@ -163,6 +173,7 @@ impl LiveFit {
             // Everybody is somewhere else now, but may be recognised.
             self.identities.leave_all(&mut self.present, capture_ns);
         }
+        self.identities.slept(slept);
         Some(dt.max(STEP[0]))
     }
 
