@@ -777,7 +777,8 @@ proptest! {
 
 #[test]
 fn who_was_seen_beside_somebody_is_not_that_somebody() {
-    // The same clothes, a metre apart. The second one comes later and is missed once or never, then the first is missed.
+    // The same clothes, a metre apart. The second one comes later and is missed once or never, then the first is
+    // missed.
     for missed in [None, Some(31), Some(32)] {
         for gap in 33..36 {
             let mut stage = Stage::new(vec![standing(3, -0.5, 4.0), standing(4, 0.5, 4.0)]);
