@@ -57,6 +57,7 @@ mod tests {
 
     /// In steps of the last bit of what is summed: of a single channel, where nothing averages out.
     #[test]
+    #[cfg_attr(miri, ignore = "accuracy, not memory")]
     fn is_close_to_the_definition() {
         let mut most = 0f64;
         for seed in 0..400 {
