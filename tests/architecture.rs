@@ -62,6 +62,7 @@ const INSTRUMENTS: &[&str] = &[
     "commands/bench.rs",
     "commands/eval.rs",
     "commands/synth/mod.rs",
+    "commands/synth/strip.rs",
     "commands/synth/views.rs",
 ];
 
