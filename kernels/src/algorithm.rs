@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::isa::variable;
 use crate::{ConvShape, Isa, winograd};
 
 /// Environment variable that chooses [`Algorithms`], by [`Algorithms::name`].
@@ -131,10 +132,8 @@ impl Algorithms {
 
     /// What `EDGECAP_ALGORITHM` says.
     fn set() -> Result<Option<Self>, AlgorithmsError> {
-        match std::env::var(ALGORITHM_VARIABLE) {
-            Ok(name) if !name.is_empty() => Self::named(&name).map(Some),
-            _ => Ok(None),
-        }
+        let name = variable(ALGORITHM_VARIABLE);
+        name.map(|name| Self::named(&name)).transpose()
     }
 
     /// The choice called `name`.

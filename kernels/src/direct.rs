@@ -34,6 +34,8 @@ pub(crate) struct Job<'a, P> {
     row_bytes: isize,
     /// Bytes from a pixel to the next.
     pixel_bytes: isize,
+    /// Bytes of a number.
+    size: usize,
     out_layout: &'a Layout,
     part: &'a Part,
 }
@@ -67,20 +69,23 @@ impl<'a, P: Panels> Job<'a, P> {
             // A layout's strides are at most isize::MAX / 8 elements, and elements at most 4 bytes.
             row_bytes: (in_layout.row_stride() * size) as isize,
             pixel_bytes: (in_layout.pixel_stride() * size) as isize,
+            size,
             out_layout,
             part,
         }
     }
 
-    /// The part's groups, each in bands of rows that touch about `bytes` of its input and output: all panels go through
-    /// a band before the next comes, and find it in a cache. At least one row of every phase.
+    /// The part's groups, each in bands of rows that touch about `bytes` of its input and output (whose numbers are taken
+    /// for as large as the input's): all panels go through a band before the next comes, and find it in a cache. At
+    /// least one row of every phase.
     fn bands(&self, bytes: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
         let packed = self.panels.packed();
         let steps = packed.phases().first();
         let (in_step, out_step) = steps.map_or((1, 1), |phase| (phase.in_step, phase.out_step));
-        let channels = packed.depth() * 4 * in_step * in_step + packed.outs() * out_step * out_step;
+        let inputs = packed.depth() * 4 * in_step * in_step;
+        let pixel = inputs + packed.outs() * self.size * out_step * out_step;
         let columns = self.out_layout.width().div_ceil(out_step);
-        let band = (bytes / columns.saturating_mul(channels)).max(1) * out_step;
+        let band = (bytes / columns.saturating_mul(pixel)).max(1) * out_step;
         let rows = self.part.rows.clone();
         self.part.groups.clone().flat_map(move |group| {
             let end = rows.end;

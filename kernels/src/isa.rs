@@ -80,9 +80,9 @@ impl Isa {
     /// # Errors
     /// When the variable names no tier, or one that this CPU lacks.
     pub fn detect() -> Result<Isa, IsaError> {
-        match std::env::var(ISA_VARIABLE) {
-            Ok(name) if !name.is_empty() => Self::forced(&name),
-            _ => Ok(Self::available().last().unwrap_or(Isa::Scalar)),
+        match variable(ISA_VARIABLE) {
+            Some(name) => Self::forced(&name),
+            None => Ok(Self::available().last().unwrap_or(Isa::Scalar)),
         }
     }
 
@@ -101,6 +101,12 @@ impl Isa {
             Err(IsaError::Unavailable(isa))
         }
     }
+}
+
+/// What a variable of the environment says, if anything. What is not UTF-8 is something, too, and no name of ours.
+pub(crate) fn variable(name: &str) -> Option<String> {
+    let set = std::env::var_os(name).filter(|set| !set.is_empty())?;
+    Some(set.to_string_lossy().into_owned())
 }
 
 impl fmt::Display for Isa {

@@ -20,8 +20,8 @@ impl Part {
         }
     }
 
-    /// Share `index` of `count` of the work, as even as it gets: by rows in multiples of `row_block`, or by groups when
-    /// they divide more evenly.
+    /// Share `index` of `count` of the work, as even as it gets: rows in multiples of `row_block`, groups, or both are
+    /// divided. The last shares may be empty.
     pub(crate) fn share(
         rows: usize,
         groups: usize,
@@ -31,22 +31,31 @@ impl Part {
     ) -> Self {
         assert!(index < count, "share {index} of {count}");
         let blocks = rows.div_ceil(row_block);
-        // The slowest share decides: compare its part of the whole either way.
-        let by_rows = blocks.div_ceil(count) * groups;
-        let by_groups = groups.div_ceil(count) * blocks;
-        if by_groups < by_rows {
-            Self {
-                rows: 0..rows,
-                groups: groups * index / count..groups * (index + 1) / count,
-            }
-        } else {
-            let edge = |i: usize| (blocks * i / count * row_block).min(rows);
-            Self {
-                rows: edge(index)..edge(index + 1),
-                groups: 0..groups,
-            }
+        let (bands, by_groups) = cut(blocks, groups, count);
+        let (band, slice) = (index / by_groups, index % by_groups);
+        if band >= bands {
+            return Self {
+                rows: 0..0,
+                groups: 0..0,
+            };
+        }
+        let edge = |i: usize| (blocks * i / bands * row_block).min(rows);
+        Self {
+            rows: edge(band)..edge(band + 1),
+            groups: groups * slice / by_groups..groups * (slice + 1) / by_groups,
         }
     }
+}
+
+/// Into how many bands of blocks, and how many slices of groups, at most `count` shares are cut. The slowest share
+/// decides. Of equals the fewest slices: outputs of a slice are apart in memory, those of a band together.
+fn cut(blocks: usize, groups: usize, count: usize) -> (usize, usize) {
+    let ways = (1..=count).map(|slices| (count / slices, slices));
+    let slowest = |&(bands, slices): &(usize, usize)| {
+        let work = blocks.div_ceil(bands) * groups.div_ceil(slices);
+        (work, slices)
+    };
+    ways.min_by_key(slowest).unwrap_or((1, 1))
 }
 
 #[cfg(test)]
@@ -62,8 +71,9 @@ mod tests {
             (1, 1, 4),
             (3, 3, 2),
             (0, 2, 4),
+            (5, 3, 1),
         ] {
-            for count in 1..6 {
+            for count in 1..20 {
                 let mut seen = vec![0; rows * groups];
                 for index in 0..count {
                     let part = Part::share(rows, groups, block, index, count);
@@ -91,5 +101,30 @@ mod tests {
                 groups: 0..2
             }
         );
+    }
+
+    #[test]
+    fn rows_and_groups_are_split_where_neither_alone_is_even() {
+        // Five blocks of four rows, two groups, four shares: by rows the slowest would have two blocks of five.
+        let slowest = (0..4)
+            .map(|i| Part::share(20, 2, 4, i, 4))
+            .map(|part| part.rows.len().div_ceil(4) * part.groups.len())
+            .max();
+        assert_eq!(slowest, Some(3));
+        // Sixteen shares of five blocks in four groups.
+        let busy = (0..16)
+            .map(|i| Part::share(20, 4, 4, i, 16))
+            .filter(|part| !part.rows.is_empty() && !part.groups.is_empty());
+        let work: Vec<usize> = busy
+            .map(|part| part.rows.len().div_ceil(4) * part.groups.len())
+            .collect();
+        assert_eq!(work.iter().sum::<usize>(), 20);
+        assert_eq!(work.iter().max(), Some(&2));
+    }
+
+    #[test]
+    fn rows_are_split_where_they_divide_as_well() {
+        assert_eq!(cut(40, 2, 2), (2, 1));
+        assert_eq!(cut(8, 8, 4), (4, 1));
     }
 }

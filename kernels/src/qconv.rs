@@ -158,7 +158,8 @@ impl QConv {
         Ok(())
     }
 
-    /// Runs one share over buffers that may be the same one. Allocates nothing.
+    /// Runs one share over buffers that may be the same one. Allocates nothing, but for Winograd's scalar
+    /// reference.
     ///
     /// # Panics
     /// When `O` is not the epilogue's element type, the scratch is too small, or a residual is missing or too many.

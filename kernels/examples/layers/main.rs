@@ -142,6 +142,7 @@ fn f32(
     let run = move || {
         let pool = &mut *pool.borrow_mut();
         let [data, result] = &mut pool.buffers;
+        let (data, result) = (aligned(data), aligned(result));
         conv.check((&input, data.len()), None, (&output, result.len()))
             .unwrap();
         let part = Part::whole(output.height(), shape.groups());
@@ -157,6 +158,7 @@ fn f32(
                 &mut pool.scratch,
             );
         }
+        pool.buffers.swap(0, 1);
     };
     (name, Box::new(run))
 }
