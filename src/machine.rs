@@ -16,12 +16,32 @@ pub struct Machine {
     pub governor: Option<String>,
     /// Instruction set in use.
     pub isa: &'static str,
-    /// Algorithms of int8 in use, unless `EDGECAP_ALGORITHM` names some that there are not.
-    pub algorithms: &'static str,
+    /// Algorithms in use.
+    pub algorithms: UsedAlgorithms,
     /// Instruction sets this CPU has kernels for, slowest first.
     pub available: Vec<&'static str>,
     /// Runnable processes, mean of the minute before the measurement; `None` where the system does not say.
     pub load: Option<f64>,
+}
+
+/// Algorithms of each precision, by name, unless `EDGECAP_ALGORITHM` names some that there are not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct UsedAlgorithms {
+    /// Of int8.
+    pub int8: &'static str,
+    /// Of f32.
+    pub f32: &'static str,
+}
+
+impl UsedAlgorithms {
+    /// What the engine chooses with kernels of `isa`.
+    fn detect(isa: Isa) -> Self {
+        let int8 = Algorithms::detect(isa).unwrap_or_else(|_| Algorithms::fastest(isa));
+        Self {
+            int8: int8.name(),
+            f32: Algorithms::detect_f32().unwrap_or_default().name(),
+        }
+    }
 }
 
 impl Machine {
@@ -38,9 +58,7 @@ impl Machine {
             governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
                 .map(|s| s.trim().to_owned()),
             isa: isa.name(),
-            algorithms: Algorithms::detect(isa)
-                .unwrap_or_else(|_| Algorithms::fastest(isa))
-                .name(),
+            algorithms: UsedAlgorithms::detect(isa),
             available: Isa::available().map(Isa::name).collect(),
             load: read("/proc/loadavg").and_then(|s| s.split(' ').next()?.parse().ok()),
         }
@@ -96,6 +114,17 @@ mod tests {
         assert_eq!(cpu_model(pi).unwrap(), "Raspberry Pi 5");
         assert_eq!(cpu_model("CPU part\t: 0xd0b\n").unwrap(), "ARM part 0xd0b");
         assert_eq!(cpu_model("nothing"), None);
+    }
+
+    /// With AMX they differ, unless the user names some.
+    #[test]
+    fn each_precision_has_the_algorithms_that_its_engine_takes() {
+        let machine = serde_json::to_value(Machine::here(Isa::Amx)).unwrap();
+        let told = |precision: &str| machine["algorithms"][precision].as_str();
+        let int8 = Algorithms::detect(Isa::Amx).unwrap();
+        let f32 = Algorithms::detect_f32().unwrap();
+        assert_eq!(told("int8"), Some(int8.name()));
+        assert_eq!(told("f32"), Some(f32.name()));
     }
 
     /// In a process of its own: what neighbouring tests give back meanwhile would be missing.

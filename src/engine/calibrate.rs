@@ -1,5 +1,7 @@
 //! Pictures go in, what every activation of a network did on them comes out.
 
+use edgecap_kernels::Algorithms;
+
 use super::model::{Calibration, Model, Observed, RangeChoice};
 use super::run::{Engine, EngineError, EngineOptions, Precision};
 
@@ -68,6 +70,8 @@ impl Calibration {
                 height: options.size.1,
                 threads: 1,
                 precision: Precision::F32,
+                // Winograd turns an overflow into no number, and ReLU that into 0, where nobody would see it.
+                algorithms: Some(Algorithms::Direct),
                 ..EngineOptions::default()
             },
         )?;
@@ -251,6 +255,29 @@ mod tests {
         let found = observe(&model, [[200; 3]]);
         let said = found.expect_err("it overflows").to_string();
         assert!(said.contains("`b`") || said.contains("`c`"), "{said}");
+    }
+
+    #[test]
+    fn an_overflow_that_winograd_would_hide_is_named() {
+        let text = r#"
+            name = "overflow"
+            about = "a layer that Winograd could compute, the last one with ReLU"
+            input = { channels = 3, multiple = 16 }
+            output = { head2d = "head2d.out", head3d = "head3d.out" }
+            layers = [
+              { kind = "conv", name = "a", out = 16, kernel = 1, stride = 8 },
+              { kind = "conv", name = "b", out = 16, kernel = 3 },
+              { kind = "conv", name = "head2d.out", from = ["b"], out = 40, kernel = 1, relu = false },
+              { kind = "conv", name = "head3d.out", from = ["b"], out = 63, kernel = 1, relu = false },
+            ]
+        "#;
+        let mut model = Model::random(Network::parse(text).unwrap(), 3);
+        for conv in convs(&mut model).take(2) {
+            conv.weight.fill(1e19);
+        }
+        let found = observe(&model, [[200; 3]]);
+        let said = found.expect_err("it overflows").to_string();
+        assert!(said.contains("`b`"), "{said}");
     }
 
     #[test]

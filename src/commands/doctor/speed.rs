@@ -58,7 +58,7 @@ fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
         }
         _ if algorithms != Algorithms::fastest(isa) => {
             let (set, fastest) = (algorithms.name(), Algorithms::fastest(isa).name());
-            text += &format!("; EDGECAP_ALGORITHM is '{set}', '{fastest}' is faster here");
+            text += &format!("; EDGECAP_ALGORITHM is '{set}', '{fastest}' is faster here in int8");
             state = State::Note;
         }
         _ => {}
@@ -144,7 +144,7 @@ mod tests {
     fn slower_algorithms_are_told() {
         let told = |isa, algorithms| {
             let text = processor_with(isa, algorithms).text;
-            text.contains("is faster here")
+            text.contains("is faster here in int8")
         };
         assert!(told(Isa::Amx, Algorithms::Portable));
         assert!(told(Isa::Avx2, Algorithms::Direct));

@@ -77,6 +77,14 @@ impl Stage2 {
                     let a = gamma[o] / (var[o] + contract.common.batchnorm_eps).sqrt();
                     row.iter_mut().for_each(|w| *w *= a);
                     bias[o] -= mean[o] * a;
+                    if !(bias[o].is_finite() && row.iter().all(|w| w.is_finite())) {
+                        return Err(ModelError::Values {
+                            name: format!("{name}.0.weight"),
+                            found: format!(
+                                "weights of channel {o} that the batch norm `{name}.1` makes infinite"
+                            ),
+                        });
+                    }
                 }
                 bias
             };
@@ -175,6 +183,32 @@ mod tests {
         let said = Stage2::from_safetensors(&bytes).unwrap_err().to_string();
         assert!(
             said.contains("`fc2.1.running_var`") && said.contains("variance -1 of channel 1"),
+            "{said}"
+        );
+        let all = Model::stage2_mismatches(&bytes).unwrap();
+        assert!(
+            all.len() == 1 && all[0].to_string() == said,
+            "{all:?} instead of {said}"
+        );
+    }
+
+    #[test]
+    fn a_batch_norm_that_makes_weights_infinite_is_refused_as_in_stage_one() {
+        let mut bytes = file([7, 5, 9, 3]);
+        let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
+        let found = safetensors::SafeTensors::read_metadata(&bytes).unwrap().1;
+        // All variances are 0: what a channel is divided by is as small as it can be.
+        for (tensor, value) in [("fc2.1.weight", 3e38_f32), ("fc2.0.weight", 1.0)] {
+            let (from, to) = found.info(tensor).unwrap().data_offsets;
+            for at in (from..to).step_by(4) {
+                bytes[header + at..][..4].copy_from_slice(&value.to_le_bytes());
+            }
+        }
+        let said = Stage2::from_safetensors(&bytes).unwrap_err().to_string();
+        assert!(
+            said.contains("`fc2.0.weight`")
+                && said.contains("channel 0")
+                && said.contains("`fc2.1`"),
             "{said}"
         );
         let all = Model::stage2_mismatches(&bytes).unwrap();

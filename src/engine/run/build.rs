@@ -1,13 +1,14 @@
 //! Model → kernels: chosen, their weights packed. Kernels + plan → steps: every access checked once.
 
+use std::panic::resume_unwind;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::Builder;
 
 use edgecap_kernels::{
     Algorithm, Algorithms, ConvShape, Epilogue, FConv, FConvParams, Isa, KernelError, MaxPool,
     Part, QConv, QConvParams,
 };
-
-use rayon::prelude::*;
 
 use super::error::EngineError;
 use super::step::{Kernel, Step, Target, Tensor};
@@ -100,11 +101,12 @@ pub(super) struct How {
 /// larger is a mistake in a network file, or a small file that asks for the memory of a large one.
 const MOST_PACKED: usize = 2 << 30;
 
-/// Packs every node's weights.
+/// Packs every node's weights, by so many threads or as many of them as there can be.
 pub(super) fn kernels(
     graph: &Graph,
     source: &Source<'_>,
     how: How,
+    threads: usize,
 ) -> Result<Arc<[Kernel]>, EngineError> {
     let convs = graph.nodes.iter().filter_map(Node::conv);
     let bytes = convs.map(ConvShape::most_packed_bytes);
@@ -117,7 +119,35 @@ pub(super) fn kernels(
     }
     let kernel = |i: usize| kernel(graph, source, how, i);
     // Packing is most of the start-up: every layer is packed on its own.
-    (0..graph.nodes.len()).into_par_iter().map(kernel).collect()
+    let packed = shared_out(graph.nodes.len(), threads, Builder::new, kernel);
+    packed.into_iter().collect()
+}
+
+/// What `make` makes of each number below `count`, in order: by this thread and more, `threads` in all or as many as
+/// the system has room for. They have ended by then: the team's come after them, and there may be no room for both.
+fn shared_out<T: Send>(
+    count: usize,
+    threads: usize,
+    thread: impl Fn() -> Builder,
+    make: impl Fn(usize) -> T + Sync,
+) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let some = || -> Vec<(usize, T)> {
+        let numbers = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
+        let numbers = numbers.take_while(|i| *i < count);
+        numbers.map(|i| (i, make(i))).collect()
+    };
+    let mut made = std::thread::scope(|scope| {
+        let more = (1..threads.min(count)).map_while(|_| thread().spawn_scoped(scope, some).ok());
+        let more: Vec<_> = more.collect();
+        let mut made = some();
+        for other in more {
+            made.extend(other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        }
+        made
+    });
+    made.sort_unstable_by_key(|(i, _)| *i);
+    made.into_iter().map(|(_, made)| made).collect()
 }
 
 fn kernel(

@@ -129,7 +129,8 @@ impl Engine {
             Precision::F32 => Source::float(&graph, model.weights()),
         };
         let stored = build::stored(&graph, &source);
-        let kernels = build::kernels(&stored, &source, build::How { isa, algorithms })?;
+        let how = build::How { isa, algorithms };
+        let kernels = build::kernels(&stored, &source, how, options.threads)?;
         let scratch = kernels.iter().map(Kernel::scratch_bytes).max();
         let packed = Packed {
             padding: (0..graph.values.len()).map(|v| source.padding(v)).collect(),
@@ -173,9 +174,9 @@ impl Engine {
         let plan = Plan::new(&packed.stored, height, width, element, padding)?;
         let maps = Maps::new(width / Maps::STRIDE, height / Maps::STRIDE);
         let order = outputs(&packed.graph, &plan, &maps)?;
-        // One part per thread: on an idle machine two per thread cost 5 % (more row bands with ragged ends), and on a
-        // busy one they gained nothing.
-        let shares = options.threads.max(1);
+        // One part for each thread that could be started: on an idle machine two per thread cost 5 % (more row bands
+        // with ragged ends), and on a busy one they gained nothing.
+        let shares = lock(&team).threads();
         let steps = build::steps(&packed.stored, &plan, &packed.kernels, shares)?;
         let Place::Slot { slot, layout } = plan.values[Graph::INPUT] else {
             return Err(EngineError::Outputs("the input itself".into()));
@@ -211,8 +212,7 @@ impl Engine {
     }
 
     fn team(&self) -> MutexGuard<'_, Team> {
-        // A team that was left in a frame says so itself.
-        self.team.lock().unwrap_or_else(|e| e.into_inner())
+        lock(&self.team)
     }
 
     /// Runs the network over one picture: `rgb` is row-major `[height, width, 3]`. Allocates nothing.
@@ -293,7 +293,7 @@ impl Engine {
         self.packed.isa
     }
 
-    /// Threads in use, the caller's included.
+    /// Threads that there are, the caller's included; [`use_threads`](Self::use_threads) says how many of them work.
     pub fn threads(&self) -> usize {
         self.team().threads()
     }
@@ -346,6 +346,11 @@ impl Engine {
             slot.store(pointers[head], Ordering::Relaxed);
         }
     }
+}
+
+fn lock(team: &Mutex<Team>) -> MutexGuard<'_, Team> {
+    // A team that was left in a frame says so itself.
+    team.lock().unwrap_or_else(|e| e.into_inner())
 }
 
 /// Refuses an input size that the network does not take.

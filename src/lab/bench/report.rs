@@ -14,9 +14,10 @@ impl fmt::Display for Certificate {
         writeln!(f, "governor  {governor}")?;
         writeln!(
             f,
-            "kernels   {}, {} algorithms (this CPU has {})",
+            "kernels   {}, algorithms {} in int8, {} in f32 (this CPU has {})",
             m.isa,
-            m.algorithms,
+            m.algorithms.int8,
+            m.algorithms.f32,
             m.available.join(", ")
         )?;
         writeln!(

@@ -1,5 +1,8 @@
 //! Weights that trained networks have and random ones do not, and those that only a mistake makes.
 
+use std::thread::Builder;
+
+use super::shared_out;
 use crate::engine::model::{Calibration, Weights};
 use crate::engine::{
     CalibrationOptions, Engine, EngineError, EngineOptions, Maps, Model, Network, Precision,
@@ -132,4 +135,17 @@ fn a_small_network_that_asks_for_much_memory_is_refused() {
     let model = Model::random(Network::parse(text).unwrap(), 1);
     let said = engine(&model, Precision::F32).err().unwrap();
     assert!(matches!(said, EngineError::Packed { .. }), "{said}");
+}
+
+/// A stack that no machine has room for stands in for a system that starts no more threads.
+#[test]
+fn layers_are_packed_without_threads_that_cannot_be_had() {
+    let none = || Builder::new().stack_size(1 << 60);
+    assert!(none().spawn(|| ()).is_err());
+    let expected: Vec<usize> = (0..100).map(|i| 3 * i).collect();
+    for threads in [0, 1, 4] {
+        assert_eq!(shared_out(100, threads, none, |i| 3 * i), expected);
+        assert_eq!(shared_out(100, threads, Builder::new, |i| 3 * i), expected);
+    }
+    assert!(shared_out(0, 4, Builder::new, |i| i).is_empty());
 }
