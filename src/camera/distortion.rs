@@ -67,12 +67,31 @@ impl Brown {
         ]
     }
 
-    /// Whether the lens maps a neighbourhood of `p` without turning it over or round, its area shrinking to no less
-    /// than this share: so it is from the middle to the first fold.
+    /// Whether the lens shows anything of what a pinhole would show at `p`. Beyond the fold the model takes farther
+    /// points nearer to the middle again, into the picture, where the lens shows something else.
+    pub fn shows(&self, p: DVec2) -> bool {
+        self.is_upright(p, 0.0)
+    }
+
+    /// Whether `p` is within the first fold, and the lens shrinks areas there to no less than this share.
     fn is_upright(&self, p: DVec2, least: f64) -> bool {
         // The matrix is symmetric: it has two eigenvalues, and both have to be positive.
         let slope = self.by_point(p);
-        slope.determinant() > least && slope.x_axis.x + slope.y_axis.y > 0.0
+        let here = slope.determinant() > least && slope.x_axis.x + slope.y_axis.y > 0.0;
+        here && !self.folds_before(p.length_squared())
+    }
+
+    /// Whether the lens folds before r² is `end`, where it may have folded back. Tangential coefficients, which hardly
+    /// move folds, are left out.
+    fn folds_before(&self, end: f64) -> bool {
+        let [k1, k2, k3] = self.radial;
+        // How much farther out a point is shown that is a little farther out; least where its own slope,
+        // 3·k1 + 10·k2·s + 21·k3·s², is 0. Roots that there are not come out as no numbers.
+        let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+        let (a, b, c) = (21.0 * k3, 5.0 * k2, 3.0 * k1);
+        let q = -(b + (b * b - a * c).sqrt().copysign(b));
+        let mut turns = [q / a, c / q].into_iter();
+        turns.any(|s| (0.0..end).contains(&s) && slope(s) <= 0.0)
     }
 
     /// Where a pinhole would show what the lens shows at `seen`, by Newton's method from there, or from nearer to the
@@ -197,5 +216,41 @@ mod tests {
         };
         let far = radial.distort(DVec2::new(0.3, 0.4)).length();
         assert!((far - 0.5 * 0.9969375).abs() < 1e-12, "{far}");
+    }
+
+    #[test]
+    fn nothing_is_shown_beyond_the_first_fold() {
+        // Radial coefficients, and where r·(1 + k1·r² + k2·r⁴ + k3·r⁶) has its first maximum; the last two rise again
+        // farther out.
+        for (radial, fold) in [
+            ([0.0; 3], f64::INFINITY),
+            ([0.2, 0.1, 0.0], f64::INFINITY),
+            ([-0.046, 0.14, -0.02], 2.2545),
+            ([-0.3, 0.0, 0.0], 1.0541),
+            ([-0.5, 0.1, 0.0], 1.0),
+            ([-0.4, -0.6, 0.5], 0.7493),
+        ] {
+            let lens = Brown {
+                radial,
+                tangential: [0.0; 2],
+            };
+            for k in 1..40 {
+                let far = 0.07 * f64::from(k);
+                let p = far * DVec2::from_angle(far);
+                assert_eq!(lens.shows(p), far < fold, "{radial:?}: {far}");
+            }
+        }
+        // By tangential coefficients the fold is nearer on one side of the middle.
+        let tilted = Brown {
+            radial: [-0.3, 0.0, 0.0],
+            tangential: [0.0, 0.01],
+        };
+        assert!(tilted.shows(DVec2::new(1.04, 0.0)) && !tilted.shows(DVec2::new(-1.04, 0.0)));
+        // What is sought from beyond another fold is found within the first one.
+        let again = Brown {
+            radial: [-0.5, 0.1, 0.0],
+            tangential: [0.0; 2],
+        };
+        assert!(again.undistort(DVec2::new(1.5, 0.0)).length() <= 1.0);
     }
 }

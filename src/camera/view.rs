@@ -94,10 +94,12 @@ impl View {
         self.rotation * (point - self.position)
     }
 
-    /// Pixel of a world point; `None` behind the camera.
+    /// Pixel of a world point; `None` behind the camera and beyond the lens's fold.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let p = self.to_camera(point);
-        (p.z > 0.05).then(|| self.distortion.distort(p.truncate() / p.z) * self.focal + self.centre)
+        let plane = (p.z > 0.05).then(|| p.truncate() / p.z);
+        let shown = plane.filter(|p| self.distortion.shows(*p))?;
+        Some(self.distortion.distort(shown) * self.focal + self.centre)
     }
 
     /// A pixel of the distorted picture on the plane z = 1 in camera axes, the lens undone.
@@ -154,6 +156,26 @@ mod tests {
         for other in [[1072, 1920], [1088, 1080], [544, 960], [1096, 1920]] {
             assert_eq!(coded.for_pictures(other), None, "{other:?}");
         }
+    }
+
+    #[test]
+    fn what_lies_beyond_the_fold_is_outside_of_the_picture() {
+        let barrel = View {
+            distortion: Brown {
+                radial: [-0.3, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..View::around(0.0)
+        };
+        // Three metres ahead, and so many to the right: the lens shows 0.7 focal lengths from the middle at most.
+        let beside = |x: f64| barrel.project(DVec3::new(x, 0.0, 0.0));
+        assert!(beside(0.9).is_some_and(|p| p.x < 1080.0));
+        // By the formula alone the last one is in the picture, 380 pixels to the right of the middle.
+        for x in [3.3, 4.0, 5.1] {
+            assert_eq!(beside(x), None, "{x} m");
+        }
+        let flipped = barrel.mirrored();
+        assert_eq!(flipped.project(DVec3::new(5.1, 0.0, 0.0)), None);
     }
 
     #[test]

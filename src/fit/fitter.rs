@@ -1,5 +1,5 @@
 //! The whole of Stage III. In: observation frames in order. Out: bodies with identities, at the frame's time or, on
-//! request, a little later. Pure and deterministic: time comes from the frames alone. XNect §5, SPEC §5.
+//! request, a little later. Pure and deterministic: time comes from the frames alone. XNect §5; docs/fit.md.
 //!
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 

@@ -9,8 +9,8 @@ use crate::engine::model;
 
 /// Stage II's layers, packed for the CPU, with the buffers between them.
 ///
-/// Training supervises an encoding only at the joints of its bone (SPEC §4) and leaves the weights of all others in the
-/// first layer at zero: 141 of the shipped model's 924 inputs have any. Only those are packed and read.
+/// Training supervises an encoding only at the joints of its bone (XNect §4.1.2) and leaves the weights of all others
+/// in the first layer at zero: 141 of the shipped model's 924 inputs have any. Only those are packed and read.
 #[derive(Debug, Clone)]
 pub(crate) struct Mlp {
     /// The inputs that the first layer gives weight.

@@ -122,6 +122,7 @@ pub fn fit_tracks(
             views,
             weights: &weights,
             paths: options.paths,
+            rate: options.rate,
             run,
         };
         for (k, mut piece) in pieces.into_iter().enumerate() {

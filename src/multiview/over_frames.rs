@@ -50,6 +50,7 @@ impl OverFrames<'_> {
             None => {
                 let mut fits = self.each(id, &mut moments);
                 self.take_from_neighbours(&mut moments, &mut fits);
+                (self.run.progress)(Step::Settled);
                 self.keep(&part, &moments, &fits);
                 fits
             }
@@ -223,10 +224,9 @@ mod tests {
         Fitted::new(MeshBody::shipped(), pose, &[0.0; 10])
     }
 
-    #[test]
-    fn a_try_that_ends_worse_leaves_sides_as_they_were() {
-        let (body, views) = (MeshBody::shipped(), [camera()]);
-        let (truth, back) = (standing(0.3), standing(0.3 + std::f64::consts::PI));
+    /// What one view sees of a body.
+    fn seen(views: &[View; 1], truth: &Fitted) -> Moment {
+        let body = MeshBody::shipped();
         let mut seen = Observation::default();
         for (out, joint) in seen
             .joints2d
@@ -237,13 +237,48 @@ mod tests {
             *out = [pixel.x as f32, pixel.y as f32, 0.9];
         }
         let sight = Sight::new(&views[0], &seen);
-        let moment = Moment {
+        Moment {
             sights: vec![Some(sight)],
             joints: [None; EVIDENCE_JOINTS],
             healed: 0,
             lifted: None,
             contours: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_person_is_settled_after_all_frames_are_placed_and_before_any_is_outlined() {
+        let (body, views) = (MeshBody::shipped(), [camera()]);
+        let truth = standing(0.3);
+        let mut moment = seen(&views, &truth);
+        moment.joints = points::evidence(body, &truth.posed).map(Some);
+        let heard = std::sync::Mutex::new(Vec::new());
+        let hear = |step: Step| heard.lock().unwrap().push(step);
+        let masks: &Masks<'_> = &|_, _| None;
+        let over = OverFrames {
+            body,
+            views: &views,
+            weights: &[1.0],
+            hierarchy: true,
+            run: Run::new(Some(masks), &hear),
         };
+        let moments = vec![(0, moment.clone()), (1, moment)];
+        over.fit(Track { id: 1, moments }).unwrap();
+        let wanted = [
+            Step::Placed,
+            Step::Placed,
+            Step::Settled,
+            Step::Outlined,
+            Step::Outlined,
+        ];
+        assert_eq!(*heard.lock().unwrap(), wanted);
+    }
+
+    #[test]
+    fn a_try_that_ends_worse_leaves_sides_as_they_were() {
+        let (body, views) = (MeshBody::shipped(), [camera()]);
+        let (truth, back) = (standing(0.3), standing(0.3 + std::f64::consts::PI));
+        let moment = seen(&views, &truth);
         let over = OverFrames {
             body,
             views: &views,

@@ -18,8 +18,8 @@ use crate::joints::EVIDENCE_JOINTS;
 
 /// Mean distance of a person's rays from their joints beyond which they are somebody else's, metres.
 pub const REACH: f64 = 0.35;
-/// How much further a person may have gone for every frame that they were away, metres, and at most.
-const ROAM: [f64; 2] = [0.05, 0.4];
+/// How much further a person may have gone for every second that two views have missed them, metres, and at most.
+const ROAM: [f64; 2] = [1.5, 0.4];
 /// Median distance between the rays of two views' joints of one person, metres.
 const AGREE: f64 = 0.15;
 /// Shared joints under which two detections cannot be compared.
@@ -28,8 +28,9 @@ const LEAST_SHARED: usize = 5;
 /// else.
 const MEMORY: f64 = 1.0;
 pub(super) const ONE_VIEW: f64 = 10.0;
-/// Frames after which somebody counts who is seen by three views or more, and by two.
-const PROOF: [usize; 2] = [3, 10];
+/// Seconds, from frame to frame, for which three views or more must agree about somebody before they count, and two:
+/// three frames and ten at 30 a second, and a little less, so that neither rounding nor uneven times decide anything.
+pub(super) const PROOF: [f64; 2] = [0.055, 0.285];
 /// Neck to middle of the hips, metres: no body is outside of this.
 const TRUNK: [f64; 2] = [0.25, 0.85];
 /// The longest bones that are nobody's, metres: upper arm, forearm, thigh, shank.
@@ -72,13 +73,8 @@ struct Live {
 
 impl Live {
     /// Frames in which two views might have seen them and did not.
-    fn away(&self, f: usize) -> f64 {
-        (f - self.met).saturating_sub(1) as f64
-    }
-
-    /// In a sequence of so many frames; of one frame nobody can ask for more.
-    fn is_proven(&self, frames: usize) -> bool {
-        is_proven(self.proof, frames)
+    fn away(&self, f: usize) -> usize {
+        (f - self.met).saturating_sub(1)
     }
 }
 
@@ -190,23 +186,35 @@ fn doubt(
     (chosen[v], free[v][d]) = (None, true);
 }
 
-/// Whether somebody counts whom three views or more have seen in so many frames, and two, of a sequence of so many
-/// frames.
-pub fn is_proven(proof: [usize; 2], frames: usize) -> bool {
-    let [three, two] = PROOF.map(|p| p.min(frames));
-    proof[0] >= three || proof[0] + proof[1] >= two
+/// How far from their joints the rays of somebody may pass whom two views have missed for so many seconds, metres.
+pub(super) fn reach(missed: f64) -> f64 {
+    REACH + (ROAM[0] * missed).min(ROAM[1])
+}
+
+/// Whether somebody counts whom three views or more have seen for so long, and two, where so much is needed of both.
+pub(super) fn is_proven<T>(proof: [T; 2], needed: [T; 2]) -> bool
+where
+    T: Copy + PartialOrd + std::ops::Add<Output = T>,
+{
+    proof[0] >= needed[0] || proof[0] + proof[1] >= needed[1]
+}
+
+/// The same in frames, of which a sequence has so many: of one frame nobody can ask for more.
+fn frames_needed(frames: usize, rate: f64) -> [usize; 2] {
+    PROOF.map(|seconds| (1.0 + (seconds * rate).ceil()).min(frames as f64) as usize)
 }
 
 /// Finds everyone in `frames`: per frame, per view, who is seen there. `rate` is frames a second.
 pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track> {
     let frames_in = |seconds: f64| (seconds * rate).round().max(1.0) as usize;
     let (patience, alone) = (frames_in(MEMORY), frames_in(ONE_VIEW));
+    let needed = frames_needed(frames.len(), rate);
     let (mut live, mut done): (Vec<Live>, Vec<Live>) = (Vec::new(), Vec::new());
     let mut matcher = Matcher::default();
     for (f, frame) in frames.iter().enumerate() {
         let mut gone = Vec::new();
         live.retain_mut(|t| {
-            let stays = match t.is_proven(frames.len()) {
+            let stays = match is_proven(t.proof, needed) {
                 true => f - t.seen <= patience && f - t.met <= alone,
                 false => f - t.met <= patience,
             };
@@ -216,12 +224,15 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
             stays
         });
         done.extend(gone);
-        let (mut taken, mut free) = take(views, frame, f, frames.len(), &live, &mut matcher);
+        let reach = |t: &Live| reach(t.away(f) as f64 / rate);
+        let standing = live.iter().map(|t| (is_proven(t.proof, needed), reach(t)));
+        let standing: Vec<(bool, f64)> = standing.collect();
+        let (mut taken, mut free) = take(views, frame, &live, &standing, &mut matcher);
         // Where one view has followed somebody, the distance is not known well: another one's detection may be theirs
         // that is further off than others', and one that is not too far may be somebody else's.
         let mut owners: HashMap<(usize, usize), usize> = HashMap::new();
         for (k, (t, chosen)) in live.iter().zip(&mut taken).enumerate() {
-            if t.away(f) > 0.0 {
+            if t.away(f) > 0 {
                 doubt(views, frame, t, chosen, &mut free);
                 let own = chosen
                     .iter()
@@ -267,7 +278,7 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
         }
     }
     done.extend(live);
-    done.retain(|t| t.is_proven(frames.len()));
+    done.retain(|t| is_proven(t.proof, needed));
     done.sort_by_key(|t| t.moments[0].0);
     let number = |(k, t): (usize, Live)| Track {
         id: k as u32 + 1,
@@ -279,32 +290,31 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
 /// Detections as `[view][detection]`, of everybody known as `[person][view]`.
 type Taken = Vec<Vec<Option<usize>>>;
 
-/// What everybody known takes of a frame, and whether each detection, by view, is left. Who is proven takes first: a
-/// ghost lies on a real person's rays and would go on living from them.
+/// What everybody known takes of a frame, and whether each detection, by view, is left. `standing`: who of them is
+/// proven, and how far rays may pass. Who is proven takes first: a ghost lies on a real person's rays and would go on
+/// living from them.
 fn take(
     views: &[View],
     frame: &[Detections],
-    f: usize,
-    frames: usize,
     live: &[Live],
+    standing: &[(bool, f64)],
     matcher: &mut Matcher,
 ) -> (Taken, Vec<Vec<bool>>) {
     let mut taken: Taken = vec![vec![None; views.len()]; live.len()];
     let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
     for proven in [true, false] {
         let people: Vec<usize> = (0..live.len())
-            .filter(|&t| live[t].is_proven(frames) == proven)
+            .filter(|&t| standing[t].0 == proven)
             .collect();
         for (v, (view, detections)) in views.iter().zip(frame).enumerate() {
-            let near = |t: &Live, d: usize| {
-                let reach = REACH + (ROAM[0] * t.away(f)).min(ROAM[1]);
-                closeness(view, &detections[d], &t.joints, reach)
+            let near = |t: usize, d: usize| {
+                closeness(view, &detections[d], &live[t].joints, standing[t].1)
             };
             let left: Vec<usize> = (0..detections.len()).filter(|&d| free[v][d]).collect();
             let scores: Vec<f32> = people
                 .iter()
                 .flat_map(|&t| left.iter().map(move |&d| (t, d)))
-                .map(|(t, d)| near(&live[t], d))
+                .map(|(t, d)| near(t, d))
                 .collect();
             let chosen = matcher.solve(people.len(), left.len(), &scores);
             for (&t, d) in people.iter().zip(chosen) {

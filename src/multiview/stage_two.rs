@@ -50,6 +50,8 @@ pub struct Refit<'a> {
     pub weights: &'a [f64],
     /// Whether paths are smooth in time.
     pub paths: bool,
+    /// Frames a second.
+    pub rate: f64,
     /// How the fit runs.
     pub run: Run<'a>,
 }
@@ -86,7 +88,7 @@ impl Refit<'_> {
                     .collect();
             }
             let targets: Vec<Targets> = if self.paths {
-                project(self.body, fits)
+                project(self.body, fits, self.rate)
             } else {
                 vec![[None; BODY_JOINTS]; fits.len()]
             };
@@ -169,12 +171,12 @@ impl Refit<'_> {
     }
 }
 
-fn project(body: &MeshBody, fits: &[Fitted]) -> Vec<Targets> {
+fn project(body: &MeshBody, fits: &[Fitted], rate: f64) -> Vec<Targets> {
     let joints: Vec<_> = fits.iter().map(|f| points::all(body, &f.posed)).collect();
     let mut targets = vec![[None; BODY_JOINTS]; fits.len()];
     for j in 0..BODY_JOINTS {
         let path: Vec<DVec3> = joints.iter().map(|p| p[j]).collect();
-        for (target, point) in targets.iter_mut().zip(dct::smooth(&path)) {
+        for (target, point) in targets.iter_mut().zip(dct::smooth(&path, rate)) {
             target[j] = Some((point, PATH));
         }
     }
@@ -215,6 +217,7 @@ mod tests {
             views: &[],
             weights: &[],
             paths: false,
+            rate: 30.0,
             run: Run::new(None, &|_| ()),
         };
         refit.fit("paths", &mut moments, &mut fits);

@@ -88,6 +88,10 @@ fn what_cannot_be_calibrated_is_said() {
     refused(&[], 64, &["at least two --view, found 1"]);
     let two = ["--view", &second, "--lens", &lens];
     refused(&two, 65, &["at least 20 frames", "found 12"]);
+    // The other camera's lens is taken for the usual one.
+    let of_first = format!("0={lens}");
+    let one = ["--view", &second, "--lens", &of_first];
+    refused(&one, 65, &["at least 20 frames", "found 12"]);
     refused(&["--view", &first], 64, &["every camera once", "0"]);
     let more = |extra: [&'static str; 2]| [&two[..], &extra].concat();
     refused(

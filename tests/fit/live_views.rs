@@ -235,7 +235,7 @@ fn a_silent_camera_is_done_without_and_returns() {
 #[test]
 fn slower_than_one_instant_a_second_somebody_is_still_the_same() {
     let person = walker(4);
-    // The first instant is one camera's alone. Three views count after three instants, two after ten.
+    // The first instants are left out: in one of them a camera is alone.
     for (count, from, spoil) in [(2, 11, Spoil::default()), (3, 4, NOISY)] {
         let frames = run(
             &views(count),
@@ -248,6 +248,48 @@ fn slower_than_one_instant_a_second_somebody_is_still_the_same() {
         for (t, frame) in &frames[from..] {
             let ids: Vec<u32> = frame.bodies().iter().map(|b| b.id).collect();
             assert_eq!(ids, [1], "{count} views at {t:.2} s");
+        }
+    }
+}
+
+/// What all views show at `seconds`, at one instant.
+fn instant(views: &[View], person: &Person, seconds: f64, rng: &mut SmallRng) -> FrameSet {
+    let people = std::slice::from_ref(person);
+    let frames = views
+        .iter()
+        .map(|view| observe(view, people, seconds, Spoil::default(), rng));
+    let frames: Vec<_> = frames.collect();
+    FrameSet {
+        capture_ns: frames[0].capture_ns,
+        file_time: false,
+        stage_times: frames[0].stage_times,
+        views: frames.iter().map(|f| Some(f.people().to_vec())).collect(),
+    }
+}
+
+#[test]
+fn how_long_somebody_must_be_seen_goes_by_seconds() {
+    let there = walk(0.0, 1.0, &[(0.0, 4.2), (0.0, 4.2)]);
+    let person = Person::new(21, there, Activity::Stand);
+    // Instants a second, and those after which three views count, and two.
+    for (rate, needed) in [
+        (120.0, [8, 36]),
+        (60.0, [5, 19]),
+        (30.0, [3, 10]),
+        (10.0, [2, 4]),
+        (2.0, [2, 2]),
+    ] {
+        for (count, needed) in [3, 2].into_iter().zip(needed) {
+            let views = views(count);
+            let mut rng = SmallRng::seed_from_u64(3);
+            let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
+            let mut out = BodyFrame::default();
+            for k in 1..=needed {
+                let set = instant(&views, &person, f64::from(k) / rate, &mut rng);
+                fit.update(&set, &mut out);
+                let counts = u32::from(k == needed);
+                assert_eq!(out.count, counts, "{count} views at {rate}: {k}");
+            }
         }
     }
 }
@@ -358,18 +400,7 @@ fn after_a_pause_whoever_stands_there_is_known_by_looks() {
             let person = Person::new(seed, there.clone(), Activity::Stand);
             for k in 0..30 {
                 let t = from + f64::from(k) / 30.0;
-                let frames = views.iter().map(|view| {
-                    let people = std::slice::from_ref(&person);
-                    observe(view, people, t, Spoil::default(), &mut rng)
-                });
-                let frames: Vec<_> = frames.collect();
-                let set = FrameSet {
-                    capture_ns: frames[0].capture_ns,
-                    file_time: false,
-                    stage_times: frames[0].stage_times,
-                    views: frames.iter().map(|f| Some(f.people().to_vec())).collect(),
-                };
-                fit.update(&set, &mut out);
+                fit.update(&instant(&views, &person, t, &mut rng), &mut out);
             }
             assert_eq!(out.count, 1, "{seed}");
             out.bodies[0].id

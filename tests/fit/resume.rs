@@ -89,7 +89,7 @@ fn goes_on_anywhere(frames: usize, paths: bool, masked: bool, every: usize) {
     let with = |kept: &dyn Kept| -> (MultiviewFit, [usize; 2]) {
         let steps = Mutex::new([0, 0]);
         let count = |step| match step {
-            Step::Planned(_) => {}
+            Step::Planned(_) | Step::Settled => {}
             Step::Restored(n) => steps.lock().unwrap()[0] += n,
             Step::Placed | Step::Outlined | Step::Smoothed => steps.lock().unwrap()[1] += 1,
         };

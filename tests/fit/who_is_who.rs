@@ -71,6 +71,65 @@ fn a_view_that_is_about_somebody_else_proves_nobody() {
     );
 }
 
+/// What views see of somebody who is there in these frames, of so many, at a height of so many metres.
+fn shown(
+    views: &[View],
+    frames: usize,
+    height: &dyn Fn(usize) -> Option<f64>,
+) -> Vec<Vec<Detections>> {
+    let one = |f: usize, view: &View| -> Detections {
+        let there = height(f).map(hovering);
+        there.iter().map(|joints| sight(view, joints)).collect()
+    };
+    let all = (0..frames).map(|f| views.iter().map(|view| one(f, view)).collect());
+    all.collect()
+}
+
+#[test]
+fn how_long_somebody_must_be_seen_goes_by_seconds() {
+    // Frames a second, and frames that three views and two must see.
+    for (rate, needed) in [
+        (120.0, [8, 36]),
+        (60.0, [5, 19]),
+        (30.0, [3, 10]),
+        (25.0, [3, 9]),
+        (10.0, [2, 4]),
+        (1.0, [2, 2]),
+    ] {
+        for (count, needed) in [3, 2].into_iter().zip(needed) {
+            let views = views(count);
+            let found = |seen: usize| {
+                let frames = shown(&views, 40, &|f| (f < seen).then_some(0.0));
+                track(&views, &frames, rate).len()
+            };
+            assert_eq!(found(needed - 1), 0, "{count} views at {rate}");
+            assert_eq!(found(needed), 1, "{count} views at {rate}");
+            // Of one instant nobody can ask for more.
+            let instant = shown(&views, 1, &|_| Some(0.0));
+            assert_eq!(track(&views, &instant, rate).len(), 1);
+        }
+    }
+}
+
+#[test]
+fn how_far_somebody_may_have_gone_goes_by_seconds() {
+    /// Frames for which they are there, and then away.
+    const THERE: usize = 25;
+    const AWAY: usize = 6;
+    let views = views(2);
+    // Six frames are long enough to rise by 0.6 metres at 30 frames a second, and not at 60.
+    for (rate, goes_on) in [(30.0, true), (60.0, false)] {
+        let height = |f: usize| match f {
+            0..THERE => Some(0.0),
+            f if f < THERE + AWAY => None,
+            _ => Some(0.6),
+        };
+        let tracks = track(&views, &shown(&views, 2 * THERE, &height), rate);
+        let back = tracks[0].moments.iter().any(|(f, _)| *f == THERE + AWAY);
+        assert_eq!(back, goes_on, "{rate} frames a second");
+    }
+}
+
 #[test]
 fn limbs_of_a_view_that_is_left_out_are_not_healed() {
     let views = views(3);

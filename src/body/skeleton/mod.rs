@@ -1,5 +1,5 @@
 //! In: `models/skeleton.toml` and a [`Pose`]. Out: joint positions and the axes of every degree of freedom, from which
-//! the exact derivative of any joint follows. SPEC §5.
+//! the exact derivative of any joint follows. docs/body.md, The skeleton.
 
 mod humanoid;
 mod limb;

@@ -15,8 +15,6 @@ use crate::message::Intrinsics;
 pub struct Lenses {
     /// For one camera, or for all.
     known: Vec<(Option<String>, Lens)>,
-    /// Nothing was said of any.
-    pub guessed: bool,
 }
 
 enum Lens {
@@ -62,8 +60,7 @@ impl Lenses {
             };
             known.push((camera.map(ToOwned::to_owned), lens));
         }
-        let guessed = known.is_empty();
-        Ok(Self { known, guessed })
+        Ok(Self { known })
     }
 
     /// Whether a lens was given for a camera, or for all.
@@ -90,14 +87,13 @@ impl Lenses {
         lens.map(|(_, lens)| lens)
     }
 
-    /// The camera without a place, for pictures of `size`.
+    /// The camera without a place, for pictures of `size`; the usual one where no lens was given for it.
     ///
     /// # Errors
-    /// One line when no lens was given for it, or one of other pictures.
+    /// One line when one was given of other pictures, or of other cameras.
     pub fn of(&self, name: &str, size: [u32; 2]) -> Result<View, String> {
         match self.lens(name) {
-            None if self.guessed => plain(name, size, &CameraFile::default()),
-            None => Err(format!("expected a --lens for camera {name}, found none")),
+            None => plain(name, size, &CameraFile::default()),
             Some(Lens::File(file)) => plain(name, size, file),
             Some(Lens::Calibrated(views, path)) => {
                 let own = views.iter().find(|v| v.name == name);

@@ -38,13 +38,8 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     }
     expect_few(files.len())?;
     let lenses = Lenses::read(&args.lens, files)?;
-    let mut notes = Vec::new();
-    if lenses.guessed {
-        notes.push(format!(
-            "no --lens: a field of view of {DEFAULT_FOV} degrees is taken for every camera; places are as far off as it is"
-        ));
-    }
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let mut notes: Vec<String> = guessed(&lenses, &names).into_iter().collect();
     let scale = scale(args, &names, &mut notes)?;
     let mut seen = Vec::new();
     let mut views = Vec::new();
@@ -96,6 +91,20 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     output::write(&args.out, write_pose2sim(&room.views).as_bytes())
         .map_err(|e| Failure::output(&args.out, &e))?;
     say::whole(&table(&room))
+}
+
+/// What to say of cameras whose lens nobody told.
+fn guessed(lenses: &Lenses, names: &[&str]) -> Option<String> {
+    let unknown = names.iter().copied().filter(|name| !lenses.knows(name));
+    let unknown: Vec<&str> = unknown.collect();
+    let whose = match unknown.len() {
+        0 => return None,
+        all if all == names.len() => "every camera".to_owned(),
+        _ => unknown.join(", "),
+    };
+    Some(format!(
+        "no --lens for {whose}: a field of view of {DEFAULT_FOV} degrees is taken; places are as far off as it is"
+    ))
 }
 
 /// What to say of a view that contradicts the others.
@@ -164,6 +173,29 @@ fn table(room: &Room) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cameras_without_a_lens_are_named_and_have_the_usual_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("camera.toml");
+        std::fs::write(&file, "fov_degrees = 90\n").unwrap();
+        let names = ["door", "hall", "yard"];
+        let cameras = names.map(|name| (name.to_owned(), PathBuf::from("none")));
+        let read = |given: &[&str]| {
+            let given = given.iter().map(|of| format!("{of}{}", file.display()));
+            Lenses::read(&given.collect::<Vec<_>>(), &cameras).unwrap()
+        };
+        let some = read(&["hall="]);
+        let said = guessed(&some, &names).unwrap();
+        assert!(said.contains("for door, yard:"), "{said}");
+        let fov = |name: &str| some.of(name, [640, 480]).unwrap().fov_degrees().round();
+        assert_eq!(names.map(fov), [60.0, 90.0, 60.0]);
+        let none = guessed(&read(&[]), &names).unwrap();
+        assert!(none.contains("for every camera:"), "{none}");
+        for all in [&[""][..], &["door=", "hall=", "yard="]] {
+            assert_eq!(guessed(&read(all), &names), None);
+        }
+    }
 
     #[test]
     fn a_view_that_contradicts_the_others_is_doubted() {

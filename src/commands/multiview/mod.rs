@@ -178,6 +178,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
             restored.fetch_add(steps, Ordering::Relaxed);
             bar.inc(steps as u64);
         }
+        Step::Settled => {}
         Step::Placed | Step::Outlined | Step::Smoothed => {
             let before = restored.load(Ordering::Relaxed);
             if before > 0 && said.swap(1, Ordering::Relaxed) == 0 {

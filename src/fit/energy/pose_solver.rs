@@ -1,4 +1,4 @@
-//! In: [`Targets`] and a starting pose. Out: the pose of least energy near by. SPEC §5.
+//! In: [`Targets`] and a starting pose. Out: the pose of least energy near by. XNect §5.2; docs/fit.md, Energy.
 
 use super::Targets;
 use crate::body::BodyModel;

@@ -1,5 +1,5 @@
 //! In: what was seen of a person, what motion predicts, and a pose. Out: the energy of the pose, its gradient and its
-//! Gauss–Newton matrix. XNect §5.2, SPEC §5.
+//! Gauss–Newton matrix. XNect §5.2.
 //!
 //! Everything is in the space of a person of canonical stature. Each term is a sum of squared residuals divided by the
 //! variance its residual is expected to have, so that energies of different units add up and weights are plain factors:

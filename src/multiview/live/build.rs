@@ -6,18 +6,21 @@ use glam::DVec3;
 use crate::body::skeleton::{BoneLengths, Posed, Skeleton};
 use crate::joints::EVIDENCE_JOINTS;
 
-/// Memory of the estimate, frames.
-const MEMORY: f64 = 900.0;
-/// Errors last about this many frames, so that only every so many counts.
-const CORRELATED_FRAMES: f64 = 5.0;
+/// Errors last about this long, seconds, so that looks that come faster count for less.
+const CORRELATED: f64 = 1.0 / 6.0;
+/// Memory of the estimate, looks of their own.
+const MEMORY: f64 = 180.0;
+/// What a segment that was never seen weighs in the size, looks.
+const UNSEEN: f64 = 0.02;
 /// Error of one frame's length, metres.
 const FRAME_ERROR: f64 = 0.04;
 /// Spread of people's proportions about the average, as a share of the length.
 const PRIOR_SPREAD: f64 = 0.05;
 /// What a length may be, as a share of the average adult's.
 const BELIEVED: [f64; 2] = [0.4, 1.5];
-/// Frames after which builds tell people apart.
-const TELLING: f64 = 15.0;
+/// Looks of their own after which builds tell people apart: half a second, and a little less, so that rounding decides
+/// nothing.
+const TELLING: f64 = 2.9;
 
 /// What is measured between evidence joints, and the bones that follow it.
 struct Segment {
@@ -68,7 +71,7 @@ const SEGMENTS: [Segment; 8] = [
 /// Running estimate of one person's bone lengths.
 #[derive(Debug, Clone)]
 pub struct Build {
-    /// Length of every segment as a share of the average person's of canonical stature, and frames behind it.
+    /// Length of every segment as a share of the average person's of canonical stature, and looks behind it.
     segments: [(f64, f64); SEGMENTS.len()],
     lengths: BoneLengths,
     stature: f64,
@@ -127,16 +130,18 @@ impl Build {
         self.stature
     }
 
-    /// Takes in joints where rays met, beside the pose that was fitted to them. A length is taken along the fitted
-    /// direction: noise across it, which would lengthen it, drops out.
+    /// Takes in joints where rays met, `dt` seconds after the last time, beside the pose that was fitted to them. A
+    /// length is taken along the fitted direction: noise across it, which would lengthen it, drops out.
     pub fn update(
         &mut self,
         skeleton: &Skeleton,
         joints: &[Option<DVec3>; EVIDENCE_JOINTS],
         posed: &Posed,
+        dt: f64,
     ) {
+        let look = (dt / CORRELATED).min(1.0);
         let fitted = posed.joints.map(Some);
-        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&mut self.segments) {
+        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&mut self.segments) {
             let own = self.lengths[segment.bones[0]] / skeleton.lengths()[segment.bones[0]];
             let each = segment.spans.iter().filter_map(|s| {
                 let (seen, f) = (span(joints, *s)?, span(&fitted, *s)?);
@@ -150,8 +155,8 @@ impl Build {
             if (share / *mean - 1.0).abs() > 0.35 || !(BELIEVED[0]..BELIEVED[1]).contains(&share) {
                 continue;
             }
-            *frames = (*frames + 1.0).min(MEMORY);
-            *mean += (share - *mean) / *frames;
+            *looks = (*looks + look).min(MEMORY);
+            *mean += (share - *mean) * look / *looks;
         }
         self.settle(skeleton);
     }
@@ -161,17 +166,16 @@ impl Build {
         let average = skeleton.lengths();
         let size = |s: &Segment| -> f64 { average[s.bones[0]] };
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&self.segments) {
-            let w = size(segment) * (frames + 0.1);
+        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&self.segments) {
+            let w = size(segment) * (looks + UNSEEN);
             sum += w * mean;
             weights += w;
         }
         let scale = sum / weights;
         self.lengths = average.map(|l| scale * l);
-        for (segment, (mean, frames)) in SEGMENTS.iter().zip(&self.segments) {
+        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&self.segments) {
             let prior = (FRAME_ERROR / (PRIOR_SPREAD * size(segment))).powi(2);
-            let seen = frames / CORRELATED_FRAMES;
-            let own = (prior * scale + seen * mean) / (prior + seen);
+            let own = (prior * scale + looks * mean) / (prior + looks);
             for &bone in segment.bones {
                 self.lengths[bone] = own * average[bone];
             }
@@ -195,6 +199,39 @@ impl Build {
 mod tests {
     use super::*;
     use crate::body::skeleton::Pose;
+
+    /// Somebody whose thighs are a tenth longer than average after `seconds` at a rate.
+    fn learned(fps: f64, seconds: f64) -> Build {
+        let s = Skeleton::builtin();
+        let mut truth = *s.lengths();
+        for bone in [9, 12] {
+            truth[bone] *= 1.1;
+        }
+        let (pose, mut posed) = (Pose::facing_camera(3.0), Posed::default());
+        s.pose(&pose, &truth, &mut posed);
+        let joints = std::array::from_fn(|j| Some(posed.joints[j]));
+        let mut build = Build::new(s, &joints, None);
+        for _ in 0..(seconds * fps).round() as u32 {
+            s.pose(&pose, build.lengths(), &mut posed);
+            build.update(s, &joints, &posed, 1.0 / fps);
+        }
+        build
+    }
+
+    #[test]
+    fn a_second_tells_the_same_at_any_rate() {
+        let thigh = |build: &Build| build.lengths()[9] / build.lengths()[10];
+        let [before, usual, after] = [0.0, 1.0, 20.0].map(|s| thigh(&learned(30.0, s)));
+        let share = (usual - before) / (after - before);
+        assert!((0.1..0.9).contains(&share), "{share}");
+        for fps in [240.0, 60.0, 10.0, 6.0] {
+            let found = (thigh(&learned(fps, 1.0)) - before) / (usual - before);
+            assert!((found - 1.0).abs() < 0.02, "{fps} fps: {found}");
+            let [early, late] = [0.3, 0.6].map(|s| learned(fps, s));
+            let telling = |b: &Build| b.difference(b).is_some();
+            assert!(!telling(&early) && telling(&late), "{fps} fps");
+        }
+    }
 
     #[test]
     fn stature_and_proportions_are_observed() {
@@ -225,7 +262,7 @@ mod tests {
             let build = build.get_or_insert_with(|| Build::new(s, &joints, None));
             let mut fitted = Posed::default();
             s.pose(&pose, build.lengths(), &mut fitted);
-            build.update(s, &joints, &fitted);
+            build.update(s, &joints, &fitted, 1.0 / 30.0);
         }
         let build = build.unwrap();
         let stature = s.stature(&truth);

@@ -3,7 +3,7 @@
 use super::person::Person;
 use crate::assignment::assign;
 use crate::fit::FitConfig;
-use crate::multiview::people::{ONE_VIEW, is_proven};
+use crate::multiview::people::{ONE_VIEW, PROOF, is_proven};
 
 /// Seconds without two views after which somebody without identity whom one view still sees is let go.
 const UNPROVEN: f64 = 0.4;
@@ -20,6 +20,13 @@ const MOST_REMEMBERED: usize = 64;
 struct Gone {
     person: Person,
     left_ns: u64,
+}
+
+impl Gone {
+    /// For how long they have been gone.
+    fn seconds(&self, now_ns: u64) -> f64 {
+        now_ns.saturating_sub(self.left_ns) as f64 * 1e-9
+    }
 }
 
 /// Identities: those in view, and those who left.
@@ -58,7 +65,7 @@ impl Identities {
         after_pause: bool,
         config: &FitConfig,
     ) {
-        let is_proven = |p: &Person| is_proven(p.proof, usize::MAX);
+        let is_proven = |p: &Person| is_proven(p.proof, PROOF);
         let ready: Vec<usize> = (0..present.len())
             .filter(|&k| {
                 let p = &present[k];
@@ -79,7 +86,7 @@ impl Identities {
                 costs.push(dissimilarity(&present[k], old, old.unseen, config));
             }
             for gone in &self.gone {
-                let seconds = now_ns.saturating_sub(gone.left_ns) as f64 * 1e-9;
+                let seconds = gone.seconds(now_ns);
                 costs.push(dissimilarity(&present[k], &gone.person, seconds, config));
             }
         }
@@ -90,16 +97,18 @@ impl Identities {
                 None => None,
                 Some(w) if w < missed.len() => {
                     from_present.push(missed[w]);
-                    Some(present[missed[w]].clone())
+                    let old = present[missed[w]].clone();
+                    Some((old.unseen, old))
                 }
                 Some(w) => {
                     let gone = w - missed.len();
                     from_gone.push(gone);
-                    Some(self.gone[gone].person.clone())
+                    let gone = &self.gone[gone];
+                    Some((gone.seconds(now_ns), gone.person.clone()))
                 }
             };
-            if let Some(old) = old {
-                present[k].succeed(old);
+            if let Some((seconds, old)) = old {
+                present[k].succeed(old, seconds);
             }
             if present[k].id == 0 && is_proven(&present[k]) {
                 present[k].id = self.next;
@@ -164,7 +173,8 @@ impl Identities {
             // Whoever is missed does not stand where somebody else is seen: they are the same, or one has left.
             if dissimilarity(&person, old, old.unseen, config) <= 1.0 {
                 std::mem::swap(old, &mut person);
-                old.succeed(person);
+                let unseen = person.unseen;
+                old.succeed(person, unseen);
             } else if person.id != 0 {
                 std::mem::swap(old, &mut person);
                 self.leave(person, now_ns);

@@ -22,7 +22,7 @@ use self::identity::Identities;
 use self::person::{Context, Person};
 use self::publish::write_body;
 use self::seen::Seen;
-use super::people::{REACH, closeness, groups};
+use super::people::{closeness, groups, reach};
 use super::sight::Sight;
 use super::world;
 use crate::assignment::Matcher;
@@ -40,8 +40,6 @@ pub use synchroniser::{FrameSet, LeftOut, Synchroniser};
 const RESTART_NS: u64 = 500_000_000;
 /// Shortest and longest step between instants, seconds.
 const STEP: [f64; 2] = [1e-3, 1.0];
-/// How much farther a person may have gone for every second that two views have missed them, metres, and at most.
-const ROAM: [f64; 2] = [1.5, 0.4];
 /// Share of a score that looks which differ in everything take away, and the difference that one person has anyway.
 const LOOKS: [f64; 2] = [0.6, 0.15];
 /// What a detection's fit to somebody without identity is worth beside one to somebody known.
@@ -202,7 +200,7 @@ impl LiveFit {
         for (v, (view, detections)) in self.views.iter().zip(seen).enumerate() {
             let mut scores = Vec::with_capacity(self.present.len() * detections.len());
             for (person, joints) in self.present.iter().zip(&expected) {
-                let reach = REACH + (ROAM[0] * person.apart).min(ROAM[1]);
+                let reach = reach(person.apart);
                 for detection in detections {
                     scores.push(detection.as_ref().map_or(0.0, |d| {
                         let near = closeness(view, &d.sight, joints, reach);

@@ -64,8 +64,8 @@ pub struct Person {
     pub build: Build,
     /// Remembered looks, one a view: cameras see colours differently.
     pub looks: Vec<Option<Appearance>>,
-    /// Instants at which three views or more agreed about them, and two.
-    pub proof: [usize; 2],
+    /// Seconds, from instant to instant, for which three views or more have agreed about them, and two.
+    pub proof: [f64; 2],
     /// Seconds since they were seen first.
     pub age: f64,
     /// Seconds since any view saw them.
@@ -96,7 +96,7 @@ impl Person {
             motion: Motion::default(),
             build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
             looks: seen.iter().map(|s| s.as_ref()?.looks).collect(),
-            proof: [0; 2],
+            proof: [0.0; 2],
             age: 0.0,
             unseen: 0.0,
             apart: 0.0,
@@ -106,7 +106,6 @@ impl Person {
         };
         person.restart(&seen, &joints, cx)?;
         person.settle(&seen, &joints, 0.0);
-        person.prove(seen.iter().flatten().count());
         Some(person)
     }
 
@@ -124,7 +123,7 @@ impl Person {
             motion: Motion::default(),
             build: Build::new(skeleton, &[None; EVIDENCE_JOINTS], None),
             looks: Vec::new(),
-            proof: [0; 2],
+            proof: [0.0; 2],
             age: 0.0,
             unseen: 0.0,
             apart: 0.0,
@@ -185,10 +184,10 @@ impl Person {
             let good: [Option<DVec3>; EVIDENCE_JOINTS] =
                 std::array::from_fn(|j| joints.points[j].filter(|_| joints.costs[j] < MET));
             if cx.config.height.is_none() {
-                self.build.update(skeleton, &good, &self.posed);
+                self.build.update(skeleton, &good, &self.posed, dt);
             }
             if is_body(&joints.points) {
-                self.prove(count);
+                self.proof[usize::from(count < 3)] += dt;
             }
         }
         for (own, seen) in self.looks.iter_mut().zip(&seen) {
@@ -222,17 +221,14 @@ impl Person {
         (count > 0).then(|| sum / f64::from(count))
     }
 
-    /// So many views agreed about them.
-    fn prove(&mut self, views: usize) {
-        self.proof[usize::from(views < 3)] += 1;
-    }
-
-    /// Takes over identity, proof, build and looks of somebody recognised.
-    pub fn succeed(&mut self, old: Self) {
+    /// Takes over identity, proof, build and looks of somebody recognised who was gone for so many seconds: that they
+    /// are here again is as good a proof as having been seen meanwhile.
+    pub fn succeed(&mut self, old: Self, gone: f64) {
         self.id = old.id;
         for (own, old) in self.proof.iter_mut().zip(old.proof) {
             *own += old;
         }
+        self.proof[1] += gone;
         self.age = self.age.max(old.age);
         self.build = old.build;
         for (own, old) in self.looks.iter_mut().zip(old.looks) {

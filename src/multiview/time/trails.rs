@@ -10,8 +10,8 @@ use crate::multiview::sight::{LIMB_PAIRS, Sight};
 const STRAY: f64 = 0.25;
 /// Shared joints under which two detections cannot be compared.
 const LEAST_SHARED: usize = 4;
-/// Frames for which somebody may be missed.
-const MISSED: usize = 3;
+/// Seconds for which somebody may be missed, and frames where that are more.
+const MISSED: (f64, usize) = (0.1, 3);
 /// Frames of the shortest path that tells anything.
 const SHORTEST: usize = 8;
 /// Standard deviation of the smoothing, frames. Both views are smoothed alike, else noise, which interpolation lessens,
@@ -96,8 +96,17 @@ struct Raw {
     joints: Vec<Joints>,
 }
 
+/// Frames for which somebody may be missed.
+fn missed(times: &[f64]) -> usize {
+    let ends = times.first().zip(times.last());
+    let steps = times.len().saturating_sub(1) as f64;
+    let rate = ends.map_or(0.0, |(first, last)| steps / (last - first));
+    ((MISSED.0 * rate).round() as usize).max(MISSED.1)
+}
+
 /// Follows everybody; `times` in seconds, rising.
 pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
+    let missed = missed(times);
     let mut matcher = Matcher::default();
     let (mut open, mut done): (Vec<Raw>, Vec<Raw>) = (Vec::new(), Vec::new());
     for (f, seen) in frames.iter().enumerate() {
@@ -105,7 +114,7 @@ pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
             .iter()
             .map(|s| s.rays.map(|r| Some(r?.plane)))
             .collect();
-        let is_open = |raw: &Raw| raw.frames.last().is_some_and(|l| f - l <= MISSED);
+        let is_open = |raw: &Raw| raw.frames.last().is_some_and(|l| f - l <= missed);
         let (still, over): (Vec<Raw>, Vec<Raw>) = open.into_iter().partition(is_open);
         open = still;
         done.extend(over);
@@ -140,7 +149,7 @@ pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
     done.extend(open);
     done.iter()
         .filter(|raw| raw.frames.len() >= SHORTEST)
-        .filter_map(|raw| smooth(times, raw))
+        .filter_map(|raw| smooth(times, raw, missed))
         .collect()
 }
 
@@ -171,7 +180,8 @@ fn like(before: &Joints, now: &Joints) -> Joints {
 }
 
 /// A line through every joint's places near each frame, weighted by a Gaussian: its value and its slope there.
-fn smooth(times: &[f64], raw: &Raw) -> Option<Trail> {
+/// `missed`: frames for which somebody may be missed.
+fn smooth(times: &[f64], raw: &Raw, missed: usize) -> Option<Trail> {
     let at: Vec<f64> = raw.frames.iter().map(|f| times[*f]).collect();
     let interval =
         (at[at.len() - 1] - at[0]) / (raw.frames[raw.frames.len() - 1] - raw.frames[0]) as f64;
@@ -185,7 +195,7 @@ fn smooth(times: &[f64], raw: &Raw) -> Option<Trail> {
     let mut trail = Trail {
         joints: vec![[None; EVIDENCE_JOINTS]; at.len()],
         speeds: vec![[None; EVIDENCE_JOINTS]; at.len()],
-        gap: (MISSED as f64 + 1.5) * interval,
+        gap: (missed as f64 + 1.5) * interval,
         times: at,
         size: typical,
         moving: 0,
@@ -272,4 +282,34 @@ fn size(joints: &Joints) -> f64 {
     }
     let size = (high - low).length();
     if size.is_finite() { size } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::View;
+    use crate::message::Observation;
+
+    #[test]
+    fn for_how_long_somebody_may_be_missed_goes_by_seconds() {
+        let mut seen = Observation::default();
+        for (k, joint) in seen.joints2d.iter_mut().enumerate() {
+            *joint = [400.0 + 20.0 * k as f32, 500.0 + 40.0 * k as f32, 0.9];
+        }
+        let sight = Sight::new(&View::around(0.0), &seen);
+        // Frames a second, frames without them, and whether they are the same before and after.
+        for (rate, away, goes_on) in [
+            (30.0, 2, true),
+            (30.0, 3, false),
+            (120.0, 11, true),
+            (120.0, 12, false),
+            (10.0, 2, true),
+        ] {
+            let times: Vec<f64> = (0..60).map(|k| f64::from(k) / rate).collect();
+            let mut frames = vec![vec![sight.clone()]; times.len()];
+            frames[20..20 + away].fill(Vec::new());
+            let found = trails(&times, &frames).len();
+            assert_eq!(found == 1, goes_on, "{away} frames at {rate}: {found}");
+        }
+    }
 }
