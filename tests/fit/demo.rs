@@ -35,6 +35,13 @@ fn observed(person: &TruthPerson) -> Observation {
     seen
 }
 
+/// Whether enough of somebody can be seen, or lies behind the own body, that a network would tell of them.
+fn is_findable(person: &TruthPerson) -> bool {
+    let evidence = person.visibility[..EVIDENCE_JOINTS].iter();
+    let is_there = |v: &&u8| matches!(**v, VISIBLE | SELF_OCCLUDED);
+    evidence.filter(is_there).count() >= 4
+}
+
 fn frame(truth: &Truth, at: &TruthFrame) -> ObservationFrame {
     let c = at.camera;
     let mut out = ObservationFrame {
@@ -50,7 +57,7 @@ fn frame(truth: &Truth, at: &TruthFrame) -> ObservationFrame {
         },
         ..ObservationFrame::default()
     };
-    for person in at.people.iter().filter(|p| p.findable(4)) {
+    for person in at.people.iter().filter(|p| is_findable(p)) {
         out.people[out.count as usize] = observed(person);
         out.count += 1;
     }

@@ -3,10 +3,11 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
+use std::sync::Mutex;
 
 use edgecap::camera::{Brown, View};
 use edgecap::lab::humaneva::archive::{CAMERAS, COCO_JOINTS, JOINTS, SIZE};
-use edgecap::lab::humaneva::{HumanEva, HumanEvaOptions, Spread, cameras, tables};
+use edgecap::lab::humaneva::{HumanEva, HumanEvaOptions, Spread, cameras, tables, tables_by};
 use edgecap::lab::multiview::own::{Walker, ring};
 use glam::{DVec2, DVec3};
 
@@ -173,6 +174,7 @@ fn cameras_and_people_of_small_archives_are_found() {
     let tables = tables(&data, options, &|_, _| ()).unwrap();
     assert_eq!(tables.lines.len(), 12);
     println!("{tables}");
+    assert!(!tables.to_string().contains("left out"));
     for line in &tables.lines {
         assert_eq!(line.pieces, 2);
         assert!(line.found > 0.9, "{line:?}");
@@ -180,6 +182,31 @@ fn cameras_and_people_of_small_archives_are_found() {
             assert!(line.limbs.unwrap().mean < 0.03, "{line:?}");
         }
     }
+}
+
+/// As in a build without weights.
+#[test]
+fn without_a_lifter_there_is_nothing_of_one_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let data = HumanEva::read(folder.path()).unwrap();
+    let heard = Mutex::new((0, 0));
+    let hear = |done: u64, of: u64| *heard.lock().unwrap() = (done, of);
+    let options = HumanEvaOptions {
+        least: 10,
+        most: 12,
+    };
+    let tables = tables_by(None, &data, options, &hear).unwrap();
+    let views: Vec<usize> = tables.lines.iter().map(|l| l.views).collect();
+    assert_eq!(views, [2, 2, 3, 3, 2, 2, 3, 3]);
+    let (done, of) = *heard.lock().unwrap();
+    assert_eq!(
+        (done, of),
+        (32, 32),
+        "four sets, two pieces, two sources, two ways"
+    );
+    let text = tables.to_string();
+    assert!(text.contains("One view is left out"), "{text}");
 }
 
 #[test]

@@ -390,6 +390,50 @@ fn a_folder_with_files_is_left_alone() {
 }
 
 #[test]
+fn truth_about_something_else_is_not_replaced_by_that_of_a_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let (clip, truth) = (
+        folder.path().join("clip.avi"),
+        folder.path().join("truth.json"),
+    );
+    let film = || {
+        synth(SynthArgs {
+            clip: Some(clip.clone()),
+            frames: 1,
+            people: 0,
+            stills: false,
+            ..arguments(folder.path())
+        })
+    };
+    film().unwrap();
+    film().expect("its own truth is made anew");
+    let own = Truth::load(&truth).unwrap();
+    // As it was written before truth named its clip.
+    let unnamed = Truth { clip: None, ..own };
+    let mut album = unnamed.clone();
+    album.frames[0].file = Some("000000.jpg".into());
+    let stills = Truth {
+        fps: 0.0,
+        ..unnamed.clone()
+    };
+    for foreign in [
+        "{\"mine\": 1}".to_owned(),
+        "no JSON".to_owned(),
+        album.to_text(),
+        stills.to_text(),
+    ] {
+        std::fs::write(&truth, &foreign).unwrap();
+        let said = film().unwrap_err().to_string();
+        assert!(said.contains("something else"), "{said}");
+        assert_eq!(std::fs::read_to_string(&truth).unwrap(), foreign);
+    }
+    std::fs::write(&truth, unnamed.to_text()).unwrap();
+    film().unwrap();
+    let named = Truth::load(&truth).unwrap().clip;
+    assert_eq!(named.as_deref(), Some("clip.avi"));
+}
+
+#[test]
 fn other_versions_are_refused() {
     let text = Truth {
         format: "edgecap-truth".into(),

@@ -73,6 +73,8 @@ def mupots(path: pathlib.Path, cells: np.ndarray, solid: str) -> dict[str, np.nd
         "positions_3d": p3,
         "positions_2d": p2,
         "valid": valid,
+        # Of its own people, not of those of the file with the most.
+        "partial": (valid == 0).any(1).astype(np.uint8),
         "imgname": np.array([f"{folder}/img_{i:06d}.jpg" for i in range(rows)]),
         "sequence": np.array([folder] * rows),
     }

@@ -27,6 +27,7 @@ PARENTS = [2, 16, 2, 3, 4, 2, 6, 7, 15, 9, 10, 15, 12, 13, 15, 15, 2]
 TRAVERSAL = [16, 2, 1, 17, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14]
 MATCHING = range(1, 14)
 PELVIS = 14
+SPINE = 15
 SCORED = 14
 BODY_JOINTS = 21
 # A man standing, millimetres, in the order of the test sets.
@@ -141,10 +142,14 @@ def crowd(edgecap: str, r: np.random.Generator) -> bool:
             scipy.io.savemat(mats[-1], {"annotations": cells}, do_compression=True)
         lines = [line(k, source, people) for k, (source, people) in enumerate(predicted.items())]
         report = measured(edgecap, folder, mats, lines)
+        with np.load(folder / "t.npz") as archive:
+            partial = archive["partial"].tolist()
+    # Where somebody of the sequence has no label, not where the other sequence has more people.
+    unlabelled = [int(any(not p["isValidFrame"] for p in people)) for frames in sequences.values() for people in frames]
     ours = {m["protocol"]: (m["pck150"], m["auc"], m["pck150_per_sequence"]) for m in report["mupots"]}
     theirs = reference(sequences, predicted)
     print("MuPoTS-3D", ours, theirs)
-    return all(np.allclose(ours[m], theirs[m], rtol=0, atol=1e-6) for m in theirs)
+    return partial == unlabelled and all(np.allclose(ours[m], theirs[m], rtol=0, atol=1e-6) for m in theirs)
 
 
 def write_73(path: pathlib.Path, arrays: dict[str, np.ndarray]) -> None:
@@ -159,7 +164,7 @@ def write_73(path: pathlib.Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def single(edgecap: str, r: np.random.Generator, training: bool, save=scipy.io.savemat) -> bool:
-    """MPI-INF-3DHP: every wrist 60 mm too near, and one frame that is not valid."""
+    """MPI-INF-3DHP: every wrist 60 mm too near, a spine 200 mm off, and one frame that is not valid. The set's 3DPCK has no spine."""
     frames = 6
     figures = np.stack([FIGURE + [0, 0, 4000 + 50 * i] for i in range(frames)])
     figures += r.normal(0, 10, figures.shape)
@@ -169,6 +174,7 @@ def single(edgecap: str, r: np.random.Generator, training: bool, save=scipy.io.s
         solid = np.tile(f[PELVIS], (BODY_JOINTS, 1))
         solid[:17] = f
         solid[[4, 7], 2] -= 60
+        solid[SPINE, 0] += 200
         found.append({"solid": solid, "flat": seen(f), "visible": np.ones(17, bool)})
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -200,7 +206,7 @@ def single(edgecap: str, r: np.random.Generator, training: bool, save=scipy.io.s
     pose = report["pose3d"]
     print("MPI-INF-3DHP", "training" if training else "test", pose)
     right = pose["people"] == pose["truth"] == people and pose["pck150"] == 1
-    return right and abs(pose["mpjpe_mm"] - 2 * 60 / joints) < 1e-3
+    return right and abs(pose["mpjpe_mm"] - (2 * 60 + 200) / joints) < 1e-3
 
 
 def main() -> None:

@@ -8,7 +8,7 @@
 
 Rows are the pictures, `SEQUENCE/image_00000.jpg`; the joints are SMPL's 24 in world axes, metres, with each picture's camera. An actor
 counts where the set says that the camera is right (`campose_valid`) and at least five of the 14 joints that both skeletons have lie in the
-picture; joints beyond its edge are unknown in 2D. Its files are Python 2 pickles, which are programs: only arrays are made of them here,
+picture; joints beyond its edge are unknown in 2D. Who passes by has no label in any picture (`partial`). Its files are Python 2 pickles, which are programs: only arrays are made of them here,
 and anything else that they ask for is refused.
 """
 
@@ -115,6 +115,7 @@ def convert(path: pathlib.Path) -> dict[str, np.ndarray]:
         "positions_3d": np.stack(solid, 1).astype(np.float32),
         "positions_2d": np.stack(flat, 1).astype(np.float32),
         "valid": np.stack(valid, 1).astype(np.uint8),
+        "partial": np.ones(n, np.uint8),
         "camera_pose": pose[:, :3].astype(np.float32),
         "camera_matrix": np.broadcast_to(camera.astype(np.float32), (n, 3, 3)),
         "imgname": np.array([f"{name}/image_{i:05d}.jpg" for i in frames]),

@@ -1,10 +1,20 @@
-//! What the build makes of the model that it is to embed.
+//! What the build makes of the model that it is to embed, and which commit it names.
 
 #[allow(dead_code, reason = "the rest is for Cargo")]
 #[path = "../../build.rs"]
 mod build;
 
-use build::checked;
+use build::{checked, commit};
+
+#[test]
+fn sources_without_a_repository_are_of_the_commit_that_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |named: Option<&str>| commit(folder.path(), named.map(str::to_owned));
+    assert_eq!(of(None), None);
+    assert_eq!(of(Some("")), None);
+    let named = "0123456789ab with changes";
+    assert_eq!(of(Some(named)).as_deref(), Some(named));
+}
 
 #[test]
 fn a_model_that_cannot_be_read_is_not_called_absent() {

@@ -215,6 +215,158 @@ fn the_program_lists_them_and_says_how_many() {
     assert_eq!(files, 2, "a check writes nothing");
 }
 
+/// Safetensors of a Stage II with this contract, all zeros.
+fn second_stage(contract: &Value) -> Vec<u8> {
+    let mut shapes: HashMap<String, Vec<usize>> = HashMap::new();
+    for (i, w) in [924, 16, 16, 16, 8, 63].windows(2).enumerate() {
+        shapes.insert(format!("fc{}.0.weight", i + 1), vec![w[1], w[0]]);
+        if i == 4 {
+            shapes.insert("fc5.0.bias".into(), vec![w[1]]);
+            continue;
+        }
+        for part in ["weight", "bias", "running_mean", "running_var"] {
+            shapes.insert(format!("fc{}.1.{part}", i + 1), vec![w[1]]);
+        }
+    }
+    file(&shapes, Some(contract))
+}
+
+#[test]
+fn a_check_says_which_file_is_wrong_and_where_its_contract_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let network = Network::shipped("selecsls42").unwrap();
+    let mut contract = template(&network);
+    std::fs::write(path("right"), file(&shapes(&network), Some(&contract))).unwrap();
+    contract["stride"] = json!(4);
+    std::fs::write(path("wrong"), file(&shapes(&network), Some(&contract))).unwrap();
+    let mut second = serde_json::to_value(Stage2Contract::template()).unwrap();
+    std::fs::write(path("right2"), second_stage(&second)).unwrap();
+    second["output"] = json!("17 x (x, y, z)");
+    std::fs::write(path("wrong2"), second_stage(&second)).unwrap();
+    std::fs::write(path("a.toml"), "max_peaks = 1000000").unwrap();
+    let check = |weights: &str, stage2: &str, association: Option<&str>| {
+        let (weights, stage2) = (path(weights), path(stage2));
+        let association = association.map(path);
+        let mut args = vec![
+            "model",
+            "import",
+            &weights,
+            "--arch",
+            "selecsls42",
+            "--check",
+        ];
+        args.extend(["--stage2", &stage2]);
+        if let Some(association) = &association {
+            args.extend(["--association", association]);
+        }
+        let out = edgecap(&args);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        (out.status.code().unwrap(), lines(&out.stdout).len(), said)
+    };
+    let (code, _, said) = check("right", "right2", None);
+    assert_eq!(code, 0, "{said}");
+    let (one, two) = ("contract --arch selecsls42`", "contract --stage2`");
+    let (code, listed, said) = check("right", "wrong2", None);
+    assert_eq!((code, listed), (65, 1), "{said}");
+    assert!(
+        said.contains("wrong2: expected weights of Stage II"),
+        "{said}"
+    );
+    assert!(said.contains(two) && !said.contains(one), "{said}");
+    let (code, listed, said) = check("wrong", "wrong2", None);
+    assert_eq!((code, listed), (65, 2), "{said}");
+    assert!(said.contains(two) && said.contains(one), "{said}");
+    // As an import ends there.
+    for (association, code, why) in [
+        ("a.toml", 78, "neck_threshold"),
+        ("none.toml", 66, "No such file"),
+    ] {
+        let (found, listed, said) = check("right", "right2", Some(association));
+        assert_eq!((found, listed), (code, 0), "{said}");
+        assert!(said.contains(association) && said.contains(why), "{said}");
+        assert!(!said.contains("model contract"), "{said}");
+        let (found, _, said) = check("wrong", "right2", Some(association));
+        assert_eq!(found, 65, "{said}");
+        assert!(said.contains(one) && said.contains(why), "{said}");
+    }
+}
+
+#[test]
+fn options_of_a_calibration_are_not_taken_without_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("m.ecm");
+    let weights = "models/weights/stage1.safetensors";
+    let import = ["model", "import", weights, "-o", to.to_str().unwrap()];
+    for option in [
+        "--pictures=3",
+        "--range=mse",
+        "--own-ranges=1",
+        "--no-bias-correction",
+        "--try-ranges",
+        "--width=64",
+        "--height=64",
+    ] {
+        let out = edgecap(&[&import[..], &[option]].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(64), "{option}: {said}");
+        assert!(said.contains("--calibrate"), "{option}: {said}");
+    }
+    assert!(!to.exists());
+}
+
+#[test]
+fn neither_a_network_s_description_nor_a_photo_is_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let network = Network::parse(SMALL).unwrap();
+    let bytes = file(&shapes(&network), Some(&template(&network)));
+    std::fs::write(path("w"), bytes).unwrap();
+    std::fs::write(path("small.toml"), SMALL).unwrap();
+    std::fs::create_dir(path("photos")).unwrap();
+    std::fs::copy("docs/demo.jpg", path("photos/0.jpg")).unwrap();
+    let [w, arch, photos, photo] = ["w", "small.toml", "photos", "photos/0.jpg"].map(path);
+    let of = ["--arch", &arch];
+    let import = ["model", "import", &w, "--calibrate", &photos];
+    let run = ["model", "run", &w, "--image", &photo];
+    for (args, option) in [
+        ([&import[..], &of, &["-o", &arch]].concat(), "--arch"),
+        ([&import[..], &of, &["-o", &photo]].concat(), "--calibrate"),
+        ([&run[..], &of, &["--npz", &arch]].concat(), "--arch"),
+    ] {
+        let out = edgecap(&args);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(64), "{said}");
+        assert!(said.contains(option), "{said}");
+    }
+    assert_eq!(std::fs::read_to_string(&arch).unwrap(), SMALL);
+    let before = std::fs::read("docs/demo.jpg").unwrap();
+    assert!(std::fs::read(&photo).unwrap() == before);
+}
+
+#[test]
+fn maps_without_a_place_are_told_before_the_network_runs() {
+    let run = [
+        "model",
+        "run",
+        "models/edgecap.ecm",
+        "--width=64",
+        "--height=64",
+    ];
+    for (image, npz) in [
+        ("none.jpg", "docs/demo.jpg/maps.npz"),
+        ("docs/demo.jpg", "/dev/full"),
+    ] {
+        let out = edgecap(&[&run[..], &["--image", image, "--npz", npz]].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(73), "{said}");
+        assert!(
+            said.contains(npz) && said.contains("cannot write"),
+            "{said}"
+        );
+    }
+}
+
 #[test]
 fn a_model_file_takes_another_second_stage_and_keeps_its_first() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::{network, read, text, tried};
+use super::{described, network, read, text, tried};
 use crate::commands::apart::Apart;
-use crate::commands::exit::Failure;
+use crate::commands::exit::{Failure, told};
 use crate::commands::{picture, say};
 use crate::config::Mistake;
+use crate::counted::counted;
 use crate::detect::AssociationConfig;
 use crate::engine::model::{Calibration, RangeChoice};
-use crate::engine::{CalibrationOptions, Model};
+use crate::engine::{CalibrationOptions, Model, ModelError};
 
 /// Pictures that ways of choosing ranges are tried on.
 const TRIAL_PICTURES: usize = 12;
@@ -37,27 +38,32 @@ pub struct Import {
     #[arg(long)]
     calibrate: Option<PathBuf>,
     /// At most this many pictures, evenly over the folder
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 64, requires = "calibrate", value_parser = clap::value_parser!(u32).range(1..))]
     pictures: u32,
     /// How ranges are chosen: max, mse or percentile:SHARE
-    #[arg(long, default_value_t = CalibrationOptions::default().choice)]
+    #[arg(long, default_value_t = CalibrationOptions::default().choice, requires = "calibrate")]
     range: RangeChoice,
     /// 0: one range for all channels of a layer; 1: a range of its own for each
-    #[arg(long, default_value_t = CalibrationOptions::default().own_ranges, value_parser = share)]
+    #[arg(
+        long,
+        default_value_t = CalibrationOptions::default().own_ranges,
+        requires = "calibrate",
+        value_parser = share
+    )]
     own_ranges: f32,
     /// Leave biases as they are instead of correcting the mean error of rounded weights
-    #[arg(long)]
+    #[arg(long, requires = "calibrate")]
     no_bias_correction: bool,
     /// Try ways of choosing ranges and take the one nearest to f32 on some of the pictures, whatever the three options
     /// above say
-    #[arg(long)]
+    #[arg(long, requires = "calibrate")]
     try_ranges: bool,
     /// Width that pictures are calibrated at; without it about their own, since enlarged pictures give other
     /// activations
-    #[arg(long)]
+    #[arg(long, requires = "calibrate")]
     width: Option<usize>,
     /// Height that pictures are calibrated at; without it about their own
-    #[arg(long)]
+    #[arg(long, requires = "calibrate")]
     height: Option<usize>,
     /// Write nothing; list everything that keeps these weights from being imported
     #[arg(long)]
@@ -84,6 +90,8 @@ pub fn import(a: &Import) -> Result<()> {
         .reads("WEIGHTS", &a.weights)
         .may_read("--stage2", a.stage2.as_deref())
         .may_read("--association", a.association.as_deref())
+        .may_read("--arch", described(&a.arch))
+        .may_read("--calibrate", a.calibrate.as_deref())
         .writes("--output", output)
         .check()?;
     let name = || a.weights.display().to_string();
@@ -164,7 +172,7 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
 /// What asks for another Stage I, or for nothing, of a model file.
 fn refuse_rounded(a: &Import) -> Result<()> {
     let name = a.weights.display();
-    if a.calibrate.is_some() || a.try_ranges {
+    if a.calibrate.is_some() {
         let why = format!(
             "expected float weights to calibrate, found {name}, whose weights are rounded: leave out --calibrate and \
              --try-ranges, or give the weights that it was made of"
@@ -194,41 +202,29 @@ fn check(a: &Import) -> Result<()> {
     let network = network(&a.arch)?;
     let name = || a.weights.display().to_string();
     let bytes = read(&a.weights)?;
-    let mut all = Vec::new();
+    let mut wrong = Vec::new();
     let is_whole = Model::is_model_file(&bytes).with_context(name)?;
     if is_whole {
         Model::from_bytes(&bytes).with_context(name)?;
         refuse_rounded(a)?;
     } else {
-        for e in Model::mismatches(&bytes, &network).with_context(name)? {
-            all.push(format!("{}: {e}", a.weights.display()));
-        }
+        let found = Model::mismatches(&bytes, &network).with_context(name)?;
+        let arch = format!("--arch {}", a.arch);
+        wrong.extend(listed(&a.weights, network.name(), &arch, &found));
     }
     if let Some(path) = &a.stage2 {
         let found = Model::stage2_mismatches(&read(path)?);
-        for e in found.with_context(|| path.display().to_string())? {
-            all.push(format!("{}: {e}", path.display()));
-        }
+        let found = found.with_context(|| path.display().to_string())?;
+        wrong.extend(listed(path, "Stage II", "--stage2", &found));
     }
-    if let Some(path) = &a.association {
-        all.extend(association(path).err().map(|e| e.to_string()));
+    let association = a.association.as_ref().map(|path| association(path));
+    match association.transpose() {
+        Err(e) if wrong.is_empty() => return Err(e),
+        Err(e) => wrong.push(told(&e)),
+        Ok(_) => {}
     }
-    for line in &all {
-        say::out(line);
-    }
-    if !all.is_empty() {
-        let what = match all.len() {
-            1 => "1 mismatch".into(),
-            n => format!("{n} mismatches"),
-        };
-        return Err(Failure::data(format!(
-            "{}: expected weights of {}, found {what}, listed above; `edgecap model contract --arch {}` prints what their \
-             metadata must say",
-            a.weights.display(),
-            network.name(),
-            a.arch
-        ))
-        .into());
+    if !wrong.is_empty() {
+        return Err(Failure::data(wrong.join("; ")).into());
     }
     if is_whole {
         say::out(&format!(
@@ -247,6 +243,22 @@ fn check(a: &Import) -> Result<()> {
         network.name()
     ));
     Ok(())
+}
+
+/// Lists what keeps a file of weights from being imported: what to say of all of it, `None` where there is nothing.
+/// `kind` is what `model contract` is to be asked for.
+fn listed(path: &Path, whose: &str, kind: &str, found: &[ModelError]) -> Option<String> {
+    let path = path.display();
+    for e in found {
+        say::out(&format!("{path}: {e}"));
+    }
+    let count = counted(found.len() as u64, "mismatch", "mismatches");
+    (!found.is_empty()).then(|| {
+        format!(
+            "{path}: expected weights of {whose}, found {count}, listed above; `edgecap model contract {kind}` prints \
+             what their metadata must say"
+        )
+    })
 }
 
 /// The median of pictures' sides in multiples of `multiple`, at most `most` or, where that is none, the next one.

@@ -2,6 +2,7 @@
 
 mod import;
 
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -9,7 +10,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::apart::Apart;
 use super::exit::Failure;
-use super::pipeline::association;
+use super::pipeline::{association, usual};
 use super::{picture, say};
 use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
@@ -18,7 +19,7 @@ use crate::engine::{
 };
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
-use crate::output;
+use crate::output::AtomicFile;
 
 /// Arguments of `edgecap model`.
 #[derive(Debug, Args)]
@@ -70,12 +71,12 @@ struct RunOne {
     /// Network of safetensors
     #[arg(long, default_value = "selecsls")]
     arch: String,
-    /// Network input, pixels across
-    #[arg(long, default_value_t = 512)]
-    width: usize,
-    /// Network input, pixels down
-    #[arg(long, default_value_t = 320)]
-    height: usize,
+    /// Network input, pixels across [default: 512, or what the network takes next to it]
+    #[arg(long)]
+    width: Option<usize>,
+    /// Network input, pixels down [default: 320, or what the network takes next to it]
+    #[arg(long)]
+    height: Option<usize>,
     /// Threads
     #[arg(
         long,
@@ -109,11 +110,16 @@ fn open(path: Option<&Path>) -> Result<Model> {
     }
 }
 
+/// The file that describes a network, where `--arch` names one.
+fn described(arch: &str) -> Option<&Path> {
+    arch.ends_with(".toml").then(|| Path::new(arch))
+}
+
 fn network(arch: &str) -> Result<Network> {
-    if !arch.ends_with(".toml") {
+    let Some(path) = described(arch) else {
         return Ok(Network::shipped(arch)?);
-    }
-    let text = text(Path::new(arch))?;
+    };
+    let text = text(path)?;
     match Network::parse(&text) {
         Err(NetworkError::Syntax(e)) => Err(Mistake::refused(arch, &text, &e).into()),
         parsed => parsed.with_context(|| arch.to_owned()),
@@ -275,8 +281,12 @@ fn run(a: &RunOne) -> Result<()> {
     Apart::default()
         .reads("MODEL", &a.model)
         .reads("--image", &a.image)
+        .may_read("--arch", described(&a.arch))
         .writes("--npz", &a.npz)
         .check()?;
+    // Before work that could not be kept.
+    let unwritten = |e: io::Error| Failure::output(&a.npz, &e);
+    let mut file = AtomicFile::create(&a.npz).map_err(unwritten)?;
     let model = Model::open_any(&a.model, network(&a.arch)?)
         .with_context(|| a.model.display().to_string())?;
     let precision = match a.precision {
@@ -294,20 +304,28 @@ fn run(a: &RunOne) -> Result<()> {
         Precision::Int8 => model.quantise(None)?,
         Precision::F32 => model,
     };
+    let usual = usual(&[model.network().input().multiple]);
+    let (width, height) = (
+        a.width.unwrap_or(usual.width),
+        a.height.unwrap_or(usual.height),
+    );
     let options = EngineOptions {
-        width: a.width,
-        height: a.height,
+        width,
+        height,
         threads: a.threads.into(),
         precision,
-        ..EngineOptions::default()
+        ..usual
     };
     let mut engine = Engine::new(&model, options)?;
-    let picture = picture::letterboxed(&picture::upright(&a.image)?, (a.width, a.height));
-    write_maps(engine.run(&picture), &a.npz)
+    let picture = picture::letterboxed(&picture::upright(&a.image)?, (width, height));
+    let bytes = archive(engine.run(&picture));
+    let written = bytes.and_then(|bytes| file.write_all(&bytes));
+    written.and_then(|()| file.finish()).map_err(unwritten)?;
+    Ok(())
 }
 
 /// Channel-first copies of the maps.
-fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
+fn archive(maps: &Maps) -> io::Result<Vec<u8>> {
     let (h, w) = (maps.height, maps.width);
     let planes = |map: &[f32], channels: std::ops::Range<usize>| -> Vec<f32> {
         let stride = map.len() / (h * w);
@@ -329,6 +347,4 @@ fn write_maps(maps: &Maps, path: &Path) -> Result<()> {
         data: npz::Values::F32(data),
     });
     npz::write(&arrays)
-        .and_then(|bytes| output::write(path, &bytes))
-        .with_context(|| format!("cannot write {}", path.display()))
 }

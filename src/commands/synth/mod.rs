@@ -1,5 +1,6 @@
 //! `edgecap synth`: renders synthetic people with exact truth.
 
+mod strip;
 mod views;
 
 use std::io::Write;
@@ -10,6 +11,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
 
+use self::strip::render;
 use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
@@ -19,9 +21,6 @@ use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
 use crate::lab::synth::{Truth, TruthFrame};
 use crate::output::{AtomicFile, AtomicFolder};
-
-/// Frames rendered before they are written: bounds memory, keeps every core busy.
-const BATCH: u64 = 32;
 
 /// File type of single pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -250,15 +249,18 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
     if !truth.exists() {
         return Ok(());
     }
-    let of = Truth::load(truth).ok().and_then(|t| t.clip);
-    let is_own = match &of {
+    let known = Truth::load(truth).ok();
+    // Stills have no rate, and pictures of a folder have files of their own.
+    let is_of_a_clip = |t: &Truth| t.fps > 0.0 && t.frames.iter().all(|f| f.file.is_none());
+    let is_own = known.as_ref().is_some_and(|t| match &t.clip {
         Some(of) => *of == name(clip),
         // It may be of the clip that is there.
-        None => clip.exists(),
-    };
+        None => clip.exists() && is_of_a_clip(t),
+    });
     if is_own {
         return Ok(());
     }
+    let of = known.and_then(|t| t.clip);
     let of = of.unwrap_or_else(|| "something else".to_owned());
     Err(Failure::exists(format!(
         "{}: expected a place for the truth about {}, found that about {of}; choose another folder, or --out",
@@ -268,7 +270,7 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
     .into())
 }
 
-/// Writes a clip and its truth.
+/// Writes a clip and its truth, both as far as one file has room.
 fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
     let truth_path = match &args.out {
         Some(folder) => folder.join("truth.json"),
@@ -283,31 +285,19 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
     let no_truth = |e: std::io::Error| Failure::output(&truth_path, &e);
     let mut clip = AtomicFile::create(file).map_err(no_clip)?;
     let mut text = AtomicFile::create(&truth_path).map_err(no_truth)?;
-    let mut frames = Vec::with_capacity(args.frames as usize);
     let mut avi =
         AviWriter::new(&mut clip, args.width, args.height, (args.fps, 1)).map_err(no_clip)?;
-    let mut first = 0;
-    while first < args.frames {
-        let next = (first + BATCH).min(args.frames);
-        let batch = (first..next)
-            .into_par_iter()
-            .map(|k| {
-                let shot = shot(k);
-                Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
-            })
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        for (picture, known) in batch {
-            avi.write_jpeg(&picture).map_err(no_clip)?;
-            frames.push(known);
-        }
-        first = next;
-    }
+    let one = |k: u64| {
+        let shot = shot(k);
+        Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
+    };
+    let (frames, room) = render(args.frames, Some(&mut avi), one, no_clip)?;
     avi.finish().map_err(no_clip)?;
     text.write_all(truth(args, Some(file), frames).to_text().as_bytes())
         .map_err(no_truth)?;
     clip.finish().map_err(no_clip)?;
     text.finish().map_err(no_truth)?;
-    Ok(())
+    room.ended(file)
 }
 
 fn jpeg(frame: &Frame, quality: u8) -> anyhow::Result<Vec<u8>> {

@@ -9,7 +9,8 @@ use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use super::{BATCH, SynthArgs, expect_empty, jpeg, truth};
+use super::strip::{Room, render};
+use super::{SynthArgs, expect_empty, jpeg, truth};
 use crate::camera::calibration::write_pose2sim;
 use crate::capture::AviWriter;
 use crate::commands::exit::Failure;
@@ -22,7 +23,7 @@ use crate::lab::synth::world::{FORMAT, VERSION, WorldTruth};
 use crate::output::AtomicFolder;
 use crate::record::{Format, ObservationsRow, RecordWriter};
 
-/// Writes the folder, which appears only when it is complete.
+/// Writes the folder, which appears only when it is complete: all views as far as the film of one before has room.
 pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Result<()> {
     expect_empty(out)?;
     let size = (args.width, args.height);
@@ -32,30 +33,28 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
     let failed = |e: io::Error| Failure::output(out, &e);
     let at = |name: &str| folder.beside().join(name);
     std::fs::write(at("Calib.toml"), write_pose2sim(&studio.views())).map_err(failed)?;
-    let world = WorldTruth {
-        format: FORMAT.to_owned(),
-        version: VERSION,
-        seed: args.seed,
-        fps,
-        frames: (0..args.frames).map(|k| studio.world(k)).collect(),
-    };
-    std::fs::write(at("world.json"), serde_json::to_vec(&world)?).map_err(failed)?;
     let shown = args.masks || !args.truth_only;
     if shown {
         studio.prepare();
     }
     let bar = ProgressBar::new(args.frames * views as u64);
+    let (mut wanted, mut longest) = (args.frames, 0);
+    let mut ended = Ok(());
     for view in 0..views {
         let camera = name(view);
         // Named also where it is not made: frame numbers of one camera's truth are no other one's.
         let clip = format!("{camera}.avi");
         let frames = if shown {
             let reel = Reel::of(studio.seen_by(view));
-            film(args, folder.beside(), &camera, &reel, &bar)?
+            let (frames, room) = film(args, folder.beside(), &camera, (&reel, wanted), &bar)?;
+            ended = ended.and(room.ended(&out.join(&clip)));
+            frames
         } else {
-            let frames = (0..args.frames).into_par_iter();
+            let frames = (0..wanted).into_par_iter();
             frames.map(|k| studio.outline(view, k)).collect()
         };
+        wanted = frames.len() as u64;
+        longest = wanted.max(longest);
         if args.observed {
             let path = at(&format!("{camera}.jsonl"));
             observe(args, &path, (view, &clip), &frames)?;
@@ -63,19 +62,27 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
         let text = truth(args, Some(Path::new(&clip)), frames).to_text();
         std::fs::write(at(&format!("{camera}.truth.json")), text).map_err(failed)?;
     }
+    let world = WorldTruth {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        seed: args.seed,
+        fps,
+        frames: (0..longest).map(|k| studio.world(k)).collect(),
+    };
+    std::fs::write(at("world.json"), serde_json::to_vec(&world)?).map_err(failed)?;
     bar.finish_and_clear();
     folder.finish().map_err(failed)?;
-    Ok(())
+    ended
 }
 
-/// One camera's film and masks, as far as they are wanted, and the truth about them.
+/// One camera's film and masks, so many frames and as far as they are wanted, and the truth about them.
 fn film(
     args: &SynthArgs,
     folder: &Path,
     camera: &str,
-    reel: &Reel,
+    (reel, wanted): (&Reel, u64),
     bar: &ProgressBar,
-) -> anyhow::Result<Vec<TruthFrame>> {
+) -> anyhow::Result<(Vec<TruthFrame>, Room)> {
     let path = folder.join(format!("{camera}.avi"));
     let failed = |e: io::Error| Failure::output(&path, &e);
     let mut avi = if args.truth_only {
@@ -90,41 +97,30 @@ fn film(
         std::fs::create_dir_all(&masks).map_err(failed)?;
     }
     let ids: Vec<u8> = (1..=args.people as u8).collect();
-    let mut frames = Vec::with_capacity(args.frames as usize);
-    let mut first = 0;
-    while first < args.frames {
-        let next = (first + BATCH).min(args.frames);
-        let batch = (first..next)
-            .into_par_iter()
-            .map(|k| {
-                let (picture, survey, known) = if args.truth_only {
-                    let (survey, known) = reel.survey(k);
-                    (Vec::new(), survey, known)
-                } else {
-                    let shot = reel.shot(k);
-                    let picture = jpeg(&shot.frame, args.quality.unwrap_or(60))?;
-                    (picture, shot.picture.survey, shot.truth)
-                };
-                if args.masks {
-                    let path = masks.join(format!("{k:06}.png"));
-                    mask(args, &survey, &ids, &path)?;
-                }
-                bar.inc(1);
-                Ok((picture, known))
-            })
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        for (picture, known) in batch {
-            if let Some(avi) = &mut avi {
-                avi.write_jpeg(&picture).map_err(failed)?;
-            }
-            frames.push(known);
+    let mask_of = |k: u64| masks.join(format!("{k:06}.png"));
+    let one = |k: u64| {
+        let (picture, survey, known) = if args.truth_only {
+            let (survey, known) = reel.survey(k);
+            (Vec::new(), survey, known)
+        } else {
+            let shot = reel.shot(k);
+            let picture = jpeg(&shot.frame, args.quality.unwrap_or(60))?;
+            (picture, shot.picture.survey, shot.truth)
+        };
+        if args.masks {
+            mask(args, &survey, &ids, &mask_of(k))?;
         }
-        first = next;
-    }
+        bar.inc(1);
+        Ok((picture, known))
+    };
+    let (frames, room) = render(wanted, avi.as_mut(), one, failed)?;
     if let Some(avi) = avi {
         avi.finish().map_err(failed)?;
     }
-    Ok(frames)
+    for k in room.beyond().filter(|_| args.masks) {
+        std::fs::remove_file(mask_of(k)).map_err(failed)?;
+    }
+    Ok((frames, room))
 }
 
 fn mask(args: &SynthArgs, survey: &Survey, ids: &[u8], path: &Path) -> anyhow::Result<()> {

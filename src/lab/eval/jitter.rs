@@ -9,18 +9,18 @@ use super::geometry::{Point, minus, norm, plus};
 /// Joints of one track at one time.
 type Sample = (u64, f64, [Point; BODY_JOINTS]);
 
-/// Gathers tracks frame by frame.
+/// Gathers tracks frame by frame; each is known by a key.
 #[derive(Debug, Clone, Default)]
-pub struct Jitter {
-    tracks: BTreeMap<u64, Vec<Sample>>,
+pub struct Jitter<K> {
+    tracks: BTreeMap<K, Vec<Sample>>,
     sum: f64,
     count: usize,
 }
 
-impl Jitter {
+impl<K: Ord> Jitter<K> {
     /// Adds one person: frame index, time in seconds, joints in metres. Frames of a track come in order; a gap starts
     /// it anew, as do equal times.
-    pub fn add(&mut self, track: u64, frame: u64, seconds: f64, joints: &[[f64; 3]; BODY_JOINTS]) {
+    pub fn add(&mut self, track: K, frame: u64, seconds: f64, joints: &[[f64; 3]; BODY_JOINTS]) {
         let samples = self.tracks.entry(track).or_default();
         if samples
             .last()

@@ -15,7 +15,6 @@ pub struct Pck {
     hits: [usize; EVIDENCE_JOINTS],
     labels: [usize; EVIDENCE_JOINTS],
     people: usize,
-    missed: usize,
 }
 
 impl Pck {
@@ -26,7 +25,6 @@ impl Pck {
             hits: [0; EVIDENCE_JOINTS],
             labels: [0; EVIDENCE_JOINTS],
             people: 0,
-            missed: 0,
         }
     }
 
@@ -37,7 +35,6 @@ impl Pck {
             return false;
         };
         self.people += 1;
-        self.missed += usize::from(predicted.is_none());
         for k in truth.points.iter().filter(|k| k.is_labelled()) {
             let Some(j) = k.joint else { continue };
             self.labels[j] += 1;
@@ -51,11 +48,6 @@ impl Pck {
     /// People counted.
     pub fn people(&self) -> usize {
         self.people
-    }
-
-    /// People for whom there was no prediction at all.
-    pub fn missed(&self) -> usize {
-        self.missed
     }
 
     /// Share of correct joints over all labels; 0 without any.

@@ -1,6 +1,6 @@
 //! Errors of 3D joints: MPJPE, N-MPJPE, PA-MPJPE, 3DPCK@150, AUC.
 
-use edgecap_client::joints::{BODY_JOINTS, PELVIS};
+use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
@@ -62,8 +62,9 @@ pub fn align_similarity(from: &[[f64; 3]], to: &[[f64; 3]]) -> Vec<[f64; 3]> {
 pub struct PoseErrors {
     /// Root-aligned.
     pub aligned: Vec<f64>,
-    /// The same without the pelvis, which has no error when both are aligned by it.
-    pub limbs: Vec<f64>,
+    /// The same of the evidence joints alone, which are those of 3DPCK and AUC in MPI-INF-3DHP's own tool
+    /// (`mpii_get_pck_auc_joint_groups`): head top, neck and limbs.
+    pub evidence: Vec<f64>,
     /// Root-aligned, the prediction scaled about its pelvis as suits the truth best (least squares; Rhodin et al., CVPR
     /// 2018): what is left when somebody's size does not count.
     pub scaled: Vec<f64>,
@@ -72,9 +73,11 @@ pub struct PoseErrors {
 }
 
 impl PoseErrors {
-    /// Whether the truth tells enough to have errors: a pelvis, and four joints to turn and scale by.
+    /// Whether the truth tells enough to have errors: a pelvis, and four joints to turn and scale by, one of them an
+    /// evidence joint.
     pub fn can_be(truth: &[Option<[f64; 3]>; BODY_JOINTS]) -> bool {
-        truth[PELVIS].is_some() && truth.iter().flatten().count() >= 4
+        let known = |joints: &[Option<[f64; 3]>]| joints.iter().flatten().count();
+        truth[PELVIS].is_some() && known(truth) >= 4 && known(&truth[..EVIDENCE_JOINTS]) > 0
     }
 
     /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` where they
@@ -92,12 +95,11 @@ impl PoseErrors {
             }
         }
         let aligned = distances(&t, &p);
-        let pelvis = truth[..PELVIS].iter().flatten().count();
-        let mut limbs = aligned.clone();
-        limbs.remove(pelvis);
+        // They come first in the order of the joints.
+        let evidence = truth[..EVIDENCE_JOINTS].iter().flatten().count();
         Some(Self {
+            evidence: aligned[..evidence].to_vec(),
             aligned,
-            limbs,
             scaled: distances(&t, &scaled(&p, &t)),
             procrustes: distances(&t, &align_similarity(&p, &t)),
         })
@@ -136,7 +138,7 @@ pub struct Pose3d {
     pub n_mpjpe_mm: f64,
     /// The same after similarity Procrustes.
     pub pa_mpjpe_mm: f64,
-    /// Share of joints but the pelvis within 150 mm, root-aligned.
+    /// Share of evidence joints within 150 mm, root-aligned.
     pub pck150: f64,
     /// Mean of that share over thresholds 0:5:150 mm.
     pub auc: f64,
@@ -155,7 +157,7 @@ impl Pose3d {
         roots: &[f64],
     ) -> Option<Self> {
         let aligned: Vec<f64> = people.iter().flat_map(|e| e.aligned.clone()).collect();
-        let limbs: Vec<f64> = people.iter().flat_map(|e| e.limbs.clone()).collect();
+        let evidence: Vec<f64> = people.iter().flat_map(|e| e.evidence.clone()).collect();
         let same_size: Vec<f64> = canonical.iter().flat_map(|e| e.aligned.clone()).collect();
         let scaled: Vec<f64> = people.iter().flat_map(|e| e.scaled.clone()).collect();
         let turned: Vec<f64> = people.iter().flat_map(|e| e.procrustes.clone()).collect();
@@ -167,8 +169,8 @@ impl Pose3d {
             canonical_mpjpe_mm: (!same_size.is_empty()).then(|| 1e3 * mean(&same_size)),
             n_mpjpe_mm: 1e3 * mean(&scaled),
             pa_mpjpe_mm: 1e3 * mean(&turned),
-            pck150: correct(&limbs),
-            auc: area_under_curve(&limbs),
+            pck150: correct(&evidence),
+            auc: area_under_curve(&evidence),
             root_mm: (!roots.is_empty()).then(|| 1e3 * mean(roots)),
         })
     }

@@ -30,6 +30,9 @@ pub struct RecallRow {
 /// A picture's similarities and truth, and network input pixels per pixel where its size is known.
 pub(super) type Picture<'a> = (&'a ImageOks, &'a [TruthPerson], Option<f64>);
 
+/// Which people are asked for, by who they are and the picture's scale.
+pub(super) type Asked<'a> = &'a dyn Fn(&TruthPerson, Option<f64>) -> bool;
+
 /// Labelled evidence joints.
 pub(super) fn labelled(t: &TruthPerson) -> usize {
     let points = t.points.iter();
@@ -38,12 +41,12 @@ pub(super) fn labelled(t: &TruthPerson) -> usize {
         .count()
 }
 
-/// Rows of height, network input pixels, of people with enough joints; pictures of unknown size are left out.
-pub(super) fn by_height(pictures: &[Picture], min_joints: usize) -> Vec<RecallRow> {
+/// Rows of height, network input pixels, of people who are asked for; pictures of unknown size are left out.
+pub(super) fn by_height(pictures: &[Picture], asked: Asked<'_>) -> Vec<RecallRow> {
     rows(&HEIGHTS, |from, to| {
         let counts = |t: &TruthPerson, scale: Option<f64>| {
             let height = scale.map(|s| t.height() * s);
-            labelled(t) >= min_joints && height.is_some_and(|h| (from..to).contains(&h))
+            asked(t, scale) && height.is_some_and(|h| (from..to).contains(&h))
         };
         find_people(pictures.iter().copied(), FOUND, &counts)
     })
@@ -57,15 +60,14 @@ pub(super) fn by_joints(pictures: &[Picture]) -> Vec<RecallRow> {
     })
 }
 
-/// Rows of people in the picture, of people with enough joints.
-pub(super) fn by_company(pictures: &[Picture], min_joints: usize) -> Vec<RecallRow> {
-    let counts = |t: &TruthPerson, _| labelled(t) >= min_joints;
+/// Rows of people in the picture, of people who are asked for.
+pub(super) fn by_company(pictures: &[Picture], asked: Asked<'_>) -> Vec<RecallRow> {
     rows(&COMPANY, |from, to| {
         let some = pictures.iter().copied().filter(|(image, ..)| {
             let people = image.ignored.iter().filter(|i| !**i).count();
             (from..to).contains(&(people as f64))
         });
-        find_people(some, FOUND, &counts)
+        find_people(some, FOUND, asked)
     })
 }
 

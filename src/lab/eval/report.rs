@@ -75,13 +75,14 @@ pub struct Report {
     pub recall_by_joints: Vec<RecallRow>,
     /// Recall at OKS 0.5 by people in the picture.
     pub recall_by_company: Vec<RecallRow>,
-    /// PCK@0.2 of the torso over all labelled joints; a person who was not found has all joints wrong.
+    /// PCK@0.2 of the torso over all labelled joints; a person who is not matched at OKS 0.1 or more has all joints
+    /// wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pck: Option<f64>,
     /// The same, joint by joint.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pck_per_joint: Vec<(&'static str, Option<f64>)>,
-    /// 3D errors of the found.
+    /// 3D errors of everybody who is matched from OKS 0.1 on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose3d: Option<Pose3d>,
     /// MuPoTS-3D's protocol.
@@ -93,7 +94,7 @@ pub struct Report {
     /// Mean acceleration of predicted joints, m/s²; of observations at 1.70 m, which is their stature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<f64>,
-    /// Mean acceleration of true joints over the same time and at the same size, m/s².
+    /// Mean acceleration of true joints at the same size, m/s², over as long as a predicted track lies on one person.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub true_motion: Option<f64>,
 }
@@ -150,25 +151,24 @@ pub fn evaluate(
             .iter()
             .map(|s| (&s.image, &s.truth.people[..], s.scale))
             .collect();
+        let tall = |t: &TruthPerson, scale: Option<f64>| {
+            options.min_height <= 0.0 || scale.is_some_and(|s| t.height() * s >= options.min_height)
+        };
+        let asked = |t: &TruthPerson, scale: Option<f64>| {
+            labelled(t) >= options.min_joints && tall(t, scale)
+        };
         // Where nobody reported can be wrong, precision says nothing.
         if truth.frames.iter().any(|f| !f.partial) {
             let images: Vec<ImageOks> = scenes.iter().map(|s| s.image.clone()).collect();
             report.coco = Some(average_precision(&images));
             for least in [0.3, 0.5, 0.75] {
-                let tall = |t: &TruthPerson, scale: Option<f64>| {
-                    options.min_height <= 0.0
-                        || scale.is_some_and(|s| t.height() * s >= options.min_height)
-                };
-                let counts = |t: &TruthPerson, scale: Option<f64>| {
-                    labelled(t) >= options.min_joints && tall(t, scale)
-                };
-                let found = find_people(pictures.iter().copied(), least, &counts);
+                let found = find_people(pictures.iter().copied(), least, &asked);
                 report.finding.push(found);
             }
         }
-        report.recall_by_height = recall::by_height(&pictures, options.min_joints);
+        report.recall_by_height = recall::by_height(&pictures, &asked);
         report.recall_by_joints = recall::by_joints(&pictures);
-        report.recall_by_company = recall::by_company(&pictures, options.min_joints);
+        report.recall_by_company = recall::by_company(&pictures, &asked);
     }
     points(&scenes, &mut report);
     if scenes
@@ -396,8 +396,8 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
 }
 
 /// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where
-/// the predictions have none. Observations are compared relative to the pelvis and at their size, bodies in camera
-/// space.
+/// the predictions have none, and the truth begins anew where the predicted track does. Observations are compared
+/// relative to the pelvis and at their size, bodies in camera space.
 fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
     let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
     for s in scenes {
@@ -417,7 +417,7 @@ fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
             let moved = |j: [f64; 3]| minus(j, root).map(|x| x * scale);
             let whole: Option<Vec<[f64; 3]>> = joints.iter().map(|j| j.map(moved)).collect();
             if let Some(whole) = whole.and_then(|w| w.try_into().ok()) {
-                truth.add(id, frame.frame, seconds, &whole);
+                truth.add((id, track), frame.frame, seconds, &whole);
             }
         }
     }

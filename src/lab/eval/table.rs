@@ -102,7 +102,8 @@ impl Report {
 
     fn solid(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(p) = &self.pose3d {
-            row(f, "3D people found", format!("{} of {}", p.people, p.truth))?;
+            let matched = format!("{} of {}", p.people, p.truth);
+            row(f, "3D people matched from OKS 0.10 on", matched)?;
             let each = p.joints as f64 / p.people as f64;
             let text = format!("{:.1} mm of {each:.0} joints, the pelvis too", p.mpjpe_mm);
             row(f, "  MPJPE", text)?;

@@ -16,4 +16,4 @@ mod trial;
 pub use archive::{FILES, HumanEva, HumanEvaError, Piece};
 pub use cameras::{FittedCamera, resect};
 pub use report::{CameraLine, HumanEvaTables, Line, Spread};
-pub use tables::{HumanEvaOptions, tables};
+pub use tables::{HumanEvaOptions, tables, tables_by};

@@ -72,6 +72,8 @@ pub struct HumanEvaTables {
     pub cameras: Vec<CameraLine>,
     /// Pieces with fewer frames were left out.
     pub least: usize,
+    /// Whether what one camera sees could be lifted; without it there are no experiments of one camera.
+    pub is_lifted: bool,
     /// Experiments.
     pub lines: Vec<Line>,
 }
@@ -115,6 +117,12 @@ impl Display for HumanEvaTables {
                 mm(l.named_aligned),
                 mm(l.mapped),
                 mm(l.mapped_aligned)
+            )?;
+        }
+        if !self.is_lifted {
+            writeln!(
+                f,
+                "\nOne view is left out: this build has no weights of Stage II, which lift what it sees."
             )?;
         }
         Ok(())

@@ -11,6 +11,7 @@ use super::compare::{Distances, Offsets, Pair};
 use super::report::{CameraLine, HumanEvaTables, Line, Spread};
 use super::trial::{Source, found, lifter};
 use crate::camera::View;
+use crate::lift::Lifter;
 
 /// Cameras that are used together; those of one number are one line.
 const SETS: [&[usize]; 7] = [&[0], &[1], &[2], &[0, 1], &[0, 2], &[1, 2], &[0, 1, 2]];
@@ -53,7 +54,8 @@ struct Outcome {
     pairs: Vec<Pair>,
 }
 
-/// Finds the cameras and runs all experiments. `progress` hears of every fit that is done, out of how many.
+/// Finds the cameras and runs all experiments, those of one camera where this build has weights that lift what it sees.
+/// `progress` hears of every fit that is done, out of how many.
 ///
 /// # Errors
 /// When no piece is long enough, or points do not tell a camera.
@@ -62,7 +64,19 @@ pub fn tables(
     options: HumanEvaOptions,
     progress: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<HumanEvaTables, HumanEvaError> {
-    let lifter = lifter();
+    tables_by(lifter().as_ref(), data, options, progress)
+}
+
+/// As [`tables`]; without a lifter there are no experiments of one camera.
+///
+/// # Errors
+/// As there.
+pub fn tables_by(
+    lifter: Option<&Lifter>,
+    data: &HumanEva,
+    options: HumanEvaOptions,
+    progress: &(dyn Fn(u64, u64) + Sync),
+) -> Result<HumanEvaTables, HumanEvaError> {
     let chosen = |source: Source| -> Vec<(usize, &Piece)> {
         let all = data.pieces.iter().enumerate();
         all.filter(|(_, p)| source.whole(p, source.span(p, options.most)) >= options.least)
@@ -74,10 +88,12 @@ pub fn tables(
         return Err(HumanEvaError::Short(options.least));
     }
     let cameras = cameras::all(data)?;
-    let (done, total) = (Mutex::new(0), (2 * SETS.len() * count) as u64);
+    let fewest = if lifter.is_some() { 1 } else { 2 };
+    let sets = SETS.iter().filter(|set| set.len() >= fewest).count();
+    let (done, total) = (Mutex::new(0), (2 * sets * count) as u64);
     let mut lines = Vec::new();
     for (source, pieces) in &sources {
-        for views in 1..=CAMERAS {
+        for views in fewest..=CAMERAS {
             for paths in [false, true] {
                 let sets = SETS.iter().filter(|s| s.len() == views);
                 let all: Vec<Vec<Outcome>> = sets
@@ -96,7 +112,7 @@ pub fn tables(
                                     (&seen_by, set),
                                     *source,
                                     paths,
-                                    lifter.clone(),
+                                    lifter,
                                 ),
                             };
                             let mut done = done.lock().unwrap_or_else(|e| e.into_inner());
@@ -120,6 +136,7 @@ pub fn tables(
             })
             .collect(),
         least: options.least,
+        is_lifted: lifter.is_some(),
         lines,
     })
 }

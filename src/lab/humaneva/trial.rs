@@ -73,7 +73,7 @@ pub fn found(
     (views, cameras): (&[View], &[usize]),
     source: Source,
     paths: bool,
-    lifter: Option<Lifter>,
+    lifter: Option<&Lifter>,
 ) -> Vec<Pair> {
     let options = MultiviewOptions {
         rate: RATE,
@@ -88,7 +88,7 @@ pub fn found(
         })
         .collect();
     let fitted = match (views, lifter) {
-        ([view], Some(lifter)) => alone(view, seen, options, lifter),
+        ([view], Some(lifter)) => alone(view, seen, options, lifter.clone()),
         _ => several(views, &seen, options),
     };
     let Some(person) = fitted.people.iter().max_by_key(|p| p.frames.len()) else {

@@ -27,16 +27,6 @@ pub enum Act {
     Sit(f32),
 }
 
-impl Act {
-    /// Whether it leaves the legs free for walking.
-    pub fn arms_only(self) -> bool {
-        !matches!(
-            self,
-            Self::Squat | Self::Bow | Self::JumpingJack | Self::Sit(_) | Self::Stretch
-        )
-    }
-}
-
 /// Slow random drift about 0, −1..1, different per person and channel.
 fn drift(t: f32, person: u32, channel: u32) -> f32 {
     2.0 * value(Vec3::new(t * 0.55, channel as f32 * 7.7, 0.5), person) - 1.0

@@ -53,7 +53,7 @@ impl Dice {
         of[self.below(of.len())]
     }
 
-    /// Normal with mean 0 and deviation 1, cut at ±3: the sum of twelve uniforms would reach further.
+    /// About normal with mean 0 and deviation 1, never beyond ±4.24 (3 √2): the sum of six uniforms, brought to size.
     pub fn normal(&mut self) -> f32 {
         let s: f32 = (0..6).map(|_| self.unit()).sum();
         (s - 3.0) * std::f32::consts::SQRT_2

@@ -63,7 +63,7 @@ pub struct Posed {
     pub joints: [Vec3; BODY_JOINTS],
 }
 
-/// Limits of the skeleton, degrees: SPEC §5.
+/// Limits of the skeleton, degrees, as in `models/skeleton.toml`.
 fn within(p: &Pose) -> Pose {
     let mut q = *p;
     q.spine = [

@@ -189,3 +189,17 @@ impl Sensor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::lab::synth::studio::Studio;
+
+    #[test]
+    fn all_masks_of_a_person_are_of_one_skin() {
+        let studio = Studio::new(3, (64, 48), 2, 1, 1, 10.0);
+        let is_made = || studio.clip.scene.people[0].mesh.get().is_some();
+        assert!(!is_made(), "whoever wants no pixels does without");
+        studio.owners(&studio.cameras[0], 0);
+        assert!(is_made(), "only that of a copy was, which is gone");
+    }
+}

@@ -130,6 +130,8 @@ impl Studio {
 
     /// Whom every pixel of a camera shows in frame number `frame`, by identity, as if the hall were empty of furniture.
     pub fn owners(&self, camera: &Camera, frame: u64) -> Vec<u8> {
+        // Else every copy of the scene would have skins of its own to make.
+        self.prepare();
         let scene = Scene {
             camera: *camera,
             ..self.clip.scene.clone()

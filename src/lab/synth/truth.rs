@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use crate::joints::BODY_JOINTS;
 
 /// Value of [`Truth::format`].
 pub const FORMAT: &str = "edgecap-truth";
@@ -129,22 +129,6 @@ pub struct TruthPerson {
     pub bounds: Option<[f32; 4]>,
     /// Area of the picture that shows this person, pixels; 0: wholly hidden.
     pub pixels: f32,
-}
-
-impl TruthPerson {
-    /// Pixels of the evidence joints.
-    pub fn evidence(&self) -> &[[f32; 2]] {
-        &self.joints2d[..EVIDENCE_JOINTS]
-    }
-
-    /// Whether at least `least` evidence joints can be seen or lie behind the own body.
-    pub fn findable(&self, least: usize) -> bool {
-        self.visibility[..EVIDENCE_JOINTS]
-            .iter()
-            .filter(|v| matches!(**v, VISIBLE | SELF_OCCLUDED))
-            .count()
-            >= least
-    }
 }
 
 impl Truth {

@@ -61,6 +61,8 @@ class ThreeDpw(unittest.TestCase):
             self.assertEqual([str(n) for n in t["imgname"]], [f"downtown_made_00/image_{i:05d}.jpg" for i in (0, 2, 4)])
             # Nobody counts where the camera is wrong, nor whoever has left the picture.
             np.testing.assert_array_equal(t["valid"], [[1, 1], [1, 0], [0, 1]])
+            # Others may walk by in all of them.
+            np.testing.assert_array_equal(t["partial"], [1, 1, 1])
             np.testing.assert_allclose(t["positions_3d"][0, 0], BODY, atol=1e-6)
             # The near one's left wrist, in camera axes (0.68, -0.4, 4).
             np.testing.assert_allclose(t["positions_2d"][0, 0, 20], [540 + 170, 960 - 100, 1], atol=1e-3)

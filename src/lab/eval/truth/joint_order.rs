@@ -1,5 +1,6 @@
 //! In which order public sets list the joints of a person.
 
+use clap::ValueEnum;
 use serde::Deserialize;
 
 /// A public joint order.
@@ -17,6 +18,10 @@ pub enum JointOrder {
     #[value(name = "smpl")]
     #[serde(rename = "smpl")]
     Smpl,
+    /// SPIN's own 24, in which it exports Human3.6M and MPI-INF-3DHP: from the right ankle (index 0) to the right ear.
+    #[value(name = "spin")]
+    #[serde(rename = "spin")]
+    Spin,
 }
 
 /// pelvis, right leg, left leg, spine, thorax, nose, head top, left arm, right arm; the nose is none of ours.
@@ -105,6 +110,36 @@ const SMPL_24: [Option<usize>; 24] = [
     None,
 ];
 
+/// The second half of SPIN's `JOINT_NAMES`: right leg upwards, left leg downwards, right arm upwards, left arm
+/// downwards, neck, the head's top of photos, pelvis, thorax, spine, jaw, the head's top of sets in 3D, face. No set
+/// has both tops; the jaw is Human3.6M's nose and MPI-INF-3DHP's head, so that it is none of ours.
+const SPIN_24: [Option<usize>; 24] = [
+    Some(10),
+    Some(9),
+    Some(8),
+    Some(11),
+    Some(12),
+    Some(13),
+    Some(4),
+    Some(3),
+    Some(2),
+    Some(5),
+    Some(6),
+    Some(7),
+    Some(1),
+    None,
+    Some(14),
+    None,
+    Some(15),
+    None,
+    Some(0),
+    None,
+    None,
+    None,
+    None,
+    None,
+];
+
 impl JointOrder {
     /// The body joint that each of `count` joints is, `None` for those that are none of ours; `None` when the order
     /// does not come with so many.
@@ -122,18 +157,16 @@ impl JointOrder {
             (Self::MpiInf3dhp, 17) => Some((0..17).map(Some).collect()),
             (Self::MpiInf3dhp, 28) => Some(DHP_28.to_vec()),
             (Self::Smpl, 24) => Some(SMPL_24.to_vec()),
+            (Self::Spin, 24) => Some(SPIN_24.to_vec()),
             _ => None,
         }
     }
 
-    /// The only order that comes with so many joints, if there is one.
-    pub fn of_count(count: usize) -> Option<Self> {
-        match count {
-            24 => Some(Self::Smpl),
-            28 => Some(Self::MpiInf3dhp),
-            32 => Some(Self::H36m),
-            _ => None,
-        }
+    /// The orders that come with so many joints.
+    pub fn of_count(count: usize) -> Vec<Self> {
+        let all = Self::value_variants().iter().copied();
+        all.filter(|order| order.body_joints(count).is_some())
+            .collect()
     }
 }
 
@@ -231,7 +264,43 @@ mod tests {
             assert_eq!(*joint, ours, "{name}");
         }
         assert_eq!(map.iter().flatten().count(), 14);
-        assert_eq!(JointOrder::of_count(24), Some(JointOrder::Smpl));
+    }
+
+    #[test]
+    fn spin_s_joints_are_where_its_converters_put_them() {
+        let spin = JointOrder::Spin.body_joints(24).unwrap();
+        assert_eq!(spin.iter().flatten().count(), 16);
+        // Where each of the 17 joints goes, of both sets in Human3.6M's order: `global_idx` and `joints_idx` there.
+        let to = [14, 3, 4, 5, 2, 1, 0, 16, 12, 17, 18, 9, 10, 11, 8, 7, 6];
+        // Human3.6M's 17 there begin with the left leg.
+        let human = JointOrder::H36m.body_joints(17).unwrap();
+        let human = [0, 4, 5, 6, 1, 2, 3, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16].map(|k| human[k]);
+        // `joints17_idx` of MPI-INF-3DHP's test set, and of its 28.
+        let test = JointOrder::MpiInf3dhp.body_joints(17).unwrap();
+        let test = [14, 11, 12, 13, 8, 9, 10, 15, 1, 16, 0, 5, 6, 7, 2, 3, 4].map(|k| test[k]);
+        let training = JointOrder::MpiInf3dhp.body_joints(28).unwrap();
+        let training =
+            [4, 18, 19, 20, 23, 24, 25, 3, 5, 6, 7, 9, 10, 11, 14, 15, 16].map(|k| training[k]);
+        for (set, joints) in [("h36m", human), ("test", test), ("training", training)] {
+            for (place, joint) in to.into_iter().zip(joints) {
+                // Each calls another joint the jaw.
+                let wanted = joint.filter(|_| place != 17);
+                assert_eq!(spin[place], wanted, "{set}, place {place}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_count_tells_the_order_where_only_one_comes_with_it() {
+        for (count, orders) in [
+            (16, &[][..]),
+            (17, &[JointOrder::H36m, JointOrder::MpiInf3dhp]),
+            (24, &[JointOrder::Smpl, JointOrder::Spin]),
+            (28, &[JointOrder::MpiInf3dhp]),
+            (32, &[JointOrder::H36m]),
+        ] {
+            assert_eq!(JointOrder::of_count(count), orders, "{count}");
+        }
     }
 
     #[test]
@@ -241,6 +310,7 @@ mod tests {
             (JointOrder::H36m, 32),
             (JointOrder::MpiInf3dhp, 17),
             (JointOrder::MpiInf3dhp, 28),
+            (JointOrder::Spin, 24),
         ];
         for (order, count) in orders {
             let map = order.body_joints(count).unwrap();

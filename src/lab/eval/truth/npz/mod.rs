@@ -9,9 +9,10 @@
 //! | `part` or `positions_2d` | [N, J, 2], [N, P, J, 2] | joints in the picture, pixels; else projected with `camera_matrix` |
 //! | `imgname` | [N], strings | picture of every row; rows of one picture are people in it |
 //! | `frames` | [N] | without `imgname`: index in the video of its sequence; else 0, 1, 2, … in each |
-//! | `valid` | [N], [N, P] | 0: nobody there |
+//! | `valid` | [N], [N, P] | 0: nobody there, or somebody who is not labelled |
+//! | `partial` | [1], [N] | 1: others may be in the picture; without it where somebody's `valid` is 0 |
 //! | `sequence` | [1], [N], strings | recording of every row; else the folder of `imgname` |
-//! | `joint_order` | string | `h36m`, `mpi_inf_3dhp` or `smpl`; needed for 17 joints |
+//! | `joint_order` | string | `h36m`, `mpi_inf_3dhp`, `smpl` or `spin`; needed for 17 and 24 joints |
 //! | `units` | string | of the 3D joints: `m` (also when it is missing) or `mm` |
 //! | `camera_matrix` | [3, 3], [N, 3, 3] | intrinsics, pixels; lenses without distortion |
 //! | `camera_pose` | [3, 4], [N, 3, 4] | world to camera; then the 3D joints are in world axes |
@@ -94,6 +95,7 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
         ));
     }
     let valid = valid(&mut source, rows, people)?;
+    let partial = partial(&mut source, rows, &valid)?;
     let pictures = per_row(&mut source, "imgname", rows)?;
     let sequences = per_row(&mut source, "sequence", rows)?;
     let frames = match pictures {
@@ -139,13 +141,17 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
         });
         let found: Vec<TruthPerson> = found.collect();
         match place.get(picture).filter(|_| !set.video) {
-            Some(&k) => set.frames[k].people.extend(found),
+            Some(&k) => {
+                set.frames[k].people.extend(found);
+                set.frames[k].partial |= partial[row];
+            }
             None => {
                 place.insert(picture.to_owned(), set.frames.len());
                 set.frames.push(TruthFrame {
                     source: picture.to_owned(),
                     frame: frames.as_ref().map(|f| f[row]),
                     sequence: sequence.to_owned(),
+                    partial: partial[row],
                     people: found,
                     ..TruthFrame::default()
                 });
@@ -170,24 +176,41 @@ fn joint_order(
     options: &ReadOptions,
     joints: usize,
 ) -> Result<Vec<Option<usize>>, EvalError> {
-    let order = match options.joint_order {
+    let said = match options.joint_order {
         Some(order) => Some(order),
-        None => named(source, "joint_order")?.or(JointOrder::of_count(joints)),
+        None => named(source, "joint_order")?,
     };
-    let Some(order) = order else {
-        return Err(source.wrong(
-            "to know the order of the joints",
-            format!(
-                "{joints} joints and no array 'joint_order'; say --joint-order h36m or --joint-order mpi-inf-3dhp"
-            ),
-        ));
+    let order = match (said, &JointOrder::of_count(joints)[..]) {
+        (Some(order), _) => order,
+        (None, [only]) => *only,
+        (None, []) => return Err(other_count(source, format!("{joints} joints"))),
+        (None, several) => {
+            let said = |order: &JointOrder| format!("--joint-order {}", name_of(*order));
+            let names: Vec<String> = several.iter().map(said).collect();
+            return Err(source.wrong(
+                "to know the order of the joints",
+                format!(
+                    "{joints} joints and no array 'joint_order'; say {}",
+                    names.join(" or ")
+                ),
+            ));
+        }
     };
-    order.body_joints(joints).ok_or_else(|| {
-        source.wrong(
-            "17 or 32 joints of Human3.6M, 17 or 28 of MPI-INF-3DHP, or 24 of SMPL",
-            format!("{joints} joints for {order:?}"),
-        )
-    })
+    let all = order.body_joints(joints);
+    all.ok_or_else(|| other_count(source, format!("{joints} joints for {order:?}")))
+}
+
+fn other_count(source: &Source<'_>, found: String) -> EvalError {
+    source.wrong(
+        "17 or 32 joints of Human3.6M, 17 or 28 of MPI-INF-3DHP, or 24 of SMPL or SPIN",
+        found,
+    )
+}
+
+/// How a choice is written.
+fn name_of<T: ValueEnum>(choice: T) -> String {
+    let value = choice.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 /// The choice that an array of one string names, if there is such an array.
@@ -200,8 +223,8 @@ fn named<T: ValueEnum>(source: &mut Source<'_>, key: &str) -> Result<Option<T>, 
         _ => None,
     };
     let Some(choice) = choice else {
-        let names = T::value_variants().iter().filter_map(T::to_possible_value);
-        let names: Vec<String> = names.map(|v| v.get_name().to_owned()).collect();
+        let names = T::value_variants().iter().cloned().map(name_of);
+        let names: Vec<String> = names.collect();
         let expected = format!("'{key}' to be one string of {}", names.join(", "));
         return Err(source.wrong(expected, format!("{texts:?}")));
     };
@@ -243,6 +266,22 @@ fn valid(source: &mut Source<'_>, rows: usize, people: usize) -> Result<Vec<bool
     }
     let of = |k: usize| flags.data[if wide { k } else { k / people }] > 0.0;
     Ok((0..rows * people).map(of).collect())
+}
+
+/// Whether somebody may be in a row's picture who is not labelled: whoever is found beside the labelled proves nothing.
+fn partial(source: &mut Source<'_>, rows: usize, valid: &[bool]) -> Result<Vec<bool>, EvalError> {
+    let Some(flags) = source.numbers("partial")? else {
+        let each = valid.chunks_exact(valid.len() / rows);
+        return Ok(each.map(|people| people.contains(&false)).collect());
+    };
+    match flags.data[..] {
+        [all] => Ok(vec![all > 0.0; rows]),
+        ref each if each.len() == rows => Ok(each.iter().map(|x| *x > 0.0).collect()),
+        _ => Err(source.wrong(
+            format!("'partial' of shape [1] or [{rows}]"),
+            format!("{:?}", flags.shape),
+        )),
+    }
 }
 
 /// Index of every row in its video, which its sequence tells.
