@@ -20,10 +20,14 @@ const SOURCES: [&str; 8] = [
     "Cargo.lock",
 ];
 
+/// Names the commit of a copy of the sources that has no repository, as `deploy/wheel` makes one.
+const COMMIT: &str = "EDGECAP_COMMIT";
+
 fn main() {
     for source in SOURCES {
         println!("cargo:rerun-if-changed={source}");
     }
+    println!("cargo:rerun-if-env-changed={COMMIT}");
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
     let (name, kind) = match env::var_os("CARGO_FEATURE_OPEN_WEIGHTS") {
@@ -44,7 +48,8 @@ fn main() {
         }
     };
     let version = env::var("CARGO_PKG_VERSION").expect("set by cargo");
-    let commit = commit(&root).map_or_else(String::new, |c| format!("commit {c}, "));
+    let commit =
+        commit(&root, env::var(COMMIT).ok()).map_or_else(String::new, |c| format!("commit {c}, "));
     println!("cargo:rustc-env=EDGECAP_BUILD={version} ({commit}{weights})");
     let code = format!(
         "/// The file, or none in a build without weights.\npub(super) const BYTES: Option<&[u8]> = {bytes};\n"
@@ -52,11 +57,15 @@ fn main() {
     fs::write(out.join("shipped_model.rs"), code).expect("OUT_DIR is writable");
 }
 
-/// The commit that the sources are of, and whether they were changed since; none outside a repository.
+/// The commit that the sources are of, and whether they were changed since: as it is `named`, else as their repository
+/// says; none outside one.
 ///
 /// HEAD is not watched: a commit that leaves [`SOURCES`] alone needs no new build, and what the last one says of itself
 /// stays true.
-fn commit(root: &Path) -> Option<String> {
+pub(crate) fn commit(root: &Path, named: Option<String>) -> Option<String> {
+    if let Some(named) = named.filter(|name| !name.is_empty()) {
+        return Some(named);
+    }
     if !root.join(".git").exists() {
         return None;
     }

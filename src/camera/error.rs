@@ -40,9 +40,11 @@ impl CameraError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Read { source, .. } => match source.kind() {
-                io::ErrorKind::NotFound => 66,
+                io::ErrorKind::NotFound
+                | io::ErrorKind::NotADirectory
+                | io::ErrorKind::IsADirectory => 66,
                 io::ErrorKind::PermissionDenied => 77,
-                io::ErrorKind::InvalidData => 65,
+                io::ErrorKind::InvalidData | io::ErrorKind::FileTooLarge => 65,
                 _ => 74,
             },
             Self::Settings { .. } => 78,
@@ -55,6 +57,28 @@ impl CameraError {
         Self::Read {
             file: path.display().to_string(),
             source,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A failure on the way is tried again and again.
+    #[test]
+    fn what_is_no_file_or_no_lens_does_not_fail_on_the_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        for (path, code) in [
+            (folder.path().join("none.toml"), 66),
+            (file.join("lens.toml"), 66),
+            (folder.path().to_owned(), 66),
+            (Path::new("/dev/zero").to_owned(), 65),
+        ] {
+            let failed = crate::camera::CameraFile::read(&path).unwrap_err();
+            assert_eq!(failed.exit_code(), code, "{failed}");
         }
     }
 }

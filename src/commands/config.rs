@@ -1,10 +1,12 @@
 //! `edgecap config`: is the file right, what holds and where it came from, a file to begin with.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use serde::Serialize;
 use serde_json::Value;
 
+use super::doctor::held_back;
 use super::run::RunArgs;
 use super::say;
 use super::settings::{self, ConfigArgs, Effective, Origins, Settings};
@@ -43,10 +45,7 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
             let effective = settings::effective(&run, &settings)?;
             effective.check()?;
             effective.expect_start()?;
-            say::whole(&match &settings.file {
-                Some(file) => format!("{}: right", file.display()),
-                None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),
-            })?;
+            say::whole(&checked(settings.file.as_deref(), &effective.runs()?))?;
         }
         What::Print(run) => {
             let settings = Settings::load(&run.settings)?;
@@ -57,6 +56,18 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
         What::Sample => say::whole(settings::SAMPLE)?,
     }
     Ok(())
+}
+
+/// That settings are right, and what they want of the service's unit.
+fn checked(file: Option<&Path>, runs: &[RunArgs]) -> String {
+    let mut out = match file {
+        Some(file) => format!("{}: right", file.display()),
+        None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),
+    };
+    for finding in held_back(file, runs) {
+        let _ = write!(out, "\n{finding}");
+    }
+    out
 }
 
 fn printed(effective: &Effective, settings: &Settings) -> anyhow::Result<String> {
@@ -173,4 +184,19 @@ fn toml(value: &Value) -> Option<String> {
     }
     let value = toml::Value::try_from(without_nothing(value)?).ok()?;
     Some(value.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_the_unit_does_not_suffice_for_are_right_and_more() {
+        let mut run = RunArgs::default();
+        run.record.jsonl = Some("/srv/hall.jsonl".into());
+        let said = checked(Some(Path::new("/etc/edgecap/edgecap.toml")), &[run]);
+        let (first, rest) = said.split_once('\n').unwrap();
+        assert_eq!(first, "/etc/edgecap/edgecap.toml: right");
+        assert!(rest.contains("ReadWritePaths=/srv, "), "{rest}");
+    }
 }

@@ -15,5 +15,5 @@ mod tie;
 pub use child::{Child, Job, describe, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
-pub use systemd::{Progress, ServiceManager};
+pub use systemd::{Progress, ServiceManager, is_service};
 pub use tie::{is_parent, remember_permissions, tie};

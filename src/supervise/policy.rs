@@ -23,7 +23,7 @@ const SLOWNESS: u32 = 8;
 /// So long may opening an input take: cameras wait for their bus.
 const OPENING: Duration = Duration::from_secs(10);
 /// So long may a start take that computes: it packs a model's weights, perhaps on a machine that does much else.
-const STARTING: Duration = Duration::from_secs(30);
+pub(super) const STARTING: Duration = Duration::from_secs(30);
 /// Longer than this between two looks: the supervisor itself was stopped, and its children perhaps with it.
 const OWN_STOP: Duration = Duration::from_millis(500);
 

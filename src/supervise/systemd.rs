@@ -7,10 +7,16 @@ use sd_notify::NotifyState;
 
 /// Variables of the service manager, which are for the supervisor alone.
 pub(super) const VARIABLES: [&str; 3] = ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"];
-/// Signs of life within the time that the manager allows.
-const FEEDS: u32 = 4;
+/// Signs of life within the time that the manager allows. What is left of it after one that was due and did not come
+/// has to do for a child that starts.
+const FEEDS: u32 = 8;
 /// How often the status line is renewed.
 const STATUS_EVERY: Duration = Duration::from_secs(2);
+
+/// Whether this process is a service, which nobody watches.
+pub fn is_service() -> bool {
+    std::env::var_os(VARIABLES[0]).is_some()
+}
 
 /// What goes on at a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -177,8 +183,24 @@ fn tell(news: &[NotifyState<'_>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::supervise::policy::STARTING;
 
     const EVERY: Duration = Duration::from_secs(5);
+
+    /// Whoever ends the service for it would have it start from the beginning, again and again on a slow machine.
+    #[test]
+    fn the_units_wait_for_a_child_that_starts() {
+        for unit in [
+            include_str!("../../deploy/edgecap.service"),
+            include_str!("../../deploy/edgecap-user.service"),
+        ] {
+            let mut lines = unit.lines();
+            let allowed = lines.find_map(|l| l.strip_prefix("WatchdogSec="));
+            let allowed = Duration::from_secs(allowed.unwrap().parse().unwrap());
+            // The newest sign of life may be as old as one was due.
+            assert!(allowed - allowed / FEEDS > STARTING, "{allowed:?}");
+        }
+    }
 
     /// How often the manager is fed in a minute, where these cameras show progress ten times a second.
     fn fed(told: &mut Told, from: Instant, moving: &[usize]) -> usize {

@@ -1,9 +1,12 @@
 //! `edgecap.toml`: mistakes with their places, where the file is found, what overrides what.
 
+use std::os::unix::net::UnixDatagram;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Output, Stdio};
+use std::time::Duration;
 
-use crate::program::{self, edgecap, stdout};
+use crate::program::stand_in::StandIn;
+use crate::program::{self, Running, edgecap, signal, stdout};
 
 const SAMPLE: &str = include_str!("../../deploy/edgecap.toml");
 
@@ -261,9 +264,17 @@ fn what_no_run_would_start_with_is_not_right() {
     let record =
         "[[camera]]\nname = \"hall\"\ninput = \"camera\"\nrecord = \"/proc/nowhere/a.ecr\"\n";
     let both = "[network]\nsize = \"384x240\"\nquality = \"fast\"\n";
+    let two = "[[camera]]\ninput = \"demo\"\nlive = true\n".repeat(2);
+    let avatars = format!("{two}[bridges]\nvmc = \"127.0.0.1:39539\"\n");
+    let right = config("check", &two, &[]);
+    assert!(right.status.success(), "{}", program::stderr(&right));
     for (text, code, words) in [
         (both, 78, "--quality"),
+        (&avatars, 64, "--vmc has a port for each person"),
         (&model, 65, "lens.toml"),
+        ("[[camera]]\nlens = \"none.toml\"\n", 78, "none.toml"),
+        ("[network]\nmodel = \"none.ecm\"\n", 78, "none.ecm"),
+        ("[network]\nstage2 = \"none.st\"\n", 78, "none.st"),
         (record, 78, "/proc/nowhere/a.ecr"),
     ] {
         // Root's words of /proc are not those of others.
@@ -371,6 +382,91 @@ fn a_run_obeys_the_file() {
     assert!(program::stderr(&out).contains("calibrated for 500x500"));
 }
 
+/// A service would be started again and again.
+#[test]
+fn what_settings_name_and_nobody_can_have_ends_a_run_for_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let run = |text: &str, more: &[&str]| {
+        std::fs::write(&file, text).unwrap();
+        let config = ["run", "--config", file.to_str().unwrap()];
+        let small = ["--size", "64x64", "--threads", "1"];
+        let out = edgecap().args(config).args(small).args(more).output();
+        let out = out.unwrap();
+        (out.status.code(), program::stderr(&out))
+    };
+    let camera = StandIn::new(30.0);
+    let name = program::stream("named");
+    let film = format!("[[camera]]\nname = {name:?}\n");
+    let camera = format!("{film}input = {:?}\n", camera.input());
+    // Nobody can have what lies below a file.
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, "").unwrap();
+    let at = |name: &str| blocked.join(name).to_str().unwrap().to_owned();
+    let (lens, record, flight) = (at("none.toml"), at("a.bin"), at("last"));
+    for (text, word) in [
+        (format!("{camera}lens = \"none.toml\"\n"), "none.toml"),
+        (format!("{camera}lens = {lens:?}\n"), "none.toml"),
+        (format!("{camera}lens = \".\"\n"), "directory"),
+        (format!("{camera}record = {record:?}\n"), "a.bin"),
+        (format!("{camera}[bridges]\nflight = {flight:?}\n"), "last"),
+        (
+            format!("{camera}[network]\nmodel = \"none.ecm\"\n"),
+            "none.ecm",
+        ),
+        (
+            format!("{camera}[network]\nstage2 = \"none.st\"\n"),
+            "none.st",
+        ),
+        (
+            format!("{film}input = \"none.avi\"\nlive = true\n"),
+            "none.avi",
+        ),
+    ] {
+        let (code, said) = run(&text, &[]);
+        assert_eq!(code, Some(78), "{text}: {said}");
+        let told = said.lines().filter(|l| l.starts_with("edgecap: "));
+        assert_eq!(told.count(), 1, "{text}: {said}");
+        assert!(said.contains(word), "{text}: {said}");
+    }
+    // What is typed is of the command line.
+    let (code, said) = run(&camera, &["--name", &name, "--camera", "/none.toml"]);
+    assert_eq!(code, Some(66), "{said}");
+    let (code, said) = run(&camera, &["--name", &name, "--record", &record]);
+    assert_eq!(code, Some(73), "{said}");
+}
+
+/// The tasks of children hold paths as text.
+#[test]
+fn settings_in_a_folder_of_other_bytes_may_name_what_is_not_below_it() {
+    use std::os::unix::ffi::OsStrExt;
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join(std::ffi::OsStr::from_bytes(b"x\xff"));
+    std::fs::create_dir(&folder).unwrap();
+    let check = |text: &str| {
+        std::fs::write(folder.join("edgecap.toml"), text).unwrap();
+        edgecap()
+            .args(["config", "print", "--config"])
+            .arg(folder.join("edgecap.toml"))
+            .output()
+            .unwrap()
+    };
+    let out = check("[[camera]]\ninput = \"/dev/video0\"\nlens = \"/lens.toml\"\n");
+    assert!(out.status.success(), "{}", program::stderr(&out));
+    for text in [
+        "[[camera]]\ninput = \"hall.avi\"\n",
+        "[[camera]]\nlens = \"lens.toml\"\n",
+        "[network]\nmodel = \"own.ecm\"\n",
+    ] {
+        let out = check(text);
+        let said = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(64), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        let words = "settings (--config): expected a path in UTF-8, found ";
+        assert!(said.contains(words), "{said}");
+    }
+}
+
 #[test]
 fn a_film_of_the_file_is_known_by_every_path() {
     let folder = tempfile::tempdir().unwrap();
@@ -410,4 +506,34 @@ fn a_film_of_the_file_is_known_by_every_path() {
     assert_eq!(value(&other, "#rotate"), "#rotate = # default");
     let upright = print(&["--input", "hall.avi", "--rotate", "0"]);
     assert_eq!(value(&upright, "rotate"), "rotate = 0 # typed");
+}
+
+/// Who reads bodies of a kiosk takes those of the clip for people who are there.
+#[test]
+fn no_clip_takes_the_place_of_a_camera_of_settings_or_of_a_service() {
+    if edgecap::capture::list_cameras().is_ok() {
+        eprintln!("skipped: this machine has a camera");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let manager = folder.path().join("notify");
+    let _manager = UnixDatagram::bind(&manager).unwrap();
+    let name = program::stream("no-clip");
+    let settings = format!("[[camera]]\nname = {name:?}\n");
+    for (text, is_service) in [(&*settings, false), ("", true)] {
+        std::fs::write(&file, text).unwrap();
+        let mut run = edgecap();
+        run.args(["run", "--config", file.to_str().unwrap(), "--name", &name]);
+        run.args(["--size", "64x64", "--threads", "1"]);
+        if is_service {
+            run.env("NOTIFY_SOCKET", &manager);
+        }
+        let run = run.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let mut run = Running(run.unwrap());
+        run.says("waiting for the camera");
+        signal(run.pid(), "TERM");
+        let out = run.wait(Duration::from_secs(30));
+        assert!(out.status.success(), "{}", program::stderr(&out));
+    }
 }

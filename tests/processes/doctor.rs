@@ -1,5 +1,8 @@
 //! `edgecap doctor`: one line for each thing, and an exit code when one is broken.
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+
 use crate::program::{Running, edgecap, eventually};
 
 const THINGS: [&str; 8] = [
@@ -110,16 +113,23 @@ fn films_are_said_to_play_only_with_ffmpeg() {
 
 #[test]
 fn instruction_sets_that_this_machine_lacks_are_broken() {
-    let out = edgecap()
-        .arg("doctor")
-        .env("EDGECAP_ISA", "z80")
-        .output()
-        .unwrap();
-    let [_, processor, _, speed, ..] = report(&out);
-    for line in [processor, speed] {
-        assert!(line.starts_with("BROKEN") && line.contains("z80"), "{line}");
+    // What is not UTF-8 is no name, and not nothing.
+    for (variable, value) in [
+        ("EDGECAP_ISA", &b"z80"[..]),
+        ("EDGECAP_ISA", b"z80\xff"),
+        ("EDGECAP_ALGORITHM", b"z80\xff"),
+    ] {
+        let out = edgecap()
+            .arg("doctor")
+            .env(variable, OsStr::from_bytes(value))
+            .output()
+            .unwrap();
+        let [_, processor, _, speed, ..] = report(&out);
+        for line in [processor, speed] {
+            assert!(line.starts_with("BROKEN") && line.contains("z80"), "{line}");
+        }
+        assert_eq!(out.status.code(), Some(64));
     }
-    assert_eq!(out.status.code(), Some(64));
 }
 
 #[test]
@@ -228,14 +238,29 @@ fn settings_are_looked_at_and_each_of_their_cameras() {
         let said = String::from_utf8_lossy(&out.stdout).into_owned();
         (out.status.code(), said)
     };
-    let (code, said) = doctor(
-        "[[camera]]\nname = \"hall\"\ninput = \"demo\"\nlive = true\n[[camera]]\nname = \"yard\"\ninput = \"/nowhere.avi\"\nlive = true\n",
-    );
-    assert_eq!(code, Some(66), "{said}");
+    let cameras = |yard: &str| {
+        format!(
+            "[[camera]]\nname = \"hall\"\ninput = \"demo\"\nlive = true\n[[camera]]\nname = \"yard\"\ninput = {yard:?}\nlive = true\n"
+        )
+    };
+    let (code, said) = doctor(&cameras("demo"));
+    assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("right; cameras: 2"), "{said}");
+    assert!(said.contains("yard (demo); the first picture"), "{said}");
+    // What no run would start with is not right, and the rest is looked at all the same.
+    let (code, said) = doctor(&cameras("/nowhere.avi"));
+    assert_eq!(code, Some(78), "{said}");
+    assert!(!said.contains("right; cameras"), "{said}");
+    let lines = || said.lines().filter(|l| l.starts_with("BROKEN"));
+    assert_eq!(lines().count(), 2, "{said}");
+    assert!(lines().all(|l| l.contains("nowhere.avi")), "{said}");
     assert!(said.contains("hall (demo); the first picture"), "{said}");
-    assert!(said.contains("nowhere.avi"), "{said}");
     assert!(said.contains("nobody publishes hall, yard"), "{said}");
+    let model = folder.path().join("lens.toml");
+    std::fs::write(&model, "fov_degrees = 75.0\n").unwrap();
+    let (code, said) = doctor(&format!("[network]\nmodel = {model:?}\n"));
+    assert_eq!(code, Some(65), "{said}");
+    assert!(!said.contains("right; cameras"), "{said}");
     let (code, said) = doctor("[netwrok]\n");
     assert_eq!(code, Some(78));
     assert!(said.contains("did you mean 'network'?"), "{said}");

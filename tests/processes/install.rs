@@ -1,10 +1,11 @@
 //! `edgecap install`: what it writes, twice, and takes away again; and what systemd thinks of the unit.
 
 use std::collections::BTreeMap;
+use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::program::{assert_fails, edgecap, stderr, tools};
+use crate::program::{as_stranger, assert_fails, edgecap, stderr, stdout, tools};
 
 fn install(root: &Path, more: &[&str]) -> Output {
     let out = edgecap()
@@ -49,7 +50,6 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 fn mode(path: &Path) -> u32 {
-    use std::os::unix::fs::PermissionsExt;
     std::fs::metadata(path).unwrap().permissions().mode() & 0o777
 }
 
@@ -146,6 +146,230 @@ fn the_debian_package_has_every_file() {
     assert_eq!(asset[2].as_str(), Some("640"));
 }
 
+/// `install` below a folder, of which nothing is expected.
+fn try_install(root: &Path, more: &[&str]) -> Output {
+    let mut install = edgecap();
+    install.args(["install", "--root", root.to_str().unwrap()]);
+    install.args(more).output().unwrap()
+}
+
+/// To write through such a link would change the device for the whole machine.
+#[test]
+fn a_masked_service_stays_masked() {
+    let root = tempfile::tempdir().unwrap();
+    let units = root.path().join("etc/systemd/system");
+    std::fs::create_dir_all(&units).unwrap();
+    symlink("/dev/null", units.join("edgecap.service")).unwrap();
+    let device = mode(Path::new("/dev/null"));
+    for more in [&["--system"][..], &["--system", "--prefix", "/usr"]] {
+        let out = try_install(root.path(), more);
+        assert_eq!(out.status.code(), Some(69), "{}", stderr(&out));
+        let words = "'sudo systemctl unmask edgecap'";
+        assert!(stderr(&out).contains(words), "{}", stderr(&out));
+    }
+    assert_eq!(files(root.path()), ["etc/systemd/system/edgecap.service"]);
+    assert_eq!(mode(Path::new("/dev/null")), device);
+}
+
+#[test]
+fn what_a_link_leads_to_stays_as_it_is() {
+    let root = tempfile::tempdir().unwrap();
+    let bin = root.path().join("usr/local/bin");
+    std::fs::create_dir_all(&bin).unwrap();
+    let built = root.path().join("built");
+    std::fs::write(&built, "somebody's").unwrap();
+    symlink(&built, bin.join("edgecap")).unwrap();
+    let again = words(&install(root.path(), &["--system"]));
+    assert_eq!(again["replace"], 1);
+    assert_eq!(std::fs::read_to_string(&built).unwrap(), "somebody's");
+    let program = bin.join("edgecap");
+    assert!(!program.is_symlink());
+    assert_eq!(mode(&program), 0o755);
+}
+
+#[test]
+fn a_unit_names_any_folder() {
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &["--system", "--prefix", "/opt/edge cap 50%"]);
+    let unit = root.path().join("etc/systemd/system/edgecap.service");
+    let unit = std::fs::read_to_string(unit).unwrap();
+    let line =
+        "ExecStart=\"/opt/edge cap 50%%/bin/edgecap\" run --config /etc/edgecap/edgecap.toml";
+    assert!(unit.lines().any(|l| l == line), "{unit}");
+    let out = try_install(root.path(), &["--system", "--prefix", "/opt/$x"]);
+    assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
+    assert!(stderr(&out).contains("/opt/$x/bin/edgecap"));
+}
+
+/// A package or a person's home is no place for them.
+#[test]
+fn a_prefix_is_of_the_machines_service_alone() {
+    let args = ["install", "--user", "--prefix", "/opt", "--dry-run"];
+    assert_fails(&args, 64, &["--user", "--prefix"]);
+}
+
+/// Variables of a shell say nothing to the service manager.
+#[test]
+fn a_persons_service_is_found_wherever_the_shell_has_settings() {
+    let root = tempfile::tempdir().unwrap();
+    let out = edgecap()
+        .args(["install", "--user", "--root", root.path().to_str().unwrap()])
+        .env("HOME", "/home/somebody")
+        .env("XDG_CONFIG_HOME", "/home/somebody/my settings")
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    let home = root.path().join("home/somebody");
+    assert!(home.join("my settings/edgecap/edgecap.toml").exists());
+    let unit = home.join(".config/systemd/user/edgecap.service");
+    let unit = std::fs::read_to_string(unit).unwrap();
+    let settings = "\"/home/somebody/my settings/edgecap/edgecap.toml\"";
+    let line = format!("ExecStart=%h/.local/bin/edgecap run --config {settings}");
+    assert!(unit.lines().any(|l| l == line), "{unit}");
+}
+
+/// What was installed by this or an earlier version, as the digest beside it says.
+#[test]
+fn settings_that_nobody_has_changed_go_with_the_service() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let run = |more: &[&str]| {
+        let out = install_with_systemctl(home, "nothing", more);
+        assert!(out.status.success(), "{}", stderr(&out));
+        stdout(&out)
+    };
+    let folder = home.join(".config/edgecap");
+    let (settings, digest) = (
+        folder.join("edgecap.toml"),
+        folder.join("edgecap.toml.blake3"),
+    );
+    let earlier = "# Settings of an earlier version.\n";
+    for (later, stay) in [
+        (None, false),
+        (Some(earlier), false),
+        (Some("[network]\n"), true),
+    ] {
+        let said = run(&[]);
+        let unit = home.join(".config/systemd/user/edgecap.service");
+        let enable = format!("systemctl --user enable {}", unit.display());
+        assert!(said.contains(&enable), "{said}");
+        let noted = std::fs::read_to_string(&digest).unwrap();
+        let written = std::fs::read(&settings).unwrap();
+        let hex = |bytes: &[u8]| format!("{}  edgecap.toml\n", blake3::hash(bytes).to_hex());
+        assert_eq!(noted, hex(&written));
+        if let Some(later) = later {
+            std::fs::write(&settings, later).unwrap();
+            std::fs::write(&digest, hex(earlier.as_bytes())).unwrap();
+            // Another version leaves both alone.
+            run(&[]);
+        }
+        run(&["--uninstall"]);
+        assert_eq!(settings.exists(), stay, "{later:?}");
+        assert_eq!(folder.exists(), stay, "{later:?}");
+        assert!(!digest.exists());
+    }
+}
+
+/// Whoever looks may not be able to read what root can.
+#[test]
+fn what_cannot_be_looked_at_is_not_called_absent() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("etc/edgecap");
+    std::fs::create_dir_all(&folder).unwrap();
+    // Not even root reads a link that leads to itself.
+    symlink("edgecap.toml", folder.join("edgecap.toml")).unwrap();
+    let out = install(root.path(), &["--system", "--uninstall", "--dry-run"]);
+    let said = stdout(&out);
+    let line = said.lines().find(|l| l.contains("edgecap.toml: "));
+    let line = line.unwrap_or_else(|| panic!("{said}"));
+    assert!(line.starts_with("failed"), "{line}");
+    assert!(line.contains("cannot be seen"), "{line}");
+}
+
+#[test]
+fn nothing_of_the_service_stays_in_memory() {
+    let root = tempfile::tempdir().unwrap();
+    let runtime = root.path().join("run/edgecap");
+    std::fs::create_dir_all(runtime.join("d0123456789abcdef")).unwrap();
+    std::fs::write(runtime.join("camera0.bodies.v2"), "").unwrap();
+    install(root.path(), &["--system", "--uninstall"]);
+    assert!(!runtime.exists());
+    // The package's script does the same; its commands are replaced by ones that say what they were to do.
+    let bin = root.path().join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    for name in ["rm", "deb-systemd-helper", "systemctl"] {
+        std::fs::write(bin.join(name), "#!/bin/sh\necho \"${0##*/} $*\" >&3\n").unwrap();
+        std::fs::set_permissions(bin.join(name), PermissionsExt::from_mode(0o755)).unwrap();
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/debian/postrm");
+    let out = Command::new("/bin/sh")
+        .args(["-c", "exec /bin/sh \"$0\" remove 3>&1"])
+        .arg(script)
+        .env("PATH", &bin)
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    let done = stdout(&out);
+    assert!(done.lines().any(|l| l == "rm -rf /run/edgecap"), "{done}");
+    // Nobody but a package would take a mask away again.
+    assert!(!done.contains(" mask "), "{done}");
+}
+
+/// The commands of a document's block of a shell that holds `word`.
+fn printed_commands<'a>(document: &'a str, word: &str) -> Vec<&'a str> {
+    let blocks = document.split("```sh\n").skip(1);
+    let mut blocks = blocks.filter_map(|rest| rest.split("```").next());
+    let block = blocks.find(|block| block.contains(word)).expect(word);
+    block.lines().collect()
+}
+
+#[test]
+fn a_package_is_made_of_this_version_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let at = |path: &str| place.path().join(path);
+    let old = at("target/package/usr/share/man/man1/edgecap-gone.1");
+    let settings = at("target/package/etc/edgecap/edgecap.toml");
+    for (file, text) in [(&old, "gone"), (&settings, "# Of an earlier version.\n")] {
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, text).unwrap();
+    }
+    std::fs::create_dir_all(at("target/release")).unwrap();
+    symlink(edgecap().get_program(), at("target/release/edgecap")).unwrap();
+    let manual = include_str!("../../docs/operate.md");
+    for line in printed_commands(manual, "--root target/package") {
+        if line.starts_with("cargo ") || line.starts_with("sudo ") {
+            continue;
+        }
+        let mut shell = Command::new("sh");
+        let out = shell.args(["-c", line]).current_dir(place.path()).output();
+        let out = out.unwrap();
+        assert!(out.status.success(), "{line}: {}", stderr(&out));
+    }
+    assert!(!old.exists());
+    let sample = include_str!("../../deploy/edgecap.toml");
+    assert_eq!(std::fs::read_to_string(settings).unwrap(), sample);
+}
+
+/// Python's own environment is the system's on most of them, and takes no packages of others.
+#[test]
+fn what_is_printed_for_pip_has_an_environment_of_its_own() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for file in [
+        "README.md",
+        "docs/clients.md",
+        "docs/operate.md",
+        "deploy/release",
+        "deploy/wheel",
+        "src/commands/run/hints.rs",
+    ] {
+        let text = std::fs::read_to_string(root.join(file)).unwrap();
+        for (at, _) in text.match_indices("pip install") {
+            let line = text[at..].lines().next();
+            assert!(text[..at].ends_with("/bin/"), "{file}: {line:?}");
+        }
+    }
+}
+
 #[test]
 fn a_persons_service_lies_in_that_persons_home() {
     let root = tempfile::tempdir().unwrap();
@@ -168,7 +392,6 @@ fn a_persons_service_lies_in_that_persons_home() {
 
 /// `install` for a person whose `systemctl` fails at this verb.
 fn install_with_systemctl(home: &Path, verb: &str, more: &[&str]) -> Output {
-    use std::os::unix::fs::PermissionsExt;
     let systemctl = home.join("systemctl");
     let script = format!(
         "#!/bin/sh\n[ \"$2\" != {verb} ] || {{ echo 'Unit edgecap.service is masked.' >&2; exit 1; }}\n"
@@ -216,10 +439,13 @@ fn what_is_no_installation_is_refused() {
     let out = edgecap().args(["install"]).output().unwrap();
     assert_eq!(out.status.code(), Some(64));
     // Only root may, and a test that is root must not.
-    if rustix::process::geteuid().is_root() {
-        return;
-    }
-    let out = edgecap().args(["install", "--system"]).output().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut somebody = match rustix::process::geteuid().is_root() {
+        true if !tools::has("setpriv") => return,
+        true => as_stranger(folder.path()),
+        false => edgecap(),
+    };
+    let out = somebody.args(["install", "--system"]).output().unwrap();
     assert_eq!(out.status.code(), Some(77), "{}", stderr(&out));
 }
 
@@ -315,6 +541,9 @@ const OF_THE_SERVICE: &[&str] = &[
     "ProtectSystem=strict",
     "ProtectHome=yes",
     "PrivateTmp=yes",
+    // Else a camera that comes after the start may never be opened.
+    "Wants=modprobe@videodev.service",
+    "After=modprobe@videodev.service",
     "IPAddressDeny=any",
     "IPAddressAllow=localhost",
 ];
@@ -322,7 +551,7 @@ const OF_BOTH_UNITS: &[&str] = &[
     "Type=notify",
     "Restart=always",
     "RestartPreventExitStatus=64 65 78",
-    "WatchdogSec=20",
+    "WatchdogSec=40",
     "LimitCORE=0",
     "NoNewPrivileges=yes",
     "MemoryDenyWriteExecute=yes",

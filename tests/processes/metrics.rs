@@ -366,17 +366,11 @@ fn a_folder_that_is_closed_to_this_user_is_said_and_how_it_opens() {
     }
     let folder = tempfile::tempdir().unwrap();
     // Whoever asks may pass to the program and to the folder, and is kept out by the folder itself.
-    let open = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(folder.path(), open).unwrap();
-    let program = folder.path().join("edgecap");
-    std::fs::copy(env!("CARGO_BIN_EXE_edgecap"), &program).unwrap();
     let place = folder.path().join("place");
     std::fs::create_dir(&place).unwrap();
     let ask = |mode: u32| {
         std::fs::set_permissions(&place, std::fs::Permissions::from_mode(mode)).unwrap();
-        let out = std::process::Command::new("setpriv")
-            .args(["--reuid=54321", "--regid=54321", "--clear-groups"])
-            .arg(&program)
+        let out = program::as_stranger(folder.path())
             .arg("status")
             .env("EDGECAP_RUNTIME_DIR", &place)
             .output();

@@ -10,6 +10,7 @@ pub mod tools;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::Read;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::sync::Mutex;
@@ -29,6 +30,21 @@ fn command_of(program: &OsStr) -> Command {
         .stdin(Stdio::null())
         .env_remove("EDGECAP_LOG")
         .env("XDG_CONFIG_HOME", empty_settings());
+    command
+}
+
+/// The program as another than root, who may pass to a copy of it in this folder; only root becomes another.
+pub fn as_stranger(folder: &Path) -> Command {
+    let open = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(folder, open).expect("a folder of the test's own");
+    let program = folder.join("edgecap");
+    if !program.exists() {
+        std::fs::copy(env!("CARGO_BIN_EXE_edgecap"), &program).expect("room for the program");
+    }
+    let mut command = Command::new("setpriv");
+    command
+        .args(["--reuid=54321", "--regid=54321", "--clear-groups"])
+        .arg(program);
     command
 }
 

@@ -6,7 +6,6 @@ if(NOT TARGET edgecap::edgecap)
   add_library(edgecap::edgecap SHARED IMPORTED)
   set_target_properties(edgecap::edgecap PROPERTIES
     IMPORTED_LOCATION "${_edgecap_prefix}/lib/libedgecap_c.so"
-    IMPORTED_NO_SONAME TRUE
     INTERFACE_INCLUDE_DIRECTORIES "${_edgecap_prefix}/include")
   add_library(edgecap::static STATIC IMPORTED)
   set_target_properties(edgecap::static PROPERTIES

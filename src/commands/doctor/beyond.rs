@@ -1,16 +1,35 @@
-//! Bridges to other machines, which the service's unit does not let through.
+//! What the service's unit holds back: bridges to other machines, and records outside its own folders.
 
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
+
+use edgecap_client::place::SERVICE_FOLDER;
 
 use super::finding::{Finding, State};
 use crate::commands::bridges::BridgeArgs;
+use crate::commands::run::RunArgs;
 use crate::config::{FILE_NAME, SYSTEM_FOLDER};
+use crate::output::parent;
 
-/// The first bridge of the machine's settings that other machines are to see, and what the unit has to say of it.
-pub fn beyond(file: Option<&Path>, bridges: &BridgeArgs) -> Option<Finding> {
+/// Where the service works, and its recordings lie.
+const STATE: &str = "/var/lib/edgecap";
+/// Where else it may write; in the last two it sees nothing but files of its own.
+const OPEN: [&str; 4] = [SERVICE_FOLDER, "/dev", "/tmp", "/var/tmp"];
+/// What it does not even see.
+const HOMES: [&str; 3] = ["/home", "/root", "/run/user"];
+
+/// What of the machine's settings needs more of the unit than it has, the first of each kind; nothing of others.
+pub fn held_back(file: Option<&Path>, runs: &[RunArgs]) -> Vec<Finding> {
     let machines = Path::new(SYSTEM_FOLDER).join(FILE_NAME);
-    file.filter(|file| **file == machines)?;
+    if file != Some(&*machines) {
+        return Vec::new();
+    }
+    let bridge = runs.first().and_then(|run| bridge(&run.bridges));
+    bridge.into_iter().chain(record(runs)).collect()
+}
+
+/// The first bridge that other machines are to see.
+fn bridge(bridges: &BridgeArgs) -> Option<Finding> {
     let all = [
         ("view", bridges.view),
         ("osc", bridges.osc),
@@ -30,25 +49,107 @@ pub fn beyond(file: Option<&Path>, bridges: &BridgeArgs) -> Option<Finding> {
     Some(Finding::new("bridges", State::Note, text))
 }
 
+/// The first file or folder of results that lies elsewhere.
+fn record(runs: &[RunArgs]) -> Option<Finding> {
+    let results = |run: &RunArgs| {
+        let (record, flight) = (run.record.clone(), run.bridges.flight.clone());
+        let files = [("jsonl", record.jsonl), ("record", record.record)];
+        let files = files.map(|(key, path)| (key, path.map(|path| parent(&path).to_owned())));
+        [&files[..], &[("flight", flight)]].concat()
+    };
+    let (key, folder) = runs
+        .iter()
+        .flat_map(results)
+        .find_map(|(key, folder)| Some((key, outside(&folder?)?)))?;
+    let advice = match HOMES.iter().any(|home| folder.starts_with(home)) {
+        true => format!("shows it no homes: choose a folder below {STATE}"),
+        false => format!(
+            "lets nothing be written there, unless it has [Service] ReadWritePaths={}, a folder that is there and belongs to edgecap: 'systemctl edit edgecap'",
+            folder.display()
+        ),
+    };
+    let text = format!("{key} in {}: the service's unit {advice}", folder.display());
+    Some(Finding::new("records", State::Note, text))
+}
+
+/// The whole path of a folder that the unit keeps the service from writing into.
+fn outside(folder: &Path) -> Option<PathBuf> {
+    let mut whole = PathBuf::new();
+    for part in Path::new(STATE).join(folder).components() {
+        match part {
+            Component::ParentDir => drop(whole.pop()),
+            part => whole.push(part),
+        }
+    }
+    let is_within = |open: &str| whole.starts_with(open);
+    let is_open = is_within(STATE) || OPEN.into_iter().any(is_within);
+    (!is_open).then_some(whole)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const MACHINES: &str = "/etc/edgecap/edgecap.toml";
+
+    /// The lines about settings in this file.
+    fn told(file: &str, run: &RunArgs) -> String {
+        let found = held_back(Some(Path::new(file)), std::slice::from_ref(run));
+        let lines: Vec<String> = found.into_iter().map(|finding| finding.text).collect();
+        lines.join("\n")
+    }
+
     #[test]
     fn what_the_unit_keeps_back_is_said_of_the_machines_settings_alone() {
-        let machines = Path::new("/etc/edgecap/edgecap.toml");
-        let to = |osc: &str| BridgeArgs {
-            osc: Some(osc.parse().unwrap()),
-            ..BridgeArgs::default()
+        let to = |osc: &str| RunArgs {
+            bridges: BridgeArgs {
+                osc: Some(osc.parse().unwrap()),
+                ..BridgeArgs::default()
+            },
+            ..RunArgs::default()
         };
         let (here, there) = (to("127.0.0.1:9000"), to("10.0.0.7:9000"));
-        let found = beyond(Some(machines), &there).unwrap().text;
+        let found = told(MACHINES, &there);
         assert!(
             found.contains("osc") && found.contains("with 10.0.0.7"),
             "{found}"
         );
-        assert!(beyond(Some(machines), &here).is_none());
-        assert!(beyond(Some(Path::new("edgecap.toml")), &there).is_none());
-        assert!(beyond(None, &there).is_none());
+        assert_eq!(told(MACHINES, &here), "");
+        assert_eq!(told("edgecap.toml", &there), "");
+        assert!(held_back(None, &[there]).is_empty());
+    }
+
+    #[test]
+    fn records_that_the_unit_lets_nobody_write_are_told() {
+        let to = |path: &str| {
+            let mut run = RunArgs::default();
+            run.record.record = Some(path.into());
+            run
+        };
+        for inside in [
+            "-",
+            "a.bin",
+            "b/../a.bin",
+            "/var/lib/edgecap/b/a.bin",
+            "/dev/null",
+        ] {
+            assert_eq!(told(MACHINES, &to(inside)), "", "{inside}");
+        }
+        for (outside, folder) in [
+            ("/srv/takes/a.bin", "/srv/takes"),
+            ("/var/lib/edgecap/../a.bin", "/var/lib"),
+            ("../a/b.bin", "/var/lib/a"),
+        ] {
+            let found = told(MACHINES, &to(outside));
+            let words = format!("[Service] ReadWritePaths={folder}, ");
+            assert!(found.contains(&words), "{found}");
+        }
+        let found = told(MACHINES, &to("/home/somebody/a.bin"));
+        assert!(found.contains("no homes"), "{found}");
+        assert_eq!(told("edgecap.toml", &to("/srv/a.bin")), "");
+        let mut flight = RunArgs::default();
+        flight.bridges.flight = Some("/srv/last".into());
+        let found = told(MACHINES, &flight);
+        assert!(found.contains("flight in /srv/last: "), "{found}");
     }
 }

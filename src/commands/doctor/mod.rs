@@ -19,6 +19,7 @@ use super::input::DEFAULT_NAME;
 use super::run::RunArgs;
 use super::say;
 use super::settings::{self, ConfigArgs, Settings};
+pub use beyond::held_back;
 use finding::{Finding, State};
 pub use memory::is_check;
 use patience::{attempt, within};
@@ -29,7 +30,7 @@ const LIMIT: Duration = Duration::from_secs(10);
 const FILE_LIMIT: Duration = Duration::from_secs(5);
 /// How long a camera may take: to open one takes seconds, its first picture as many.
 const CAMERA_LIMIT: Duration = Duration::from_secs(20);
-/// How long speed may take: a slow machine packs the model first.
+/// How long speed may take, and a model that is named: a slow machine packs it first.
 const SPEED_LIMIT: Duration = Duration::from_secs(120);
 
 const SETTINGS: &str = "settings";
@@ -78,7 +79,7 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         same_people,
     } = settled(args.settings);
     say(finding)?;
-    if let Some(finding) = beyond::beyond(file.as_deref(), &runs[0].bridges) {
+    for finding in held_back(file.as_deref(), &runs) {
         say(finding)?;
     }
     let mut engine = runs[0].engine.clone();
@@ -143,29 +144,35 @@ fn settled(args: ConfigArgs) -> Settled {
         let effective = settings::effective(&RunArgs::of_settings(args), &settings)?;
         effective.check()?;
         let same_people = effective.calibration()?.is_some();
-        Ok((settings.file, effective.runs()?, same_people))
+        let runs = effective.runs()?;
+        Ok((settings.file, effective, runs, same_people))
     };
-    match attempt(FILE_LIMIT, read) {
-        Some(Ok((Some(file), runs, same_people))) => {
-            let text = format!("{}: right; cameras: {}", file.display(), runs.len());
-            Settled {
-                finding: Finding::new(SETTINGS, State::Fine, text),
-                file: Some(file),
-                runs,
-                same_people,
+    let hangs = || Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS);
+    let (file, effective, runs, same_people) = match attempt(FILE_LIMIT, read) {
+        Some(Ok(read)) => read,
+        Some(Err(e)) => return Settled::without(Finding::failed(SETTINGS, e)),
+        None => return Settled::without(hangs()),
+    };
+    let finding = match &file {
+        Some(file) => match attempt(SPEED_LIMIT, move || effective.expect_start()) {
+            Some(Ok(())) => {
+                let text = format!("{}: right; cameras: {}", file.display(), runs.len());
+                Finding::new(SETTINGS, State::Fine, text)
             }
-        }
-        Some(Ok((None, runs, same_people))) => {
+            // What the cameras show can be seen all the same.
+            Some(Err(e)) => Finding::failed(SETTINGS, e),
+            None => hangs(),
+        },
+        None => {
             let text = "no edgecap.toml: defaults hold; 'edgecap config sample' is one";
-            Settled {
-                finding: Finding::new(SETTINGS, State::Note, text),
-                file: None,
-                runs,
-                same_people,
-            }
+            Finding::new(SETTINGS, State::Note, text)
         }
-        Some(Err(e)) => Settled::without(Finding::failed(SETTINGS, e)),
-        None => Settled::without(Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS)),
+    };
+    Settled {
+        finding,
+        file,
+        runs,
+        same_people,
     }
 }
 

@@ -31,7 +31,12 @@ pub struct InstallArgs {
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
     /// Where the program itself goes with --system; /usr in packages
-    #[arg(long, value_name = "DIR", default_value = "/usr/local")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "/usr/local",
+        conflicts_with = "user"
+    )]
     prefix: PathBuf,
 }
 
@@ -72,8 +77,11 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     } else {
         Layout::user()?
     };
-    let steps = plan(&layout, args.uninstall)?;
     let root = args.root.as_deref();
+    if !args.uninstall {
+        expect_no_mask(&layout, root)?;
+    }
+    let steps = plan(&layout, args.uninstall, root)?;
     let mut lost = None;
     for step in &steps {
         let wanted = root.is_none() || !matches!(step, Step::Run { .. });
@@ -100,6 +108,19 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Refuses to install a service that somebody wants nobody to have.
+fn expect_no_mask(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
+    let unit = below(root, &layout.mask());
+    match unit.canonicalize() {
+        Ok(to) if to == Path::new("/dev/null") => Err(Failure::unavailable(format!(
+            "{} leads to /dev/null: the service is masked, which '{} unmask edgecap' ends; then install again",
+            unit.display(),
+            layout.systemctl()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 fn without_service(uninstall: bool, why: &str) -> String {
     match uninstall {
         true => {
@@ -115,15 +136,15 @@ fn last_words(layout: &Layout, uninstall: bool) -> String {
     if uninstall {
         return "edgecap is uninstalled".to_owned();
     }
-    let (systemctl, journalctl) = if layout.is_system() {
-        ("sudo systemctl", "journalctl")
-    } else {
-        ("systemctl --user", "journalctl --user")
+    let journalctl = match layout.is_system() {
+        true => "journalctl",
+        false => "journalctl --user",
     };
     format!(
-        "edgecap is installed. Say which camera and lens in {}, then '{systemctl} restart edgecap'.\n\
+        "edgecap is installed. Say which camera and lens in {}, then '{} restart edgecap'.\n\
          'edgecap status' says how it is doing, '{journalctl} -u edgecap' what it said.",
-        layout.config().display()
+        layout.config().display(),
+        layout.systemctl()
     )
 }
 

@@ -1,13 +1,14 @@
 //! One file or one command.
 
 use std::fs::{self, Permissions};
-use std::io;
+use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use super::below;
 use crate::commands::exit::Failure;
+use crate::output::AtomicFile;
 
 /// What is to be done.
 #[derive(Debug, Clone)]
@@ -23,12 +24,17 @@ pub enum Step {
         /// Whether an older one stays.
         kept: bool,
     },
-    /// No file; one that the user may have changed goes only if it still holds these bytes.
+    /// No file; one that the user may have changed goes only if it was not.
     Remove {
         /// Where.
         path: PathBuf,
-        /// What it holds unless it was changed.
-        unless_changed_from: Option<Vec<u8>>,
+        /// [Digests](digest) of what it may hold unless it was changed.
+        unless_changed_from: Option<Vec<String>>,
+    },
+    /// No folder, whatever is in it.
+    Clear {
+        /// Where.
+        path: PathBuf,
     },
     /// A command.
     Run {
@@ -122,7 +128,9 @@ impl Step {
     pub fn describe(&self, root: Option<&Path>) -> String {
         match self {
             Self::Write { path, mode, .. } => format!("{} ({mode:o})", below(root, path).display()),
-            Self::Remove { path, .. } => below(root, path).display().to_string(),
+            Self::Remove { path, .. } | Self::Clear { path } => {
+                below(root, path).display().to_string()
+            }
             Self::Run { line, .. } => line.join(" "),
         }
     }
@@ -135,11 +143,13 @@ impl Step {
                 bytes,
                 mode,
                 kept,
-            } => match fs::metadata(below(root, path)) {
+            } => match fs::symlink_metadata(below(root, path)) {
                 Err(_) => Done::Written,
                 Ok(_) if *kept => Done::Kept,
+                // What a link leads to is not ours.
                 Ok(meta) => {
-                    let same = meta.permissions().mode() & 0o777 == *mode
+                    let same = meta.is_file()
+                        && meta.permissions().mode() & 0o777 == *mode
                         && fs::read(below(root, path)).is_ok_and(|b| b == *bytes);
                     if same {
                         Done::Unchanged
@@ -151,10 +161,27 @@ impl Step {
             Self::Remove {
                 path,
                 unless_changed_from,
-            } => match (fs::read(below(root, path)), unless_changed_from) {
-                (Err(_), _) => Done::Absent,
-                (Ok(found), Some(ours)) if found != *ours => Done::Kept,
-                (Ok(_), _) => Done::Removed,
+            } => {
+                let path = below(root, path);
+                let ours = match (fs::symlink_metadata(&path), unless_changed_from) {
+                    (Err(e), _) => return unseen(&e),
+                    (Ok(meta), _) if meta.is_dir() => return Done::Kept,
+                    (Ok(_), None) => return Done::Removed,
+                    (Ok(_), Some(ours)) => ours,
+                };
+                match fs::read(&path) {
+                    Ok(found) if ours.contains(&digest(&found)) => Done::Removed,
+                    Ok(_) => Done::Kept,
+                    Err(e) => Done::Failed {
+                        why: format!("whether it was changed cannot be seen: {e}"),
+                        loss: Loss::Nothing,
+                    },
+                }
+            }
+            Self::Clear { path } => match fs::symlink_metadata(below(root, path)) {
+                Err(e) => unseen(&e),
+                Ok(meta) if meta.is_dir() => Done::Removed,
+                Ok(_) => Done::Kept,
             },
             Self::Run { .. } => Done::Ran,
         }
@@ -171,7 +198,7 @@ impl Step {
                 path, bytes, mode, ..
             } if matches!(done, Done::Written | Done::Replaced) => {
                 let path = below(root, path);
-                let written = crate::output::write(&path, bytes)
+                let written = write(&path, bytes)
                     .and_then(|()| fs::set_permissions(&path, Permissions::from_mode(*mode)));
                 written.map_err(|e| Failure::output(&path, &e))?;
             }
@@ -181,6 +208,14 @@ impl Step {
                 // Our own folder, if nothing else is in it.
                 if let Some(folder) = path.parent().filter(|f| f.ends_with("edgecap")) {
                     let _ = fs::remove_dir(folder);
+                }
+            }
+            Self::Clear { path } if done == Done::Removed => {
+                if let Err(e) = fs::remove_dir_all(below(root, path)) {
+                    return Ok(Done::Failed {
+                        why: e.to_string(),
+                        loss: Loss::Nothing,
+                    });
                 }
             }
             Self::Run { line, loss } => {
@@ -198,6 +233,29 @@ impl Step {
     }
 }
 
+/// A file's content, to be known again.
+pub fn digest(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+/// Writes a whole file in place of whatever has its name.
+fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = AtomicFile::replacing_links(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}
+
+/// What is to be removed and cannot be looked at.
+fn unseen(error: &io::Error) -> Done {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => Done::Absent,
+        _ => Done::Failed {
+            why: error.to_string(),
+            loss: Loss::Nothing,
+        },
+    }
+}
+
 /// Runs a command; its last words if it fails.
 fn ran(line: &[String]) -> Result<(), String> {
     let mut command = Command::new(&line[0]);
@@ -209,7 +267,7 @@ fn ran(line: &[String]) -> Result<(), String> {
             let last = said.lines().last().unwrap_or("").trim();
             Err(format!("{}: {last}", out.status))
         }
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+        Err(e) if e.kind() == ErrorKind::NotFound => {
             Err(format!("{} is not installed: install systemd", line[0]))
         }
         Err(e) => Err(e.to_string()),

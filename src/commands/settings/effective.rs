@@ -1,13 +1,11 @@
 //! What holds: flags over the file over the defaults, for each camera of a run.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 
 use super::{
     CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
 };
-use crate::camera::CameraFile;
 use crate::capture::InputSpec;
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::events;
@@ -47,16 +45,8 @@ impl Effective {
     /// The first that is wrong or cannot be read.
     pub fn check(&self) -> anyhow::Result<()> {
         self.apart()?;
+        self.expect_readable()?;
         for run in self.runs()? {
-            if let Some(Setting::File(lens)) = &run.input.lens {
-                CameraFile::read(lens)?;
-            }
-            for file in [&run.engine.model, &run.engine.stage2]
-                .into_iter()
-                .flatten()
-            {
-                File::open(file).map_err(|e| Failure::no_input(file, &e))?;
-            }
             let inputs = run.engine.inputs(true);
             inputs.map_err(|e| Failure::config(format!("[network]: {e}")))?;
         }

@@ -5,6 +5,7 @@ mod check;
 mod effective;
 mod metrics_args;
 mod multiview_args;
+mod named;
 mod together;
 
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::bridges::BridgeArgs;
 use super::exit::Failure;
 use super::infer::{EngineArgs, PaceArgs};
-use super::input::{InputArgs, is_network};
+use super::input::{InputArgs, is_network, other_bytes};
 use super::outputs::RecordArgs;
 use crate::bounded;
 use crate::capture::InputSpec;
@@ -127,7 +128,7 @@ impl Settings {
         let mut settings = Self::parse(&path.display().to_string(), &text)?;
         // Whoever wrote the file does not know where it is read.
         let absolute = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
-        settings.resolve(absolute.parent().unwrap_or(Path::new("/")));
+        settings.resolve(absolute.parent().unwrap_or(Path::new("/")))?;
         settings.file = Some(path);
         Ok(settings)
     }
@@ -161,6 +162,9 @@ impl Settings {
                 return Err(table.mistake(places.get("name").copied(), what));
             }
             table.finish()?;
+            // Whoever describes a camera wants no clip in its place while it is away.
+            let first = || InputSpec::FirstCamera.to_string();
+            input.input.get_or_insert_with(first);
             cameras.push(CameraSettings {
                 input,
                 pace,
@@ -215,35 +219,46 @@ impl Settings {
     }
 
     /// Takes relative paths of what is read from `folder` on; results go where the process works.
-    fn resolve(&mut self, folder: &Path) {
-        let below = |path: &mut Option<PathBuf>| {
-            if let Some(path) = path
-                .as_mut()
-                .filter(|p| p.as_os_str() != crate::output::STDOUT)
-            {
-                *path = folder.join(&path);
+    ///
+    /// # Errors
+    /// Where that makes a path that is not UTF-8: the tasks of children hold paths as text.
+    fn resolve(&mut self, folder: &Path) -> Result<(), Failure> {
+        let below = |path: &mut PathBuf| {
+            *path = folder.join(&path);
+            match path.to_str() {
+                Some(_) => Ok(()),
+                None => {
+                    let told = other_bytes("settings (--config)", "a path", path.as_os_str());
+                    Err(Failure::usage(told))
+                }
             }
         };
         for camera in &mut self.cameras {
             if let Some(input) = &mut camera.input.input
                 && !is_network(input)
-                && let Ok(InputSpec::Path(path)) = input.parse()
+                && let Ok(InputSpec::Path(mut path)) = input.parse()
             {
-                *input = folder.join(path).display().to_string();
+                below(&mut path)?;
+                *input = path.display().to_string();
             }
             if let Some(Setting::File(path)) = &mut camera.input.lens {
-                *path = folder.join(&path);
+                below(path)?;
             }
             if let Some(Setting::File(path)) = &mut camera.fitting.fit {
-                *path = folder.join(&path);
+                below(path)?;
             }
             if let Some(Setting::File(path)) = &mut camera.fitting.events {
-                *path = folder.join(&path);
+                below(path)?;
             }
         }
-        below(&mut self.network.value.model);
-        below(&mut self.network.value.stage2);
-        below(&mut self.multiview.value.calibration);
+        let named = [
+            &mut self.network.value.model,
+            &mut self.network.value.stage2,
+            &mut self.multiview.value.calibration,
+        ];
+        let is_stdout = |path: &PathBuf| path.as_os_str() == crate::output::STDOUT;
+        let mut named = named.into_iter().flatten().filter(|path| !is_stdout(path));
+        named.try_for_each(below)
     }
 }
 
@@ -273,5 +288,14 @@ mod tests {
             with_defaults::<MultiviewArgs>(),
         ];
         assert_eq!(all.concat(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_camera_without_an_input_is_the_first_that_there_is() {
+        let text = "[[camera]]\nheight = 1.8\n[[camera]]\ninput = \"hall.avi\"\n";
+        let settings = Settings::parse("edgecap.toml", text).unwrap();
+        let inputs = settings.cameras.into_iter().map(|c| c.input.input);
+        let inputs: Vec<String> = inputs.flatten().collect();
+        assert_eq!(inputs, ["camera", "hall.avi"]);
     }
 }

@@ -9,7 +9,7 @@ use crate::capture::InputSpec;
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::input;
-use crate::commands::run::{RunArgs, expect_camera};
+use crate::commands::run::{RunArgs, expect_camera, expect_one_for_vmc};
 
 /// Looks at what the runs would find wrong when they start. A camera may be plugged in later.
 ///
@@ -65,6 +65,10 @@ pub fn check(
             .into());
         }
         devices.push((device, chosen.name));
+    }
+    // Of a room there is one stream of bodies.
+    if calibration.is_none() {
+        expect_one_for_vmc(runs)?;
     }
     Ok(())
 }
