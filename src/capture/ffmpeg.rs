@@ -6,7 +6,9 @@
 
 use std::collections::HashSet;
 use std::ffi::OsString;
+use std::fs;
 use std::io::{BufReader, ErrorKind, Read};
+use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -63,31 +65,52 @@ struct Probe {
     is_square: bool,
 }
 
-/// Plays a film through ffmpeg.
-pub struct FfmpegSource {
+/// A film as far as it is known: the same each time it is played.
+struct Film {
+    path: PathBuf,
     name: String,
-    child: Child,
-    pipe: BufReader<ChildStdout>,
-    complaints: Option<JoinHandle<String>>,
+    ffmpeg: PathBuf,
+    rate_option: [&'static str; 2],
+    /// Which file it was, as far as the system tells.
+    file: Option<FileId>,
     probe: Probe,
-    index: u64,
-    ended: bool,
 }
 
-impl FfmpegSource {
-    /// Starts the child.
-    ///
-    /// # Errors
-    /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is
-    /// no film that they can read.
-    pub fn open(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
+/// Device, number, bytes and the time of the last change, seconds and nanoseconds.
+type FileId = (u64, u64, u64, i64, i64);
+
+/// Which file lies there; another one of the same name is another one.
+fn file_id(path: &Path) -> Option<FileId> {
+    let m = fs::metadata(path).ok()?;
+    Some((m.dev(), m.ino(), m.len(), m.mtime(), m.mtime_nsec()))
+}
+
+/// What ffmpeg and ffprobe are told to read. The prefix keeps names with a colon or a leading dash from being taken for
+/// something else.
+fn input(path: &Path) -> OsString {
+    let mut input = OsString::from("file:");
+    input.push(path);
+    input
+}
+
+impl Film {
+    /// Asks both programs what there is.
+    fn look(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
         let name = name_of(path);
-        // The prefix keeps names with a colon or a leading dash from being taken for something else.
-        let mut input = OsString::from("file:");
-        input.push(path);
-        let rate_option = passthrough_option(&programs.ffmpeg, &name)?;
-        let probe = probe(&programs.ffprobe, &input, &name)?;
-        let mut child = command(&programs.ffmpeg)
+        Ok(Self {
+            rate_option: passthrough_option(&programs.ffmpeg, &name)?,
+            // A file that is replaced while it is probed counts as another one.
+            file: file_id(path),
+            probe: probe(&programs.ffprobe, &input(path), &name)?,
+            path: path.to_owned(),
+            name,
+            ffmpeg: programs.ffmpeg.clone(),
+        })
+    }
+
+    /// Starts the child.
+    fn play(&self) -> Result<Playing, CaptureError> {
+        let mut child = command(&self.ffmpeg)
             .args([
                 "-nostdin",
                 "-v",
@@ -96,17 +119,17 @@ impl FfmpegSource {
                 "file",
                 "-i",
             ])
-            .arg(&input)
+            .arg(input(&self.path))
             .args(["-map", "0:V:0"])
             // A lens is one for both directions. No pixel is thrown away.
-            .args(match probe.is_square {
+            .args(match self.probe.is_square {
                 true => &[][..],
                 false => &[
                     "-vf",
                     "scale=w='max(iw,iw*sar)':h='max(ih,ih/sar)',setsar=1",
                 ],
             })
-            .args(rate_option)
+            .args(self.rate_option)
             .args([
                 "-f",
                 "image2pipe",
@@ -119,67 +142,27 @@ impl FfmpegSource {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|e| missing(&programs.ffmpeg, &name, e))?;
+            .map_err(|e| missing(&self.ffmpeg, &self.name, e))?;
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         let (Some(stdout), Some(stderr)) = (stdout, stderr) else {
             unreachable!("both pipes were asked for");
         };
-        Ok(Self {
-            name,
+        Ok(Playing {
             child,
             pipe: BufReader::with_capacity(BUFFER_BYTES, stdout),
             complaints: Some(std::thread::spawn(move || keep_end(stderr))),
-            probe,
-            index: 0,
-            ended: false,
         })
     }
+}
 
-    /// Process id of the child.
-    pub fn child_id(&self) -> u32 {
-        self.child.id()
-    }
+/// A child, and what it writes.
+struct Playing {
+    child: Child,
+    pipe: BufReader<ChildStdout>,
+    complaints: Option<JoinHandle<String>>,
+}
 
-    /// Reaps the child after its last picture and judges how it ended.
-    fn finish(&mut self, cut_inside: bool) -> Result<bool, CaptureError> {
-        self.ended = true;
-        let status = self
-            .child
-            .wait()
-            .map_err(|e| CaptureError::from_io_named(&self.name, e))?;
-        let complaints = self.take_complaints();
-        let lines = || complaints.lines().map(str::trim).filter(|l| !l.is_empty());
-        // Without a number in the header, packets are counted that are left in the file: of one that was cut off none
-        // is missing, and only these words tell it.
-        let has_number = self.probe.announced.is_some();
-        let tells_cut = |line: &&str| !has_number && CUT_OFF.iter().any(|w| line.contains(w));
-        let cut_line = lines().find(tells_cut);
-        let expected = self.probe.announced.or(self.probe.counted);
-        let short = expected.filter(|n| self.index < *n);
-        let is_cut =
-            cut_inside || cut_line.is_some() || (short.is_some() && lines().next().is_some());
-        let said = cut_line.or(lines().next_back());
-        if status.success() && !is_cut && self.index > 0 {
-            // No failure: streams that begin between two key pictures are complained of, too, and are whole.
-            if let (false, Some(line)) = (has_number, said) {
-                tracing::warn!(
-                    "{}: ffmpeg says: {line}; if the film plays longer, copy it again",
-                    self.name
-                );
-            }
-            return Ok(false);
-        }
-        let reason = said.map_or_else(|| status.to_string(), str::to_owned);
-        Err(CaptureError::data(
-            self.name.clone(),
-            format!(
-                "the film ends after {}{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
-                counted(self.index, "picture", "pictures"),
-                short.map(|n| format!(" of {n}")).unwrap_or_default(),
-            ),
-        ))
-    }
-
+impl Playing {
     fn take_complaints(&mut self) -> String {
         self.complaints
             .take()
@@ -188,7 +171,7 @@ impl FfmpegSource {
     }
 }
 
-impl Drop for FfmpegSource {
+impl Drop for Playing {
     fn drop(&mut self) {
         // Both fail only when the child has been reaped already.
         let _ = self.child.kill();
@@ -197,54 +180,134 @@ impl Drop for FfmpegSource {
     }
 }
 
+/// Plays a film through ffmpeg.
+pub struct FfmpegSource {
+    film: Film,
+    playing: Playing,
+    index: u64,
+    ended: bool,
+}
+
+impl FfmpegSource {
+    /// Starts the child.
+    ///
+    /// # Errors
+    /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is
+    /// no film that they can read.
+    pub fn open(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
+        let film = Film::look(path, programs)?;
+        Ok(Self {
+            playing: film.play()?,
+            film,
+            index: 0,
+            ended: false,
+        })
+    }
+
+    /// Process id of the child.
+    pub fn child_id(&self) -> u32 {
+        self.playing.child.id()
+    }
+
+    /// Reaps the child after its last picture and judges how it ended.
+    fn finish(&mut self, cut_inside: bool) -> Result<bool, CaptureError> {
+        self.ended = true;
+        let Film { name, probe, .. } = &self.film;
+        let status = self.playing.child.wait();
+        let status = status.map_err(|e| CaptureError::from_io_named(name, e))?;
+        let complaints = self.playing.take_complaints();
+        let lines = || complaints.lines().map(str::trim).filter(|l| !l.is_empty());
+        // Without a number in the header, packets are counted that are left in the file: of one that was cut off none
+        // is missing, and only these words tell it.
+        let has_number = probe.announced.is_some();
+        let tells_cut = |line: &&str| !has_number && CUT_OFF.iter().any(|w| line.contains(w));
+        let cut_line = lines().find(tells_cut);
+        let expected = probe.announced.or(probe.counted);
+        let short = expected.filter(|n| self.index < *n);
+        let is_cut =
+            cut_inside || cut_line.is_some() || (short.is_some() && lines().next().is_some());
+        let said = cut_line.or(lines().next_back());
+        if status.success() && !is_cut && self.index > 0 {
+            // No failure: streams that begin between two key pictures are complained of, too, and are whole.
+            if let (false, Some(line)) = (has_number, said) {
+                tracing::warn!(
+                    "{name}: ffmpeg says: {line}; if the film plays longer, copy it again"
+                );
+            }
+            return Ok(false);
+        }
+        let reason = said.map_or_else(|| status.to_string(), str::to_owned);
+        Err(CaptureError::data(
+            name.clone(),
+            format!(
+                "the film ends after {}{}; ffmpeg says: {reason}; check the file, copy it again if it was cut off",
+                counted(self.index, "picture", "pictures"),
+                short.map(|n| format!(" of {n}")).unwrap_or_default(),
+            ),
+        ))
+    }
+}
+
 impl Source for FfmpegSource {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
         if self.ended {
             return Ok(false);
         }
-        let (width, height) = match read_ppm_header(&mut self.pipe) {
+        let (width, height) = match read_ppm_header(&mut self.playing.pipe) {
             Ok(Some(size)) => size,
             Ok(None) => return self.finish(false),
             Err(e) if e.kind() == ErrorKind::UnexpectedEof => return self.finish(true),
             Err(e) => {
                 self.ended = true;
-                return Err(CaptureError::from_io_named(&self.name, e));
+                return Err(CaptureError::from_io_named(&self.film.name, e));
             }
         };
         if let Err(reason) = check_size(width.into(), height.into()) {
             self.ended = true;
-            return Err(CaptureError::data(self.name.clone(), reason));
+            return Err(CaptureError::data(self.film.name.clone(), reason));
         }
         frame.width = width;
         frame.height = height;
         frame.rgb.resize(3 * width as usize * height as usize, 0);
-        match self.pipe.read_exact(&mut frame.rgb) {
+        match self.playing.pipe.read_exact(&mut frame.rgb) {
             Ok(()) => {}
             Err(e) if e.kind() == ErrorKind::UnexpectedEof => return self.finish(true),
             Err(e) => {
                 self.ended = true;
-                return Err(CaptureError::from_io_named(&self.name, e));
+                return Err(CaptureError::from_io_named(&self.film.name, e));
             }
         }
-        let known = self.probe.times.get(self.index as usize).copied();
+        let known = self.film.probe.times.get(self.index as usize).copied();
         frame.time_ns =
-            known.unwrap_or_else(|| (self.index as f64 * 1e9 / self.probe.fps).round() as u64);
+            known.unwrap_or_else(|| (self.index as f64 * 1e9 / self.film.probe.fps).round() as u64);
         frame.sequence = self.index;
         self.index += 1;
         Ok(true)
     }
 
+    /// Packets of an hour take longer to list than its first pictures to decode. A file that was replaced meanwhile is
+    /// another film.
+    fn rewind(&mut self) -> Result<bool, CaptureError> {
+        let film = &self.film;
+        if film.file.is_none() || film.file != file_id(&film.path) {
+            return Ok(false);
+        }
+        self.playing = film.play()?;
+        (self.index, self.ended) = (0, false);
+        Ok(true)
+    }
+
     fn frame_count(&self) -> Option<u64> {
-        let counted = Some(self.probe.times.len() as u64).filter(|n| *n > 0);
-        counted.or(self.probe.announced)
+        let counted = Some(self.film.probe.times.len() as u64).filter(|n| *n > 0);
+        counted.or(self.film.probe.announced)
     }
 
     fn fps(&self) -> Option<f64> {
-        Some(self.probe.fps)
+        Some(self.film.probe.fps)
     }
 
     fn name(&self) -> &str {
-        &self.name
+        &self.film.name
     }
 }
 

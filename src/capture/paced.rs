@@ -74,7 +74,9 @@ where
             self.offset = self
                 .last
                 .map_or((0, 0), |(time, n)| (time + interval as u64, n + 1));
-            self.film = (self.open)()?;
+            if !self.film.rewind()? {
+                self.film = (self.open)()?;
+            }
             if !self.film.next_raw(&mut self.next)? {
                 return Ok(false);
             }

@@ -19,6 +19,8 @@ use super::source::Source;
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Most memory that a PNG may take while it is unpacked: 8000 × 8000 pixels of 16-bit RGBA and the decoder's own.
 const MAX_PNG_BYTES: u64 = 1 << 30;
+/// What a PNG begins with.
+const PNG_START: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Time between photos of a folder when nothing else is known: most folders of numbered pictures are 30 Hz films.
 const DEFAULT_FPS: f64 = 30.0;
 /// Colour behind transparent pixels: the one that also pads the network's input.
@@ -186,11 +188,10 @@ impl PhotoDecoder {
             PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(damaged_png)?;
         let (width, height) = decoder.dimensions();
         check_size(width.into(), height.into())?;
-        let orientation = decoder
-            .exif_metadata()
-            .ok()
-            .flatten()
-            .map_or(Orientation::Upright, |exif| Orientation::from_exif(&exif));
+        // The decoder has read up to the pixels, and is gone after them.
+        let ahead = decoder.exif_metadata().ok().flatten();
+        let exif = ahead.as_deref().or_else(|| exif_behind_pixels(bytes));
+        let orientation = exif.map_or(Orientation::Upright, Orientation::from_exif);
         let color = decoder.color_type();
         // At most 100 million pixels of 8 bytes.
         self.pixels.resize(decoder.total_bytes() as usize, 0);
@@ -214,7 +215,26 @@ pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
 
 /// Whether the first bytes are those of a PNG.
 pub(crate) fn is_png(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
+    bytes.starts_with(PNG_START)
+}
+
+/// The EXIF block of a PNG that stands behind its pixels, where some programs append it.
+fn exif_behind_pixels(png: &[u8]) -> Option<&[u8]> {
+    let behind = chunks(png).skip_while(|(kind, _)| kind != b"IDAT");
+    let mut own = behind.take_while(|(kind, _)| kind != b"IEND");
+    own.find_map(|(kind, body)| (kind == *b"eXIf").then_some(body))
+}
+
+/// The chunks of a PNG, kind and contents, up to one that is cut off. Checksums are not looked at.
+fn chunks(png: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8])> {
+    let mut rest = png.strip_prefix(PNG_START).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let (length, tail) = rest.split_first_chunk()?;
+        let (kind, tail) = tail.split_first_chunk()?;
+        let (body, tail) = tail.split_at_checked(u32::from_be_bytes(*length) as usize)?;
+        rest = tail.get(size_of::<u32>()..)?;
+        Some((*kind, body))
+    })
 }
 
 fn damaged_png(error: image::ImageError) -> String {

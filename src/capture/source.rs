@@ -41,6 +41,15 @@ pub trait Source: Send {
         Ok(more)
     }
 
+    /// Begins anew with the first picture, without asking again what the input is; `false` where it has to be opened
+    /// for that.
+    ///
+    /// # Errors
+    /// Those of opening it.
+    fn rewind(&mut self) -> Result<bool, CaptureError> {
+        Ok(false)
+    }
+
     /// Hears whether the picture that [`next_raw`](Self::next_raw) gave last could be decoded, or why not. A camera
     /// that sends nothing that can be is opened again.
     fn judged(&mut self, _failure: Option<&str>) {}

@@ -9,8 +9,9 @@ use indicatif::ProgressBar;
 use super::apart::Apart;
 use super::exit::Failure;
 use super::model::file_digest;
+use super::pipeline::usual;
 use super::say;
-use crate::engine::{Model, ModelError};
+use crate::engine::{Model, ModelError, Network, NetworkError};
 use crate::lab::bench::{BenchOptions, Certificate, Subject, SubjectError, certify};
 use crate::output::AtomicFile;
 
@@ -28,9 +29,9 @@ pub struct BenchArgs {
         default_value = "selecsls,resnet50"
     )]
     networks: Vec<String>,
-    /// Network input size, multiples of 16
-    #[arg(long, value_name = "WxH", default_value = "512x320", value_parser = super::infer::parse_size)]
-    size: (usize, usize),
+    /// Network input size, multiples of 16 [default: 512x320, or what all networks take next to it]
+    #[arg(long, value_name = "WxH", value_parser = super::infer::parse_size)]
+    size: Option<(usize, usize)>,
     /// Numbers of threads to measure with; 1 and all cores when not given
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Vec<u16>,
@@ -80,11 +81,15 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
     {
         names.insert(0, given.name().to_owned());
     }
+    let size = match args.size {
+        Some(size) => size,
+        None => usual_size(&names, trained.as_ref())?,
+    };
     let mut subjects = Vec::new();
     for name in &names {
         subjects.push(match trained.as_ref().filter(|t| t.name() == name) {
             Some(trained) => trained.clone(),
-            None => Subject::random(name, args.size).map_err(cause)?,
+            None => Subject::random(name, size).map_err(cause)?,
         });
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -95,7 +100,7 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
     threads.sort_unstable();
     threads.dedup();
     let options = BenchOptions {
-        size: args.size,
+        size,
         threads,
         time: Duration::from_secs_f64(args.seconds),
         layers: args.layers,
@@ -116,6 +121,17 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         save(file, &certificate).map_err(|e| Failure::output(path, &e))?;
     }
     told
+}
+
+/// The input nearest to the usual one that all these networks take.
+fn usual_size(names: &[String], trained: Option<&Subject>) -> Result<(usize, usize), NetworkError> {
+    let multiple = |name: &String| match trained.filter(|t| t.name() == name) {
+        Some(trained) => Ok(trained.model.network().input().multiple),
+        None => Network::shipped(name).map(|network| network.input().multiple),
+    };
+    let multiples = names.iter().map(multiple).collect::<Result<Vec<_>, _>>()?;
+    let usual = usual(&multiples);
+    Ok((usual.width, usual.height))
 }
 
 /// What is wrong with a network, which has an exit code of its own.

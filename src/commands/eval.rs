@@ -16,7 +16,7 @@ use crate::lab::eval::{
 };
 use crate::lab::humaneva::{self, HumanEva, HumanEvaError, HumanEvaOptions};
 use crate::lab::multiview::{TablesOptions, tables};
-use crate::output::{AtomicFile, STDOUT};
+use crate::output::{AtomicFile, is_stdout};
 
 /// Frames of every synthetic person.
 const SYNTHETIC_FRAMES: u64 = 60;
@@ -195,7 +195,7 @@ impl<'a> Figures<'a> {
     fn open(json: Option<&'a Path>) -> anyhow::Result<Self> {
         Ok(match json {
             None => Self::Table,
-            Some(path) if path.as_os_str() == STDOUT => Self::Json,
+            Some(path) if is_stdout(path) => Self::Json,
             Some(path) => {
                 let file = AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
                 Self::Both(path, file)

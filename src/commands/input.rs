@@ -20,6 +20,7 @@ use crate::capture::{
     self, AwaitedSource, CaptureError, InputSpec, Mounting, OpenOptions, PacedSource, Source,
 };
 use crate::config::Setting;
+use crate::supervise::is_service;
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
@@ -28,8 +29,8 @@ pub const DEFAULT_NAME: &str = "camera0";
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InputArgs {
-    /// Photo, folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the first), or 'demo'
-    /// [default: the first camera, else the bundled demo clip, over and over]
+    /// Photo (JPEG or PNG), folder of photos, video, '-' for y4m on stdin, camera (/dev/video0, 'camera' for the
+    /// first), or 'demo' [default: the first camera, else the bundled demo clip, over and over]
     #[arg(long, value_name = "INPUT", value_parser = Words)]
     pub input: Option<String>,
     /// Name under which observations and bodies are published [default: camera0 where no input is given, of 'camera'
@@ -75,13 +76,18 @@ impl TypedValueParser for Words {
     ) -> Result<String, clap::Error> {
         given.to_str().map(str::to_owned).ok_or_else(|| {
             let option = option.and_then(clap::Arg::get_long).unwrap_or_default();
-            let message = format!(
-                "--{option}: expected a path in UTF-8, found {}; name it otherwise, or give a link to it (ln -s)",
-                given.display()
-            );
-            clap::Error::raw(clap::error::ErrorKind::InvalidUtf8, message).with_cmd(command)
+            let message = other_bytes(&format!("--{option}"), "a path", given);
+            clap::Error::raw(clap::error::ErrorKind::ValueValidation, message).with_cmd(command)
         })
     }
+}
+
+/// What to say of a name that is not UTF-8 where only such a one will do.
+pub fn other_bytes(option: &str, expected: &str, given: &OsStr) -> String {
+    format!(
+        "{option}: expected {expected} in UTF-8, found {}; name it otherwise, or give a link to it (ln -s)",
+        given.display()
+    )
 }
 
 /// Reads the path of an option that settings hold, too.
@@ -270,7 +276,8 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
             .parse()
             .unwrap_or_else(|never: Infallible| match never {}),
         None => match capture::list_cameras() {
-            Err(CaptureError::Unavailable { .. }) => InputSpec::Demo,
+            // Who reads a service's bodies takes them for people who are there.
+            Err(CaptureError::Unavailable { .. }) if !is_service() => InputSpec::Demo,
             // Also a camera that this user may not open: opening it says what to do.
             _ => InputSpec::FirstCamera,
         },

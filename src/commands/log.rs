@@ -26,8 +26,9 @@ pub fn start() {
     } else {
         Level::WARN
     };
-    let wanted = std::env::var("EDGECAP_LOG").unwrap_or_default();
-    let (chosen, misread) = match chosen(&wanted, by_default) {
+    let wanted = std::env::var_os("EDGECAP_LOG").unwrap_or_default();
+    let words = wanted.to_str().ok_or_else(|| "not in UTF-8".to_owned());
+    let (chosen, misread) = match words.and_then(|words| chosen(words, by_default)) {
         Ok(chosen) => (chosen, None),
         Err(e) => (of_default(by_default), Some(e)),
     };
@@ -46,7 +47,8 @@ pub fn start() {
     tracing_subscriber::registry().with(chosen).with(log).init();
     if let Some(e) = misread {
         tracing::warn!(
-            "EDGECAP_LOG={wanted}: {e}; expected error, warn, info, debug, trace or off; goes on without it"
+            "EDGECAP_LOG={}: {e}; expected error, warn, info, debug, trace or off; goes on without it",
+            wanted.display()
         );
     }
 }
@@ -61,14 +63,17 @@ fn of_default(level: Level) -> Targets {
 
 /// What `wanted` lets through: a level, or levels of parts of the program (`warn,edgecap::capture=debug`). Parts alone,
 /// or a level that does not exist, which reads like a part's name, leave the others as they are by default.
-fn chosen(wanted: &str, by_default: Level) -> Result<Targets, ParseError> {
-    // Nothing between two commas would be read as the level of errors.
+fn chosen(wanted: &str, by_default: Level) -> Result<Targets, String> {
+    // Nothing between two commas would be read as the level of errors, and so would nothing behind a part.
     let parts = wanted.split(',').map(str::trim).filter(|p| !p.is_empty());
     let wanted = parts.collect::<Vec<_>>().join(",");
     if wanted.is_empty() {
         return Ok(of_default(by_default));
     }
-    let asked: Targets = wanted.parse()?;
+    if let Some(part) = wanted.split(',').find(|part| part.ends_with('=')) {
+        return Err(format!("'{part}' has no level"));
+    }
+    let asked: Targets = wanted.parse().map_err(|e: ParseError| e.to_string())?;
     Ok(match asked.default_level() {
         Some(_) => asked,
         None => of_default(by_default).with_targets(asked),
@@ -168,5 +173,9 @@ mod tests {
     fn a_level_that_does_not_exist_silences_nothing() {
         assert!(lets_through("inof", "edgecap::capture", Level::WARN));
         assert!(chosen("edgecap=inof", Level::WARN).is_err());
+        for wanted in ["edgecap=", "info, edgecap= ,warn"] {
+            let told = chosen(wanted, Level::WARN).unwrap_err();
+            assert!(told.contains("'edgecap=' has no level"), "{told}");
+        }
     }
 }

@@ -51,8 +51,10 @@ mod view;
 mod view_file;
 mod watch;
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStrExt;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 pub use infer::{Quality, photo_inputs};
@@ -127,10 +129,16 @@ enum Verb {
 /// Runs the command line; the exit code.
 pub fn main() -> u8 {
     crate::supervise::remember_permissions();
-    let cli = match Cli::try_parse_from(words(std::env::args_os())) {
+    let words = words(std::env::args_os());
+    let cli = match Cli::try_parse_from(&words) {
         Ok(cli) => cli,
         Err(e) if e.use_stderr() => {
-            say::failure(&format!("edgecap: {}", one_line(&e)));
+            let told = match e.kind() {
+                ErrorKind::InvalidUtf8 => other_bytes(&words),
+                _ => None,
+            };
+            let told = told.unwrap_or_else(|| one_line(&e));
+            say::failure(&format!("edgecap: {told}"));
             return exit::USAGE;
         }
         Err(help) => {
@@ -184,6 +192,35 @@ fn words(given: impl Iterator<Item = OsString>) -> Vec<OsString> {
         words.retain(|word| word != "--help" && word != "-h");
     }
     words
+}
+
+/// What to say of a command line that is refused for a word which is not UTF-8: clap does not name it.
+fn other_bytes(words: &[OsString]) -> Option<String> {
+    let is_refused = |words: &[OsString]| {
+        let parsed = Cli::try_parse_from(words);
+        parsed.is_err_and(|e| e.kind() == ErrorKind::InvalidUtf8)
+    };
+    // Most paths may be of any bytes: it is the word without which all others are taken.
+    let mut mended = words.to_vec();
+    let at = (0..words.len()).find(|&k| {
+        mended[k] = words[k].to_string_lossy().into_owned().into();
+        words[k].to_str().is_none() && !is_refused(&mended)
+    })?;
+    let given = words[at].as_bytes();
+    let option = |word: &[u8]| String::from_utf8_lossy(word).into_owned();
+    let (option, given) = match given.iter().position(|&b| b == b'=') {
+        Some(end) if given.starts_with(b"--") => (option(&given[..end]), &given[end + 1..]),
+        _ => {
+            let before = words[..at].iter().map(|word| word.as_bytes());
+            let before = before.rev().find(|word| word.starts_with(b"-"));
+            (option(before.unwrap_or(b"edgecap")), given)
+        }
+    };
+    Some(input::other_bytes(
+        &option,
+        "text",
+        OsStr::from_bytes(given),
+    ))
 }
 
 /// What is wrong with a command line, without how it is used.

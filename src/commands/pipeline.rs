@@ -10,7 +10,7 @@ use super::exit::Failure;
 use crate::capture::{Frame, Resizer};
 use crate::config::Mistake;
 use crate::detect::{AssociationConfig, Associator};
-use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Model, Network, Precision};
+use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Maps, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
 
 /// What to say where no vector kernels run.
@@ -27,15 +27,31 @@ pub struct PipelineOptions<'a> {
     pub width: usize,
     /// Network input height, pixels.
     pub height: usize,
+    /// Nobody has asked for this very input: the nearest that the network takes will do.
+    pub nearest: bool,
     /// Threads for the network.
     pub threads: usize,
     /// Whether the network sees every picture's mirror image, too.
     pub flip_test: bool,
 }
 
+/// The input nearest to a `size`, pixels across and down, whose sides are multiples of all of these, and whose maps
+/// have whole cells.
+pub(super) fn nearest(size: (usize, usize), multiples: &[usize]) -> (usize, usize) {
+    let step = multiples.iter().fold(Maps::STRIDE, |step, &multiple| {
+        let mut common = (1..=multiple).map(|k| k * step);
+        let common = common.find(|n| n.is_multiple_of(multiple));
+        common.unwrap_or(step)
+    });
+    let side = |n: usize| ((n + step / 2) / step).max(1) * step;
+    (side(size.0), side(size.1))
+}
+
 /// Letterbox, Stage I, association and Stage II, with their buffers.
 pub struct Pipeline {
     engine: Engine,
+    /// What sides of the network's input are multiples of.
+    multiple: usize,
     flip_test: Option<FlipTest>,
     associator: Associator,
     lifter: Lifter,
@@ -64,11 +80,17 @@ impl Pipeline {
     pub fn new(options: &PipelineOptions) -> anyhow::Result<Self> {
         let model = open(options.model, options.stage2)?;
         let precision = precision(&model);
+        let multiple = model.network().input().multiple;
+        let asked = (options.width, options.height);
+        let (width, height) = match options.nearest {
+            true => nearest(asked, &[multiple]),
+            false => asked,
+        };
         let engine = Engine::new(
             &model,
             EngineOptions {
-                width: options.width,
-                height: options.height,
+                width,
+                height,
                 threads: options.threads,
                 precision,
                 ..EngineOptions::default()
@@ -87,31 +109,35 @@ impl Pipeline {
         tracing::info!(
             isa = isa.name(),
             ?precision,
-            width = options.width,
-            height = options.height,
+            width,
+            height,
             threads = options.threads,
             "stages built"
         );
-        let resizer = Resizer::new(options.width as u32, options.height as u32);
+        let resizer = Resizer::new(width as u32, height as u32);
         Ok(Self {
             associator: Associator::new(association(&model)?),
             lifter: lifter(&model, isa)?,
             input: vec![0; resizer.output_bytes()],
             resizer,
             engine,
+            multiple,
             flip_test: options.flip_test.then(FlipTest::default),
             times: StageTimes::default(),
         })
     }
 
-    /// The stages for another network input, which share packed weights and threads with these.
+    /// The stages for another network input, or the nearest to it that the network takes, which share packed weights
+    /// and threads with these.
     ///
     /// # Errors
     /// If the network does not take this size.
     pub fn resized(&self, width: usize, height: usize) -> anyhow::Result<Self> {
+        let (width, height) = nearest((width, height), &[self.multiple]);
         let resizer = Resizer::new(width as u32, height as u32);
         Ok(Self {
             engine: self.engine.resized(width, height)?,
+            multiple: self.multiple,
             flip_test: self.flip_test.as_ref().map(|_| FlipTest::default()),
             associator: self.associator.clone(),
             lifter: self.lifter.clone(),
@@ -186,10 +212,21 @@ pub fn expect_model(model: Option<&Path>, stage2: Option<&Path>) -> anyhow::Resu
     lifter(&model, Isa::Scalar)?;
     let options = EngineOptions {
         precision: precision(&model),
-        ..EngineOptions::default()
+        ..usual(&[model.network().input().multiple])
     };
     Engine::new(&model, options)?;
     Ok(())
+}
+
+/// The engine's usual options, at the nearest input to the usual one whose sides are multiples of all of these.
+pub(super) fn usual(multiples: &[usize]) -> EngineOptions {
+    let options = EngineOptions::default();
+    let (width, height) = nearest((options.width, options.height), multiples);
+    EngineOptions {
+        width,
+        height,
+        ..options
+    }
 }
 
 fn precision(model: &Model) -> Precision {
@@ -241,4 +278,57 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
         Encodings::Zero
     };
     Ok(Lifter::new(&stage2.layers, encodings, isa)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::infer::{EngineArgs, Pipelines};
+
+    #[test]
+    fn inputs_are_the_nearest_that_the_network_takes() {
+        assert_eq!(nearest((512, 320), &[16]), (512, 320));
+        assert_eq!(nearest((384, 240), &[32]), (384, 256));
+        assert_eq!(nearest((512, 320), &[48]), (528, 336));
+        // Maps are an eighth as large.
+        assert_eq!(nearest((512, 320), &[12]), (504, 312));
+        assert_eq!(nearest((256, 160), &[512]), (512, 512));
+        assert_eq!(nearest((512, 320), &[16, 24]), (528, 336));
+    }
+
+    #[test]
+    fn a_network_of_other_multiples_needs_no_size() {
+        let mut model = Model::shipped().unwrap();
+        let text = model.network().source();
+        let other = text.replace("multiple = 16", "multiple = 48");
+        assert_ne!(text, other);
+        model.network = Network::parse(&other).unwrap();
+        model.contract.input.size_multiple = 48;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("other.ecm");
+        model.save(&path).unwrap();
+        let engine = EngineArgs {
+            model: Some(path),
+            threads: Some(1),
+            ..EngineArgs::default()
+        };
+        engine.expect_model().unwrap();
+        let picture = Frame {
+            width: 64,
+            height: 40,
+            rgb: vec![128; 3 * 64 * 40],
+            ..Frame::default()
+        };
+        let intrinsics = Intrinsics::from_horizontal_fov(64, 40, 60.0);
+        for is_film in [true, false] {
+            let mut stages = Pipelines::new(&engine, is_film, None).unwrap();
+            stages.process(&picture, &intrinsics).unwrap();
+        }
+        let asked = EngineArgs {
+            size: Some("512x320".parse().unwrap()),
+            ..engine
+        };
+        let refused = Pipelines::new(&asked, true, None).err().unwrap();
+        assert!(refused.to_string().contains("multiples of 48"), "{refused}");
+    }
 }

@@ -107,7 +107,7 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
         }
     }
     if frames == 0 {
-        return Err(Failure::no_frames(&name, "bodies").into());
+        return Err(Failure::no_whole_frame(&name, "bodies", rows.was_cut()).into());
     }
     if rows.was_cut() {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are shown");

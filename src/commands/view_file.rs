@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tempfile::NamedTempFile;
 
@@ -97,15 +96,20 @@ impl ViewFile {
             let is_live = frame.flags & FLAG_FILE_TIME == 0;
             seen.of_machine &= is_live && frame.publish_ns > frame.capture_ns;
         }
-        if reader.was_cut() && !seen.frames.is_empty() {
-            tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
-        }
-        if seen.frames.is_empty() {
-            return Err(Failure::data(format!(
-                "{name}: expected the frames of camera {}, found none",
-                camera
-            ))
-            .into());
+        match (seen.frames.is_empty(), reader.was_cut()) {
+            (true, true) => {
+                return Err(Failure::no_whole_frame(&name, "observations", true).into());
+            }
+            (true, false) => {
+                return Err(Failure::data(format!(
+                    "{name}: expected the frames of camera {camera}, found none"
+                ))
+                .into());
+            }
+            (false, true) => {
+                tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
+            }
+            (false, false) => {}
         }
         if seen.frames.iter().all(Vec::is_empty) {
             return Err(Failure::data(format!(
@@ -160,12 +164,8 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<()> 
         .arg(film)
         .arg("--record")
         .arg(record)
-        .args(["--quality", "best"]);
-    // Cameras are called like their files, streams may not be called like every file.
-    static LOOKED_AT: AtomicUsize = AtomicUsize::new(0);
-    let number = LOOKED_AT.fetch_add(1, Ordering::Relaxed);
-    let name = format!("multiview-{}-{number}", std::process::id());
-    command.args(["--name", &name]);
+        // Without a name there is no stream, which nobody would read and which not every machine has room for.
+        .args(["--quality", "best", "--asked"]);
     if let Some(lens) = &lens {
         command.arg("--camera").arg(lens.path());
     }

@@ -41,6 +41,7 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
     ));
     let mut quiet = Quiet::since(Instant::now());
     let mut tally = Tally::default();
+    let mut heard = Heard::Nothing;
     while !stop.requested() {
         if let Some(frame) = bodies.next(LOOK_UP)? {
             if frame.flags & FLAG_END_OF_STREAM != 0 {
@@ -49,23 +50,50 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
                     say::out("the input has ended");
                     return Ok(());
                 }
-                // A camera's process that is started again ends its stream, too.
+                // A camera's process that is started again ends its stream, too: whether that was all, silence tells.
+                heard = Heard::End;
+                quiet.hear(Instant::now());
                 continue;
             }
+            heard = Heard::Frames;
             tally.count(&frame);
             table.update(&frame, tally.left_out);
             quiet.hear(Instant::now());
         } else if quiet.begins(Instant::now()) {
-            let why = if bodies.publisher_count() == 0 {
-                "nobody publishes there yet: start 'edgecap run', with the same --name; 'edgecap doctor' says where it looks"
-            } else {
-                "connected, but no frames come: is the camera there?"
-            };
-            table.say(why);
+            table.say(match bodies.publisher_count() {
+                0 => heard.then_nobody(),
+                _ => "connected, but no frames come: is the camera there?",
+            });
         }
     }
     table.finish();
     Ok(())
+}
+
+/// What came last.
+#[derive(Debug, Clone, Copy)]
+enum Heard {
+    Nothing,
+    Frames,
+    /// The run said that it ends.
+    End,
+}
+
+impl Heard {
+    /// What to say where nobody publishes after that.
+    fn then_nobody(self) -> &'static str {
+        match self {
+            Self::Nothing => {
+                "nobody publishes there yet: start 'edgecap run', with the same --name; 'edgecap doctor' says where it looks"
+            }
+            Self::Frames => {
+                "nobody publishes there any more: its run was killed, or is being started again; this goes on with the next"
+            }
+            Self::End => {
+                "nobody publishes there any more: its run has ended; this goes on with the next (Ctrl-C stops)"
+            }
+        }
+    }
 }
 
 /// Whether the user is to be told that nothing comes: once of each silence.
@@ -84,7 +112,7 @@ impl Quiet {
         }
     }
 
-    /// A frame came.
+    /// A frame came, or the stream's end.
     fn hear(&mut self, now: Instant) {
         self.rhythm.hear(now);
         self.told = false;

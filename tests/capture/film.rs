@@ -3,10 +3,12 @@
 use std::io::{Cursor, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
+use edgecap::camera::SystemClock;
 use edgecap::capture::{
-    AviWriter, CaptureError, Ffmpeg, FfmpegSource, Frame, InputSpec, Matrix, OpenOptions, Range,
-    Source, Y4mReader, YuvToRgb, open, open_bytes,
+    AviWriter, CaptureError, Ffmpeg, FfmpegSource, Frame, InputSpec, Matrix, OpenOptions,
+    PacedSource, Range, Source, Y4mReader, YuvToRgb, open, open_bytes,
 };
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -153,16 +155,21 @@ fn film(header: &str, plane_bytes: [usize; 3], frames: u8) -> Vec<u8> {
 #[test]
 fn y4m_of_other_pixels_comes_out_with_square_ones_from_files_and_pipes() {
     let folder = tempfile::tempdir().unwrap();
-    let (file, pipe) = (folder.path().join("a.y4m"), folder.path().join("pipe"));
-    let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
-    assert!(made.success());
-    for (shape, size) in [
+    let file = folder.path().join("a.y4m");
+    for (number, (shape, size)) in [
         ("A64:45", (64, 36)),
         ("A2:3", (45, 54)),
         ("A1:1", (45, 36)),
         ("A0:0", (45, 36)),
         ("A", (45, 36)),
-    ] {
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        // One each: a writer may find the last one's reader, which has its end but has not closed it yet.
+        let pipe = folder.path().join(format!("pipe{number}"));
+        let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
         let bytes = film(&format!("W45 H36 F60:1 {shape} Cmono"), [45 * 36, 0, 0], 2);
         std::fs::write(&file, &bytes).unwrap();
         let to = pipe.clone();
@@ -414,6 +421,52 @@ fn pictures_come_out_of_the_child() {
     assert!(source.next().unwrap().is_none() && source.next().unwrap().is_none());
 }
 
+/// Listing all packets of a long film takes minutes, and nothing of it changes while the film plays over and over.
+#[test]
+fn a_film_that_plays_over_and_over_is_probed_once_until_it_is_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let probes = || {
+        std::fs::read_to_string(at("probes"))
+            .unwrap()
+            .lines()
+            .count()
+    };
+    let programs = stand_ins(
+        folder.path(),
+        &format!("{PICTURE}; {PICTURE}"),
+        &format!(
+            "echo probed >> '{}'; printf 'packet,0.00\\npacket,0.01\\nstream,100/1,2\\n'",
+            at("probes").display()
+        ),
+    );
+    let film = at("film.mp4");
+    std::fs::write(&film, "film").unwrap();
+    let open = {
+        let film = film.clone();
+        move || -> Result<Box<dyn Source>, CaptureError> {
+            Ok(Box::new(FfmpegSource::open(&film, &programs)?))
+        }
+    };
+    let mut source = PacedSource::new(open, SystemClock).unwrap();
+    let mut frame = Frame::default();
+    let mut play_until = |sequence: u64| {
+        while frame.sequence < sequence {
+            match source.next_into(&mut frame) {
+                Ok(more) => assert!(more, "it has no end"),
+                Err(e) => assert!(e.is_skippable(), "{e}"),
+            }
+        }
+        frame.sequence
+    };
+    let played = play_until(10);
+    assert_eq!(probes(), 1);
+    std::fs::write(at("other.mp4"), "another film").unwrap();
+    std::fs::rename(at("other.mp4"), &film).unwrap();
+    play_until(played + 10);
+    assert_eq!(probes(), 2);
+}
+
 /// An edit list leaves the first pictures out: ffprobe has their packets, and ffmpeg does not give them.
 #[test]
 fn pictures_that_an_edit_list_leaves_out_are_not_waited_for() {
@@ -459,6 +512,83 @@ fn pixels_that_are_not_square_are_made_so() {
         let frame = source.next().unwrap().unwrap();
         assert_eq!((frame.width, frame.height), size, "{shape}");
         assert_eq!(source.frame_count(), Some(5));
+    }
+}
+
+/// A film that ffmpeg makes of a test picture.
+fn made(film: &Path, source: &str, options: &[&str]) {
+    let status = Command::new("ffmpeg")
+        .args(["-v", "error", "-y", "-f", "lavfi", "-i", source])
+        .args(options)
+        .arg(film)
+        .status()
+        .unwrap();
+    assert!(status.success(), "{}", film.display());
+}
+
+/// Times of a film's pictures, milliseconds.
+fn times_ms(source: &mut dyn Source) -> Vec<u64> {
+    let mut times = Vec::new();
+    while let Some(frame) = source.next().unwrap() {
+        times.push(frame.time_ns / 1_000_000);
+    }
+    times
+}
+
+#[test]
+fn a_film_that_tells_no_rate_keeps_its_times() {
+    if !tools::has("ffmpeg") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film.ogv");
+    let source = "testsrc2=size=96x64:rate=60:duration=2";
+    made(&film, source, &["-c:v", "libtheora"]);
+    let mut source = FfmpegSource::open(&film, &Ffmpeg::default()).unwrap();
+    assert!((source.fps().unwrap() - 60.0).abs() < 0.5);
+    let last = times_ms(&mut source).pop().unwrap();
+    assert!((1900..=2000).contains(&last), "{last}");
+}
+
+#[test]
+fn hidden_pictures_of_vp8_move_no_time() {
+    if !tools::has("ffmpeg") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film.webm");
+    let log = folder.path().join("log");
+    let source = "testsrc=size=160x120:rate=25:duration=2";
+    for pass in ["1", "2"] {
+        // Hidden pictures are made where the encoder has looked at the whole film before.
+        let log = log.to_str().unwrap();
+        let mut options = vec!["-c:v", "libvpx", "-auto-alt-ref", "1"];
+        options.extend(["-lag-in-frames", "16", "-pass", pass, "-passlogfile", log]);
+        made(&film, source, &options);
+    }
+    let mut source = FfmpegSource::open(&film, &Ffmpeg::default()).unwrap();
+    assert_eq!(source.frame_count(), Some(50));
+    let expected: Vec<u64> = (0..50).map(|k| 40 * k).collect();
+    assert_eq!(times_ms(&mut source), expected);
+}
+
+#[test]
+fn a_stream_without_a_container_is_of_the_rate_that_the_user_says() {
+    if !tools::has("ffmpeg") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film.h264");
+    let source = "testsrc=size=96x64:rate=10:duration=1";
+    made(&film, source, &["-c:v", "libx264"]);
+    for (fps, step) in [(None, 100), (Some(50.0), 20)] {
+        let options = OpenOptions {
+            fps,
+            ..OpenOptions::default()
+        };
+        let mut source = open(&InputSpec::Path(film.clone()), &options).unwrap();
+        let expected: Vec<u64> = (0..10).map(|k| step * k).collect();
+        assert_eq!(times_ms(&mut *source), expected, "{fps:?}");
     }
 }
 
@@ -581,6 +711,42 @@ fn no_child_is_left_behind() {
     assert!(is_alive(pid));
     drop(source);
     assert!(!is_alive(pid));
+}
+
+/// Some installations call a script `ffmpeg` that starts the real one, which has our pipes, too.
+#[test]
+fn what_the_child_has_started_ends_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let pid_file = folder.path().join("pid");
+    let programs = stand_ins(
+        folder.path(),
+        &format!("{PICTURE}; sleep 600 & echo $! > {}; wait", pid_file.display()),
+        "printf 'stream,2/1,N/A\\n'",
+    );
+    let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
+    assert!(source.next().unwrap().is_some());
+    let begun = Instant::now();
+    let pid = loop {
+        let text = std::fs::read_to_string(&pid_file).unwrap_or_default();
+        match text.trim().parse::<u32>() {
+            Ok(pid) => break pid,
+            Err(_) => assert!(begun.elapsed() < Duration::from_secs(60)),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let begun = Instant::now();
+    drop(source);
+    assert!(begun.elapsed() < Duration::from_secs(60), "it was waited for");
+    // It is not ours to reap, and may be a zombie until its new parent does.
+    let is_there = || {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        let state = stat.rsplit(") ").next().unwrap().chars().next();
+        !matches!(state, None | Some('Z' | 'X'))
+    };
+    while is_there() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it is alive");
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 proptest! {

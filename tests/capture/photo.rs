@@ -161,18 +161,38 @@ fn transparent_pixels_show_mid_grey() {
     assert_eq!(frame.rgb, [128, 128, 128, 192, 64, 114, 255, 0, 100]);
 }
 
-#[test]
-fn png_with_an_exif_chunk_is_turned() {
-    let picture = quadrants();
+/// A PNG of the quadrants, to be turned a quarter clockwise: the EXIF chunk stands ahead of the pixels.
+fn png_to_be_turned() -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = PngEncoder::new(&mut bytes);
     let exif = with_orientation(&[0xFF, 0xD8], 6, true)[12..].to_vec();
     encoder.set_exif_metadata(exif).unwrap();
     encoder
-        .write_image(picture.as_raw(), 48, 32, ExtendedColorType::Rgb8)
+        .write_image(quadrants().as_raw(), 48, 32, ExtendedColorType::Rgb8)
         .unwrap();
-    let expected = DynamicImage::ImageRgb8(picture).rotate90().to_rgb8();
-    assert_close(&decode(&bytes).unwrap(), &expected, 0);
+    bytes
+}
+
+/// Cuts the chunk of this kind out of a PNG.
+fn cut_out(png: &mut Vec<u8>, kind: &[u8; 4]) -> Vec<u8> {
+    let name = png.windows(4).position(|w| w == kind).unwrap();
+    let length = u32::from_be_bytes(png[name - 4..name].try_into().unwrap());
+    // Length and kind before the contents, a checksum behind.
+    png.drain(name - 4..name + 8 + length as usize).collect()
+}
+
+#[test]
+fn png_with_an_exif_chunk_is_turned() {
+    let turned = DynamicImage::ImageRgb8(quadrants()).rotate90().to_rgb8();
+    let mut bytes = png_to_be_turned();
+    assert_close(&decode(&bytes).unwrap(), &turned, 0);
+    let exif = cut_out(&mut bytes, b"eXIf");
+    let end = cut_out(&mut bytes, b"IEND");
+    // Behind the pixels it counts as well; behind the picture's end nothing does.
+    let behind = [&bytes[..], &exif, &end].concat();
+    assert_close(&decode(&behind).unwrap(), &turned, 0);
+    let beyond = [&bytes[..], &end, &exif].concat();
+    assert_close(&decode(&beyond).unwrap(), &quadrants(), 0);
 }
 
 /// A JPEG of one 8 × 8 block per component, each of one value. `adobe`: the transform that an APP14 marker names.

@@ -228,7 +228,13 @@ fn a_record_that_is_cut_off_inside_its_first_frame_holds_none() {
     let export = ["export", &bodies, "--to", &at("x.csv")];
     assert_fails(&export, 65, &["bodies.record"]);
     let view = ["view", "--record", &bodies, "--listen", "127.0.0.1:0"];
-    assert_fails(&view, 65, &["bodies.record", "no frame"]);
+    let cut = "cut off inside its first frame";
+    assert_fails(&view, 65, &["bodies.record", cut]);
+    let views = ["a", "b"].map(|name| format!("--view={name}={seen}"));
+    let calibrate = ["calibrate", "--out", &to, &views[0], &views[1]];
+    assert_fails(&calibrate, 65, &["seen.record", cut]);
+    let multiview = ["multiview", "--out", &at("run"), "--view", &seen];
+    assert_fails(&multiview, 65, &["seen.record", cut]);
 }
 
 #[test]
@@ -275,7 +281,7 @@ fn files_that_do_not_end_are_refused_before_they_fill_the_memory() {
     let refused =
         |args: &[&str], code| assert_fails(args, code, &["/dev/zero", "expected at most"]);
     refused(&[&fit[..], &["--config", "/dev/zero"]].concat(), 78);
-    refused(&[&fit[..], &["--camera", "/dev/zero"]].concat(), 74);
+    refused(&[&fit[..], &["--camera", "/dev/zero"]].concat(), 65);
 }
 
 #[test]
@@ -499,6 +505,72 @@ fn arguments_of_other_bytes_are_answered_as_any_other() {
         assert!(said.contains(&words), "{said}");
         assert_fails(&["run", "--input", "demo", option, ""], 64, &[option]);
     }
+}
+
+/// Paths may be of any bytes for the most part: what must be text is named.
+#[test]
+fn options_that_must_be_text_are_named_where_they_are_of_other_bytes() {
+    use std::os::unix::ffi::OsStrExt;
+    let other = std::ffi::OsStr::from_bytes(b"x\xff");
+    let refused = |args: &[&std::ffi::OsStr], option: &str| {
+        let out = edgecap().args(args).output().unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(64), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        let words = format!("{option}: expected text in UTF-8, found x\u{fffd}; name it otherwise");
+        assert!(said.contains(&words), "{said}");
+    };
+    for (verb, option) in [
+        ("run", "--name"),
+        ("run", "--camera"),
+        ("watch", "--name"),
+        ("view", "--camera"),
+        ("calibrate", "--view"),
+        ("multiview", "--view"),
+        ("fit", "--fit-config"),
+    ] {
+        let words = [verb, option].map(std::ffi::OsStr::new);
+        refused(&[words[0], words[1], other], option);
+        let joined = [format!("{option}=").as_bytes(), other.as_bytes()].concat();
+        refused(&[words[0], std::ffi::OsStr::from_bytes(&joined)], option);
+    }
+    // Not the path before it, which may be so.
+    let words = ["multiview", "--out", "--view"].map(std::ffi::OsStr::new);
+    refused(&[words[0], words[1], other, words[2], other], "--view");
+}
+
+#[test]
+fn a_log_that_cannot_be_chosen_is_told() {
+    use std::os::unix::ffi::OsStrExt;
+    let said = |wanted: &[u8]| {
+        let out = edgecap()
+            .args(["model", "contract", "--arch", "selecsls"])
+            .env("EDGECAP_LOG", std::ffi::OsStr::from_bytes(wanted))
+            .output()
+            .unwrap();
+        assert!(out.status.success());
+        let said = stderr(&out);
+        let mut told = said.lines().filter(|line| line.contains("EDGECAP_LOG="));
+        let line = told.next().unwrap_or_default().to_owned();
+        assert!(told.next().is_none(), "{said}");
+        line
+    };
+    for (wanted, why) in [
+        (
+            &b"edgecap="[..],
+            "edgecap=: 'edgecap=' has no level; expected error",
+        ),
+        (
+            b"info,edgecap::capture=",
+            "'edgecap::capture=' has no level",
+        ),
+        (b"edgecap=inof", "expected error, warn, info"),
+        (b"inf\xff", "inf\u{fffd}: not in UTF-8; expected error"),
+    ] {
+        let told = said(wanted);
+        assert!(told.contains(why), "{told}");
+    }
+    assert_eq!(said(b"warn,"), "");
 }
 
 /// A pipe can be read once, so that nothing on it plays over and over.

@@ -230,6 +230,28 @@ fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
 }
 
 #[test]
+fn a_camera_of_another_shape_than_its_lens_is_told_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = folder.path().join("lens.toml");
+    let text = "fx = 90.0\ncx = 31.5\ncy = 31.5\nwidth = 64\nheight = 64\n";
+    std::fs::write(&lens, text).unwrap();
+    let camera = StandIn::new(30.0);
+    let (input, name, lens) = (camera.input(), stream("lens-shape"), lens.to_str().unwrap());
+    let words = [
+        "camera.toml",
+        "calibrated for 64x64",
+        "96x64",
+        "--capture-size 64x64",
+        "fov_degrees",
+    ];
+    for verb in ["infer", "run"] {
+        let args = [verb, "--input", &input, "--name", &name, "--camera", lens];
+        let small = ["--size", "64x64", "--threads", "1"];
+        assert_fails(&[&args[..], &small].concat(), 78, &words);
+    }
+}
+
+#[test]
 fn a_film_of_a_camera_that_comes_back_with_another_size_goes_on_in_another_file() {
     let folder = tempfile::tempdir().unwrap();
     let film = folder.path().join("film.avi");

@@ -70,6 +70,31 @@ fn a_run_exports_what_export_makes_of_its_record() {
     assert_fails(&live, 64, &["--export", "edgecap record"]);
 }
 
+/// Films are looked at for verbs that read no stream, and say themselves what has come of it.
+#[test]
+fn views_are_looked_at_where_no_stream_can_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = film(folder.path());
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let [a, b] = ["a", "b"].map(|name| format!("--view={name}={}", film.display()));
+    let (found, run) = (at("Calib.toml"), at("run"));
+    for (args, code) in [
+        // Four frames are looked at, and are too few.
+        (&["calibrate", "--out", &found, &a, &b][..], &[65][..]),
+        (&["multiview", "--out", &run, &a], &[0, 65]),
+    ] {
+        let out = edgecap()
+            .args(args)
+            .env("EDGECAP_RUNTIME_DIR", folder.path().join("absent/edgecap"))
+            .output()
+            .unwrap();
+        let said = stderr(&out);
+        assert!(code.contains(&out.status.code().unwrap()), "{said}");
+        assert!(!said.contains("runtime folder"), "{said}");
+        assert!(!said.contains("with people"), "{said}");
+    }
+}
+
 #[test]
 fn a_terminal_is_told_how_long_a_film_takes_and_a_pipe_is_not() {
     if !tools::has("script") {

@@ -621,6 +621,31 @@ fn a_film_is_seen_to_its_end_whatever_becomes_of_its_streams() {
     }
 }
 
+/// Its own bodies are not what would be seen there.
+#[test]
+fn a_run_whose_name_is_taken_says_so_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let seen = folder.path().join("seen.jsonl");
+    let name = stream("run-name-taken");
+    let _first = Publisher::<BodyFrame>::open(&name).unwrap();
+    for live in [&[][..], &["--live"]] {
+        let out = edgecap()
+            .args(["run", "--input", "demo", "--name", &name])
+            .args(["--view", "127.0.0.1:0"])
+            .args(live)
+            .args(SMALL)
+            .arg("--jsonl")
+            .arg(&seen)
+            .output()
+            .unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(69), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains("another process already publishes"), "{said}");
+        assert!(out.stdout.is_empty() && !seen.exists(), "{said}");
+    }
+}
+
 /// Nobody has asked for a stream of it.
 #[test]
 fn a_file_without_a_name_needs_no_stream() {
@@ -643,6 +668,52 @@ fn a_file_without_a_name_needs_no_stream() {
         let seen = format!("edgecap-out/{name}.observations.jsonl");
         assert_eq!(count(&folder.path().join(seen)), 1);
     }
+}
+
+#[test]
+fn photos_of_another_shape_than_the_lens_are_left_out_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let text = "fx = 90.0\ncx = 47.5\ncy = 31.5\nwidth = 96\nheight = 64\n";
+    std::fs::write(at("lens.toml"), text).unwrap();
+    std::fs::create_dir(at("photos")).unwrap();
+    for (name, (width, height)) in [("1", (64, 64)), ("2", (96, 64)), ("3", (64, 96))] {
+        let photo = image::RgbImage::new(width, height);
+        photo
+            .save(at("photos").join(format!("{name}.png")))
+            .unwrap();
+    }
+    let look = || {
+        let looked = edgecap()
+            .args(["infer", "--size", "64x64", "--threads", "1", "--input"])
+            .arg(at("photos"))
+            .arg("--camera")
+            .arg(at("lens.toml"))
+            .arg("--jsonl")
+            .arg(at("seen.jsonl"))
+            .output()
+            .unwrap();
+        (looked.status.code(), stderr(&looked))
+    };
+    let (code, said) = look();
+    assert_eq!(code, Some(65), "{said}");
+    assert_eq!(said.matches("another shape").count(), 3, "{said}");
+    assert_eq!(said.matches("; skipped").count(), 2, "{said}");
+    assert!(said.contains("left out 2 pictures, the first"), "{said}");
+    let seen = std::fs::read_to_string(at("seen.jsonl")).unwrap();
+    assert_eq!(seen.lines().count(), 1);
+    assert!(seen.contains("2.png"), "{seen}");
+    // Where it fits none of them, the lens is what is wrong.
+    for gone in ["photos/2.png", "seen.jsonl"] {
+        std::fs::remove_file(at(gone)).unwrap();
+    }
+    let (code, said) = look();
+    assert_eq!(code, Some(78), "{said}");
+    assert!(
+        said.contains("edgecap: ") && said.contains("96x64"),
+        "{said}"
+    );
+    assert!(!at("seen.jsonl").exists());
 }
 
 /// As a power cut does after weeks.

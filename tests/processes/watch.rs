@@ -156,6 +156,42 @@ fn watch_goes_on_where_a_camera_s_stream_ends_and_not_where_a_file_does() {
 }
 
 #[test]
+fn watch_says_that_a_run_has_ended_and_goes_on_with_the_next() {
+    let name = stream("watch-ended");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let mut watch = Running::start(&["watch", "--name", &name]);
+    let mut stderr = watch.0.stderr.take().unwrap();
+    let mut said = read_until(&mut stderr, "watching");
+    let frame = |sequence, flags| BodyFrame {
+        sequence,
+        flags,
+        ..BodyFrame::default()
+    };
+    publisher.publish(&frame(7, 0)).unwrap();
+    said += &read_until(&mut stderr, "frame 7");
+    publisher.publish(&frame(7, FLAG_END_OF_STREAM)).unwrap();
+    drop(publisher);
+    said += &read_until(&mut stderr, "its run has ended");
+    assert!(!said.contains("yet"), "{said}");
+    // A line comes every 5 s.
+    let mut next = Publisher::<BodyFrame>::open(&name).unwrap();
+    let shown = std::thread::spawn(move || {
+        read_until(&mut stderr, "frame ");
+        stderr
+    });
+    for sequence in 0..1200 {
+        next.publish(&frame(sequence, 0)).unwrap();
+        if shown.is_finished() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    watch.0.stderr = Some(shown.join().unwrap());
+    signal(watch.pid(), "INT");
+    assert_eq!(watch.wait(Duration::from_secs(10)).status.code(), Some(0));
+}
+
+#[test]
 fn watch_stops_when_asked_and_the_run_goes_on() {
     let name = stream("leave");
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The compact form of a frame, a fifth of the JSON: little-endian, every number at a fixed place, everything a
+//! The compact form of a frame, a sixth of the JSON: little-endian, every number at a fixed place, everything a
 //! multiple of four.
 //!
 //! | byte | type | what |

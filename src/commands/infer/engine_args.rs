@@ -143,20 +143,32 @@ impl EngineArgs {
         pipeline::expect_model(self.model.as_deref(), self.stage2.as_deref())
     }
 
-    /// The stages at this size.
+    /// The stages at this size, which the user has asked for.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
-    pub fn build(&self, (width, height): (usize, usize)) -> anyhow::Result<Pipeline> {
-        let threads = self.most_threads();
-        Pipeline::new(&PipelineOptions {
+    pub fn build(&self, size: (usize, usize)) -> anyhow::Result<Pipeline> {
+        Pipeline::new(&self.options(size, false))
+    }
+
+    /// The stages at this size of our own choice, or the nearest that the network takes.
+    ///
+    /// # Errors
+    /// As [`Pipeline::new`].
+    pub fn build_near(&self, size: (usize, usize)) -> anyhow::Result<Pipeline> {
+        Pipeline::new(&self.options(size, true))
+    }
+
+    fn options(&self, (width, height): (usize, usize), nearest: bool) -> PipelineOptions<'_> {
+        PipelineOptions {
             model: self.model.as_deref(),
             stage2: self.stage2.as_deref(),
             width,
             height,
-            threads,
+            nearest,
+            threads: self.most_threads(),
             flip_test: self.flip_test,
-        })
+        }
     }
 }
 

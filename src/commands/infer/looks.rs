@@ -32,7 +32,7 @@ impl Looks {
     /// # Errors
     /// As [`Pipeline::new`].
     pub fn new(engine: &EngineArgs) -> anyhow::Result<Self> {
-        let first = engine.build(fitted((16, 10), 0.5))?;
+        let first = engine.build_near(fitted((16, 10), 0.5))?;
         Ok(Self {
             lone_score: first.lone_score(),
             first,

@@ -51,6 +51,9 @@ pub struct InferArgs {
     /// Write pictures with the detected skeletons drawn to this folder, or a film where it ends in .avi
     #[arg(long, value_name = "DIR|FILM.avi")]
     overlay: Option<PathBuf>,
+    /// Another verb has a film looked at, and says itself what has come of it
+    #[arg(long, hide = true)]
+    asked: bool,
     /// Say what can be set on the camera by --control, and end
     #[arg(long)]
     list_controls: bool,
@@ -200,9 +203,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     }
     let (outcome, left_out) = exit::without_left_out(outcome, observed);
     let (words, ended) = finish(sinks, observed, outcome);
-    // Whoever names a stream reads it, among them the verbs that have a film looked at.
+    // Whoever names a stream reads it.
+    let is_quiet = is_supervised || args.asked || task.input.name.is_some();
     let has_news = ended.is_ok() || !words.is_empty();
-    if has_news && !is_supervised && task.input.name.is_none() {
+    if has_news && !is_quiet {
         let frames = counted(observed, "frame", "frames");
         let done = format!("{frames}, {inhabited} with people");
         say::err(&say::concluded(&done, &words));

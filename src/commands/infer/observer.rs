@@ -24,6 +24,7 @@ const LEAST_RATE: f32 = 15.0;
 pub struct Observer {
     feed: Feed,
     is_live: bool,
+    is_stills: bool,
     mounting: Mounting,
     camera: CameraFile,
     pipelines: Pipelines,
@@ -41,8 +42,10 @@ pub struct Observer {
     has_fitted: bool,
     /// Whether it was said that pictures of another shape are left out.
     has_told_of_shape: bool,
-    /// Pictures of a file that could not be decoded: how many, and what was wrong with the first.
+    /// Pictures of a file that were left out: how many, and what was wrong with the first.
     damage: Option<(u64, CaptureError)>,
+    /// How many of them the lens does not fit.
+    misfits: u64,
     picture_name: String,
 }
 
@@ -81,6 +84,7 @@ impl Observer {
         Ok(Self {
             pipelines: Pipelines::new(engine, !source.is_stills(), target)?,
             is_live: source.is_live(),
+            is_stills: source.is_stills(),
             picture_name: source.picture(),
             feed: Feed::start(source, mounting)?,
             mounting,
@@ -95,6 +99,7 @@ impl Observer {
             has_fitted: false,
             has_told_of_shape: false,
             damage: None,
+            misfits: 0,
         })
     }
 
@@ -108,11 +113,12 @@ impl Observer {
         &self.picture_name
     }
 
-    /// Observes the next picture. Damaged ones among many are skipped, and those of a file told at its end.
+    /// Observes the next picture. Damaged ones among many are skipped, as are photos of another shape than the lens,
+    /// and those of a file told at its end.
     ///
     /// # Errors
     /// When the source has ended in the middle or with pictures left out, when the lens does not fit the picture (of a
-    /// camera the first one); what was observed before stands.
+    /// camera the first one, of photos any); what was observed before stands.
     pub fn step(&mut self, message: &mut ObservationFrame) -> anyhow::Result<Step> {
         if !self.feed.is_pending() {
             self.order(Duration::ZERO);
@@ -122,6 +128,10 @@ impl Observer {
             Some(Delivery::NotDue) => Ok(Step::Idle),
             Some(Delivery::Ended) => match self.damage.take() {
                 None => Ok(Step::Ended),
+                // The lens is what is wrong.
+                Some((n, e)) if n == self.misfits && !self.has_fitted => {
+                    Err(Failure::config(e.to_string()).into())
+                }
                 Some((1, e)) => Err(anyhow::Error::from(e).context("left out")),
                 Some((n, e)) => {
                     Err(anyhow::Error::from(e).context(format!("left out {n} pictures, the first")))
@@ -132,12 +142,9 @@ impl Observer {
                 CaptureError::NoPictureYet { is_away: true, .. } => Ok(Step::Away),
                 CaptureError::NoPictureYet { .. } => Ok(Step::Nothing),
                 e if e.is_skippable() => {
-                    if self.is_live {
-                        tracing::debug!("{e}");
-                    } else {
-                        tracing::warn!("{e}; skipped");
-                        let (count, first) = self.damage.take().unwrap_or((0, e));
-                        self.damage = Some((count + 1, first));
+                    match self.is_live {
+                        true => tracing::debug!("{e}"),
+                        false => self.leave_out(e),
                     }
                     Ok(Step::Nothing)
                 }
@@ -157,6 +164,24 @@ impl Observer {
             }
             Some(Delivery::Picture(picture)) => self.observe(*picture, message),
         }
+    }
+
+    /// What to say of a lens that does not fit the first picture: started again, this would come again.
+    fn misfit(&self, reason: &str) -> Failure {
+        let advice = match self.camera {
+            CameraFile::Calibrated { width, height, .. } if self.is_live => {
+                format!("; --capture-size {width}x{height} asks a camera for that shape")
+            }
+            _ => String::new(),
+        };
+        Failure::config(format!("{}: {reason}{advice}", self.picture_name))
+    }
+
+    /// Goes on without a picture of a file.
+    fn leave_out(&mut self, why: CaptureError) {
+        tracing::warn!("{why}; skipped");
+        let (count, first) = self.damage.take().unwrap_or((0, why));
+        self.damage = Some((count + 1, first));
     }
 
     fn order(&mut self, busy: Duration) {
@@ -190,7 +215,15 @@ impl Observer {
                 self.has_picture = false;
                 return Ok(Step::Nothing);
             }
-            Err(reason) => return Err(Failure::config(reason).into()),
+            // Photos have nothing to do with each other.
+            Err(reason) if self.is_stills && picture.total.is_some_and(|n| n > 1) => {
+                let input = self.picture_name.clone();
+                self.leave_out(CaptureError::Picture { input, reason });
+                self.misfits += 1;
+                self.has_picture = false;
+                return Ok(Step::Nothing);
+            }
+            Err(reason) => return Err(self.misfit(&reason).into()),
         };
         self.has_fitted = true;
         let intrinsics = self.mounting.intrinsics(lens, width, height);

@@ -42,7 +42,7 @@ struct Following {
 
 impl Following {
     fn new(engine: &EngineArgs, largest: usize) -> anyhow::Result<Self> {
-        let first = engine.build(INPUTS[0])?;
+        let first = engine.build_near(INPUTS[0])?;
         let rest = INPUTS[1..].iter().map(|&(w, h)| first.resized(w, h));
         let rest: Vec<_> = rest.collect::<Result<_, _>>()?;
         let upright = INPUTS.iter().map(|&(w, h)| first.resized(h, w));

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::RunArgs;
 use super::live::{self, Plan};
 use super::pulse::Pulse;
+use super::taken;
 use crate::bridge::websocket::Access;
 use crate::commands::exit::{self, Failure, told_again};
 use crate::commands::input::{self, NamedInput};
@@ -23,19 +24,15 @@ pub const PROCESSES: [&str; 2] = ["infer", "fit"];
 /// Runs cameras until the user stops it or none of them goes on.
 ///
 /// # Errors
-/// As [`live::run`], the first; those of the other cameras are logged when they happen.
+/// As [`live::run`], of one camera; those of the others are logged when they happen.
 pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
     let chosen = runs
         .iter()
         .map(checked)
         .collect::<anyhow::Result<Vec<_>>>()?;
-    if let [first, _, ..] = runs
-        && first.bridges.vmc.is_some()
-    {
-        return Err(Failure::usage(
-            "--vmc has a port for each person: expected one camera; 'edgecap bridge --vmc' takes one of several",
-        )
-        .into());
+    expect_one_for_vmc(runs)?;
+    if let [only] = &chosen[..] {
+        taken::expect_free_camera(&only.name)?;
     }
     let meter = |(c, run): (&NamedInput, &RunArgs)| {
         let meter = Meter::new(&c.name, &c.spec.to_string(), &PROCESSES);
@@ -69,7 +66,10 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                 threads.spawn(move || {
                     let table = Table::of_several(&chosen.name);
                     let plan = Plan::of_camera(args, chosen);
-                    let ended = live::run(args, plan, table, meter, &pulse, hub, stop);
+                    let free = taken::expect_free_camera(&chosen.name);
+                    let ended = free
+                        .map_err(anyhow::Error::from)
+                        .and_then(|()| live::run(args, plan, table, meter, &pulse, hub, stop));
                     meter.ended();
                     if let Err(e) = &ended {
                         meter.failed(told_again(e));
@@ -92,8 +92,19 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
                 .join()
                 .unwrap_or_else(|_| Err(anyhow::anyhow!("a camera's thread ended unexpectedly")))
         });
-        ended.fold(Ok(()), anyhow::Result::and)
+        outcome(ended)
     })
+}
+
+/// How a run of several cameras has ended: with the first failure, but of what may pass before what would come again,
+/// since cameras that have failed so are to be started again with all others.
+fn outcome(ended: impl Iterator<Item = anyhow::Result<()>>) -> anyhow::Result<()> {
+    let rank = |ended: &anyhow::Result<()>| match ended {
+        Err(e) if exit::may_pass(exit::code(e)) => 0,
+        Err(_) => 1,
+        Ok(()) => 2,
+    };
+    ended.min_by_key(rank).unwrap_or(Ok(()))
 }
 
 /// A run that is one of a camera.
@@ -119,6 +130,19 @@ pub fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
         .into());
     }
     Ok(chosen)
+}
+
+/// Refuses VMC of several cameras that are no room: each numbers its people for itself.
+///
+/// # Errors
+/// Exit code 64.
+pub fn expect_one_for_vmc(runs: &[RunArgs]) -> Result<(), Failure> {
+    match runs {
+        [first, _, ..] if first.bridges.vmc.is_some() => Err(Failure::usage(
+            "--vmc has a port for each person: expected one camera; 'edgecap bridge --vmc' takes one of several",
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Serves figures where the run wants them.
@@ -154,4 +178,23 @@ fn serve(address: Loopback, meters: &[Arc<Meter>]) -> anyhow::Result<Server> {
     })?;
     tracing::info!("figures at http://{}/metrics", server.address());
     Ok(server)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_ends_with_what_may_pass_before_what_would_come_again() {
+        let failed = |code| Err(Failure::silent(code).into());
+        let code = |ended: Vec<anyhow::Result<()>>| {
+            let ended = outcome(ended.into_iter());
+            ended.map_err(|e| exit::code(&e))
+        };
+        let all = vec![Ok(()), failed(exit::CONFIG), failed(exit::UNAVAILABLE)];
+        assert_eq!(code(all), Err(exit::UNAVAILABLE));
+        let all = vec![failed(exit::CONFIG), failed(exit::DATA), Ok(())];
+        assert_eq!(code(all), Err(exit::CONFIG));
+        assert_eq!(code(vec![Ok(()), Ok(())]), Ok(()));
+    }
 }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
 use edgecap_client::{Priority, service_name};
 
-use super::RunArgs;
+use super::{RunArgs, taken};
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::events;
@@ -40,6 +40,10 @@ struct Observed {
 /// # Errors
 /// As [`run`](super::run).
 pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<()> {
+    // What nobody has named is done without.
+    if args.input.name.is_some() {
+        taken::expect_free_bodies(&chosen.name)?;
+    }
     let exports = Exports::new(&args.export)?;
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;

@@ -17,8 +17,8 @@ pub fn lines(camera: &str) -> [String; 2] {
              for f in edgecap.bodies('{camera}') for b in f.people()]\""
         ),
         None => format!(
-            "{before}{} watch --name {camera} (in Python edgecap.bodies('{camera}'), once the client is there: \
-             pip install the folder clients/python of edgecap's repository)",
+            "{before}{} watch --name {camera} (in Python edgecap.bodies('{camera}'), once PYTHONPATH names the \
+             folder clients/python of edgecap's repository)",
             quoted(&program)
         ),
     };

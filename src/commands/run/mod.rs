@@ -13,13 +13,14 @@ mod live;
 mod mend;
 mod pulse;
 mod room;
+mod taken;
 
 use super::input;
 use super::result;
-use super::settings::{self, Settings};
+use super::settings::{self, Effective, Settings};
 use super::stop::Stop;
 pub use args::RunArgs;
-pub use cameras::checked as expect_camera;
+pub use cameras::{checked as expect_camera, expect_one_for_vmc};
 
 /// Runs the whole system: on the input that the user named, else on every camera of the settings, else on the first
 /// camera.
@@ -32,17 +33,21 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let settings = Settings::load(&args.settings)?;
     let effective = settings::effective(&args, &settings)?;
     effective.apart()?;
+    run_all(&effective, &stop).map_err(|e| effective.blamed(e))
+}
+
+fn run_all(effective: &Effective, stop: &Stop) -> anyhow::Result<()> {
     let mut runs = effective.runs()?;
     let calibration = effective.calibration()?;
     if let Some(calibration) = calibration {
         let fitting = effective.fitting_of_room()?;
-        return room::run(&runs, fitting, calibration, &stop);
+        return room::run(&runs, fitting, calibration, stop);
     }
     match runs.pop() {
-        Some(one) if runs.is_empty() => run_one(one, &stop),
+        Some(one) if runs.is_empty() => run_one(one, stop),
         last => {
             runs.extend(last);
-            cameras::run(&runs, &stop)
+            cameras::run(&runs, stop)
         }
     }
 }

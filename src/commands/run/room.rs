@@ -7,6 +7,7 @@ use super::RunArgs;
 use super::cameras::{PROCESSES, checked, figures};
 use super::live::{self, Plan};
 use super::pulse::Pulse;
+use super::taken;
 use crate::camera::{CameraFile, View};
 use crate::commands::fit::{FitTask, ROOM, choose_cameras};
 use crate::commands::infer::InferTask;
@@ -62,6 +63,8 @@ pub fn run(
             events: fitting.events,
         },
     };
+    // Cameras whose names are taken are tried again, and the others go on without them.
+    taken::expect_free_bodies(&plan.name)?;
     let slowest = runs.iter().map(|run| run.pace.interval()).max();
     let meter = Meter::new(&plan.name, &plan.source, &PROCESSES);
     let meter = Arc::new(meter.with_interval(slowest.unwrap_or_default()));
