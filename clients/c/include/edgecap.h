@@ -6,7 +6,11 @@
  * layout a test holds against this file.
  *
  * A reader belongs to the thread that opened it; calls from another one fail.  A program may have several readers, and
- * any number may read one camera.  Failures are told by edgecap_error() in one line. */
+ * any number may read one camera.  Failures are told by edgecap_error() in one line.
+ *
+ * While a reader is opened, and whenever a run comes back, the whole process's umask is 0177 for a moment: open it before
+ * other threads make files or start programs.  A reader does not outlive fork() or daemon(): open it in the process that
+ * reads. */
 #ifndef EDGECAP_H
 #define EDGECAP_H
 
@@ -48,6 +52,59 @@ enum edgecap_joint {
     EDGECAP_L_HAND,
     EDGECAP_R_FOOT_TIP,
     EDGECAP_L_FOOT_TIP
+};
+
+/* Indices of edgecap_body.angles: the pelvis' place in metres, then radians. */
+enum edgecap_angle {
+    EDGECAP_ANGLE_PELVIS_TX,
+    EDGECAP_ANGLE_PELVIS_TY,
+    EDGECAP_ANGLE_PELVIS_TZ,
+    EDGECAP_ANGLE_PELVIS_RX,
+    EDGECAP_ANGLE_PELVIS_RY,
+    EDGECAP_ANGLE_PELVIS_RZ,
+    EDGECAP_ANGLE_SPINE_FLEXION,
+    EDGECAP_ANGLE_SPINE_LATERAL,
+    EDGECAP_ANGLE_SPINE_TWIST,
+    EDGECAP_ANGLE_NECK_FLEXION,
+    EDGECAP_ANGLE_NECK_YAW,
+    EDGECAP_ANGLE_R_SHOULDER_FLEXION,
+    EDGECAP_ANGLE_R_SHOULDER_ABDUCTION,
+    EDGECAP_ANGLE_R_SHOULDER_ROTATION,
+    EDGECAP_ANGLE_R_ELBOW_FLEXION,
+    EDGECAP_ANGLE_L_SHOULDER_FLEXION,
+    EDGECAP_ANGLE_L_SHOULDER_ABDUCTION,
+    EDGECAP_ANGLE_L_SHOULDER_ROTATION,
+    EDGECAP_ANGLE_L_ELBOW_FLEXION,
+    EDGECAP_ANGLE_R_HIP_FLEXION,
+    EDGECAP_ANGLE_R_HIP_ABDUCTION,
+    EDGECAP_ANGLE_R_HIP_ROTATION,
+    EDGECAP_ANGLE_R_KNEE_FLEXION,
+    EDGECAP_ANGLE_R_ANKLE_FLEXION,
+    EDGECAP_ANGLE_L_HIP_FLEXION,
+    EDGECAP_ANGLE_L_HIP_ABDUCTION,
+    EDGECAP_ANGLE_L_HIP_ROTATION,
+    EDGECAP_ANGLE_L_KNEE_FLEXION,
+    EDGECAP_ANGLE_L_ANKLE_FLEXION
+};
+
+/* Indices of edgecap_body.bone_rotations. */
+enum edgecap_bone {
+    EDGECAP_BONE_HIPS,
+    EDGECAP_BONE_SPINE,
+    EDGECAP_BONE_NECK,
+    EDGECAP_BONE_HEAD,
+    EDGECAP_BONE_RIGHT_UPPER_ARM,
+    EDGECAP_BONE_RIGHT_LOWER_ARM,
+    EDGECAP_BONE_RIGHT_HAND,
+    EDGECAP_BONE_LEFT_UPPER_ARM,
+    EDGECAP_BONE_LEFT_LOWER_ARM,
+    EDGECAP_BONE_LEFT_HAND,
+    EDGECAP_BONE_RIGHT_UPPER_LEG,
+    EDGECAP_BONE_RIGHT_LOWER_LEG,
+    EDGECAP_BONE_RIGHT_FOOT,
+    EDGECAP_BONE_LEFT_UPPER_LEG,
+    EDGECAP_BONE_LEFT_LOWER_LEG,
+    EDGECAP_BONE_LEFT_FOOT
 };
 
 /* Bits of the flags of every frame. */
@@ -226,22 +283,23 @@ int edgecap_bodies_newest(edgecap_bodies *reader, uint32_t timeout_ms, const edg
 /* How many processes publish these bodies now: 0 or 1; -1 when it failed. */
 int edgecap_bodies_publishers(edgecap_bodies *reader);
 
-/* Closes a reader; its frame is gone with it.  NULL is no reader, and nothing happens. */
-void edgecap_bodies_close(edgecap_bodies *reader);
+/* Closes a reader, and its frame is gone with it: 0; -1 when it failed, as in another thread than the reader's: then it
+ * is still open.  NULL is no reader, and nothing happens. */
+int edgecap_bodies_close(edgecap_bodies *reader);
 
 /* The same for what has happened.  Silence is no failure: a frame comes when something has. */
 edgecap_events *edgecap_events_open(const char *camera);
 int edgecap_events_next(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
 int edgecap_events_newest(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
 int edgecap_events_publishers(edgecap_events *reader);
-void edgecap_events_close(edgecap_events *reader);
+int edgecap_events_close(edgecap_events *reader);
 
 /* The same for observations. */
 edgecap_observations *edgecap_observations_open(const char *camera);
 int edgecap_observations_next(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
 int edgecap_observations_newest(edgecap_observations *reader, uint32_t timeout_ms, const edgecap_observation_frame **frame);
 int edgecap_observations_publishers(edgecap_observations *reader);
-void edgecap_observations_close(edgecap_observations *reader);
+int edgecap_observations_close(edgecap_observations *reader);
 
 /* Takes a body of a frame to the floor-aligned world: 1 when `there` was written, 0 while no floor is known, -1 when it failed. */
 int edgecap_in_world(const edgecap_body_frame *frame, const edgecap_body *body, edgecap_world_body *there);

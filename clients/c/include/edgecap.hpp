@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdio>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -65,7 +66,16 @@ template <typename Handle, typename Frame> struct Calls {
     int (*next)(Handle *, uint32_t, const Frame **);
     int (*newest)(Handle *, uint32_t, const Frame **);
     int (*publishers)(Handle *);
-    void (*close)(Handle *);
+    int (*close)(Handle *);
+};
+
+// Closes a reader that is let go of. A destructor has nobody to tell but the terminal.
+template <typename Handle> struct Close {
+    int (*close)(Handle *);
+    void operator()(Handle *reader) const {
+        if (close(reader) < 0)
+            std::fprintf(stderr, "edgecap: a reader was not closed: %s\n", edgecap_error());
+    }
 };
 
 // A reader of one camera's stream, which need not run yet. It belongs to the thread that made it.
@@ -92,7 +102,7 @@ public:
 
 protected:
     Reader(const std::string &camera, const Calls<Handle, Frame> &calls)
-        : calls_(calls), reader_(calls.open(camera.c_str()), calls.close) {
+        : calls_(calls), reader_(calls.open(camera.c_str()), Close<Handle>{calls.close}) {
         if (!reader_)
             throw Error(edgecap_error());
     }
@@ -108,7 +118,7 @@ private:
     }
 
     Calls<Handle, Frame> calls_;
-    std::unique_ptr<Handle, void (*)(Handle *)> reader_;
+    std::unique_ptr<Handle, Close<Handle>> reader_;
 };
 
 // Everybody with an identity.

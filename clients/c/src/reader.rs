@@ -108,21 +108,21 @@ pub(crate) unsafe fn publishers<M: Message>(call: &'static str, reader: *mut Rea
     })
 }
 
-/// Closes a reader; null is none.
+/// Closes a reader, 0; null is none. −1 when it failed: then the reader is still open.
 ///
 /// # Safety
 /// `reader` is null or one that is open; nobody uses it or its message afterwards.
-pub(crate) unsafe fn close<M: Message>(call: &'static str, reader: *mut Reader<M>) {
-    guarded((), || {
+pub(crate) unsafe fn close<M: Message>(call: &'static str, reader: *mut Reader<M>) -> c_int {
+    guarded(ERROR, || {
         if reader.is_null() {
-            return Ok(());
+            return Ok(NONE);
         }
         // SAFETY: this function's own condition.
         let reader = unsafe { of(call, reader) }?;
         // SAFETY: it came from a box in `open`, and the caller upholds that it is closed once.
         drop(unsafe { Box::from_raw(reader) });
-        Ok(())
-    });
+        Ok(NONE)
+    })
 }
 
 /// The reader behind a pointer.

@@ -64,12 +64,13 @@ macro_rules! stream {
             unsafe { reader::publishers(stringify!($publishers), reader) }
         }
 
-        /// Closes a reader; its message is gone with it. Null is no reader and nothing happens.
+        /// Closes a reader, and its message is gone with it: 0; −1 when it failed, as in another thread, and the reader
+        /// is still open. Null is no reader and nothing happens.
         ///
         /// # Safety
         /// `reader` is null or one that is open; nobody uses it or its message afterwards.
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $close(reader: *mut $reader) {
+        pub unsafe extern "C" fn $close(reader: *mut $reader) -> c_int {
             // SAFETY: this function's own conditions.
             unsafe { reader::close(stringify!($close), reader) }
         }

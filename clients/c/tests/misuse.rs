@@ -41,7 +41,7 @@ fn null_is_told() {
         assert_eq!(edgecap_bodies_next(null_mut(), 0, &raw mut frame), -1);
         assert!(error().starts_with("edgecap_bodies_next: expected a reader, found NULL"));
         assert_eq!(edgecap_bodies_publishers(null_mut()), -1);
-        edgecap_bodies_close(null_mut());
+        assert_eq!(edgecap_bodies_close(null_mut()), 0);
         assert_eq!(error(), "");
         assert_eq!(edgecap_in_world(null(), null(), null_mut()), -1);
         assert!(error().contains("found NULL"));
@@ -62,7 +62,7 @@ fn a_reader_stays_in_its_thread() {
         unsafe {
             assert_eq!(edgecap_bodies_newest(reader, 0, &raw mut frame), -1);
             assert!(error().contains("thread that opened it"), "{}", error());
-            edgecap_bodies_close(reader);
+            assert_eq!(edgecap_bodies_close(reader), -1);
             assert!(error().contains("thread that opened it"), "{}", error());
         }
     })
@@ -87,7 +87,7 @@ fn a_reader_stays_in_its_thread() {
         assert_eq!(error(), "");
         drop(publisher);
         assert_eq!(edgecap_bodies_publishers(reader), 0);
-        edgecap_bodies_close(reader);
+        assert_eq!(edgecap_bodies_close(reader), 0);
     }
 }
 

@@ -8,9 +8,23 @@ import sys
 from . import EdgecapError, bodies
 
 
+_USAGE = """usage: python3 -m edgecap [CAMERA]
+
+Prints everybody of a camera (camera0 when not given), a line a frame, and waits for a run that is not there yet.
+`edgecap status` lists the cameras."""
+
+
 def main() -> int:
+    given = sys.argv[1:]
+    if given in (["-h"], ["--help"]):
+        print(_USAGE)
+        return 0
+    # A camera's name may begin with a dash, but who writes one first means an option.
+    if len(given) > 1 or any(word.startswith("-") for word in given):
+        print(_USAGE, file=sys.stderr)
+        return 2
     try:
-        for frame in bodies(sys.argv[1] if len(sys.argv) > 1 else "camera0"):
+        for frame in bodies(given[0] if given else "camera0"):
             print(frame.sequence, *frame.people(), flush=True)
     except EdgecapError as e:
         print(f"edgecap: {e}", file=sys.stderr)

@@ -20,7 +20,8 @@ def view(message: ctypes.Structure, field: str) -> NDArray[Any]:
     """
     import_numpy()
     records = _records(message, type(message))
-    return records[0][_known(type(message), field)]  # type: ignore[no-any-return]
+    # One of one person, without its first axis; `[0]` would copy a number out of the message.
+    return records[_known(type(message), field)].squeeze(axis=0)  # type: ignore[no-any-return]
 
 
 def view_of_all(people: ctypes.Array[Any], count: int, field: str) -> NDArray[Any]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import re
+import stat
 from typing import Final
 
 SERVICE_DIR: Final = "/run/edgecap"
@@ -36,6 +38,33 @@ def reading_dirs() -> list[str]:
     if _is_own(_without_session()):
         dirs.append(_without_session())
     return list(dict.fromkeys(dirs))
+
+
+def closed_service() -> str | None:
+    """Why this user does not look in the service's folder, which is there, and what to do; None where nothing keeps it
+    from looking."""
+    if os.environ.get("EDGECAP_RUNTIME_DIR") or os.access(SERVICE_DIR, os.R_OK | os.X_OK):
+        return None
+    try:
+        folder = os.stat(SERVICE_DIR)
+    except OSError:
+        return None
+    if not stat.S_ISDIR(folder.st_mode):
+        return None
+    if folder.st_mode & 0o050 != 0o050:
+        return f"{SERVICE_DIR} is closed to this user: only user {folder.st_uid} may read there"
+    group = _group(folder.st_gid)
+    return (
+        f"{SERVICE_DIR} is closed to this user: add this user to the group {group} (sudo usermod -aG {group} $USER) "
+        "and log in again"
+    )
+
+
+def _group(number: int) -> str:
+    try:
+        return grp.getgrgid(number).gr_name
+    except KeyError:
+        return str(number)
 
 
 def _without_session() -> str:

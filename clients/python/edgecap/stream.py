@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 import re
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any, Final, Generic
@@ -12,12 +13,14 @@ from typing import Any, Final, Generic
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
 from .event import EventFrame
 from .message import FLAG_END_OF_STREAM, FLAG_FILE_TIME, BodyFrame, ObservationFrame
-from .place import BODIES_VERSION, cameras, reading_dirs
+from .place import BODIES_VERSION, cameras, closed_service, reading_dirs
 from .ring import SLOTS, Kind, M, Ring, open_in
 from .wake import Wake
 
 _LOOK_EVERY_S: Final = 0.2
 _SEARCH_EVERY_S: Final = 0.02
+_SEARCH_EAGERLY_S: Final = 1.0
+"""How long a run is searched for so often: at a start side by side.  Later every `_LOOK_EVERY_S` is soon enough."""
 _END_OF_FILE: Final = FLAG_END_OF_STREAM | FLAG_FILE_TIME
 _SILENT_FOR_S: Final = 1.0
 """How long nobody may publish before a loop says that it waits."""
@@ -26,7 +29,9 @@ log = logging.getLogger("edgecap")
 
 
 class Stream(Generic[M]):
-    """A reader of one camera's stream, which need not be there yet: an iterator that ends where a file does.
+    """A reader of one camera's stream, which need not be there yet: a loop over it ends where a file does.
+
+    Any thread may close it, and that ends a loop of another one; messages are taken by one thread at a time.
 
     Raises `AccessError` where the stream may not be read, `VersionError` where it has messages of another version.
     """
@@ -34,9 +39,10 @@ class Stream(Generic[M]):
     def __init__(
         self, camera: str, stream: str, version: int, message: type[M], timeout_s: float | None = None
     ) -> None:
+        self._lock = threading.RLock()
         self._ring: Ring | None = None
         self._wake: Wake | None = None
-        self._alive = False
+        self._alive, self._is_followed = False, False
         if not re.fullmatch(r"[a-zA-Z0-9_-]{1,64}", camera):
             raise UnknownName(
                 f"camera name {camera!r}: expected 1 to 64 of a-z, A-Z, 0-9, '-' and '_', as given to `edgecap run --name`"
@@ -44,7 +50,7 @@ class Stream(Generic[M]):
         self._kind = Kind(camera, stream, version, ctypes.sizeof(message))
         self._message, self._timeout_s = message, timeout_s
         self._wake = Wake()
-        self._next, self._looked = 0, 0.0
+        self._next, self._looked, self._searches_since = 0, 0.0, time.monotonic()
         self._search(first=True)
 
     @property
@@ -57,26 +63,21 @@ class Stream(Generic[M]):
 
         A reader that is more than 16 messages behind loses the oldest.
         """
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while True:
-            message = self._read()
-            if message is None:
-                self._look()
-                message = self._read()
-            every = self._every()
-            left = every if deadline is None else deadline - time.monotonic()
-            if message is not None or left <= 0:
-                return message
-            self._open_wake().wait(min(left, every))
+        self._open_wake()
+        return self._take(timeout_s)
 
     def newest(self, timeout_s: float | None = 1.0) -> M | None:
-        """The newest message, leaving out older ones; waits up to `timeout_s` (None: for ever) where all are read."""
-        self._look()
-        self._skip()
-        newest = self.next(timeout_s)
-        while newest is not None:
+        """The newest message, leaving out older ones and all of a publisher that another one has followed; waits up to
+        `timeout_s` (None: for ever) where all are read."""
+        with self._lock:
+            self._open_wake()
+            self._look(leave=True)
             self._skip()
-            newer = self._read()
+        newest = self._take(timeout_s)
+        while newest is not None:
+            with self._lock:
+                self._skip()
+                newer = self._read()
             if newer is None:
                 break
             newest = newer
@@ -84,18 +85,41 @@ class Stream(Generic[M]):
 
     def publishers(self) -> int:
         """Processes that publish this stream now, 0 or 1.  One that died is gone within a second."""
-        self._look()
-        return int(self._alive)
+        with self._lock:
+            self._open_wake()
+            self._look()
+            return int(self._alive)
+
+    def fileno(self) -> int:
+        """For event loops: readable when a message has come, until `next(0)` has given None.
+
+        It tells nothing of a run that begins: call `next(0)` once a second as well.  Raises `EdgecapError` where the
+        kernel has none left for this user.
+        """
+        fd = self._open_wake().fileno()
+        if fd < 0:
+            raise EdgecapError(
+                f"{self._kind.service}: this user has no inotify instance left; call next() with a timeout instead, or "
+                "raise fs.inotify.max_user_instances (sysctl)"
+            )
+        return fd
 
     def __iter__(self) -> Iterator[M]:
-        """Every message until a file ends.  A camera's run that has stopped is waited for: `edgecap`, the logger, says so.
+        """Every message until a file ends or the stream is closed.  A camera's run that has stopped is waited for:
+        `edgecap`, the logger, says so.
 
         Raises `NoFrame` after `timeout_s` without a message, if the stream was opened with one.
         """
+        self._open_wake()
         watch = _Watch(self._kind, self._timeout_s)
-        while True:
-            message = self.next(watch.patience())
-            watch.saw(self.publishers() > 0, self._ring.life if self._ring else None, message is not None)
+        while self._wake is not None:
+            message = self._take(watch.patience())
+            with self._lock:
+                if self._wake is None:
+                    return
+                is_alive = self.publishers() > 0
+                life = self._ring.life if self._ring else None
+            watch.saw(is_alive, life, message is not None)
             if message is None:
                 continue
             yield message
@@ -104,11 +128,13 @@ class Stream(Generic[M]):
                 return
 
     def close(self) -> None:
-        """Lets go of everything; a stream that is let go of does it itself."""
-        self._forget()
-        if self._wake:
-            self._wake.close()
-            self._wake = None
+        """Lets go of everything; a stream that is let go of does it itself.  A thread that waits for a message is woken
+        and gets none."""
+        with self._lock:
+            self._forget()
+            if self._wake:
+                self._wake.close()
+                self._wake = None
 
     def __enter__(self) -> Stream[M]:
         return self
@@ -124,28 +150,90 @@ class Stream(Generic[M]):
         return f"Stream({self._kind.service}: {'closed' if self._wake is None else how}, at message {self._next})"
 
     def _open_wake(self) -> Wake:
-        if self._wake is None:
-            raise EdgecapError(f"{self._kind.service}: this stream was closed; open another one")
-        return self._wake
+        with self._lock:
+            if self._wake is None:
+                raise EdgecapError(f"{self._kind.service}: this stream was closed; open another one")
+            if not self._wake.is_of_this_process():
+                self._wake.close()
+                self._wake = Wake()
+                if self._ring:
+                    self._wake.watch(self._ring.path)
+            return self._wake
+
+    def _take(self, timeout_s: float | None) -> M | None:
+        """As `next`; None, too, where another thread closes the stream meanwhile."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            with self._lock:
+                if self._wake is None:
+                    return None
+                wake = self._open_wake()
+                message = self._read()
+                if message is None:
+                    self._look()
+                    message = self._read()
+                every = self._every()
+                left = every if deadline is None else deadline - time.monotonic()
+                if message is None and left <= 0:
+                    # Nothing is there, and nothing says so: what comes between both is read.
+                    wake.forget()
+                    message = self._read()
+            if message is not None or left <= 0:
+                return message
+            wake.wait(min(left, every))
 
     def _every(self) -> float:
-        return _LOOK_EVERY_S if self._ring else _SEARCH_EVERY_S
+        is_new = time.monotonic() - self._searches_since < _SEARCH_EAGERLY_S
+        return _SEARCH_EVERY_S if self._ring is None and is_new else _LOOK_EVERY_S
 
-    def _look(self) -> None:
-        if time.monotonic() - self._looked < self._every():
+    def _look(self, leave: bool = False) -> None:
+        """Looks whether the publisher is alive, if that was not done lately, and goes over to another one that is.
+
+        What the dead left is read first; with `leave` it is left where somebody else publishes.
+        """
+        if time.monotonic() - self._looked < self._every() and not (leave and self._is_followed):
             return
         self._looked = time.monotonic()
         if self._ring:
-            self._alive = self._ring.is_published()
-            if self._alive or self._ring.count(self._next) > self._next:
+            self._alive, self._is_followed = self._ring.is_published(), False
+            if self._alive:
+                return
+            if self._ring.count(self._next) > self._next:
+                self._look_past(self._ring, leave)
                 return
         self._search(first=False)
 
+    def _look_past(self, dead: Ring, leave: bool) -> None:
+        """Whether somebody else publishes while messages of the dead are unread."""
+        try:
+            found = self._find()
+        except EdgecapError:
+            # It is told once those are read.
+            return
+        if found is None:
+            return
+        self._alive = found.was_alive
+        self._is_followed = found.was_alive and found.life != dead.life
+        if self._is_followed and leave:
+            self._follow(found, first=False)
+        else:
+            found.close()
+
     def _search(self, first: bool) -> None:
+        """Goes over to the first file whose publisher is alive, else to the first that is there."""
+        found = self._find()
+        if found is None:
+            return
+        if self._ring and found.life == self._ring.life:
+            self._alive = found.was_alive
+            found.close()
+        else:
+            self._follow(found, first)
+
+    def _find(self) -> Ring | None:
         """Opens the first file whose publisher is alive, else the first that is there."""
         found: Ring | None = None
         refused: EdgecapError | None = None
-        self._open_wake()
         for folder in reading_dirs():
             try:
                 ring = open_in(folder, self._kind)
@@ -160,19 +248,14 @@ class Stream(Generic[M]):
                 found = ring
             if found and found.was_alive:
                 break
-        if found is None:
-            if refused:
-                raise refused
-        elif self._ring and found.life == self._ring.life:
-            self._alive = found.was_alive
-            found.close()
-        else:
-            self._follow(found, first)
+        if found is None and refused:
+            raise refused
+        return found
 
     def _follow(self, ring: Ring, first: bool) -> None:
         if self._ring:
             self._ring.close()
-        self._ring, self._alive = ring, ring.was_alive
+        self._ring, self._alive, self._is_followed = ring, ring.was_alive, False
         # The last words of the dead are old; a publisher that was waited for is read from its first message.
         behind = 0 if not ring.was_alive else 1 if first else SLOTS - 1
         self._next = max(0, ring.first_count - behind)
@@ -183,7 +266,8 @@ class Stream(Generic[M]):
         if self._ring:
             self._ring.close()
             self._ring = None
-        self._alive = False
+            self._searches_since = time.monotonic()
+        self._alive, self._is_followed = False, False
 
     def _skip(self) -> None:
         """Goes over to the newest message."""
@@ -230,11 +314,14 @@ class _Watch:
         """What came of the wait."""
         service, was = self._kind.service, self._life
         if not got and self._timeout_s is not None and time.monotonic() - self._since >= self._timeout_s:
-            others = [c for c in cameras() if c != self._kind.camera]
-            others_too = f"; there are bodies of {', '.join(others)}" if others else ""
+            if is_alive:
+                raise NoFrame(
+                    f"{service}: it is published, but no frame came within {self._timeout_s:g} s; look at what its run "
+                    "says, or wait longer"
+                )
             raise NoFrame(
                 f"{service}: no frame came within {self._timeout_s:g} s; start `edgecap run --name {self._kind.camera}`, "
-                f"or look with `edgecap status`{others_too}"
+                f"or look with `edgecap status`{self._elsewhere()}"
             )
         if is_alive or got:
             if self._waits or (was is not None and life != was):
@@ -242,8 +329,16 @@ class _Watch:
             self._life, self._waits = life, False
         elif not self._waits:
             gone = "nobody publishes it yet" if was is None else "its publisher has gone"
-            log.warning("%s: %s; waiting for `edgecap run --name %s`", service, gone, self._kind.camera)
+            camera = self._kind.camera
+            log.warning("%s: %s; waiting for `edgecap run --name %s`%s", service, gone, camera, self._elsewhere())
             self._waits = True
+
+    def _elsewhere(self) -> str:
+        """Where the frames could be instead."""
+        others = [c for c in cameras() if c != self._kind.camera]
+        bodies_of = f"; there are bodies of {', '.join(others)}" if others else ""
+        closed = closed_service()
+        return bodies_of + (f"; {closed}" if closed else "")
 
 
 def bodies(camera: str = "camera0", timeout_s: float | None = None) -> Stream[BodyFrame]:

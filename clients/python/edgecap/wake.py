@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import select
+import threading
 import time
 from typing import Final
 
@@ -23,36 +24,74 @@ class Wake:
     _CLOEXEC: Final = 0o2000000
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting, self._is_closed = 0, False
+        self._process = os.getpid()
         self._watched = -1
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._fd: int = self._libc.inotify_init1(self._NONBLOCK | self._CLOEXEC)
         self._is_told = self._fd >= 0
 
+    def is_of_this_process(self) -> bool:
+        """False in a child that was forked: what wakes one of both the other would not get."""
+        return self._process == os.getpid()
+
+    def fileno(self) -> int:
+        """Readable when something has changed; negative where the kernel does not tell."""
+        return self._fd
+
     def watch(self, path: str) -> None:
         """Watches this file instead of the one before."""
         if self._fd < 0:
             return
-        if self._watched >= 0:
-            self._libc.inotify_rm_watch(self._fd, self._watched)
+        self._unwatch()
         self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(path), self._ATTRIB)
         self._is_told = self._watched >= 0
 
     def wait(self, timeout_s: float) -> None:
-        """Until something changes, at most so long."""
-        if not self._is_told:
-            time.sleep(min(timeout_s, _STEP_S))
-            return
-        # Unlike select, it takes numbers above 1023.
-        poll = select.poll()
-        poll.register(self._fd, select.POLLIN)
-        if poll.poll(timeout_s * 1000):
+        """Until something changes or another thread closes it, at most so long."""
+        with self._lock:
+            if self._is_closed:
+                return
+            self._waiting += 1
+        try:
+            if not self._is_told:
+                time.sleep(min(timeout_s, _STEP_S))
+                return
+            # Unlike select, it takes numbers above 1023.
+            poll = select.poll()
+            poll.register(self._fd, select.POLLIN)
+            if poll.poll(timeout_s * 1000):
+                self.forget()
+        finally:
+            with self._lock:
+                self._waiting -= 1
+                self._let_go()
+
+    def forget(self) -> None:
+        """The next wait waits for what comes after this."""
+        if self._fd >= 0:
             try:
                 os.read(self._fd, 65536)
             except BlockingIOError:
                 pass
 
     def close(self) -> None:
-        """Lets go of it; closing twice does nothing."""
-        if self._fd >= 0:
+        """Lets go of it; closing twice does nothing.  A thread that waits is woken."""
+        with self._lock:
+            self._is_closed = True
+            if self._waiting and self.is_of_this_process():
+                self._unwatch()
+            self._let_go()
+
+    def _unwatch(self) -> None:
+        if self._watched >= 0:
+            # The kernel tells that, too, so that who waits wakes.
+            self._libc.inotify_rm_watch(self._fd, self._watched)
+            self._watched = -1
+
+    def _let_go(self) -> None:
+        # Who still waits would read from whatever gets the number next; in a forked child nobody waits.
+        if self._is_closed and self._fd >= 0 and not (self._waiting and self.is_of_this_process()):
             os.close(self._fd)
             self._fd = -1

@@ -25,7 +25,8 @@ class World(ctypes.Structure):
     rotation: ctypes.Array[c_float]
     """xyzw."""
     translation: ctypes.Array[c_float]
-    """The camera in the world: 0, its height above the floor, 0; metres."""
+    """The camera in the world: 0, its height above the floor, 0; metres.  Of a room of several cameras, whose axes are
+    the calibration's, zeros."""
     _state: int
 
     @property
@@ -60,7 +61,9 @@ class World(ctypes.Structure):
     def __repr__(self) -> str:
         if self.state == "none":
             return "World(no floor is known)"
-        return f"World({self.state}, camera {self.translation[1]:.2f} m above the floor)"
+        height = self.translation[1]
+        # Of several cameras as one room there is no one camera.
+        return f"World({self.state}, camera {height:.2f} m above the floor)" if height else f"World({self.state})"
 
 
 @dataclass(frozen=True, repr=False)

@@ -34,6 +34,13 @@ class Arrays(unittest.TestCase):
         self.assertEqual(list(made.array("id")), [3, 9, 11])
         self.assertEqual(list(body.array("joint_states")[:3]), [0, 1, 2])
 
+    def test_numbers_are_the_message_itself_too(self) -> None:
+        body = frame(4).people()[0]
+        for name, value in {"id": 8, "score": 0.25, "height": 1.5, "state": 2}.items():
+            body.array(name)[...] = value
+        self.assertEqual((body.id, body.score, body.height, body.state), (8, 0.25, 1.5, "predicted"))
+        self.assertEqual(float(body.array("score")), 0.25)
+
     def test_a_view_keeps_its_message(self) -> None:
         joints = frame(6).array("joints3d")
         others = [frame(n) for n in range(50)]

@@ -8,6 +8,7 @@ import os
 import pathlib
 import re
 import resource
+import select
 import subprocess
 import sys
 import tempfile
@@ -183,6 +184,228 @@ class Streams(InPlace):
         with self.assertRaisesRegex(edgecap.EdgecapError, "closed; open another"):
             stream.next(0.01)
 
+    def test_a_publisher_that_came_back_is_counted_before_the_messages_of_the_dead_are_read(self) -> None:
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            writer.publish(frame(1))
+            writer.publish(frame(2))
+            self._until(lambda: stream.publishers() == 1)
+            writer.kill()
+            self._until(lambda: stream.publishers() == 0)
+            writer = Writer(self.folder)
+            writer.publish(frame(3))
+            self._until(lambda: stream.publishers() == 1)
+            self.assertEqual([stream.next(5).sequence for _ in range(3)], [1, 2, 3], "nothing is left out")
+            writer.close()
+
+    def test_the_newest_is_of_who_publishes_and_not_of_the_dead(self) -> None:
+        for asks in (False, True):
+            with self.subTest(asks=asks):
+                writer = Writer(self.folder)
+                stream = edgecap.bodies()
+                writer.publish(frame(1))
+                writer.kill()
+                time.sleep(1)
+                self.assertEqual(stream.publishers(), 0)
+                self.assertEqual(stream.newest(0).sequence, 1, "while nobody publishes it is the newest there is")
+                stream.close()
+                writer = Writer(self.folder)
+                stream = edgecap.bodies()
+                writer.publish(frame(1))
+                writer.kill()
+                time.sleep(1)
+                self.assertEqual(stream.publishers(), 0)
+                writer = Writer(self.folder)
+                writer.publish(frame(2))
+                if asks:
+                    self._until(lambda: stream.publishers() == 1)
+                else:
+                    time.sleep(0.3)
+                self.assertEqual(stream.newest(5).sequence, 2)
+                self.assertIsNone(stream.newest(0))
+                stream.close()
+                writer.close()
+
+    def test_closing_in_another_thread_ends_a_loop_at_once(self) -> None:
+        writer = Writer(self.folder)
+        took = []
+        for _ in range(5):
+            stream, ended = edgecap.bodies(), []
+            writer.publish(frame(1))
+            began = threading.Event()
+
+            def loop(stream=stream, ended=ended, began=began) -> None:
+                try:
+                    for _ in stream:
+                        began.set()
+                    ended.append("cleanly")
+                except Exception as e:
+                    ended.append(repr(e))
+
+            thread = threading.Thread(target=loop)
+            thread.start()
+            self.assertTrue(began.wait(30))
+            time.sleep(0.02)
+            begin = time.monotonic()
+            stream.close()
+            thread.join(30)
+            took.append(time.monotonic() - begin)
+            self.assertEqual(ended, ["cleanly"])
+        # Who is not woken looks every 0.2 s.
+        self.assertLess(min(took), 0.1)
+        writer.close()
+
+    def test_closing_ends_a_wait_for_a_run_and_a_loop_from_within(self) -> None:
+        stream, got = edgecap.bodies(), []
+        thread = threading.Thread(target=lambda: got.append(stream.next(None)))
+        thread.start()
+        time.sleep(0.05)
+        stream.close()
+        thread.join(30)
+        self.assertEqual(got, [None])
+        writer = Writer(self.folder)
+        stream = edgecap.bodies()
+        writer.publish(frame(1))
+        writer.publish(frame(2))
+        for message in stream:
+            got.append(message.sequence)
+            stream.close()
+        self.assertEqual(got, [None, 1])
+        for call in (stream.next, stream.newest, stream.publishers, stream.fileno, lambda: next(iter(stream))):
+            with self.assertRaisesRegex(edgecap.EdgecapError, "closed; open another"):
+                call()
+        writer.close()
+
+    def test_a_folder_of_a_service_that_is_closed_is_said_while_nobody_publishes(self) -> None:
+        service, own = self.folder / "service", self.folder / "own"
+        service.mkdir()
+        own.mkdir()
+        access, may_not = os.access, []
+        closed = mock.patch("os.access", lambda path, mode: str(path) not in may_not and access(path, mode))
+        session = {"XDG_RUNTIME_DIR": str(own), "EDGECAP_RUNTIME_DIR": ""}
+
+        def said(camera: str = "test-kept-out") -> tuple[str, str]:
+            with self.assertLogs("edgecap", logging.WARNING) as log, self.assertRaises(edgecap.NoFrame) as failed:
+                next(iter(edgecap.bodies(camera, timeout_s=1.1)))
+            return log.output[0], str(failed.exception)
+
+        with mock.patch("edgecap.place.SERVICE_DIR", str(service)), mock.patch.dict(os.environ, session), closed:
+            with mock.patch("edgecap.place.runtime_dir", lambda: str(own)):
+                service.chmod(0o750)
+                for text in said():
+                    self.assertNotIn("closed", text)
+                may_not.append(str(service))
+                for text in said():
+                    self.assertRegex(text, r"service is closed to this user: add this user to the group \S+ \(sudo")
+                service.chmod(0o700)
+                for text in said():
+                    self.assertIn(f"only user {os.geteuid()} may read there", text)
+                self.assertNotIn(str(service), edgecap.reading_dirs())
+
+    def test_who_waits_is_told_of_other_cameras(self) -> None:
+        writer = Writer(self.folder, "door")
+        with self.assertLogs("edgecap", logging.WARNING) as log, self.assertRaises(edgecap.NoFrame):
+            next(iter(edgecap.bodies("hall", timeout_s=1.1)))
+        self.assertTrue(log.output[0].endswith("--name hall`; there are bodies of door"), log.output)
+        writer.close()
+
+    def test_a_publisher_that_is_silent_is_not_to_be_started(self) -> None:
+        writer = Writer(self.folder)
+        with self.assertRaises(edgecap.NoFrame) as failed:
+            next(iter(edgecap.bodies(timeout_s=0.1)))
+        writer.close()
+        self.assertIn("it is published, but no frame came within 0.1 s", str(failed.exception))
+        self.assertNotIn("start", str(failed.exception))
+
+    def test_a_run_is_searched_for_seldom_once_the_wait_is_long(self) -> None:
+        stream, searched = edgecap.bodies(), []
+        with mock.patch("edgecap.stream.open_in", lambda *_: searched.append(time.monotonic())):
+            stream.next(1.0)
+            self.assertGreater(len(searched), 10)
+            searched.clear()
+            stream.next(1.0)
+        self.assertLess(len(searched), 10)
+        writer = Writer(self.folder)
+        begin = time.monotonic()
+        writer.publish(frame(1))
+        self.assertEqual(stream.next(5).sequence, 1)
+        self.assertLess(time.monotonic() - begin, 1)
+        stream.close()
+        writer.close()
+
+    def test_a_forked_child_and_its_parent_are_both_woken(self) -> None:
+        writer = Writer(self.folder)
+        script = (
+            "import edgecap, os, select\n"
+            "def woken(): return bool(select.select([stream.fileno()], [], [], 30)[0])\n"
+            "stream = edgecap.bodies()\n"
+            "stream.next(0)\n"
+            "print('open', flush=True)\n"
+            "input()\n"
+            "if os.fork() == 0:\n"
+            "    seen = stream.next(0).sequence, stream.next(0)\n"
+            "    print('child', *seen, flush=True)\n"
+            "    print('child', woken(), stream.next(0).sequence, flush=True)\n"
+            "    os._exit(0)\n"
+            "os.wait()\n"
+            "is_told = bool(select.select([stream.fileno()], [], [], 0)[0])\n"
+            "print('parent', is_told, stream.next(0).sequence, flush=True)\n"
+        )
+        env = os.environ | {"PYTHONPATH": str(CLIENT)}
+        pipe = subprocess.PIPE
+        run = subprocess.Popen([sys.executable, "-c", script], env=env, stdin=pipe, stdout=pipe, text=True)
+        assert run.stdin and run.stdout
+        self.assertEqual(run.stdout.readline(), "open\n")
+        writer.publish(frame(1))
+        run.stdin.write("\n")
+        run.stdin.flush()
+        self.assertEqual(run.stdout.readline(), "child 1 None\n")
+        writer.publish(frame(2))
+        self.assertEqual(run.stdout.readline(), "child True 2\n")
+        # What the child has read and was woken by, the parent is woken by all the same.
+        self.assertEqual(run.stdout.readline(), "parent True 1\n")
+        self.assertEqual(run.wait(30), 0)
+        run.stdin.close()
+        run.stdout.close()
+        writer.close()
+
+    def test_a_message_makes_the_descriptor_readable_until_all_are_read(self) -> None:
+        writer = Writer(self.folder)
+        with edgecap.bodies() as stream:
+            readable = lambda s=0.0: bool(select.select([stream.fileno()], [], [], s)[0])  # noqa: E731
+            self.assertIsNone(stream.next(0))
+            self.assertFalse(readable())
+            for n in (1, 2):
+                writer.publish(frame(n))
+            self.assertTrue(readable(30))
+            self.assertEqual([stream.next(0).sequence, stream.next(0).sequence], [1, 2])
+            self.assertIsNone(stream.next(0))
+            self.assertFalse(readable())
+        writer.close()
+
+    def test_an_event_loop_reads_as_the_page_says(self) -> None:
+        page = (CLIENT / "README.md").read_text()
+        [example] = re.findall(r"```python\n(import asyncio\n.+?)```", page, re.S)
+        writer = Writer(self.folder)
+        env = os.environ | {"PYTHONPATH": str(CLIENT), "PYTHONUNBUFFERED": "1"}
+        child = subprocess.Popen([sys.executable, "-c", example], env=env, stdout=subprocess.PIPE, text=True)
+        assert child.stdout
+        self.addCleanup(child.stdout.close)
+        # It begins with the newest frame: one is there before it comes.
+        writer.publish(frame(7))
+        self.assertIn("sequence=7", child.stdout.readline())
+        took = []
+        for n in range(8, 18):
+            writer.publish(frame(n))
+            begin = time.monotonic()
+            self.assertIn(f"sequence={n}", child.stdout.readline())
+            took.append(time.monotonic() - begin)
+        child.kill()
+        child.wait()
+        writer.close()
+        # Who is not woken looks every second.
+        self.assertLess(min(took), 0.5)
+
     def test_messages_of_another_version_are_refused(self) -> None:
         writer = Writer(self.folder, version=3)
         with self.assertRaisesRegex(edgecap.VersionError, "expected messages of version 2, found version 3; use"):
@@ -252,6 +475,15 @@ class Streams(InPlace):
         self.assertIn("7 Body(id=3, tracked, score=0.88", line)
 
 
+    def test_the_module_says_how_it_is_called(self) -> None:
+        env = os.environ | {"PYTHONPATH": str(CLIENT)}
+        for words, code in [(["--help"], 0), (["-h"], 0), (["--camera", "hall"], 2), (["-x"], 2), (["a", "b"], 2)]:
+            run = [sys.executable, "-m", "edgecap", *words]
+            done = subprocess.run(run, env=env, capture_output=True, text=True, timeout=30)
+            self.assertEqual(done.returncode, code, words)
+            self.assertIn("usage: python3 -m edgecap [CAMERA]", done.stderr if code else done.stdout)
+
+
 class Messages(unittest.TestCase):
     def test_fields_by_name(self) -> None:
         body = frame(2, (3, 9)).people()[1]
@@ -295,6 +527,8 @@ class Messages(unittest.TestCase):
             repr(made), "BodyFrame(sequence=12, #3, #9, 1280x720, World(estimated, camera 1.50 m above the floor))"
         )
         self.assertEqual(repr(made.in_world(made.people()[0])), "WorldBody(pelvis at (0.50, 1.25, 3.00) m)")
+        made.world.translation[1] = 0
+        self.assertEqual(repr(made.world), "World(estimated)", "a room of several cameras has no one camera")
         self.assertEqual(repr(frame(1, ())), "BodyFrame(sequence=1, nobody, 1280x720, World(no floor is known))")
 
     def test_names_are_those_of_the_skeleton(self) -> None:

@@ -174,11 +174,13 @@ impl<M: Message> Subscriber<M> {
         }
     }
 
-    /// The newest message, discarding older unread ones; waits up to `timeout` if there is none.
+    /// The newest message, discarding older unread ones, and all of a publisher that another one has followed; waits up
+    /// to `timeout` if there is none.
     ///
     /// # Errors
     /// As [`next`](Self::next).
     pub fn newest(&self, timeout: Duration) -> Result<Option<Received<M>>, LinkError> {
+        self.0.borrow_mut().leave_the_dead()?;
         let mut newest = self.next(timeout)?;
         let mut inner = self.0.borrow_mut();
         if inner.joined.is_none() {
@@ -223,7 +225,7 @@ impl<M: Message> Subscriber<M> {
         // What cannot be read is no writer of this stream; `next` tells why.
         let _ = inner.ring.look_now();
         inner.join();
-        usize::from(inner.ring.is_alive())
+        usize::from(inner.ring.is_published())
     }
 }
 
@@ -231,6 +233,13 @@ impl<M: Message> Inner<M> {
     /// Follows the stream to the publisher that is alive.
     fn look(&mut self) -> Result<(), LinkError> {
         self.ring.look()?;
+        self.join();
+        Ok(())
+    }
+
+    /// As [`look`](Self::look), and leaves what the dead left where somebody else publishes.
+    fn leave_the_dead(&mut self) -> Result<(), LinkError> {
+        self.ring.leave_the_dead()?;
         self.join();
         Ok(())
     }
@@ -413,6 +422,66 @@ mod tests {
         let newest = reader.newest(Duration::from_secs(20)).unwrap().unwrap();
         assert_eq!((held.sequence, newest.sequence), (0, 4));
         assert!(reader.newest(Duration::ZERO).unwrap().is_none());
+    }
+
+    fn publish(publisher: &mut Publisher<BodyFrame>, sequence: u64) {
+        let message = BodyFrame {
+            sequence,
+            ..BodyFrame::default()
+        };
+        publisher.publish(&message).unwrap();
+    }
+
+    /// Looks until somebody publishes: on a busy machine signs of life may come late.
+    fn is_published(reader: &Subscriber<BodyFrame>) -> bool {
+        (0..1000).any(|n| {
+            std::thread::sleep(Duration::from_millis(10 * n.min(1)));
+            reader.publisher_count() == 1
+        })
+    }
+
+    #[test]
+    fn a_publisher_that_came_back_is_counted_before_the_messages_of_the_dead_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let mut first = open();
+        let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        publish(&mut first, 1);
+        publish(&mut first, 2);
+        drop(first);
+        assert_eq!(reader.publisher_count(), 0);
+        let mut second = open();
+        publish(&mut second, 3);
+        assert!(is_published(&reader));
+        for n in 1..4 {
+            let got = reader.next(Duration::from_secs(20)).unwrap().unwrap();
+            assert_eq!(got.sequence, n, "nothing is left out");
+        }
+    }
+
+    #[test]
+    fn the_newest_is_of_who_publishes_and_not_of_the_dead() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        for asks in [true, false] {
+            let mut first = open();
+            let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+            publish(&mut first, 1);
+            drop(first);
+            assert_eq!(reader.publisher_count(), 0);
+            let mut second = open();
+            publish(&mut second, 2);
+            if asks {
+                assert!(is_published(&reader));
+            } else {
+                std::thread::sleep(LOOK_EVERY + LOOK_EVERY / 4);
+                let other = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+                assert!(is_published(&other));
+            }
+            let newest = reader.newest(Duration::from_secs(20)).unwrap().unwrap();
+            assert_eq!(newest.sequence, 2);
+            assert!(reader.newest(Duration::ZERO).unwrap().is_none());
+        }
     }
 
     #[test]

@@ -97,8 +97,14 @@ fn names_and_numbers_agree() {
             )
         })
         .collect();
+    let numbers = |prefix: &str, names: &[String]| -> String {
+        let print = |n: &String| format!("printf(\"%d \", (int)EDGECAP_{prefix}_{n});\n");
+        names.iter().map(print).collect()
+    };
+    let angles = numbers("ANGLE", &ANGLE_NAMES.map(str::to_uppercase));
+    let bones = numbers("BONE", &HUMANOID_BONES.map(in_capitals));
     let text = format!(
-        "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {{\nuint32_t i;\n{joints}\
+        "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {{\nuint32_t i;\n{joints}{angles}{bones}\
          printf(\"%d %d %d %d \", EDGECAP_BODY_JOINTS, EDGECAP_DOF, EDGECAP_BONES, EDGECAP_MAX_PEOPLE);\n\
          printf(\"%d %d \", EDGECAP_MAX_EVENTS, EDGECAP_ZONE_NAME);\n\
          printf(\"%d %d\\n\", EDGECAP_EVIDENCE_JOINTS, EDGECAP_APPEARANCE_BINS);\n{kinds}\
@@ -112,7 +118,11 @@ fn names_and_numbers_agree() {
     let Some(program) = program(folder.path(), "names.c", C, &text) else {
         return;
     };
-    let mut expected: String = (0..BODY_JOINTS).map(|i| format!("{i} ")).collect();
+    let mut expected: String = (0..BODY_JOINTS)
+        .chain(0..DOF)
+        .chain(0..HUMANOID_BONE_COUNT)
+        .map(|i| format!("{i} "))
+        .collect();
     expected += &format!("{BODY_JOINTS} {DOF} {HUMANOID_BONE_COUNT} {MAX_PEOPLE} ");
     expected += &format!("{MAX_EVENTS} {ZONE_NAME} {EVIDENCE_JOINTS} {APPEARANCE_BINS}\n");
     expected += &(0..events.len())
@@ -127,6 +137,15 @@ fn names_and_numbers_agree() {
         expected += &format!("{name}\n");
     }
     assert_eq!(stdout(&program), expected);
+}
+
+/// `rightLowerArm` as a constant has it: `RIGHT_LOWER_ARM`.
+fn in_capitals(name: &str) -> String {
+    let parts = name.chars().map(|c| match c.is_uppercase() {
+        true => format!("_{c}"),
+        false => c.to_uppercase().to_string(),
+    });
+    parts.collect()
 }
 
 const ROLE: &str = "EDGECAP_TEST_ROLE";
@@ -188,6 +207,36 @@ fn a_program_finds_out_that_the_publisher_is_gone_and_that_it_is_back() {
     let shortest = took.into_iter().min().unwrap();
     assert!(shortest < Duration::from_secs(2), "{shortest:?}");
     assert!(reader.wait().unwrap().success());
+}
+
+/// A destructor has nobody to tell otherwise.
+#[test]
+fn a_reader_that_another_thread_lets_go_of_says_so() {
+    let cpp = "#include <edgecap.hpp>\n#include <cstdio>\n#include <memory>\n#include <thread>\n\
+        int main() {\n\
+        std::unique_ptr<edgecap::Bodies> bodies(new edgecap::Bodies());\n\
+        std::thread([&] { bodies.reset(); }).join();\n\
+        { edgecap::Bodies own; }\n\
+        std::puts(\"done\");\nreturn 0;\n}\n";
+    let folder = tempfile::tempdir().unwrap();
+    let Some(program) = program(folder.path(), "elsewhere.cpp", CPP, cpp) else {
+        return;
+    };
+    let place = folder.path().join("edgecap");
+    let mut command = Command::new(program);
+    let out = command.env("EDGECAP_RUNTIME_DIR", &place).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert_eq!(
+        (out.status.code(), &*text(&out.stdout)),
+        (Some(0), "done\n")
+    );
+    let said = text(&out.stderr);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(
+        said.starts_with("edgecap: a reader was not closed: "),
+        "{said}"
+    );
+    assert!(said.contains("thread that opened it"), "{said}");
 }
 
 /// Destructors of globals run when the values of the program's threads are gone.

@@ -20,6 +20,9 @@ use crate::stream::{Message, file_stem, ring_path, service_name, version_of};
 /// How often a reader looks for a ring that is not there yet.
 const SEARCH_EVERY: Duration = Duration::from_millis(20);
 
+/// For how long it does so that often: at a start side by side. Later every [`LOOK_EVERY`] is soon enough.
+const SEARCH_EAGERLY: Duration = Duration::from_secs(1);
+
 /// How often it looks for a message where the kernel does not tell.
 const STEP: Duration = Duration::from_millis(5);
 
@@ -60,6 +63,10 @@ pub(crate) struct RingReader<M> {
     watch: Option<OwnedFd>,
     open: Option<Open>,
     looked: Instant,
+    /// Since when there is no ring, where there is none.
+    searches_since: Instant,
+    /// Another publisher is alive while messages of the open ring's dead one are unread.
+    is_followed: bool,
     begin: Newest,
     _message: PhantomData<M>,
 }
@@ -90,6 +97,8 @@ impl<M: Message> RingReader<M> {
             watch: inotify::init(flags).ok(),
             open: None,
             looked: Instant::now(),
+            searches_since: Instant::now(),
+            is_followed: false,
             begin: Newest::Last,
             _message: PhantomData,
         };
@@ -103,9 +112,14 @@ impl<M: Message> RingReader<M> {
         self.open.as_ref().map(|o| (&*o.folder, o.life))
     }
 
-    /// Whether a publisher is alive, as far as was seen.
+    /// Whether the publisher whose messages are read is alive, as far as was seen.
     pub(crate) fn is_alive(&self) -> bool {
         self.open.as_ref().is_some_and(|o| o.is_alive)
+    }
+
+    /// Whether anybody publishes the stream, as far as was seen.
+    pub(crate) fn is_published(&self) -> bool {
+        self.is_alive() || self.is_followed
     }
 
     /// As if it had been silent for too long.
@@ -137,11 +151,7 @@ impl<M: Message> RingReader<M> {
     /// # Errors
     /// As [`new`](Self::new).
     pub(crate) fn look(&mut self) -> Result<(), LinkError> {
-        let every = match &self.open {
-            Some(_) => LOOK_EVERY,
-            None => SEARCH_EVERY,
-        };
-        if self.looked.elapsed() < every {
+        if self.looked.elapsed() < self.look_every() {
             return Ok(());
         }
         self.look_now()
@@ -152,7 +162,32 @@ impl<M: Message> RingReader<M> {
     /// # Errors
     /// As [`new`](Self::new).
     pub(crate) fn look_now(&mut self) -> Result<(), LinkError> {
+        self.look_at_all(false)
+    }
+
+    /// As [`look`](Self::look), and leaves what the dead left where somebody else publishes.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn leave_the_dead(&mut self) -> Result<(), LinkError> {
+        if !self.is_followed && self.looked.elapsed() < self.look_every() {
+            return Ok(());
+        }
+        self.look_at_all(true)
+    }
+
+    fn look_every(&self) -> Duration {
+        let is_new = self.searches_since.elapsed() < SEARCH_EAGERLY;
+        if self.open.is_none() && is_new {
+            SEARCH_EVERY
+        } else {
+            LOOK_EVERY
+        }
+    }
+
+    fn look_at_all(&mut self, leaves: bool) -> Result<(), LinkError> {
         self.looked = Instant::now();
+        self.is_followed = false;
         if let Some(open) = &mut self.open {
             // Alive only where others find it: what was cleaned away is made anew elsewhere.
             let stands = is_at(&open.file, &open.path);
@@ -162,10 +197,29 @@ impl<M: Message> RingReader<M> {
             }
             let unread = read_u64(&open.file, COUNT_AT).is_ok_and(|n| n > open.next);
             if unread {
+                self.look_past(leaves);
                 return Ok(());
             }
         }
         self.search()
+    }
+
+    /// Looks whether somebody else publishes while messages of the dead are unread.
+    fn look_past(&mut self, leaves: bool) {
+        // What is wrong with it is told once those are read.
+        let Ok(Some(found)) = self.find() else {
+            return;
+        };
+        if self.source().is_some_and(|(_, life)| life == found.life) {
+            if let Some(known) = &mut self.open {
+                known.is_alive = found.is_alive;
+            }
+        } else if found.is_alive && leaves {
+            self.follow(found);
+        } else {
+            self.is_followed = found.is_alive;
+            self.unwatch(found.watched);
+        }
     }
 
     /// The oldest message not yet read.
@@ -201,8 +255,7 @@ impl<M: Message> RingReader<M> {
     pub(crate) fn wait(&self, timeout: Duration) -> bool {
         let step = match &self.open {
             Some(open) if open.watched.is_none() => STEP,
-            Some(_) => LOOK_EVERY,
-            None => SEARCH_EVERY,
+            _ => self.look_every(),
         };
         let step = step.min(timeout);
         let timeout = Timespec {
@@ -233,6 +286,7 @@ impl<M: Message> RingReader<M> {
     fn close(&mut self) {
         if let Some(open) = self.open.take() {
             self.unwatch(open.watched);
+            self.searches_since = Instant::now();
         }
     }
 
@@ -247,15 +301,49 @@ impl<M: Message> RingReader<M> {
         }
     }
 
-    /// Opens the first ring whose publisher is alive, else the first that is there.
+    /// Goes over to the first ring whose publisher is alive, else to the first that is there.
     fn search(&mut self) -> Result<(), LinkError> {
+        match self.find()? {
+            // The one that is open already: nothing new in it.
+            Some(open) if self.source().is_some_and(|(_, life)| life == open.life) => {
+                if let Some(known) = &mut self.open {
+                    known.is_alive = open.is_alive;
+                }
+            }
+            Some(open) => self.follow(open),
+            None => {}
+        }
+        Ok(())
+    }
+
+    fn follow(&mut self, mut open: Open) {
+        let count = read_u64(&open.file, COUNT_AT).unwrap_or(0);
+        // Nobody knows how old the last words of the dead are.
+        open.next = match self.begin {
+            Newest::All => count.saturating_sub(SLOTS - 1),
+            Newest::Last => count.saturating_sub(1),
+        };
+        if !open.is_alive {
+            open.next = count;
+        }
+        self.close();
+        self.open = Some(open);
+    }
+
+    /// Opens the first ring whose publisher is alive, else the first that is there.
+    fn find(&self) -> Result<Option<Open>, LinkError> {
         let mut found: Option<Open> = None;
-        let mut refused = Ok(());
+        let mut refused = Ok(None);
+        let known = self.open.as_ref().and_then(|o| o.watched);
         for folder in self.folders.now() {
             match self.open_in(&folder) {
                 Ok(Some(open)) => {
                     let better = open.is_alive || found.is_none();
-                    if better && let Some(old) = found.replace(open) {
+                    // One that is open already has the same number as here.
+                    if better
+                        && let Some(old) = found.replace(open)
+                        && old.watched != known
+                    {
                         self.unwatch(old.watched);
                     }
                 }
@@ -266,29 +354,7 @@ impl<M: Message> RingReader<M> {
                 break;
             }
         }
-        match found {
-            // The one that is open already: nothing new in it.
-            Some(open) if self.source().is_some_and(|(_, life)| life == open.life) => {
-                if let Some(known) = &mut self.open {
-                    known.is_alive = open.is_alive;
-                }
-            }
-            Some(mut open) => {
-                let count = read_u64(&open.file, COUNT_AT).unwrap_or(0);
-                // Nobody knows how old the last words of the dead are.
-                open.next = match self.begin {
-                    Newest::All => count.saturating_sub(SLOTS - 1),
-                    Newest::Last => count.saturating_sub(1),
-                };
-                if !open.is_alive {
-                    open.next = count;
-                }
-                self.close();
-                self.open = Some(open);
-            }
-            None => refused?,
-        }
-        Ok(())
+        if found.is_some() { Ok(found) } else { refused }
     }
 
     fn open_in(&self, folder: &Path) -> Result<Option<Open>, LinkError> {
@@ -457,6 +523,23 @@ mod tests {
         };
         let shortest = (0..10).map(wait).min().unwrap();
         assert!(shortest < LOOK_EVERY / 2, "{shortest:?}");
+    }
+
+    #[test]
+    fn a_run_is_searched_for_seldom_once_the_wait_is_long() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = Folders::These(vec![folder.path().to_owned()]);
+        let mut reader = RingReader::<BodyFrame>::new(folders, "camera0").unwrap();
+        assert_eq!(reader.look_every(), SEARCH_EVERY);
+        reader.searches_since = Instant::now().checked_sub(SEARCH_EAGERLY).unwrap();
+        let begin = Instant::now();
+        assert!(reader.wait(Duration::from_secs(5)));
+        assert!(begin.elapsed() >= LOOK_EVERY, "{:?}", begin.elapsed());
+        let _publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        reader.look().unwrap();
+        assert!(reader.source().is_some());
+        reader.close();
+        assert_eq!(reader.look_every(), SEARCH_EVERY, "it is new again");
     }
 
     #[test]

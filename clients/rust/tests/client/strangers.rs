@@ -145,6 +145,8 @@ fn role_of(name: &str, folder: &Path) -> Command {
 
 fn place() -> (tempfile::TempDir, PathBuf) {
     let parent = tempfile::tempdir().unwrap();
+    // A neighbouring test's reader may just have the umask changed, and the folder would not let anybody in.
+    fs::set_permissions(&parent, fs::Permissions::from_mode(0o700)).unwrap();
     let folder = parent.path().join("edgecap");
     (parent, folder)
 }
