@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use edgecap::capture::camera::{PictureDecoder, PixelFormat, RawLayout};
-use edgecap::capture::{AviWriter, Frame, Range, Resizer};
+use edgecap::capture::{AviWriter, Frame, Matrix, Range, Resizer};
 
 const SIZE: (u32, u32) = (1280, 720);
 const INPUT: (u32, u32) = (512, 320);
@@ -56,6 +56,7 @@ fn decode(c: &mut Criterion) {
             width: SIZE.0,
             height: SIZE.1,
             stride: 0,
+            matrix: Matrix::Bt601,
             range: Range::Limited,
         })
         .unwrap();

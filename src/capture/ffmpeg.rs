@@ -1,8 +1,8 @@
 //! Films of any kind through an installed `ffmpeg`: a path goes in, frames come out of the child's pipe.
 //!
 //! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation and sizes
-//! that change need no care here. Times come from `ffprobe`. The child is killed and reaped when the source is dropped;
-//! if this process dies first, the child's next write fails and it ends by itself.
+//! that change need no care here. Times come from `ffprobe`. The child, and what it has started, is killed and reaped
+//! when the source is dropped; if this process dies first, the child's next write fails and it ends by itself.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -11,8 +11,10 @@ use std::io::{BufReader, ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
+
+use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::error::{CaptureError, name_of};
 use super::frame::Frame;
@@ -30,6 +32,12 @@ const DEFAULT_FPS: f64 = 25.0;
 const MOST_REORDERED: f64 = 17.0;
 /// More packets a picture than this are fields.
 const FIELDS: f64 = 1.5;
+/// What ffprobe calls the order of fields where there are such: coded first, shown first.
+const FIELD_ORDERS: [&str; 4] = ["tt", "bb", "tb", "bt"];
+/// Codecs of streams that may lie in a file without a container.
+const BARE_CODECS: [&str; 2] = ["h264", "hevc"];
+/// The rate that ffprobe gives to such a stream where it tells none.
+const INVENTED_FPS: f64 = 25.0;
 /// What ffmpeg says of a file that ends before its container does, whatever came out of it.
 const CUT_OFF: [&str; 2] = ["ended prematurely", "partial file"];
 
@@ -63,6 +71,27 @@ struct Probe {
     counted: Option<u64>,
     /// Whether pixels are as wide as they are high.
     is_square: bool,
+    /// Whether there are packets, and none of them tells when its picture is shown or decoded.
+    is_timeless: bool,
+    /// Whether the rate is nobody's word.
+    is_rate_invented: bool,
+}
+
+impl Probe {
+    /// Takes the user's word for the rate where the file has no times, or says that a rate is assumed.
+    fn ask_user(&mut self, fps: Option<f64>, name: &str) {
+        if !self.is_timeless {
+            return;
+        }
+        if let Some(fps) = fps {
+            self.fps = fps;
+        } else if self.is_rate_invented {
+            tracing::warn!(
+                "{name}: the film tells neither times nor a rate: {} frames a second are assumed; give --fps",
+                self.fps
+            );
+        }
+    }
 }
 
 /// A film as far as it is known: the same each time it is played.
@@ -95,13 +124,16 @@ fn input(path: &Path) -> OsString {
 
 impl Film {
     /// Asks both programs what there is.
-    fn look(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
+    fn look(path: &Path, programs: &Ffmpeg, fps: Option<f64>) -> Result<Self, CaptureError> {
         let name = name_of(path);
+        // A file that is replaced while it is probed counts as another one.
+        let file = file_id(path);
+        let mut probe = probe(&programs.ffprobe, &input(path), &name)?;
+        probe.ask_user(fps, &name);
         Ok(Self {
             rate_option: passthrough_option(&programs.ffmpeg, &name)?,
-            // A file that is replaced while it is probed counts as another one.
-            file: file_id(path),
-            probe: probe(&programs.ffprobe, &input(path), &name)?,
+            file,
+            probe,
             path: path.to_owned(),
             name,
             ffmpeg: programs.ffmpeg.clone(),
@@ -151,6 +183,7 @@ impl Film {
             child,
             pipe: BufReader::with_capacity(BUFFER_BYTES, stdout),
             complaints: Some(std::thread::spawn(move || keep_end(stderr))),
+            is_reaped: false,
         })
     }
 }
@@ -160,9 +193,16 @@ struct Playing {
     child: Child,
     pipe: BufReader<ChildStdout>,
     complaints: Option<JoinHandle<String>>,
+    is_reaped: bool,
 }
 
 impl Playing {
+    fn wait(&mut self) -> std::io::Result<ExitStatus> {
+        let status = self.child.wait()?;
+        self.is_reaped = true;
+        Ok(status)
+    }
+
     fn take_complaints(&mut self) -> String {
         self.complaints
             .take()
@@ -173,9 +213,13 @@ impl Playing {
 
 impl Drop for Playing {
     fn drop(&mut self) {
-        // Both fail only when the child has been reaped already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        // What is called ffmpeg may be a script that has started it: the group is the child's own, and its number
+        // nobody else's until the child is reaped. Failing means that there is nobody left to kill.
+        let group = Pid::from_raw(self.child.id().cast_signed());
+        if let (false, Some(group)) = (self.is_reaped, group) {
+            let _ = kill_process_group(group, Signal::KILL);
+            let _ = self.child.wait();
+        }
         self.take_complaints();
     }
 }
@@ -195,7 +239,15 @@ impl FfmpegSource {
     /// [`CaptureError::Unavailable`] when ffmpeg or ffprobe is not installed, [`CaptureError::Data`] when the file is
     /// no film that they can read.
     pub fn open(path: &Path, programs: &Ffmpeg) -> Result<Self, CaptureError> {
-        let film = Film::look(path, programs)?;
+        Self::open_at(path, programs, None)
+    }
+
+    /// As [`open`](Self::open); `fps`: at which the film was taken, where its file has no times.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_at(path: &Path, programs: &Ffmpeg, fps: Option<f64>) -> Result<Self, CaptureError> {
+        let film = Film::look(path, programs, fps)?;
         Ok(Self {
             playing: film.play()?,
             film,
@@ -213,7 +265,7 @@ impl FfmpegSource {
     fn finish(&mut self, cut_inside: bool) -> Result<bool, CaptureError> {
         self.ended = true;
         let Film { name, probe, .. } = &self.film;
-        let status = self.playing.child.wait();
+        let status = self.playing.wait();
         let status = status.map_err(|e| CaptureError::from_io_named(name, e))?;
         let complaints = self.playing.take_complaints();
         let lines = || complaints.lines().map(str::trim).filter(|l| !l.is_empty());
@@ -376,7 +428,7 @@ fn probe(ffprobe: &Path, input: &OsString, name: &str) -> Result<Probe, CaptureE
         ])
         .args([
             "-show_entries",
-            "stream=sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time,dts_time,flags",
+            "stream=codec_name,field_order,sample_aspect_ratio,avg_frame_rate,nb_frames:packet=pts_time,dts_time,flags",
         ])
         .args(["-of", "csv"])
         .arg(input)
@@ -431,15 +483,20 @@ impl Packet {
             is_left_out: flags.contains('D'),
         }
     }
+
+    fn is_timeless(&self) -> bool {
+        self.shown.is_none() && self.decoded.is_none()
+    }
 }
 
-/// Lines `packet,TIME,DECODED,FLAGS` and one `stream,SHAPE,RATE,COUNT`, its fields in any order and `N/A` where
-/// unknown; `None` without a stream.
+/// Lines `packet,TIME,DECODED,FLAGS` and one `stream,CODEC,SHAPE,FIELDS,RATE,COUNT`, its fields in any order and `N/A`
+/// where unknown; `None` without a stream.
 fn parse_probe(text: &str) -> Option<Probe> {
     let mut packets = Vec::new();
     let mut left_out = 0_u64;
     let mut stream = None;
     let mut is_square = true;
+    let (mut has_fields, mut has_hidden, mut is_bare) = (false, false, false);
     for line in text.lines() {
         let mut fields = line.trim().split(',');
         match fields.next() {
@@ -455,23 +512,37 @@ fn parse_probe(text: &str) -> Option<Probe> {
                 for field in fields {
                     fps = fps.or_else(|| parse_rate(field));
                     announced = announced.or_else(|| field.parse().ok());
+                    has_fields |= FIELD_ORDERS.contains(&field);
+                    has_hidden |= field == "vp8";
+                    is_bare |= BARE_CODECS.contains(&field);
                     if let Some((across, down)) = field.split_once(':') {
                         is_square = across == down || across == "0" || down == "0";
                     }
                 }
-                stream = Some((fps.unwrap_or(DEFAULT_FPS), announced));
+                stream = Some((fps, announced));
             }
             _ => {}
         }
     }
-    let (fps, announced) = stream?;
+    let (told, announced) = stream?;
     let announced = announced.map(|n: u64| n.saturating_sub(left_out));
-    let pieces = pieces(&packets, fps).unwrap_or_default();
+    let mut fps = told.unwrap_or(DEFAULT_FPS);
+    let mut pieces = pieces(&packets, fps).unwrap_or_default();
+    if has_hidden {
+        // A packet of a picture that others refer to and that is not shown has its neighbour's time.
+        pieces.iter_mut().for_each(Vec::dedup);
+    }
     let mut times = joined(&pieces, fps);
-    // Interlaced films may have a packet a field, and pictures of two.
-    let pictures = 1.0 + fps * 1e-9 * times.last().copied().unwrap_or(0) as f64;
-    if times.len() as f64 > FIELDS * pictures {
-        times.clear();
+    let steps = times.len().saturating_sub(1) as f64;
+    let seconds = 1e-9 * times.last().copied().unwrap_or(0) as f64;
+    match told {
+        // Interlaced films may have a packet a field, and pictures of two. Of others a rate that is too low is
+        // ffprobe's guess, of a film whose pictures do not come at even steps.
+        Some(fps) if has_fields && times.len() as f64 > FIELDS * (1.0 + fps * seconds) => {
+            times.clear();
+        }
+        None if seconds > 0.0 => fps = steps / seconds,
+        _ => {}
     }
     // What is shown before the first key picture refers to pictures that are not in the file.
     let key = packets.iter().find(|p| p.is_key).and_then(|p| p.shown);
@@ -484,6 +555,8 @@ fn parse_probe(text: &str) -> Option<Probe> {
         times,
         announced,
         is_square,
+        is_timeless: !packets.is_empty() && packets.iter().all(Packet::is_timeless),
+        is_rate_invented: told.is_none_or(|told| is_bare && told == INVENTED_FPS),
     })
 }
 
@@ -683,14 +756,67 @@ mod tests {
 
     #[test]
     fn packets_that_are_fields_tell_no_times() {
-        let times = |step: f64| {
+        let times = |step: f64, stream: &str| {
             let packets = (0..50).map(|k| format!("packet,{:.3},N/A,___\n", step * f64::from(k)));
-            let text = packets.collect::<String>() + "stream,25/1,N/A\n";
+            let text = packets.collect::<String>() + &format!("stream,{stream},N/A\n");
             let probe = parse_probe(&text).unwrap();
             (probe.times.len(), probe.counted)
         };
-        assert_eq!(times(0.04), (50, Some(50)));
-        assert_eq!(times(0.02), (0, None));
+        for order in FIELD_ORDERS {
+            let stream = format!("h264,1:1,{order},25/1");
+            assert_eq!(times(0.04, &stream), (50, Some(50)), "{order}");
+            assert_eq!(times(0.02, &stream), (0, None), "{order}");
+        }
+        // Whole pictures, whose rate was guessed too low, or which tell none.
+        for stream in [
+            "vp8,1:1,progressive,25/1",
+            "theora,1:1,unknown,0/0",
+            "h264,1:1,tt,0/0",
+        ] {
+            assert_eq!(times(0.02, stream), (50, Some(50)), "{stream}");
+        }
+    }
+
+    #[test]
+    fn without_a_rate_times_tell_it() {
+        let packets: String = (0..121)
+            .map(|k| format!("packet,{:.6},N/A,___\n", f64::from(k) / 60.0))
+            .collect();
+        let probe = parse_probe(&format!("{packets}stream,theora,1:1,unknown,0/0,N/A\n")).unwrap();
+        assert!((probe.fps - 60.0).abs() < 0.01, "{}", probe.fps);
+        assert_eq!(probe.times.last(), Some(&2_000_000_000));
+    }
+
+    #[test]
+    fn hidden_pictures_of_vp8_have_no_time_of_their_own() {
+        let packets =
+            "packet,0,0,K_\npacket,0.04,0.04,__\npacket,0.04,0.04,__\npacket,0.08,0.08,__\n";
+        let times = |codec: &str| {
+            let text = format!("{packets}stream,{codec},1:1,progressive,25/1,N/A\n");
+            let probe = parse_probe(&text).unwrap();
+            let in_ms: Vec<u64> = probe.times.iter().map(|t| t / 1_000_000).collect();
+            (in_ms, probe.counted)
+        };
+        assert_eq!(times("vp8"), (vec![0, 40, 80], Some(3)));
+        assert_eq!(times("mpeg4"), (vec![0, 40, 40, 80], Some(4)));
+    }
+
+    #[test]
+    fn streams_without_times_take_the_users_rate() {
+        let of = |text: &str, fps: Option<f64>| {
+            let mut probe = parse_probe(text).unwrap();
+            probe.ask_user(fps, "film");
+            (probe.fps, probe.is_timeless && probe.is_rate_invented)
+        };
+        let bare = "packet,N/A,N/A,K_\npacket,N/A,N/A,__\nstream,hevc,1:1,unknown,25/1,N/A\n";
+        assert_eq!(of(bare, None), (25.0, true));
+        assert_eq!(of(bare, Some(50.0)).0, 50.0);
+        let told = bare.replace("25/1", "60/1");
+        assert_eq!(of(&told, None), (60.0, false));
+        assert_eq!(of(&told, Some(50.0)).0, 50.0);
+        // Times count for more than what the user says, also those of decoding alone.
+        let timed = "packet,N/A,0.0,K_\npacket,N/A,0.04,__\nstream,hevc,1:1,unknown,25/1,N/A\n";
+        assert_eq!(of(timed, Some(50.0)), (25.0, false));
     }
 
     #[test]

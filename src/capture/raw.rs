@@ -5,7 +5,7 @@ use super::camera::{PictureDecoder, PixelFormat, RawLayout};
 use super::error::CaptureError;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;
-use super::yuv::Range;
+use super::yuv::{Matrix, Range};
 
 /// A picture that nobody has looked at yet: a camera's or film's own bytes, and when it was taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,6 +64,7 @@ fn rgb(width: u32, height: u32) -> RawLayout {
         width,
         height,
         stride: 3 * width,
+        matrix: Matrix::default(),
         range: Range::Full,
     }
 }

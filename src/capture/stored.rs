@@ -36,8 +36,8 @@ pub fn open_bytes(name: &str, bytes: &'static [u8]) -> Result<Box<dyn Source>, C
     Ok(Box::new(AviReader::new(Cursor::new(bytes), name)?))
 }
 
-/// Opens a photo, a folder of photos or a film. `fps`: at which a folder's photos, or a raw Motion-JPEG film, were
-/// taken.
+/// Opens a photo, a folder of photos or a film. `fps`: at which a folder's photos, or a film whose file tells no times,
+/// were taken.
 ///
 /// # Errors
 /// [`CaptureError::NoInput`] for missing files and empty folders, [`CaptureError::Data`] for files that are no picture
@@ -100,7 +100,8 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
         let shape = film.pixel_shape();
         return Ok(square(film, shape));
     }
-    Ok(Box::new(FfmpegSource::open(path, &Ffmpeg::default())?))
+    let film = FfmpegSource::open_at(path, &Ffmpeg::default(), fps)?;
+    Ok(Box::new(film))
 }
 
 /// Whether a file is a film by its name.

@@ -1,8 +1,11 @@
-//! `edgecap replay`: publishes a record as if its camera ran again, at the times at which it was published.
+//! `edgecap replay`: publishes a record as if its camera ran again, at the times at which it was published. Several are
+//! played on one clock: what their cameras saw at one instant has one time again.
 
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
@@ -29,19 +32,20 @@ const RATE: f64 = 30.0;
 /// Options of `edgecap replay`.
 #[derive(Debug, clap::Args)]
 pub struct ReplayArgs {
-    /// A record of bodies or observations, of 'record', 'run --record' or '--jsonl'
-    #[arg(value_name = "FILE")]
-    record: PathBuf,
-    /// Name under which it is published
+    /// A record of bodies or observations, of 'record', 'run --record' or '--jsonl'; or several, of the cameras of one
+    /// room: their times of capture stay
+    #[arg(value_name = "FILE", required = true)]
+    records: Vec<PathBuf>,
+    /// Name under which it is published; of several records one each, in their order
     #[arg(long = "name", visible_alias = "camera", value_name = "NAME", default_value = DEFAULT_NAME)]
-    name: String,
+    names: Vec<String>,
     /// So many times as fast
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
     /// What counts as an event, and zones of the floor (TOML); of a record of bodies
     #[arg(long, value_name = "FILE")]
     events: Option<Setting<EventConfig>>,
-    /// Over and over, until stopped
+    /// Over and over, until stopped; one record alone
     #[arg(long = "loop")]
     again: bool,
 }
@@ -53,63 +57,132 @@ fn parse_speed(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Publishes the record until its end, or until the user stops it.
+/// Publishes the records until their ends, or until the user stops it.
 ///
 /// # Errors
 /// Records that cannot be read or hold nothing, names that are taken, and shared memory that fails.
 pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    let name = args.record.display().to_string();
-    let found = fs::metadata(&args.record).map_err(|e| Failure::no_input(&args.record, &e))?;
-    if !found.is_file() {
+    let (records, names) = (args.records.len(), args.names.len());
+    if records != names {
         return Err(Failure::usage(format!(
-            "{name}: expected a file, which is read from its start more than once, found something else; \
-             write what a pipe brings to a file first"
+            "expected a --name for each of {}, found {}; give as many",
+            counted(records as u64, "record", "records"),
+            counted(names as u64, "name", "names"),
         ))
         .into());
     }
-    match Kind::of(&mut open(&args.record)?) {
+    if records > 1 && args.again {
+        return Err(Failure::usage("--loop plays one record: give one, or leave it out").into());
+    }
+    for record in &args.records {
+        let found = fs::metadata(record).map_err(|e| Failure::no_input(record, &e))?;
+        if !found.is_file() {
+            return Err(Failure::usage(format!(
+                "{}: expected a file, which is read from its start more than once, found something else; \
+                 write what a pipe brings to a file first",
+                record.display()
+            ))
+            .into());
+        }
+    }
+    let mut together = None;
+    if records > 1 {
+        let begins: Vec<Option<u64>> = args
+            .records
+            .iter()
+            .map(|r| begin(r))
+            .collect::<Result<_, _>>()?;
+        together = begins.into_iter().flatten().min();
+    }
+    let (began, has_failed) = (Instant::now(), AtomicBool::new(false));
+    let takes = args.records.iter().zip(&args.names);
+    let takes = takes.map(|(record, name)| Take {
+        args: &args,
+        record,
+        name,
+        stop: &stop,
+        has_failed: &has_failed,
+        began,
+        together,
+    });
+    thread::scope(|scope| {
+        let playing: Vec<_> = takes
+            .map(|take| {
+                scope.spawn(move || {
+                    let played = take.publish();
+                    // Of a room that lacks a camera the others are no replay.
+                    take.has_failed.fetch_or(played.is_err(), Ordering::Relaxed);
+                    played
+                })
+            })
+            .collect();
+        let ends = playing.into_iter().map(|thread| thread.join());
+        let ends: Vec<_> = ends
+            .map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect();
+        ends.into_iter().collect()
+    })
+}
+
+/// When the first frame of a record of several was taken; `None` where there is none.
+fn begin(record: &Path) -> anyhow::Result<Option<u64>> {
+    fn due<M: Times + Copy>(frame: &M) -> u64 {
+        let mut frame = Box::new(*frame);
+        frame.keep_times();
+        frame.due_ns()
+    }
+    let mut first = None;
+    match Kind::of(&mut open(record)?) {
         Some(Kind::Bodies) => {
-            let mut rows = |take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<bool>| {
-                let mut rows = RowReader::<_, BodiesRow>::new(open(&args.record)?, &name);
-                while let Some(row) = rows.read()? {
-                    if !take(&row.message())? {
-                        break;
-                    }
-                }
-                Ok(rows.was_cut())
-            };
-            let config = events::config(args.events.as_ref())?;
-            let mut sinks = Sinks::default();
-            sinks.push(SharedMemorySink::<BodyFrame>::open(&args.name)?);
-            let mut happened = Sinks::default();
-            happened.push(SharedMemorySink::<EventFrame>::open(&args.name)?);
-            sinks.push(EventSink::new(config, happened));
-            play(&args, &stop, "bodies", sinks, &mut rows)
+            bodies(record, &mut |frame| {
+                first = Some(due(frame));
+                Ok(false)
+            })?;
         }
         Some(Kind::Observations) => {
-            let mut rows = |take: &mut dyn FnMut(&ObservationFrame) -> anyhow::Result<bool>| {
-                let camera = CameraSource::Recorded {
-                    fov_degrees: DEFAULT_FOV,
-                };
-                let mut rows = ObservationReader::new(open(&args.record)?, &name, camera);
-                let mut frame = Box::new(ObservationFrame::default());
-                while rows.read(&mut frame)? {
-                    if !take(&frame)? {
-                        break;
-                    }
-                }
-                Ok(rows.was_cut())
-            };
-            let mut sinks = Sinks::default();
-            sinks.push(SharedMemorySink::<ObservationFrame>::open(&args.name)?);
-            play(&args, &stop, "observations", sinks, &mut rows)
+            observations(record, &mut |frame| {
+                first = Some(due(frame));
+                Ok(false)
+            })?;
         }
-        None => Err(Failure::data(format!(
-            "{name}: expected a record of bodies or observations, found something else; 'edgecap record' makes one"
-        ))
-        .into()),
+        None => {}
     }
+    Ok(first)
+}
+
+/// Calls `take` with every frame of a record of bodies until that says `false`; whether the record ends inside a frame.
+fn bodies(
+    record: &Path,
+    take: &mut dyn FnMut(&BodyFrame) -> anyhow::Result<bool>,
+) -> anyhow::Result<bool> {
+    let name = record.display().to_string();
+    let mut rows = RowReader::<_, BodiesRow>::new(open(record)?, &name);
+    while let Some(row) = rows.read()? {
+        if !take(&row.message())? {
+            break;
+        }
+    }
+    Ok(rows.was_cut())
+}
+
+/// The same of a record of observations.
+fn observations(
+    record: &Path,
+    take: &mut dyn FnMut(&ObservationFrame) -> anyhow::Result<bool>,
+) -> anyhow::Result<bool> {
+    let camera = CameraSource::Recorded {
+        fov_degrees: DEFAULT_FOV,
+    };
+    let name = record.display().to_string();
+    let mut rows = ObservationReader::new(open(record)?, &name, camera);
+    let mut frame = Box::new(ObservationFrame::default());
+    while rows.read(&mut frame)? {
+        if !take(&frame)? {
+            break;
+        }
+    }
+    Ok(rows.was_cut())
 }
 
 fn open(path: &Path) -> anyhow::Result<BufReader<File>> {
@@ -121,104 +194,182 @@ fn open(path: &Path) -> anyhow::Result<BufReader<File>> {
 type Rows<'a, M> =
     &'a mut dyn FnMut(&mut dyn FnMut(&M) -> anyhow::Result<bool>) -> anyhow::Result<bool>;
 
-fn play<M: Streamed + Times>(
-    args: &ReplayArgs,
-    stop: &Stop,
-    what: &str,
-    mut sinks: Sinks<M>,
-    rows: Rows<'_, M>,
-) -> anyhow::Result<()> {
-    let name = args.record.display().to_string();
-    say::err(&format!(
-        "{name} → shared memory {} (Ctrl-C stops)",
-        service_name::<M>(&args.name)
-    ));
-    let mut frames = 0_u64;
-    let mut numbers = Numbers::default();
-    let outcome = loop {
-        let mut clock = Clock::new(args.speed);
-        let before = frames;
-        let played = rows(&mut |recorded| {
-            clock.wait(recorded, stop);
-            if stop.requested() {
-                return Ok(false);
+/// One record, and what it is published as.
+#[derive(Clone, Copy)]
+struct Take<'a> {
+    args: &'a ReplayArgs,
+    record: &'a Path,
+    name: &'a str,
+    stop: &'a Stop,
+    /// Whether one of several could not be played.
+    has_failed: &'a AtomicBool,
+    began: Instant,
+    /// Of several records, when the first frame of all was taken.
+    together: Option<u64>,
+}
+
+impl Take<'_> {
+    fn must_end(&self) -> bool {
+        self.stop.requested() || self.has_failed.load(Ordering::Relaxed)
+    }
+
+    fn publish(&self) -> anyhow::Result<()> {
+        match Kind::of(&mut open(self.record)?) {
+            Some(Kind::Bodies) => {
+                let config = events::config(self.args.events.as_ref())?;
+                let mut sinks = Sinks::default();
+                sinks.push(SharedMemorySink::<BodyFrame>::open(self.name)?);
+                let mut happened = Sinks::default();
+                happened.push(SharedMemorySink::<EventFrame>::open(self.name)?);
+                sinks.push(EventSink::new(config, happened));
+                self.play("bodies", sinks, &mut |take| bodies(self.record, take))
             }
-            let mut message = Box::new(*recorded);
-            message.renumber(numbers.go_on(recorded.number()));
-            message.publish_at(monotonic_ns());
-            sinks.take(&Packet {
-                message: &*message,
-                source: "",
-                picture: None,
-            })?;
-            frames += 1;
-            Ok(true)
-        });
-        let was_cut = match played {
-            Ok(was_cut) => was_cut,
-            Err(e) => break Err(e),
+            Some(Kind::Observations) => {
+                let mut sinks = Sinks::default();
+                sinks.push(SharedMemorySink::<ObservationFrame>::open(self.name)?);
+                self.play("observations", sinks, &mut |take| {
+                    observations(self.record, take)
+                })
+            }
+            None => Err(Failure::data(format!(
+                "{}: expected a record of bodies or observations, found something else; 'edgecap record' makes one",
+                self.record.display()
+            ))
+            .into()),
+        }
+    }
+
+    fn play<M: Streamed + Times>(
+        &self,
+        what: &str,
+        mut sinks: Sinks<M>,
+        rows: Rows<'_, M>,
+    ) -> anyhow::Result<()> {
+        let name = self.record.display().to_string();
+        say::err(&format!(
+            "{name} → shared memory {} (Ctrl-C stops)",
+            service_name::<M>(self.name)
+        ));
+        let mut frames = 0_u64;
+        let mut numbers = Numbers::default();
+        let outcome = loop {
+            let mut clock = match self.together {
+                Some(zero) => Clock::new(self.args.speed, self.began, Some(zero)),
+                None => Clock::new(self.args.speed, Instant::now(), None),
+            };
+            let before = frames;
+            let played = rows(&mut |recorded| {
+                let mut message = Box::new(*recorded);
+                if self.together.is_some() {
+                    message.keep_times();
+                }
+                clock.wait(&*message, || self.must_end());
+                if self.must_end() {
+                    return Ok(false);
+                }
+                message.renumber(numbers.go_on(recorded.number()));
+                message.publish_at(monotonic_ns());
+                sinks.take(&Packet {
+                    message: &*message,
+                    source: "",
+                    picture: None,
+                })?;
+                frames += 1;
+                Ok(true)
+            });
+            let was_cut = match played {
+                Ok(was_cut) => was_cut,
+                Err(e) => break Err(e),
+            };
+            if self.must_end() {
+                break Ok(());
+            }
+            if frames == before {
+                break Err(Failure::no_whole_frame(&name, what, was_cut).into());
+            }
+            // Of further passes nobody has to be told again.
+            if was_cut && before == 0 {
+                tracing::warn!("{name}: cut off inside a frame; the frames before it are replayed");
+            }
+            if !self.args.again {
+                break Ok(());
+            }
+            numbers.begin_anew();
         };
-        if stop.requested() {
-            break Ok(());
-        }
-        if frames == before {
-            break Err(Failure::no_whole_frame(&name, what, was_cut).into());
-        }
-        // Of further passes nobody has to be told again.
-        if was_cut && before == 0 {
-            tracing::warn!("{name}: cut off inside a frame; the frames before it are replayed");
-        }
-        if !args.again {
-            break Ok(());
-        }
-        numbers.begin_anew();
-    };
-    let finished = sinks.finish().1;
-    outcome?;
-    finished?;
-    say::out(&counted(frames, "frame", "frames"));
-    Ok(())
+        let finished = sinks.finish().1;
+        outcome?;
+        finished?;
+        say::out(&counted(frames, "frame", "frames"));
+        Ok(())
+    }
 }
 
 /// When a record's frames are due.
 struct Clock {
     speed: f64,
     began: Instant,
-    first: Option<u64>,
-    last: u64,
+    /// What of the record was due when it began: its first frame, or of several records the first one of all.
+    zero: Option<u64>,
+    last: Option<u64>,
     /// Of the record, seconds.
     now: f64,
 }
 
 impl Clock {
-    fn new(speed: f64) -> Self {
+    fn new(speed: f64, began: Instant, zero: Option<u64>) -> Self {
         Self {
             speed,
-            began: Instant::now(),
-            first: None,
-            last: 0,
+            began,
+            zero,
+            last: None,
             now: 0.0,
         }
     }
 
-    /// Waits until a frame is due, or the user stops it.
-    fn wait(&mut self, frame: &impl Times, stop: &Stop) {
-        let time = frame.due_ns();
-        if self.first.is_none() {
-            self.first = Some(time);
-        } else if time > self.last {
-            self.now += (time - self.last) as f64 * 1e-9;
+    /// How long after the beginning a frame of this time is due.
+    fn due(&mut self, time: u64) -> Duration {
+        let last = self.last.replace(time);
+        let before = last.or(self.zero).unwrap_or(time);
+        self.now += if time > before {
+            (time - before) as f64 * 1e-9
+        } else if last.is_some() {
+            1.0 / RATE
         } else {
-            self.now += 1.0 / RATE;
-        }
-        self.last = time;
-        let due = self.began + Duration::from_secs_f64(self.now / self.speed);
-        while !stop.requested() {
+            0.0
+        };
+        Duration::from_secs_f64(self.now / self.speed)
+    }
+
+    /// Waits until a frame is due, or must not be waited for any more.
+    fn wait(&mut self, frame: &impl Times, must_end: impl Fn() -> bool) {
+        let due = self.began + self.due(frame.due_ns());
+        while !must_end() {
             let left = due.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 break;
             }
-            std::thread::sleep(left.min(LOOK_UP));
+            thread::sleep(left.min(LOOK_UP));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_of_one_room_have_one_zero() {
+        const MS: u64 = 1_000_000;
+        let due = |zero: Option<u64>, times: &[u64]| -> Vec<u128> {
+            let mut clock = Clock::new(0.5, Instant::now(), zero);
+            let due = times.iter().map(|t| clock.due(t * MS));
+            due.map(|after| after.as_millis()).collect()
+        };
+        // At half the speed; alone it begins at once.
+        assert_eq!(due(None, &[500, 540, 600]), [0, 80, 200]);
+        assert_eq!(due(Some(300 * MS), &[300, 340]), [0, 80]);
+        assert_eq!(due(Some(300 * MS), &[500, 540, 600]), [400, 480, 600]);
+        // Times that do not rise are a thirtieth of a second apart.
+        assert_eq!(due(None, &[500, 500, 540]), [0, 66, 146]);
     }
 }

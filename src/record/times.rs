@@ -12,6 +12,8 @@ pub trait Times {
     fn renumber(&mut self, number: u64);
     /// When it is due, on the record's own clock: when it was published, or of a file, when it is shown.
     fn due_ns(&self) -> u64;
+    /// Lets its times of capture stay, as a file's: those of several cameras go together.
+    fn keep_times(&mut self);
     /// Moves its times as if it were published `now`. A file's presentation times stay.
     fn publish_at(&mut self, now: u64);
 }
@@ -40,6 +42,10 @@ impl Times for BodyFrame {
         } else {
             self.publish_ns
         }
+    }
+
+    fn keep_times(&mut self) {
+        self.flags |= FLAG_FILE_TIME;
     }
 
     fn publish_at(&mut self, now: u64) {
@@ -71,6 +77,10 @@ impl Times for ObservationFrame {
         } else {
             self.publish_ns
         }
+    }
+
+    fn keep_times(&mut self) {
+        self.flags |= FLAG_FILE_TIME;
     }
 
     fn publish_at(&mut self, now: u64) {
@@ -113,5 +123,18 @@ mod tests {
         let times = (film.capture_ns, film.pose_ns, film.publish_ns);
         assert_eq!(times, (1_000, 1_200, 5_000));
         assert_eq!((live.due_ns(), film.due_ns()), (1_100, 1_200));
+    }
+
+    #[test]
+    fn a_live_frame_whose_times_are_kept_is_due_by_them() {
+        let mut live = ObservationFrame {
+            capture_ns: 1_000,
+            publish_ns: 1_100,
+            ..ObservationFrame::default()
+        };
+        live.keep_times();
+        assert_eq!(live.due_ns(), 1_000);
+        live.publish_at(5_000);
+        assert_eq!((live.capture_ns, live.publish_ns), (1_000, 5_000));
     }
 }

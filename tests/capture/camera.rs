@@ -11,8 +11,8 @@ use edgecap::capture::camera::{
     Step, choose_mode,
 };
 use edgecap::capture::{
-    AviWriter, Brightness, CameraSource, CaptureError, Frame, InputSpec, OpenOptions, Range,
-    RawDecoder, RawPicture, Source, open,
+    AviWriter, Brightness, CameraSource, CaptureError, Frame, InputSpec, Matrix, OpenOptions,
+    Range, RawDecoder, RawPicture, Source, open,
 };
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
@@ -568,6 +568,7 @@ fn layout(format: PixelFormat, width: u32, height: u32, stride: u32) -> RawLayou
         width,
         height,
         stride,
+        matrix: Matrix::Bt601,
         range: Range::Limited,
     }
 }
@@ -591,9 +592,22 @@ fn raw_buffers_have_a_brightness_without_being_decoded() {
             let layout = PictureDecoder::new(layout(format, w, h, 0)).unwrap();
             let mut raw = RawPicture {
                 layout: layout.layout(),
-                bytes: vec![90; layout.needed_bytes()],
+                // Chroma, red, blue and what follows a row's last pixel are no brightness.
+                bytes: vec![33; layout.needed_bytes()],
                 ..RawPicture::default()
             };
+            let (first, step) = match format {
+                PixelFormat::Yuyv => (0, 2),
+                PixelFormat::Uyvy => (1, 2),
+                PixelFormat::Rgb24 | PixelFormat::Bgr24 => (1, 3),
+                _ => (0, 1),
+            };
+            let stride = raw.layout.stride as usize;
+            for row in raw.bytes.chunks_mut(stride).take(h as usize) {
+                for pixel in 0..w as usize {
+                    row[first + step * pixel] = 90;
+                }
+            }
             let mut brightness = Brightness::default();
             decoder.brightness(&raw, &mut brightness).unwrap();
             assert!(
@@ -709,8 +723,9 @@ fn motion_jpeg_of_another_size_than_agreed_is_damaged() {
     assert!(decoder.decode(&of_size(32, 24), &mut frame).is_ok());
     for (width, height, fits) in [
         (64, 45, true),
-        // A camera that sends whole blocks.
+        // A camera that sends whole blocks, and one that sends less.
         (64, 48, true),
+        (72, 40, true),
         (32, 24, false),
         (64, 480, false),
         (640, 45, false),
@@ -718,11 +733,56 @@ fn motion_jpeg_of_another_size_than_agreed_is_damaged() {
     ] {
         let decoded = decoder.decode(&of_size(width, height), &mut frame);
         assert_eq!(decoded.is_ok(), fits, "{width}x{height}");
+        if fits {
+            let size = (frame.width, frame.height);
+            assert_eq!(size, (width.min(64), height.min(45)));
+            assert_eq!(frame.rgb.len(), 3 * (size.0 * size.1) as usize);
+        }
         if let Err(why) = decoded {
             let expected = format!("expected a picture of 64x45, found one of {width}x{height}");
             assert!(why.contains(&expected), "{why}");
         }
     }
+}
+
+#[test]
+fn what_fills_up_the_blocks_of_motion_jpeg_is_cut_off() {
+    let mut bytes = Vec::new();
+    let dark_outside = |k: u32| match k % 48 < 40 && k / 48 < 24 {
+        true => [200; 3],
+        false => [0; 3],
+    };
+    let rgb: Vec<u8> = (0..48 * 32).flat_map(dark_outside).collect();
+    JpegEncoder::new_with_quality(&mut bytes, 95)
+        .encode(&rgb, 48, 32, ExtendedColorType::Rgb8)
+        .unwrap();
+    let agreed = layout(PixelFormat::Mjpeg, 40, 24, 0);
+    let mut frame = Frame::default();
+    let mut decoder = PictureDecoder::new(agreed).unwrap();
+    decoder.decode(&bytes, &mut frame).unwrap();
+    assert_eq!((frame.width, frame.height), (40, 24));
+    assert_eq!(frame.rgb.len(), 3 * 40 * 24);
+    assert!(frame.rgb.iter().all(|v| *v > 150), "{:?}", frame.rgb);
+}
+
+#[test]
+fn the_matrix_of_a_layout_is_used() {
+    let of = |matrix| {
+        let layout = RawLayout {
+            matrix,
+            ..layout(PixelFormat::Yuyv, 2, 1, 0)
+        };
+        let mut frame = Frame::default();
+        let mut decoder = PictureDecoder::new(layout).unwrap();
+        decoder.decode(&[80, 90, 80, 200], &mut frame).unwrap();
+        frame.rgb
+    };
+    let (sd, hd) = (of(Matrix::Bt601), of(Matrix::Bt709));
+    // Red by 1.596 and 1.793 times the chroma's 72.
+    assert!(
+        sd[0].abs_diff(190) <= 1 && hd[0].abs_diff(204) <= 1,
+        "{sd:?} {hd:?}"
+    );
 }
 
 #[test]

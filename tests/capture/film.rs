@@ -720,7 +720,10 @@ fn what_the_child_has_started_ends_with_it() {
     let pid_file = folder.path().join("pid");
     let programs = stand_ins(
         folder.path(),
-        &format!("{PICTURE}; sleep 600 & echo $! > {}; wait", pid_file.display()),
+        &format!(
+            "{PICTURE}; sleep 600 & echo $! > {}; wait",
+            pid_file.display()
+        ),
         "printf 'stream,2/1,N/A\\n'",
     );
     let mut source = FfmpegSource::open(Path::new("film.mp4"), &programs).unwrap();
@@ -736,7 +739,10 @@ fn what_the_child_has_started_ends_with_it() {
     };
     let begun = Instant::now();
     drop(source);
-    assert!(begun.elapsed() < Duration::from_secs(60), "it was waited for");
+    assert!(
+        begun.elapsed() < Duration::from_secs(60),
+        "it was waited for"
+    );
     // It is not ours to reap, and may be a zombie until its new parent does.
     let is_there = || {
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();

@@ -56,6 +56,11 @@ impl PixelFormat {
         }
     }
 
+    /// Whether pictures are smaller than their pixels.
+    pub(crate) fn is_compressed(self) -> bool {
+        self == Self::Mjpeg
+    }
+
     /// Work to turn a picture into RGB, in order: what to prefer when sizes and rates are equal.
     pub(crate) fn cost(self) -> u32 {
         match self {
@@ -83,6 +88,8 @@ pub struct RawLayout {
     pub height: u32,
     /// Bytes from one row to the next; without meaning for MJPEG.
     pub stride: u32,
+    /// How luma and chroma make up colours.
+    pub matrix: Matrix,
     /// Which samples are black and white.
     pub range: Range,
 }
@@ -122,8 +129,7 @@ impl PictureDecoder {
         }
         Ok(Self {
             layout,
-            // UVC and V4L2 default to BT.601 for all sizes.
-            colours: YuvToRgb::new(Matrix::Bt601, layout.range),
+            colours: YuvToRgb::new(layout.matrix, layout.range),
             jpeg: JpegPicture::lenient(),
             keeps_to_size: false,
         })
@@ -165,7 +171,10 @@ impl PictureDecoder {
         }
         if self.layout.format == PixelFormat::Mjpeg {
             self.jpeg.decode(bytes, frame)?;
-            return self.check_agreed(frame.width, frame.height);
+            if self.is_agreed(frame.width, frame.height)? {
+                cut(frame, self.layout.width, self.layout.height);
+            }
+            return Ok(());
         }
         let (width, height) = (self.layout.width as usize, self.layout.height as usize);
         let stride = self.layout.stride as usize;
@@ -208,19 +217,34 @@ impl PictureDecoder {
         Ok(())
     }
 
-    /// Refuses the size of a JPEG whose header is damaged: the camera has kept to another, which was agreed. Of one
-    /// that never has, all are taken.
-    fn check_agreed(&mut self, width: u32, height: u32) -> Result<(), String> {
+    /// Whether a JPEG has the agreed size, or that in whole blocks. Refuses another, of a damaged header, where the
+    /// camera has kept to the one agreed; of one that never has, all are taken.
+    fn is_agreed(&mut self, width: u32, height: u32) -> Result<bool, String> {
         let agreed = self.layout;
         let is_near = |found: u32, agreed: u32| found.abs_diff(agreed) < JPEG_BLOCK;
         let is_agreed = is_near(width, agreed.width) && is_near(height, agreed.height);
         self.keeps_to_size |= is_agreed;
         if is_agreed || !self.keeps_to_size {
-            return Ok(());
+            return Ok(is_agreed);
         }
         Err(format!(
             "expected a picture of {}x{}, found one of {width}x{height} (--capture-size asks for another); it is left out",
             agreed.width, agreed.height
         ))
     }
+}
+
+/// Cuts off what is right of `width` and below `height`: blocks are filled up there with what the camera does not see,
+/// and a lens is calibrated for the agreed size.
+fn cut(frame: &mut Frame, width: u32, height: u32) {
+    let (row, kept) = (3 * frame.width as usize, 3 * width as usize);
+    if kept < row {
+        for k in 1..frame.height as usize {
+            frame.rgb.copy_within(k * row..k * row + kept, k * kept);
+        }
+        frame.width = width;
+    }
+    frame.height = frame.height.min(height);
+    let bytes = 3 * frame.width as usize * frame.height as usize;
+    frame.rgb.truncate(bytes);
 }

@@ -70,7 +70,25 @@ mod tests {
             name: "Webcam".into(),
             driver: "uvcvideo".into(),
             bus: bus.into(),
+            index: None,
         }
+    }
+
+    /// Two sensors of one device, whose files have changed numbers.
+    #[test]
+    fn sensors_of_one_device_are_not_taken_for_each_other() {
+        let sensor = |path: &str, index| CameraInfo {
+            index,
+            ..camera(path, "usb-1")
+        };
+        let mut first = Identity::default();
+        first.remember(sensor("/dev/video0", Some(0)));
+        let other = sensor("/dev/video0", Some(2));
+        let all = vec![other.clone(), sensor("/dev/video2", Some(0))];
+        let there = first.compare(&other, || all);
+        assert_eq!(there, Who::At("/dev/video2".into()));
+        let unknown = sensor("/dev/video0", None);
+        assert_eq!(first.compare(&unknown, || panic!("it is here")), Who::Same);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Which cameras there are.
 
+use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 use super::v4l2::{Camera, Capabilities};
 use crate::capture::error::CaptureError;
@@ -18,16 +20,22 @@ pub struct CameraInfo {
     pub driver: String,
     /// Where it is plugged in.
     pub bus: String,
+    /// Which of its device's files it is, where the system tells: a device with several sensors has as many cameras of
+    /// one name.
+    pub index: Option<u32>,
 }
 
 impl CameraInfo {
     /// Whether two device files belong to the same camera in the same socket.
     pub(crate) fn is_same_camera(&self, other: &Self) -> bool {
-        (&self.name, &self.bus) == (&other.name, &other.bus)
+        // Where one of them is not known, nothing speaks against it.
+        let unlike = self.index.zip(other.index).is_some_and(|(a, b)| a != b);
+        (&self.name, &self.bus) == (&other.name, &other.bus) && !unlike
     }
 
     pub(crate) fn new(path: PathBuf, caps: Capabilities) -> Self {
         Self {
+            index: index(Path::new("/sys/dev/char"), &path),
             path,
             name: caps.card,
             driver: caps.driver,
@@ -36,13 +44,22 @@ impl CameraInfo {
     }
 }
 
+/// The kernel's number of a device file among those of its device; `files`: where it describes them, by their numbers.
+/// A name would not do: the path may be a link.
+fn index(files: &Path, path: &Path) -> Option<u32> {
+    let device = fs::metadata(path).ok()?.rdev();
+    let number = format!("{}:{}", libc::major(device), libc::minor(device));
+    let index = fs::read_to_string(files.join(number).join("index")).ok()?;
+    index.trim().parse().ok()
+}
+
 /// Every camera that gives pictures, by number of its device file.
 ///
 /// # Errors
 /// [`CaptureError::Unavailable`] when there is none, [`CaptureError::Permission`] when there are device files that this
 /// user may not open and no other camera.
 pub fn list_cameras() -> Result<Vec<CameraInfo>, CaptureError> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir("/dev")
+    let mut paths: Vec<PathBuf> = fs::read_dir("/dev")
         .map_err(|e| CaptureError::from_io_named("/dev", e))?
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| {
@@ -82,5 +99,22 @@ pub(crate) fn not_permitted(device: &str) -> CaptureError {
         remedy:
             "add this user to the group `video` (sudo usermod -aG video $USER) and log in again"
                 .into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_file_s_index_is_read_by_its_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("camera");
+        // Any device will do: this one is 1:3 everywhere.
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        assert_eq!(index(folder.path(), &link), None);
+        fs::create_dir(folder.path().join("1:3")).unwrap();
+        fs::write(folder.path().join("1:3/index"), "2\n").unwrap();
+        assert_eq!(index(folder.path(), &link), Some(2));
     }
 }

@@ -1,5 +1,7 @@
 //! Which of a camera's many formats, sizes and rates to ask for.
 
+use std::io;
+
 use super::decode::PixelFormat;
 
 /// One combination that a camera offers.
@@ -57,4 +59,94 @@ pub fn choose_mode(modes: &[Mode], size: (u32, u32), fps: f64) -> Option<Mode> {
                 .then(a.format.cost().cmp(&b.format.cost()))
         })
         .copied()
+}
+
+/// The mode closest to the wish and, where that one is not compressed, the closest of those that are: other cameras on
+/// the same bus may leave room for no other. A size that is `named` counts for more than the rate. `None` without
+/// modes.
+pub(crate) fn candidates(
+    modes: &[Mode],
+    size: (u32, u32),
+    named: bool,
+    fps: f64,
+) -> Option<(Mode, Option<Mode>)> {
+    let closest = |may: &dyn Fn(&Mode) -> bool| {
+        let mut offered: Vec<Mode> = modes.iter().filter(|m| may(m)).copied().collect();
+        let is_exact = |m: &Mode| (m.width, m.height) == size;
+        if named && offered.iter().any(is_exact) {
+            offered.retain(is_exact);
+        }
+        choose_mode(&offered, size, fps)
+    };
+    let first = closest(&|_| true)?;
+    let is_compressed = |m: &Mode| m.format.is_compressed();
+    let second = (!is_compressed(&first))
+        .then(|| closest(&is_compressed))
+        .flatten();
+    Some((first, second))
+}
+
+/// Starts a camera in the first mode or, where its bus has no room for that, in the second. `start` gives the system's
+/// answer, or why it could not be asked.
+pub(crate) fn with_room<T, E>(
+    (first, second): (Mode, Option<Mode>),
+    mut start: impl FnMut(Mode) -> Result<io::Result<T>, E>,
+) -> Result<io::Result<T>, E> {
+    let started = start(first)?;
+    match (&started, second) {
+        (Err(e), Some(second)) if e.raw_os_error() == Some(libc::ENOSPC) => start(second),
+        _ => Ok(started),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mode(format: PixelFormat, width: u32, height: u32, fps: f64) -> Mode {
+        Mode {
+            format,
+            fourcc: *b"....",
+            width,
+            height,
+            fps,
+        }
+    }
+
+    #[test]
+    fn on_a_full_bus_a_camera_compresses() {
+        use PixelFormat::{Mjpeg, Yuyv};
+        let webcam = [
+            mode(Yuyv, 640, 480, 30.0),
+            mode(Mjpeg, 640, 480, 30.0),
+            mode(Mjpeg, 1280, 720, 30.0),
+            mode(Yuyv, 960, 720, 10.0),
+        ];
+        let [yuyv, mjpeg, large, slow] = webcam;
+        let of = |modes: &[Mode], size, named| candidates(modes, size, named, 30.0);
+        assert_eq!(of(&webcam, (640, 480), true), Some((yuyv, Some(mjpeg))));
+        assert_eq!(of(&webcam, (1280, 720), false), Some((large, None)));
+        // The named size counts for more than the rate, and none that is compressed has it.
+        assert_eq!(of(&webcam, (960, 720), true), Some((slow, Some(large))));
+        assert_eq!(of(&webcam[..1], (640, 480), true), Some((yuyv, None)));
+        assert_eq!(of(&[], (640, 480), true), None);
+
+        let started = |refusals: &[Option<i32>]| {
+            let mut refusals = refusals.iter();
+            let mut asked = Vec::new();
+            let answer = with_room((yuyv, Some(mjpeg)), |mode| {
+                asked.push(mode);
+                let code = *refusals.next().expect("asked no more often");
+                Ok::<_, ()>(code.map_or(Ok(()), |code| Err(io::Error::from_raw_os_error(code))))
+            });
+            let code = answer.unwrap().err().and_then(|e| e.raw_os_error());
+            (asked, code)
+        };
+        assert_eq!(started(&[None]), (vec![yuyv], None));
+        let no_room = Some(libc::ENOSPC);
+        assert_eq!(started(&[no_room, None]), (vec![yuyv, mjpeg], None));
+        let (asked, code) = started(&[no_room, no_room]);
+        assert_eq!((asked.len(), code), (2, no_room));
+        assert_eq!(started(&[Some(libc::EIO)]), (vec![yuyv], Some(libc::EIO)));
+    }
 }

@@ -12,14 +12,13 @@ use super::identity::{Identity, Who};
 use super::list::{CameraInfo, list_cameras};
 use super::live::{CameraPort, CameraStream};
 use super::lock::DeviceLock;
-use super::mode::{Mode, choose_mode};
+use super::mode::{Mode, candidates, with_room};
 use super::refusal::{refused, unusable};
 use super::v4l2::{Camera, Capabilities, Filled, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::raw::RawPicture;
 use crate::capture::spec::OpenOptions;
-use crate::capture::yuv::Range;
 
 /// Size that is asked for without a wish: enough for several people at a few metres.
 const DEFAULT_SIZE: (u32, u32) = (1280, 720);
@@ -126,11 +125,7 @@ fn modes(camera: &Camera, wish: (u32, u32)) -> Vec<Mode> {
         let Some(format) = PixelFormat::from_fourcc(fourcc) else {
             continue;
         };
-        for sizes in camera.sizes(fourcc) {
-            let (width, height) = match sizes {
-                Sizes::One(w, h) => (w, h),
-                Sizes::Range(w, h) => (nearest(w, wish.0), nearest(h, wish.1)),
-            };
+        for (width, height) in fitted(&camera.sizes(fourcc), wish) {
             modes.push(Mode {
                 format,
                 fourcc,
@@ -141,6 +136,19 @@ fn modes(camera: &Camera, wish: (u32, u32)) -> Vec<Mode> {
         }
     }
     modes
+}
+
+/// The sizes that a camera names, of ranges the ones closest to the wish. Of a driver that names none the wish itself
+/// is asked for: the driver answers with what it can do.
+fn fitted(sizes: &[Sizes], wish: (u32, u32)) -> Vec<(u32, u32)> {
+    if sizes.is_empty() {
+        return vec![wish];
+    }
+    let fit = |sizes: &Sizes| match *sizes {
+        Sizes::One(w, h) => (w, h),
+        Sizes::Range(w, h) => (nearest(w, wish.0), nearest(h, wish.1)),
+    };
+    sizes.iter().map(fit).collect()
 }
 
 /// The value of `smallest..=largest` in steps that is closest to the wish from below.
@@ -162,19 +170,37 @@ impl CameraPort for V4l2Port {
             return Err(unusable(self.name.clone(), what));
         }
         let size = self.options.size.unwrap_or(DEFAULT_SIZE);
-        let wanted_fps = self.options.fps.unwrap_or(DEFAULT_FPS);
-        let mut offered = modes(&camera, size);
-        let is_exact = |m: &Mode| (m.width, m.height) == size;
-        if self.options.size.is_some() && offered.iter().any(is_exact) {
-            // A size that the user names counts for more than the rate.
-            offered.retain(is_exact);
-        }
-        let mode = choose_mode(&offered, size, wanted_fps).ok_or_else(|| {
+        let is_named = self.options.size.is_some();
+        let offered = modes(&camera, size);
+        let candidates = candidates(&offered, size, is_named, self.wanted_fps()).ok_or_else(|| {
             unusable(
                 self.name.clone(),
                 "offers none of the formats YUYV, UYVY, NV12, YU12, GREY, RGB24, BGR24 and MJPEG",
             )
         })?;
+        let started = with_room(candidates, |mode| self.start(&camera, &info, mode))?;
+        let stream = started.map_err(|e| refused(&self.name, e))?;
+        self.identity.remember(info);
+        Ok(Box::new(stream))
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl V4l2Port {
+    fn wanted_fps(&self) -> f64 {
+        self.options.fps.unwrap_or(DEFAULT_FPS)
+    }
+
+    /// Agrees on a format and starts; the inner answer is that of starting.
+    fn start(
+        &self,
+        camera: &Camera,
+        info: &CameraInfo,
+        mode: Mode,
+    ) -> Result<io::Result<V4l2Stream>, CaptureError> {
         let agreed = camera
             .set_format(mode.fourcc, mode.width, mode.height)
             .map_err(|e| refused(&self.name, e))?;
@@ -189,27 +215,26 @@ impl CameraPort for V4l2Port {
             width: agreed.width,
             height: agreed.height,
             stride: agreed.stride,
-            range: if agreed.full_range {
-                Range::Full
-            } else {
-                Range::Limited
-            },
+            matrix: agreed.matrix,
+            range: agreed.range,
         })
         .map_err(|reason| CaptureError::data(self.name.clone(), reason))?;
-        let fps = camera.set_rate(wanted_fps);
-        controls::apply(&camera, &self.name, &self.options.controls)?;
-        let stream = Stream::start(&camera).map_err(|e| refused(&self.name, e))?;
+        let fps = camera.set_rate(self.wanted_fps());
+        controls::apply(camera, &self.name, &self.options.controls)?;
+        let stream = match Stream::start(camera) {
+            Ok(stream) => stream,
+            Err(e) => return Ok(Err(e)),
+        };
         tracing::info!(
-            "{}: {} ({}), {}x{} {format:?} at {} fps",
+            "{}: {} ({}), {}x{} {}",
             info.path.display(),
-            caps.card,
-            caps.driver,
+            info.name,
+            info.driver,
             agreed.width,
             agreed.height,
-            fps.map_or("unknown".into(), |f| format!("{f:.1}")),
+            in_words(agreed.fourcc, fps),
         );
-        self.identity.remember(info);
-        Ok(Box::new(V4l2Stream {
+        Ok(Ok(V4l2Stream {
             stream,
             layout: decoder.layout(),
             needed: decoder.needed_bytes(),
@@ -217,10 +242,13 @@ impl CameraPort for V4l2Port {
             damaged: 0,
         }))
     }
+}
 
-    fn name(&self) -> &str {
-        &self.name
-    }
+/// `MJPG at 30 fps`.
+fn in_words(fourcc: [u8; 4], fps: Option<f64>) -> String {
+    let fps = fps.map_or("unknown".into(), |fps| format!("{fps:.1}"));
+    let code = String::from_utf8_lossy(&fourcc);
+    format!("{code} at {} fps", fps.trim_end_matches(".0"))
 }
 
 /// A running V4L2 camera.
@@ -298,5 +326,27 @@ impl CameraStream for V4l2Stream {
 
     fn fps(&self) -> Option<f64> {
         self.fps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_names_no_sizes_is_asked_for_the_wish() {
+        let wish = (1280, 720);
+        assert_eq!(fitted(&[], wish), [wish]);
+        let range = Sizes::Range([16, 640, 16], [16, 4096, 32]);
+        let sizes = [Sizes::One(320, 240), range];
+        assert_eq!(fitted(&sizes, wish), [(320, 240), (640, 720)]);
+    }
+
+    #[test]
+    fn what_was_agreed_is_said_as_the_book_has_it() {
+        assert_eq!(in_words(*b"MJPG", Some(30.0)), "MJPG at 30 fps");
+        assert_eq!(in_words(*b"YUYV", Some(29.97)), "YUYV at 30 fps");
+        assert_eq!(in_words(*b"YUYV", Some(7.5)), "YUYV at 7.5 fps");
+        assert_eq!(in_words(*b"GREY", None), "GREY at unknown fps");
     }
 }

@@ -21,6 +21,12 @@ pub fn refused(device: &str, error: io::Error) -> CaptureError {
             reason: "expected a camera, found none; plug it in, or look for another one under /dev/video*".into(),
         },
         Some(libc::ENOTTY) => unusable(device, "is no camera"),
+        Some(libc::ENOSPC) => CaptureError::Unavailable {
+            what: device,
+            reason: "its USB bus has no room for its pictures beside those of other cameras; plug it into a socket of \
+                     another bus (lsusb -t), or ask all on this one for less by --capture-size and --fps"
+                .into(),
+        },
         _ => CaptureError::Unavailable {
             what: device,
             reason: format!("the camera refuses to start ({error}); unplug it, plug it in again, try another size"),
@@ -33,5 +39,22 @@ pub fn unusable(device: String, what: &str) -> CaptureError {
     CaptureError::Unavailable {
         what: device,
         reason: format!("this device {what}; choose another one"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_bus_is_named() {
+        let error = refused("/dev/video2", io::Error::from_raw_os_error(libc::ENOSPC));
+        assert_eq!(error.exit_code(), 69);
+        let text = error.to_string();
+        assert!(
+            text.contains("/dev/video2") && text.contains("USB bus"),
+            "{text}"
+        );
+        assert!(!text.contains("space"), "no disk is full: {text}");
     }
 }

@@ -80,9 +80,19 @@ fn moments(samples: &[Sample], tick: f64) -> VecDeque<Moment> {
     shown.map(moment).collect()
 }
 
+/// Whether an edit list shows anything else than all pictures one after the other; `begins`: where in the track each of
+/// its edits begins, `first`: when the first picture is shown there. An edit without pictures only delays the others.
+pub(super) fn is_cut(begins: impl IntoIterator<Item = u64>, first: i64) -> bool {
+    // -1 stands for no pictures; its 32 or 64 bits are read without their sign.
+    let is_empty = |begin: &u64| [u64::from(u32::MAX), u64::MAX].contains(begin);
+    let mut shown = begins.into_iter().filter(|begin| !is_empty(begin));
+    let begin = shown.next();
+    shown.next().is_some() || begin.is_some_and(|begin| i128::from(begin) > i128::from(first))
+}
+
 impl Mp4Source {
     /// Reads the headers. `None`: the film is in another codec than H.264, or in a kind of it that OpenH264 does not
-    /// read: 10 bits, 4:2:2, interlaced.
+    /// read (10 bits, 4:2:2, interlaced), or its edit list leaves pictures out.
     ///
     /// # Errors
     /// [`CaptureError::Data`] when the file is damaged or has no video, [`CaptureError::Io`] when it cannot be read.
@@ -120,6 +130,16 @@ impl Mp4Source {
         };
         if track.samples.is_empty() || track.timescale == 0 {
             return Err(damaged("found no pictures in it"));
+        }
+        let edits = trak.edts.as_ref().and_then(|edts| edts.elst.as_ref());
+        // The library moves all times, so that the first picture is shown at 0: by as much as it has moved the sample
+        // that is decoded first, at 0.
+        let offsets = trak.mdia.minf.stbl.ctts.as_ref();
+        let offset = offsets.and_then(|ctts| Some(ctts.entries.first()?.sample_offset));
+        let first = i64::from(offset.unwrap_or(0)) - track.samples[0].composition_timestamp;
+        let begins = edits.into_iter().flat_map(|list| list.entries.iter());
+        if is_cut(begins.map(|edit| edit.media_time), first) {
+            return Ok(None);
         }
         let config = &avc.avcc.contents;
         let mut stream = Vec::new();

@@ -8,6 +8,7 @@ use std::process::Command;
 
 use proptest::prelude::*;
 
+use super::film::is_cut;
 use crate::capture::{
     Ffmpeg, FfmpegSource, Frame, InputSpec, Mp4Source, OpenOptions, Source, open,
 };
@@ -286,6 +287,47 @@ fn h264_that_openh264_does_not_read_is_left_to_ffmpeg() {
         std::fs::write(&path, with_set(&set)).unwrap();
         let film = Mp4Source::open(&path).unwrap();
         assert_eq!(film.is_some(), ours, "{what}");
+    }
+}
+
+#[test]
+fn a_film_whose_edit_list_leaves_pictures_out_is_left_to_ffmpeg() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.mp4");
+    // Its second picture is shown 0x200 after the first.
+    for (begin, ours) in [(0_u32, true), (1, false), (0x200, false), (u32::MAX, true)] {
+        let mut film = TINY.to_vec();
+        film[place_of(b"elst") + 16..][..4].copy_from_slice(&begin.to_be_bytes());
+        std::fs::write(&path, film).unwrap();
+        let film = Mp4Source::open(&path).unwrap();
+        assert_eq!(film.is_some(), ours, "from {begin}");
+    }
+    // The list of a film with reordered pictures begins with the first one that is shown, not with 0.
+    if let Some((mut film, _)) = reordered(folder.path()) {
+        let begin = film.windows(4).position(|w| w == b"elst").unwrap() + 16;
+        let first = u32::from_be_bytes(film[begin..begin + 4].try_into().unwrap());
+        assert!(first > 0);
+        for (at, ours) in [(first, true), (first + 1, false)] {
+            film[begin..begin + 4].copy_from_slice(&at.to_be_bytes());
+            std::fs::write(&path, &film).unwrap();
+            assert_eq!(Mp4Source::open(&path).unwrap().is_some(), ours, "from {at}");
+        }
+    }
+    let nothing = u64::from(u32::MAX);
+    for (begins, is_edited) in [
+        (&[][..], false),
+        (&[1024], false),
+        (&[1025], true),
+        (&[nothing, 1024], false),
+        (&[u64::MAX, 1024], false),
+        (&[nothing, 1025], true),
+        (&[0, 4096], true),
+    ] {
+        assert_eq!(
+            is_cut(begins.iter().copied(), 1024),
+            is_edited,
+            "{begins:?}"
+        );
     }
 }
 

@@ -17,13 +17,13 @@ use crate::message::{
 };
 use crate::multiview::between;
 
-/// A camera without a frame for so long has dropped out, nanoseconds.
+/// A camera without a frame for so long has dropped out, nanoseconds; a file's after [`PATIENCE_FILES`].
 const SILENT: u64 = 100_000_000;
 /// A frame is waited for until so long after it is due, …
 const PATIENCE: u64 = 100_000_000;
 /// … where it is due no later than this after the leading camera's came. Bodies of all would be late for its sake.
 const LATEST: u64 = 900_000_000;
-/// Replays of files start one after the other: their frames are waited for so long.
+/// Replays of files start one after the other, and may be slow: their frames are waited for so long.
 const PATIENCE_FILES: u64 = 2_000_000_000;
 /// Frames nearer than this are of one instant.
 const SAME: u64 = 2_000_000;
@@ -103,7 +103,10 @@ struct Stream {
 
 impl Stream {
     fn is_live(&self, now: u64) -> bool {
-        let limit = SILENT.max(self.interval.map_or(0, |i| 2 * i as u64));
+        // The interval of a file is that of its own clock, and replays may be slower.
+        let is_file = self.frames.back().is_some_and(|f| f.file_time);
+        let silent = if is_file { PATIENCE_FILES } else { SILENT };
+        let limit = silent.max(self.interval.map_or(0, |i| 2 * i as u64));
         !self.ended && self.arrived.is_some_and(|a| now.saturating_sub(a) <= limit)
     }
 
@@ -392,6 +395,31 @@ mod tests {
         let cameras: Vec<_> = cameras.iter().map(|&(i, o)| Camera(i, o, 20)).collect();
         let sets = timed(&cameras, ms, skip);
         sets.into_iter().map(|(_, set)| set).collect()
+    }
+
+    /// Replays at a tenth of the speed: frames of 33 ms come every 330 ms.
+    #[test]
+    fn slow_replays_of_files_are_together() {
+        let mut sync = Synchroniser::new(2);
+        let mut sets = Vec::new();
+        for now in 0..6000 {
+            for (camera, offset) in [0, 5].into_iter().enumerate() {
+                let shown = now / 10;
+                if now % 10 == 0 && shown >= offset && (shown - offset) % 33 == 0 {
+                    let file = ObservationFrame {
+                        flags: FLAG_FILE_TIME,
+                        ..frame(shown)
+                    };
+                    sync.push(camera, &file, now * MS);
+                }
+            }
+            sets.extend(std::iter::from_fn(|| sync.next(now * MS)));
+        }
+        assert!(sets.len() > 15, "{}", sets.len());
+        for set in sets.iter().skip(1) {
+            let at = set.capture_ns / MS;
+            assert!(set.views.iter().all(Option::is_some), "at {at}");
+        }
     }
 
     /// Once their rates are known, cameras that both see somebody are together in every instant.

@@ -17,6 +17,8 @@ use v4l::v4l_sys as sys;
 use v4l::v4l2;
 use v4l::v4l2::vidioc;
 
+use crate::capture::yuv::{Matrix, Range};
+
 pub(crate) use control::{Control, ControlKind, Controls};
 pub(crate) use stream::{Filled, Ready, Stream};
 
@@ -94,7 +96,8 @@ pub(crate) struct Agreed {
     pub width: u32,
     pub height: u32,
     pub stride: u32,
-    pub full_range: bool,
+    pub matrix: Matrix,
+    pub range: Range,
 }
 
 impl Camera {
@@ -210,13 +213,16 @@ impl Camera {
             ioctl(&self.handle, vidioc::VIDIOC_S_FMT, &mut format)?;
             format.fmt.pix
         };
-        const FULL_RANGE: u32 = 1;
+        // SAFETY: both members of the union are the same integer.
+        let encoding = unsafe { pix.__bindgen_anon_1.ycbcr_enc };
+        let (matrix, range) = colours(pix.colorspace, encoding, pix.quantization);
         Ok(Agreed {
             fourcc: pix.pixelformat.to_le_bytes(),
             width: pix.width,
             height: pix.height,
             stride: pix.bytesperline,
-            full_range: pix.quantization == FULL_RANGE,
+            matrix,
+            range,
         })
     }
 
@@ -241,6 +247,27 @@ impl Camera {
     }
 }
 
+/// What a driver's words about luma and chroma mean, by numbers of `linux/videodev2.h`: 0 leaves it to the colourspace,
+/// as in the kernel's `V4L2_MAP_YCBCR_ENC_DEFAULT` and `V4L2_MAP_QUANTIZATION_DEFAULT`. Matrices that are not known
+/// here count as the nearest one.
+fn colours(colourspace: u32, encoding: u32, quantization: u32) -> (Matrix, Range) {
+    // V4L2_COLORSPACE_SMPTE240M, _REC709, _BT2020, _DCI_P3, and the one of JPEG.
+    const WIDE: [u32; 4] = [2, 3, 10, 12];
+    const JPEG: u32 = 7;
+    let matrix = match encoding {
+        0 if WIDE.contains(&colourspace) => Matrix::Bt709,
+        // V4L2_YCBCR_ENC_709, _XV709, _BT2020, _BT2020_CONST_LUM, _SMPTE240M.
+        2 | 4 | 6 | 7 | 8 => Matrix::Bt709,
+        _ => Matrix::Bt601,
+    };
+    let range = match quantization {
+        1 => Range::Full,
+        0 if colourspace == JPEG => Range::Full,
+        _ => Range::Limited,
+    };
+    (matrix, range)
+}
+
 /// Seconds per picture as a fraction → pictures per second.
 fn rate(numerator: u32, denominator: u32) -> Option<f64> {
     (numerator > 0 && denominator > 0).then(|| f64::from(denominator) / f64::from(numerator))
@@ -250,4 +277,35 @@ fn rate(numerator: u32, denominator: u32) -> Option<f64> {
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_what_the_driver_says_or_its_colourspace() {
+        use Matrix::{Bt601, Bt709};
+        use Range::{Full, Limited};
+        for (said, expected) in [
+            // Nothing; SMPTE 170M; sRGB, as UVC cameras say.
+            ((0, 0, 0), (Bt601, Limited)),
+            ((1, 0, 0), (Bt601, Limited)),
+            ((8, 0, 0), (Bt601, Limited)),
+            // BT.709, JPEG.
+            ((3, 0, 0), (Bt709, Limited)),
+            ((7, 0, 0), (Bt601, Full)),
+            // Said in so many words.
+            ((8, 2, 1), (Bt709, Full)),
+            ((3, 1, 0), (Bt601, Limited)),
+            ((7, 0, 2), (Bt601, Limited)),
+        ] {
+            let (colourspace, encoding, quantization) = said;
+            assert_eq!(
+                colours(colourspace, encoding, quantization),
+                expected,
+                "{said:?}"
+            );
+        }
+    }
 }
