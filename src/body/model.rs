@@ -11,7 +11,7 @@ pub trait BodyModel {
     /// What forward kinematics makes of both.
     type Posed;
 
-    /// The pose with all angles 0, upright at the origin.
+    /// The pose with all angles 0, at the origin. How its root is turned is the model's own.
     fn rest_pose(&self) -> Self::Pose;
     /// `pose` moved by a step: metres and radians, rotations of the root as a rotation vector in camera axes.
     fn moved(&self, pose: &Self::Pose, step: &[f64]) -> Self::Pose;

@@ -1,4 +1,5 @@
-//! OSC over UDP: one bundle a body, with the time its pose is given for; one for what has happened by a frame.
+//! OSC over UDP: one bundle a body, with the time its pose is given for; one for what has happened by a frame. What is
+//! too large for one datagram comes in several of the same time.
 //!
 //! | address | arguments |
 //! |---|---|
@@ -165,7 +166,7 @@ pub(super) mod tests {
     use std::net::{Ipv4Addr, UdpSocket};
     use std::time::Duration;
 
-    use rosc::{OscMessage, OscPacket, decoder};
+    use rosc::{OscMessage, OscPacket, OscTime, decoder};
 
     use super::*;
 
@@ -188,6 +189,11 @@ pub(super) mod tests {
 
         /// The messages of the next bundle.
         pub fn bundle(&self) -> Vec<OscMessage> {
+            self.datagram().2
+        }
+
+        /// The bytes of the next datagram, and of its bundle the time and the messages.
+        pub fn datagram(&self) -> (usize, OscTime, Vec<OscMessage>) {
             let mut bytes = [0; 65536];
             let length = self.0.recv(&mut bytes).unwrap();
             let (_, packet) = decoder::decode_udp(&bytes[..length]).unwrap();
@@ -198,7 +204,33 @@ pub(super) mod tests {
                 OscPacket::Message(message) => message,
                 OscPacket::Bundle(_) => panic!("expected messages"),
             });
-            messages.collect()
+            (length, bundle.timetag, messages.collect())
+        }
+    }
+
+    #[test]
+    fn a_body_of_a_camera_with_a_long_name_comes_in_datagrams_that_are_not_cut() {
+        let listener = Listener::default();
+        let mut frame = BodyFrame {
+            count: 1,
+            ..BodyFrame::default()
+        };
+        frame.bodies[0].id = 6;
+        for (camera, datagrams) in [("hall".to_owned(), 1), ("h".repeat(60), 2)] {
+            let mut bridge = OscBridge::new(&camera, listener.address()).unwrap();
+            bridge.send(&frame);
+            let (_, time, _) = listener.datagram();
+            let (mut names, mut received) = (Vec::new(), 0);
+            while names.len() < JOINT_NAMES.len() {
+                let (length, at, messages) = listener.datagram();
+                assert!(length <= 1472, "{length} bytes");
+                assert_eq!(at, time);
+                names.extend(messages.into_iter().map(|m| m.addr));
+                received += 1;
+            }
+            let wanted = JOINT_NAMES.map(|joint| format!("/edgecap/{camera}/body/6/{joint}"));
+            assert_eq!(names, wanted);
+            assert_eq!(received, datagrams, "{camera}");
         }
     }
 

@@ -10,6 +10,9 @@ use super::outcome::Outcomes;
 use crate::camera::monotonic_ns;
 use crate::message::FLAG_FILE_TIME;
 
+/// Most bytes of a datagram that goes through Ethernet in one piece, over IPv4 and IPv6. Of one in pieces all is lost
+/// with any of them.
+const MOST_BYTES: [usize; 2] = [1472, 1452];
 /// Seconds from 1900, where OSC's time begins, to 1970.
 const FROM_1900: u64 = 2_208_988_800;
 
@@ -48,22 +51,40 @@ impl Outlet {
         SocketAddr::new(self.to.ip(), self.to.port().saturating_add(above))
     }
 
-    /// Sends one bundle to the port so far `above` the first. Whether anybody takes it is not known; that it cannot be
-    /// sent is logged.
+    /// Sends messages as one bundle to the port so far `above` the first, as several with one time tag where one would
+    /// be too large. Whether anybody takes it is not known; that it cannot be sent is logged.
     pub fn send(&self, above: u16, timetag: OscTime, messages: Vec<OscMessage>) {
         let content = messages.into_iter().map(OscPacket::Message).collect();
-        let bundle = OscPacket::Bundle(OscBundle { timetag, content });
-        if let Ok(bytes) = encoder::encode(&bundle) {
-            let to = self.to(above);
-            let sent = self.socket.send_to(&bytes, to).map(drop);
-            match self.outcomes.borrow_mut().note(sent) {
-                None => {}
-                Some(Ok(())) => tracing::warn!("datagrams reach {to} again"),
-                Some(Err(e)) => {
-                    tracing::warn!(
-                        "cannot send datagrams to {to}: {e}; check the address and the network"
-                    );
-                }
+        self.send_bundle(above, OscBundle { timetag, content });
+    }
+
+    fn send_bundle(&self, above: u16, bundle: OscBundle) {
+        let whole = OscPacket::Bundle(bundle);
+        let Ok(bytes) = encoder::encode(&whole) else {
+            return;
+        };
+        let most = MOST_BYTES[usize::from(self.to.is_ipv6())];
+        match whole {
+            OscPacket::Bundle(mut first) if bytes.len() > most && first.content.len() > 1 => {
+                let timetag = first.timetag;
+                let content = first.content.split_off(first.content.len().div_ceil(2));
+                self.send_bundle(above, first);
+                self.send_bundle(above, OscBundle { timetag, content });
+            }
+            _ => self.send_bytes(above, &bytes),
+        }
+    }
+
+    fn send_bytes(&self, above: u16, bytes: &[u8]) {
+        let to = self.to(above);
+        let sent = self.socket.send_to(bytes, to).map(drop);
+        match self.outcomes.borrow_mut().note(sent) {
+            None => {}
+            Some(Ok(())) => tracing::warn!("datagrams reach {to} again"),
+            Some(Err(e)) => {
+                tracing::warn!(
+                    "cannot send datagrams to {to}: {e}; check the address and the network"
+                );
             }
         }
     }

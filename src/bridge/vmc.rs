@@ -23,6 +23,8 @@ use crate::sink::{Packet, Sink, SinkError};
 
 /// People at a time: ports from the first on.
 pub const MOST_PEOPLE: usize = 8;
+/// The highest first port: above it not everybody would have one.
+const LAST_PORT: u16 = u16::MAX - (MOST_PEOPLE as u16 - 1);
 /// A port is kept for somebody who is away for less.
 const KEPT: Duration = Duration::from_secs(2);
 /// Seconds after which `/VMC/Ext/T` begins anew: as f32, frames of later ones would share a time.
@@ -50,8 +52,9 @@ impl VmcBridge {
     /// Sends people to `to` and the ports above.
     ///
     /// # Errors
-    /// The system's.
+    /// As [`expect_ports`], and the system's.
     pub fn new(to: SocketAddr) -> io::Result<Self> {
+        expect_ports(to).map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e))?;
         Ok(Self {
             outlet: Outlet::new(to)?,
             began: Instant::now(),
@@ -142,6 +145,19 @@ impl VmcBridge {
     fn port_of(&self, id: u32) -> Option<usize> {
         let is_theirs = |p: &Option<Holder>| p.is_some_and(|h| h.id == id);
         self.ports.iter().position(is_theirs)
+    }
+}
+
+/// Whether there is a port for everybody.
+///
+/// # Errors
+/// What was expected.
+pub fn expect_ports(to: SocketAddr) -> Result<(), String> {
+    match to.port() {
+        0..=LAST_PORT => Ok(()),
+        port => Err(format!(
+            "expected a port up to {LAST_PORT}, as {MOST_PEOPLE} people have one each, found {port}"
+        )),
     }
 }
 
@@ -258,6 +274,19 @@ mod tests {
         bridge.quiet();
         bridge.send_at(start + after(60.0), &frame(&[3, 4]));
         assert_eq!(holders(&bridge), [Some(4), Some(3)]);
+    }
+
+    #[test]
+    fn there_is_a_port_for_everybody() {
+        let new = |port| VmcBridge::new(([127, 0, 0, 1], port).into());
+        let bridge = new(65528).unwrap();
+        let last = bridge.outlet.to(MOST_PEOPLE as u16 - 1);
+        assert_eq!(last.port(), 65535);
+        for port in [65529, 65535] {
+            let said = new(port).unwrap_err().to_string();
+            let wanted = "expected a port up to 65528, as 8 people have one each, found ";
+            assert_eq!(said, format!("{wanted}{port}"));
+        }
     }
 
     #[test]

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::exit::Failure;
 use super::input::path_in_words;
 use super::serve::{PageArgs, PageServer, Past, address, parse_address, parse_token};
 use crate::bridge::osc::{OscBridge, OscEvents};
-use crate::bridge::vmc::VmcBridge;
+use crate::bridge::vmc::{VmcBridge, expect_ports};
 use crate::bridge::websocket::Hub;
 use crate::message::{BodyFrame, EventFrame};
 use crate::sink::{FlightSink, Sinks};
@@ -36,8 +37,8 @@ pub struct BridgeArgs {
     pub osc: Option<SocketAddr>,
     /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to
     /// the next port
-    #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
-    #[serde(deserialize_with = "address")]
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_vmc_address)]
+    #[serde(deserialize_with = "vmc_address")]
     pub vmc: Option<SocketAddr>,
     /// Keep the last minute of a camera's bodies, and write it to this folder on SIGUSR1, or when a process has crashed
     #[arg(long, value_name = "DIR", value_parser = path_in_words())]
@@ -141,6 +142,21 @@ impl BridgeArgs {
         }
         Ok(())
     }
+}
+
+/// Reads an address from whose port on everybody has one.
+fn parse_vmc_address(text: &str) -> Result<SocketAddr, String> {
+    let to = parse_address(text)?;
+    expect_ports(to).map(|()| to)
+}
+
+/// The same of the settings.
+fn vmc_address<'de, D: Deserializer<'de>>(from: D) -> Result<Option<SocketAddr>, D::Error> {
+    let to = address(from)?;
+    if let Some(to) = to {
+        expect_ports(to).map_err(|e| D::Error::custom(format!("'{to}': {e}")))?;
+    }
+    Ok(to)
 }
 
 fn failed(flag: &str, to: SocketAddr, e: std::io::Error) -> Failure {

@@ -12,10 +12,13 @@ use super::exit::told;
 use super::relay::{EventRelay, PictureRelay};
 use super::stop::Stop;
 use crate::bridge::websocket::Hub;
+use crate::camera::monotonic_ns;
 use crate::sink::Silence;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
+/// Who was published longer ago before anybody looked is shown to nobody.
+const OLD: Duration = Duration::from_secs(2);
 /// How soon a camera that cannot be followed is tried again.
 const TRY_EVERY: Duration = Duration::from_secs(5);
 
@@ -108,6 +111,11 @@ fn is_published(camera: &str) -> Result<bool, LinkError> {
     Ok(Subscriber::<BodyFrame>::open(camera)?.publisher_count() > 0)
 }
 
+/// Whether a frame is so new that whoever was in it may be there yet.
+fn is_of_now(frame: &BodyFrame, now_ns: u64) -> bool {
+    now_ns.saturating_sub(frame.publish_ns) <= OLD.as_nanos() as u64
+}
+
 /// Hands on a camera's frames until the user stops it, or nobody has published any for as long as `patience` says; the
 /// same camera may end and come back.
 fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> anyhow::Result<()> {
@@ -117,9 +125,16 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
     let mut told = false;
     let mut published = Instant::now();
     let (mut silence, mut newest) = (Silence::default(), Box::<BodyFrame>::default());
+    // What is there at once may be all that a run of hours ago has left.
+    let left = bodies.next(Duration::ZERO)?;
+    let mut left = left.filter(|frame| is_of_now(frame, monotonic_ns()));
     while !stop.requested() {
+        let next = match left.take() {
+            Some(frame) => Some(frame),
+            None => bodies.next(LOOK_UP)?,
+        };
         // Every frame belongs into the last minute, not the newest only.
-        match bodies.next(LOOK_UP)? {
+        match next {
             Some(frame) => {
                 hub.publish(camera, &frame);
                 silence.hear(Instant::now());
@@ -165,6 +180,24 @@ mod tests {
         let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
         links.filter(|l| l.to_string_lossy().contains(name)).count()
             + maps.lines().filter(|l| l.contains(name)).count()
+    }
+
+    #[test]
+    fn who_was_published_more_than_two_seconds_ago_is_not_of_now() {
+        let published = |publish_ns| BodyFrame {
+            publish_ns,
+            ..BodyFrame::default()
+        };
+        let frame = published(7_000_000_000);
+        for (now, wanted) in [
+            (6, true),
+            (7, true),
+            (9, true),
+            (10, false),
+            (40_000, false),
+        ] {
+            assert_eq!(is_of_now(&frame, now * 1_000_000_000), wanted, "at {now} s");
+        }
     }
 
     fn looked_until(followed: &mut Followed, names: &[String], what: impl Fn(&Followed) -> bool) {

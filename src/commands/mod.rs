@@ -55,7 +55,7 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use infer::{Quality, photo_inputs};
 
@@ -235,7 +235,7 @@ fn one_line(error: &clap::Error) -> String {
         false => format!("{told}; {line}"),
     });
     let told = told.strip_prefix("error: ").unwrap_or(&told);
-    match mistyped::advice(error) {
+    match mistyped::advice(error, &Cli::command()) {
         Some(advice) => format!("{told}; {advice}"),
         None => format!("{told}; --help lists what there is"),
     }

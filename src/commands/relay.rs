@@ -1,13 +1,25 @@
 //! Hands on what a camera publishes besides bodies: events, and pictures where the user wants to see them.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use edgecap_client::message::{EventFrame, FLAG_END_OF_STREAM, PictureFrame};
+use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, PictureFrame};
 use edgecap_client::{LinkError, Priority, Subscriber};
 
 use super::bridges::BridgeArgs;
 use crate::bridge::websocket::Hub;
-use crate::sink::{Packet, SinkError, Sinks};
+use crate::sink::{Packet, Silence, SinkError, Sinks};
+
+/// Where the bodies have just fallen silent nobody is shown any more until the next ones, nor a picture of them.
+pub fn hush<'a>(
+    silence: &mut Silence,
+    sinks: &mut Sinks<BodyFrame>,
+    pictures: impl IntoIterator<Item = &'a mut PictureRelay>,
+) {
+    if silence.begins(Instant::now()) {
+        sinks.quiet();
+        pictures.into_iter().for_each(PictureRelay::quiet);
+    }
+}
 
 /// From a camera's stream of events to sinks.
 pub struct EventRelay {

@@ -217,7 +217,8 @@ impl Person {
             }
         }
         for (n, hand) in [Side::RIGHT, Side::LEFT].into_iter().enumerate() {
-            let seen = body.and_then(|body| seen_hand(body, frame, hand, config.confidence));
+            let seen = body.map(|body| seen_hand(body, frame, hand, config.confidence));
+            let seen = seen.unwrap_or_default();
             for gesture in self.hands[n].look(seen, time, config) {
                 let kind = match gesture {
                     Gesture::Raised => EventKind::HAND_RAISED,
@@ -300,37 +301,36 @@ fn of_zone(kind: EventKind, zone: &Zone, seconds: f64) -> Event {
     event
 }
 
-/// Where a hand is, if its joints are seen well enough.
-fn seen_hand(body: &Body, frame: &BodyFrame, side: Side, least: f32) -> Option<Seen> {
+/// Where a hand is, as far as the joints that this is measured between are seen well enough.
+fn seen_hand(body: &Body, frame: &BodyFrame, side: Side, least: f32) -> Seen {
     let prefix = if side == Side::RIGHT { "r" } else { "l" };
-    let index = |name: &str| JOINT_NAMES.iter().position(|n| *n == name);
     let joint = |name: &str| {
-        let j = index(name)?;
+        let j = JOINT_NAMES.iter().position(|n| *n == name)?;
+        if body.joint_states[j] != JointState::OBSERVED || body.confidence[j] < least {
+            return None;
+        }
         let [x, y, z] = body.joints3d[j];
         let upright = match frame.world.is_known() {
             true => frame.world.point([x, y, z]),
             false => [x, -y, -z],
         };
-        Some((j, upright.map(f64::from)))
+        Some(upright.map(f64::from))
     };
-    let (wrist_index, wrist) = joint(&format!("{prefix}_wrist"))?;
-    let (_, elbow) = joint(&format!("{prefix}_elbow"))?;
-    let (_, shoulder) = joint(&format!("{prefix}_shoulder"))?;
-    let (_, head) = joint("head_top")?;
-    let (_, right) = joint("r_shoulder")?;
-    let (_, left) = joint("l_shoulder")?;
-    if body.joint_states[wrist_index] != JointState::OBSERVED
-        || body.confidence[wrist_index] < least
-    {
-        return None;
+    let of_side = |name: &str| joint(&format!("{prefix}_{name}"));
+    let wrist = of_side("wrist");
+    let above = |other: Option<[f64; 3]>| Some(wrist?[1] - other?[1]);
+    let beside = || {
+        let (wrist, elbow) = (wrist?, of_side("elbow")?);
+        let (right, left) = (joint("r_shoulder")?, joint("l_shoulder")?);
+        // To the person's left, along the floor.
+        let [sx, sz] = [left[0] - right[0], left[2] - right[2]];
+        let width = sx.hypot(sz).max(1e-3);
+        let [dx, dz] = [wrist[0] - elbow[0], wrist[2] - elbow[2]];
+        Some((dx * sx + dz * sz) / width)
+    };
+    Seen {
+        above_head: above(joint("head_top")),
+        above_shoulder: above(of_side("shoulder")),
+        beside: beside(),
     }
-    // To the person's left, along the floor.
-    let [sx, sz] = [left[0] - right[0], left[2] - right[2]];
-    let width = sx.hypot(sz).max(1e-3);
-    let [dx, dz] = [wrist[0] - elbow[0], wrist[2] - elbow[2]];
-    Some(Seen {
-        above_head: wrist[1] - head[1],
-        above_shoulder: wrist[1] - shoulder[1],
-        beside: (dx * sx + dz * sz) / width,
-    })
 }

@@ -10,15 +10,16 @@ const WAVE: f64 = 2.0;
 /// Another wave is told no sooner than this after the last.
 const PAUSE: f64 = 2.0;
 
-/// Where a hand is, metres; up and sidewards as seen by the person.
-#[derive(Debug, Clone, Copy)]
+/// Where a hand is, metres; up and sidewards as seen by the person. `None` where one of the joints that it is measured
+/// between is not seen.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Seen {
     /// The wrist above the top of the head.
-    pub above_head: f64,
+    pub above_head: Option<f64>,
     /// The wrist above the shoulder.
-    pub above_shoulder: f64,
+    pub above_shoulder: Option<f64>,
     /// The wrist beside the elbow.
-    pub beside: f64,
+    pub beside: Option<f64>,
 }
 
 /// What a hand has done.
@@ -37,6 +38,8 @@ pub struct Hand {
     turns: VecDeque<(f64, f64)>,
     /// The farthest place since the last turn, and which way it went.
     farthest: Option<(f64, f64)>,
+    /// When it was last seen where it may wave.
+    followed: f64,
     waved: Option<f64>,
 }
 
@@ -47,45 +50,57 @@ impl Hand {
             up: Steady::new(false, time),
             turns: VecDeque::new(),
             farthest: None,
+            followed: time,
             waved: None,
         }
     }
 
-    /// Forgets that it may be up or down where it was not seen so for longer than `gap` seconds.
+    /// Forgets what it may do where that was not seen for longer than `gap` seconds.
     pub fn lapse(&mut self, time: f64, gap: f64) {
         self.up.lapse(time, gap);
+        self.lapse_turns(time, gap);
     }
 
-    /// Takes in a moment; `None` where the hand is not seen.
-    pub fn look(&mut self, seen: Option<Seen>, time: f64, config: &EventConfig) -> Vec<Gesture> {
-        let Some(seen) = seen else {
-            self.lapse(time, config.hand);
-            return Vec::new();
-        };
+    /// Where a hand was that nobody saw, nobody knows: it need not have turned back.
+    fn lapse_turns(&mut self, time: f64, gap: f64) {
+        if time - self.followed > gap {
+            self.forget_turns();
+        }
+    }
+
+    fn forget_turns(&mut self) {
+        self.turns.clear();
+        self.farthest = None;
+    }
+
+    /// Takes in a moment.
+    pub fn look(&mut self, seen: Seen, time: f64, config: &EventConfig) -> Vec<Gesture> {
+        let mut gestures = Vec::new();
         // Between head and shoulder it stays what it was.
-        let up = match self.up.get() {
-            true => seen.above_shoulder > 0.0,
-            false => seen.above_head > 0.0,
+        let above = match self.up.get() {
+            true => seen.above_shoulder,
+            false => seen.above_head,
         };
-        let changed = self.up.look(up, time, config.hand);
-        let mut gestures: Vec<Gesture> = changed
-            .map(|up| {
-                if up {
-                    Gesture::Raised
-                } else {
-                    Gesture::Lowered
+        match above {
+            Some(above) => match self.up.look(above > 0.0, time, config.hand) {
+                Some(true) => gestures.push(Gesture::Raised),
+                Some(false) => gestures.push(Gesture::Lowered),
+                None => {}
+            },
+            None => self.up.lapse(time, config.hand),
+        }
+        match (seen.above_shoulder, seen.beside) {
+            (Some(above), _) if above < -0.1 => self.forget_turns(),
+            (Some(_), Some(beside)) => {
+                self.followed = time;
+                if self.swings(beside, time, config) >= config.swings
+                    && self.waved.is_none_or(|t| time - t >= PAUSE)
+                {
+                    self.waved = Some(time);
+                    gestures.push(Gesture::Waved);
                 }
-            })
-            .into_iter()
-            .collect();
-        if seen.above_shoulder < -0.1 {
-            self.turns.clear();
-            self.farthest = None;
-        } else if self.swings(seen.beside, time, config) >= config.swings
-            && self.waved.is_none_or(|t| time - t >= PAUSE)
-        {
-            self.waved = Some(time);
-            gestures.push(Gesture::Waved);
+            }
+            _ => self.lapse_turns(time, config.hand),
         }
         gestures
     }
@@ -111,5 +126,35 @@ impl Hand {
             self.turns.pop_front();
         }
         self.turns.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a hand at the shoulder tells that turns back three times, and is hidden for so many frames before the last.
+    fn waves(hidden: u32) -> Vec<Gesture> {
+        let (config, mut hand) = (EventConfig::default(), Hand::new(0.0));
+        let at = |beside: f64| Seen {
+            above_head: Some(-0.2),
+            above_shoulder: Some(0.1),
+            beside: Some(beside),
+        };
+        let swings = [0.0, 0.1, 0.0, 0.1].map(at);
+        let hides = (0..hidden).map(|_| Seen::default());
+        let film = swings.into_iter().chain(hides).chain([at(0.0)]);
+        let told = film.enumerate().flat_map(|(k, seen)| {
+            let time = 0.1 * k as f64;
+            hand.look(seen, time, &config)
+        });
+        told.collect()
+    }
+
+    #[test]
+    fn a_wave_has_no_turn_that_nobody_saw() {
+        assert_eq!(waves(0), [Gesture::Waved]);
+        assert_eq!(waves(3), [Gesture::Waved], "a moment is no gap");
+        assert_eq!(waves(10), []);
     }
 }

@@ -146,6 +146,45 @@ fn two_frames_far_apart_raise_no_hand() {
     }
 }
 
+fn joint(name: &str) -> usize {
+    JOINT_NAMES.iter().position(|n| *n == name).unwrap()
+}
+
+/// Whether somebody raises a hand, and whether they wave, at whom this is changed.
+fn gestures(change: impl Fn(&mut Body)) -> [bool; 2] {
+    let mut detector = Detector::new(EventConfig::default());
+    let numbers = 0..30;
+    let frames = numbers.map(|k| {
+        // Above the head it swings beside the elbow.
+        let mut body = hand(true);
+        body.joints3d[joint("r_wrist")] = [0.2 * (k % 2) as f32, -0.5, 0.0];
+        body.joints3d[joint("l_shoulder")] = [0.4, 0.0, 0.0];
+        change(&mut body);
+        frame(f64::from(k) / FPS, Some(body))
+    });
+    let told = kinds(&look(&mut detector, frames));
+    [EventKind::HAND_RAISED, EventKind::WAVED].map(|kind| told.contains(&kind))
+}
+
+#[test]
+fn a_gesture_is_read_from_joints_that_are_seen() {
+    assert_eq!(gestures(|_| {}), [true, true]);
+    for (name, wanted) in [
+        ("r_wrist", [false, false]),
+        ("head_top", [false, true]),
+        ("r_shoulder", [true, false]),
+        ("l_shoulder", [true, false]),
+        ("r_elbow", [true, false]),
+        // Nothing is measured from it.
+        ("l_elbow", [true, true]),
+    ] {
+        let j = joint(name);
+        let hidden = gestures(|body| body.joint_states[j] = JointState::OCCLUDED);
+        let unsure = gestures(|body| body.confidence[j] = 0.4);
+        assert_eq!([hidden, unsure], [wanted; 2], "{name}");
+    }
+}
+
 #[test]
 fn two_frames_far_apart_are_nobody_s_arrival() {
     let mut detector = Detector::new(EventConfig::default());

@@ -4,7 +4,7 @@
 //! People are fitted one after the other: ten take less than waking a second thread for each would.
 
 use crate::assignment::assign;
-use crate::body::skeleton::{Posed, Skeleton};
+use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
 use crate::fit::config::{ConfigError, FitConfig};
 use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
@@ -226,6 +226,9 @@ impl Fitter {
         self.confirm(after_pause);
         self.learn_ground(dt);
         self.forget();
+        for track in &mut self.present {
+            track.turn = rotation_vector_near(track.pose.rotation, track.turn);
+        }
         self.publish(frame.capture_ns, 0.0, out);
     }
 

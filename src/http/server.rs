@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
-use std::io::{self, ErrorKind, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
@@ -19,6 +19,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Connections at a time, streams among them. Who comes then is told to come later.
 const MOST: usize = 32;
+/// Bytes of a request that are read although it is refused unheard.
+const UNHEARD: u64 = 1 << 20;
 /// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far
 /// apart. A machine that fell asleep or lost its network would keep its place for ever.
 const ASKED_AFTER: Duration = Duration::from_secs(20);
@@ -156,6 +158,7 @@ fn connect(
         let _ = stream.set_write_timeout(Some(LOOK_EVERY));
         let busy = Answer::refusal("503 Service Unavailable", "too many connections: close one");
         let _ = write(&mut stream, &busy);
+        let _ = take_leave(&mut stream);
         return;
     }
     let (answer, ends) = (Arc::clone(answer), ends.clone());
@@ -168,6 +171,16 @@ fn connect(
     let _ = std::thread::Builder::new()
         .name("http connection".into())
         .spawn(talk);
+}
+
+/// Reads what has come, without waiting for more: a connection that is closed with something unread is reset, and the
+/// reset may overtake the answer.
+fn take_leave(stream: &mut TcpStream) -> io::Result<()> {
+    stream.shutdown(Shutdown::Write)?;
+    stream.set_nonblocking(true)?;
+    // Who never stops sending is not listened to for ever.
+    io::copy(&mut stream.take(UNHEARD), &mut io::sink())?;
+    Ok(())
 }
 
 fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) -> io::Result<()> {
@@ -233,7 +246,6 @@ fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
     use std::sync::mpsc;
 
     use super::*;
@@ -252,6 +264,27 @@ mod tests {
                 answer.starts_with(&format!("HTTP/1.1 {status}")),
                 "{answer}"
             );
+            let (_, line) = answer.split_once("\r\n\r\n").unwrap();
+            assert_eq!(line.lines().count(), 1, "{answer}");
+        }
+    }
+
+    #[test]
+    fn who_comes_when_all_places_are_taken_is_told_so_and_not_reset() {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let found: Arc<dyn Fn(&Request) -> Answer + Send + Sync> =
+            Arc::new(|_: &Request| Answer::refusal("200 OK", "found"));
+        for (taken, status) in [(MOST - 1, "200 OK"), (MOST, "503 ")] {
+            let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+            let cookie = "c".repeat(10_000);
+            write!(client, "GET / HTTP/1.1\r\nCookie: {cookie}\r\n\r\n").unwrap();
+            let (stream, _) = listener.accept().unwrap();
+            let connections = Arc::new(AtomicUsize::new(taken));
+            connect(stream, &found, &Ends::default(), &connections);
+            let mut answer = String::new();
+            client.read_to_string(&mut answer).unwrap();
+            let wanted = format!("HTTP/1.1 {status}");
+            assert!(answer.starts_with(&wanted), "{taken} taken: {answer}");
             let (_, line) = answer.split_once("\r\n\r\n").unwrap();
             assert_eq!(line.lines().count(), 1, "{answer}");
         }

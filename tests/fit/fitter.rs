@@ -1,9 +1,11 @@
 //! Stage III against exact truth: identities, errors, jitter, limits, times that misbehave, numbers that make no sense.
 
+use std::collections::BTreeMap;
+
 use crate::scene::measure::{Report, is_finite, line, run};
 use crate::scene::people::{self, Activity, Leg, Person};
 use crate::scene::{Noise, Scene};
-use edgecap::body::skeleton::{Pose, Posed, Skeleton};
+use edgecap::body::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
@@ -121,6 +123,34 @@ fn angles_and_bone_lengths_give_the_joints() {
         }
     }
     assert!(bodies > 300, "{bodies} bodies");
+}
+
+#[test]
+fn rotation_vectors_of_the_pelvis_follow_each_other_without_a_leap() {
+    let mut scene = Scene::new(people::everyday(), Noise::REAL, FPS, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut last = BTreeMap::new();
+    let mut leaps = 0;
+    for n in 0..300 {
+        let (frame, _) = scene.next();
+        fitter.update(&frame, &mut out);
+        for body in out.bodies() {
+            let turn = DVec3::from_array([3, 4, 5].map(|k| f64::from(body.angles[k])));
+            let q = DQuat::from_array(body.orientation.map(f64::from));
+            let Some((from, before)) = last.insert(body.id, (turn, q)) else {
+                continue;
+            };
+            // Who was placed anew may well have turned.
+            if q.dot(before).abs() > 0.995 {
+                let (id, step) = (body.id, turn.distance(from));
+                assert!(step < 1.5, "frame {n}, {id}: from {from} to {turn}");
+                let shortest = rotation_vector(q).distance(rotation_vector(before));
+                leaps += u32::from(shortest > 4.0);
+            }
+        }
+    }
+    assert!(leaps > 0, "nobody stood where the shortest ones leap");
 }
 
 #[test]

@@ -1,12 +1,14 @@
 //! OSC and VMC, read by decoders that share nothing with their writers.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Cursor, Write};
 use std::net::UdpSocket;
+use std::process::Stdio;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations};
 use edgecap::camera::monotonic_ns;
+use edgecap::capture::{AviReader, Frame, Source, demo};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::record::{BodiesRow, RowReader};
 use edgecap_client::message::{
@@ -16,7 +18,7 @@ use edgecap_client::{Publisher, Subscriber};
 use glam::{DQuat, DVec3};
 
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stream};
 
 /// A message of OSC 1.0.
 #[derive(Debug, Clone, Default)]
@@ -149,10 +151,20 @@ fn osc_names_every_joint_where_it_stands_and_when() {
     let name = stream("osc");
     let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
     let run = Running::start(&["bridge", "--camera", &name, "--osc", &address]);
+    // What is too large for one bundle comes in two of one time.
     let (time, joints) = eventually("a body", || {
         publisher.publish(&frame(3)).unwrap();
-        receive(&socket).filter(|(_, m)| m.len() == BODY_JOINTS)
+        let is_head = |(_, m): &(f64, Vec<Osc>)| m[0].address.ends_with("/frame");
+        let (time, _) = receive(&socket).filter(is_head)?;
+        let mut joints = Vec::new();
+        while joints.len() < BODY_JOINTS {
+            let (at, messages) = receive(&socket)?;
+            assert_eq!(at, time, "another time than that of its frame");
+            joints.extend(messages);
+        }
+        Some((time, joints))
     });
+    assert_eq!(joints.len(), BODY_JOINTS);
     let now = SystemTime::now()
         .duration_since(UNIX_EPOCH)
         .unwrap()
@@ -451,6 +463,66 @@ fn people_of_a_publisher_that_has_fallen_silent_are_gone_until_it_goes_on() {
     }
 }
 
+/// A picture as a pipe has it, BT.601, each plane for itself.
+fn picture(frame: &Frame) -> Vec<u8> {
+    let mut bytes = b"FRAME\n".to_vec();
+    for ([r, g, b], middle) in [
+        ([0.299, 0.587, 0.114], 0.0),
+        ([-0.168_736, -0.331_264, 0.5], 128.0),
+        ([0.5, -0.418_688, -0.081_312], 128.0),
+    ] {
+        let pixels = frame.rgb.chunks_exact(3);
+        let pixels = pixels.map(|p| [0, 1, 2].map(|c: usize| f64::from(p[c])));
+        bytes.extend(pixels.map(|p| (r * p[0] + g * p[1] + b * p[2] + middle).round() as u8));
+    }
+    bytes
+}
+
+/// As where the network breaks off over which its pictures come.
+#[test]
+fn people_of_a_pipe_that_stalls_are_gone_until_it_goes_on() {
+    let (osc, to_osc) = listen();
+    let name = stream("pipe-quiet");
+    let mut child = edgecap()
+        .args(["run", "--input", "-", "--name", &name, "--osc", &to_osc])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    let _run = Running(child);
+    let mut clip = AviReader::new(Cursor::new(demo::CLIP), "demo").unwrap();
+    let frames: Vec<Frame> = std::iter::from_fn(|| clip.next().unwrap())
+        .take(60)
+        .collect();
+    let (width, height) = (frames[0].width, frames[0].height);
+    let head = format!("YUV4MPEG2 W{width} H{height} F30:1 C444 XCOLORRANGE=FULL\n");
+    pipe.write_all(head.as_bytes()).unwrap();
+    for some in frames.chunks(30) {
+        std::thread::scope(|scope| {
+            // Beside the reading, and read without a pause: a socket that is full drops what comes last.
+            scope.spawn(|| {
+                for frame in some {
+                    pipe.write_all(&picture(frame)).unwrap();
+                }
+            });
+            let mut shown = None;
+            eventually("that nobody is there after the last frame", || {
+                while let Some((_, messages)) = receive(&osc) {
+                    let frame = messages.iter().find(|m| m.address.ends_with("/frame"));
+                    match frame.map(|head| (head.numbers[0], head.numbers[1])) {
+                        Some((number, people)) if people > 0.0 => shown = Some(number),
+                        Some((number, _)) if shown == Some(number) => return Some(()),
+                        _ => {}
+                    }
+                }
+                None
+            });
+        });
+    }
+}
+
 #[test]
 fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
     let (socket, address) = listen();
@@ -471,6 +543,8 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
         let args = ["bridge", flag, "localhost:9000"];
         assert_fails(&args, 64, &["localhost:9000", "such as 127.0.0.1:9000"]);
     }
+    let args = ["bridge", "--vmc", "127.0.0.1:65529"];
+    assert_fails(&args, 64, &["expected a port up to 65528", "found 65529"]);
 }
 
 /// Whole frames of the records in a folder, by file.

@@ -137,6 +137,8 @@ fn what_was_probably_meant_is_said() {
     std::fs::write(&settings, "[bridges]\nosc = \"localhost:9000\"\n").unwrap();
     let args = ["config", "check", "--config", &settings];
     assert_fails(&args, 78, &["2:7", "such as 127.0.0.1:9000"]);
+    std::fs::write(&settings, "[bridges]\nvmc = \"127.0.0.1:65529\"\n").unwrap();
+    assert_fails(&args, 78, &["2:7", "expected a port up to 65528"]);
 }
 
 #[test]

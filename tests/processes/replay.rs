@@ -261,6 +261,66 @@ fn observations_are_replayed_for_fit() {
     assert!(run.wait(Duration::from_secs(20)).status.success());
 }
 
+/// The second camera's record begins later, and its observations take longer to come.
+#[test]
+fn records_of_several_cameras_keep_their_common_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = |name: &str, begin: u64, latency: u64| {
+        let folder = folder.path().join(name);
+        std::fs::create_dir(&folder).unwrap();
+        record::<ObservationsRow>(
+            &folder,
+            (0..10).map(|n| ObservationFrame {
+                sequence: n,
+                capture_ns: begin + n * STEP,
+                publish_ns: begin + n * STEP + latency,
+                width: 64,
+                height: 48,
+                intrinsics: Intrinsics::from_horizontal_fov(64, 48, 60.0),
+                ..ObservationFrame::default()
+            }),
+        )
+    };
+    let begins = [7_000_000_000, 9_000_000_000];
+    let first = camera("first", begins[0], 15_000_000);
+    let second = camera("second", begins[1], 90_000_000);
+    let names = [stream("replay-left"), stream("replay-right")];
+    let seen = names
+        .each_ref()
+        .map(|name| Subscriber::<ObservationFrame>::open(name).unwrap());
+    let mut args = vec!["replay", first.to_str().unwrap(), second.to_str().unwrap()];
+    args.extend(["--name", &names[0], "--name", &names[1]]);
+    let run = Running::start(&args);
+    let published = [0, 1].map(|k| {
+        let frame = eventually("a frame", || seen[k].next(Duration::from_secs(1)).unwrap());
+        assert_eq!(frame.flags & FLAG_FILE_TIME, FLAG_FILE_TIME);
+        assert_eq!(frame.capture_ns, begins[k] + frame.sequence * STEP);
+        frame.publish_ns - frame.sequence * STEP
+    });
+    // The first may come late, the second never early.
+    let apart = published[1].saturating_sub(published[0]);
+    assert!(apart > 500_000_000, "{apart}");
+    assert!(run.wait(Duration::from_secs(20)).status.success());
+}
+
+#[test]
+fn several_records_want_a_name_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let take = record::<BodiesRow>(folder.path(), (0..5).map(frame));
+    let take = take.to_str().unwrap();
+    for (args, words) in [
+        (&["replay", take, take, "--name", "a"][..], "found 1 name"),
+        (
+            &["replay", take, take, "--name", "a", "--name", "b", "--loop"],
+            "--loop plays one record",
+        ),
+    ] {
+        let out = Running::start(args).wait(Duration::from_secs(20));
+        assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
+        assert!(stderr(&out).contains(words), "{}", stderr(&out));
+    }
+}
+
 #[test]
 fn a_recorder_that_is_killed_leaves_every_whole_frame() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,8 +4,9 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
+use edgecap::camera::monotonic_ns;
 use edgecap_client::Publisher;
-use edgecap_client::joints::{BODY_JOINTS, PELVIS};
+use edgecap_client::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap_client::message::{
     Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_FILE_TIME, Hand, Intrinsics,
     JointState, World, WorldState,
@@ -178,6 +179,40 @@ fn bodies_come_over_websocket_as_they_were_published() {
         panic!("expected silence");
     };
     assert_eq!(e.kind(), ErrorKind::WouldBlock, "{e}");
+}
+
+#[test]
+fn who_was_published_before_somebody_looked_is_shown_for_two_seconds_only() {
+    let camera = stream("view-late");
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let published = |sequence: u64, ago_ns: u64| BodyFrame {
+        publish_ns: monotonic_ns() - ago_ns,
+        ..crowd(2, sequence)
+    };
+    // The camera was unplugged after this one.
+    publisher.publish(&published(1, 3_000_000_000)).unwrap();
+    let view = View::of(
+        &camera,
+        &["view", "--camera", &camera, "--listen", "127.0.0.1:0"],
+    );
+    let mut client = view.connect("?format=binary&history=1");
+    // It is looked at five times a second.
+    std::thread::sleep(Duration::from_millis(600));
+    publisher.publish(&published(2, 0)).unwrap();
+    assert_eq!(number(&client.read().unwrap(), 8), 2);
+    // Another page that comes now sees who is there.
+    let late = View::of(
+        &camera,
+        &["view", "--camera", &camera, "--listen", "127.0.0.1:0"],
+    );
+    let mut client = late.connect("?format=binary&history=1");
+    let wait = Some(Duration::from_millis(200));
+    client.get_ref().set_read_timeout(wait).unwrap();
+    let first = eventually("a frame", || {
+        publisher.publish(&published(3, 0)).unwrap();
+        client.read().ok()
+    });
+    assert!([2, 3].contains(&number(&first, 8)));
 }
 
 /// A number of a message's compact form.
@@ -614,6 +649,32 @@ fn long_a_browser_shows_a_room_to_who_has_the_token() {
     let floor = "[...document.querySelectorAll('#times tr')].some((r) => r.cells[0].textContent === 'floor')";
     assert_eq!(browser.value(floor), false);
     assert_eq!(browser.value("edgecap.scene().frustum.length"), 0);
+
+    // A name stands above the head, whichever way is up in the room's own axes: here its z.
+    let quarter = std::f32::consts::FRAC_1_SQRT_2;
+    frame.world = World {
+        rotation: [-quarter, 0.0, 0.0, quarter],
+        translation: [0.0; 3],
+        state: WorldState::GIVEN,
+    };
+    frame.sequence = 20;
+    frame.publish_ns = 2_000_000 + 20 * 33_000_000;
+    publisher.publish(&frame).unwrap();
+    browser.until("edgecap.scene().sequence === 20");
+    let scene = browser.value("edgecap.scene()");
+    let head = JOINT_NAMES.iter().position(|n| *n == "head_top").unwrap();
+    for (drawn, body) in scene["people"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(frame.bodies())
+    {
+        let at: [f32; 3] = serde_json::from_value(drawn["labelAt"].clone()).unwrap();
+        let [x, y, z] = frame.in_world(body).unwrap().joints3d[head];
+        for (a, b) in at.into_iter().zip([x, y + 0.2, z]) {
+            assert!((a - b).abs() < 1e-3, "{at:?}, above {x}, {y}, {z}");
+        }
+    }
 }
 
 /// Holds what the page drew against a frame: every joint in the floor's axes, every name.
@@ -636,12 +697,14 @@ fn shows(scene: &Value, frame: &BodyFrame) {
     }
 }
 
-/// A frame every 10 ms of somebody who runs at 6 m/s, as a record.
+/// A frame every 10 ms of somebody who runs at 6 m/s, as a record. The first is 3 ms early: the record is not so many
+/// hundredths of a second long.
 fn recorded(path: &std::path::Path, frames: u64) {
     let mut writer = RecordWriter::<BodiesRow>::create(path, Format::Binary).unwrap();
     for sequence in 0..frames {
         let mut frame = crowd(1, sequence);
-        frame.publish_ns = 5_000_000_000 + sequence * 10_000_000;
+        let early = if sequence == 0 { 3_000_000 } else { 0 };
+        frame.publish_ns = 5_000_000_000 + sequence * 10_000_000 - early;
         frame.pose_ns = frame.publish_ns;
         for joint in &mut frame.bodies[0].joints3d {
             joint[0] += 0.06 * sequence as f32;
@@ -706,6 +769,19 @@ fn long_a_browser_goes_through_a_record_by_keys() {
     browser.value("document.getElementById('scrub').focus()");
     browser.value("press('ArrowLeft', {}, document.activeElement)");
     browser.until("Math.abs(document.getElementById('scrub').valueAsNumber + 0.05) < 0.002");
+
+    // Dragged to its right end it is at the end of the record, however many milliseconds that is long.
+    let slider = "document.getElementById('scrub')";
+    let length = browser.value(&format!("-Number({slider}.min)"));
+    let length = length.as_f64().unwrap();
+    assert!((length - 11.993).abs() < 1e-6, "{length} s");
+    let [left, right, y] = ["left", "right", "y"].map(|key| {
+        let place = format!("{slider}.getBoundingClientRect().{key}");
+        browser.value(&place).as_f64().unwrap()
+    });
+    browser.drag([(left + right) / 2.0, y + 5.0], [right + 20.0, y + 5.0]);
+    browser.until("document.getElementById('when').textContent === 'end'");
+    browser.until("edgecap.scene().sequence === 1199");
 
     // Another record at the same address is shown without anybody's doing.
     let host = view.host().to_owned();

@@ -39,7 +39,12 @@ pub fn as_stranger(folder: &Path) -> Command {
     std::fs::set_permissions(folder, open).expect("a folder of the test's own");
     let program = folder.join("edgecap");
     if !program.exists() {
-        std::fs::copy(env!("CARGO_BIN_EXE_edgecap"), &program).expect("room for the program");
+        // By a child: what this process holds open for writing cannot be run while a neighbour's fork holds it, too.
+        let mut copy = Command::new("cp");
+        copy.arg(env!("CARGO_BIN_EXE_edgecap")).arg(&program);
+        assert!(copy.status().expect("cp").success(), "room for the program");
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755))
+            .expect("a file of the test's own");
     }
     let mut command = Command::new("setpriv");
     command

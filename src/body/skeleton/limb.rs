@@ -81,7 +81,7 @@ impl Limb {
         }))
     }
 
-    /// Rotation of the trunk at the ball joint and the observed bones of this limb, from joints relative to the pelvis.
+    /// The upper and the lower bone of this limb as observed, from joints relative to the pelvis.
     pub fn bones(&self, points: &[DVec3; BODY_JOINTS]) -> (DVec3, DVec3) {
         let start = PARENTS[self.middle];
         (

@@ -7,7 +7,7 @@ mod pose;
 
 pub use humanoid::{TPose, bone_rotations};
 pub use limb::{LIMBS, Limb};
-pub use pose::{Pose, Posed, rotation_vector};
+pub use pose::{Pose, Posed, rotation_vector, rotation_vector_near};
 
 use std::sync::OnceLock;
 
@@ -264,6 +264,7 @@ impl BodyModel for Skeleton {
     type Shape = BoneLengths;
     type Posed = Posed;
 
+    /// Not turned out of the rest axes: before a camera, whose y points down, it stands on its head.
     fn rest_pose(&self) -> Pose {
         Pose {
             position: DVec3::ZERO,

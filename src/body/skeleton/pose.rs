@@ -1,5 +1,7 @@
 //! The parameters of the 29-DoF skeleton, steps between them, and what forward kinematics makes of them.
 
+use std::f64::consts::TAU;
+
 use glam::{DQuat, DVec3};
 
 use super::ANGLES;
@@ -73,6 +75,20 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     v * (2.0 * s.atan2(q.w) / s)
 }
 
+/// Of the rotation vectors of a unit quaternion, which are a whole turn apart, the one nearer to `last`. Whoever stands
+/// before a level camera is turned by half a turn, where the shortest vector changes its sign at every sway.
+pub fn rotation_vector_near(q: DQuat, last: DVec3) -> DVec3 {
+    let short = rotation_vector(q);
+    let Some(axis) = short.try_normalize() else {
+        return short;
+    };
+    let long = short - TAU * axis;
+    match long.distance_squared(last) < short.distance_squared(last) {
+        true => long,
+        false => short,
+    }
+}
+
 /// A skeleton in a pose: what forward kinematics yields.
 #[derive(Debug, Clone, Copy)]
 pub struct Posed {
@@ -93,6 +109,29 @@ impl Default for Posed {
             frames: [DQuat::IDENTITY; BODY_JOINTS],
             axes: [DVec3::ZERO; ANGLES],
             origins: [DVec3::ZERO; ANGLES],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_turns_before_a_camera_has_rotation_vectors_without_a_leap() {
+        // Twice about themselves, before cameras that look up, ahead and down.
+        for tilt in [-0.3, 0.0, 0.3] {
+            let mut last = DVec3::ZERO;
+            for step in 0..800 {
+                let yaw = DQuat::from_rotation_y(2.0 * TAU * f64::from(step) / 800.0);
+                let q = DQuat::from_rotation_x(tilt) * Pose::facing_camera(3.0).rotation * yaw;
+                let next = rotation_vector_near(q, last);
+                let same = DQuat::from_scaled_axis(next).dot(q).abs();
+                assert!(same > 1.0 - 1e-9, "{next} is not {q}");
+                let leap = next.distance(last);
+                assert!(step == 0 || leap < 0.1, "{leap} at {step}, tilt {tilt}");
+                last = next;
+            }
         }
     }
 }

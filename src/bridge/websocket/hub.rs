@@ -266,26 +266,13 @@ impl Hub {
     }
 
     fn serve_events(&self, client: &Client, line: Line<'_>) {
-        let mailbox = Arc::new(Mailbox::default());
-        let place = Place::new(client, &mailbox);
-        let past = {
-            let mut inner = self.lock();
-            inner.listeners.push((place, client.is_binary));
-            let camera = client.camera.as_ref();
-            let past = inner.happened.iter();
-            past.filter(|h| camera.is_none_or(|wanted| *wanted == h.camera))
-                .flat_map(|h| h.messages(client.is_binary).iter().cloned())
-                .collect()
-        };
+        let (mailbox, past) = self.listen(client);
         line.serve(past, &|patience| mailbox.take(patience));
         say_lost("events", mailbox.lost());
     }
 
     fn serve_pictures(&self, client: &Client, line: Line<'_>) {
-        let mailbox = Arc::new(Mailbox::default());
-        if let Some(viewers) = &mut self.lock().viewers {
-            viewers.push(Place::new(client, &mailbox));
-        }
+        let mailbox = self.look(client);
         let take = |patience| {
             let picture: Arc<Picture> = mailbox.take(patience)?;
             Some(Message::Binary(picture.bytes.clone()))
@@ -297,11 +284,37 @@ impl Hub {
     fn join(&self, client: &Client, now: Instant) -> (Arc<Mailbox<Arc<Packet>>>, Vec<Message>) {
         let mailbox = Arc::new(Mailbox::default());
         let mut inner = self.lock();
+        inner.clients.retain(Place::is_taken);
         inner.clients.push(Place::new(client, &mailbox));
         let past = inner.history.frames(now, client.camera.as_deref());
         let past = past.map(|bytes| Message::Binary(bytes.clone()));
         let past = past.filter(|_| client.wants_history).collect();
         (mailbox, past)
+    }
+
+    /// The place of a client of events, and what it is to hear of the past.
+    fn listen(&self, client: &Client) -> (Arc<Mailbox<Message>>, Vec<Message>) {
+        let mailbox = Arc::new(Mailbox::default());
+        let mut inner = self.lock();
+        inner.listeners.retain(|(place, _)| place.is_taken());
+        let place = Place::new(client, &mailbox);
+        inner.listeners.push((place, client.is_binary));
+        let camera = client.camera.as_ref();
+        let past = inner.happened.iter();
+        let past = past.filter(|h| camera.is_none_or(|wanted| *wanted == h.camera));
+        let past = past.flat_map(|h| h.messages(client.is_binary).iter().cloned());
+        let past = past.collect();
+        (mailbox, past)
+    }
+
+    /// The place of a client of pictures.
+    fn look(&self, client: &Client) -> Arc<Mailbox<Arc<Picture>>> {
+        let mailbox = Arc::new(Mailbox::default());
+        if let Some(viewers) = &mut self.lock().viewers {
+            viewers.retain(Place::is_taken);
+            viewers.push(Place::new(client, &mailbox));
+        }
+        mailbox
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -321,6 +334,11 @@ impl<T> Place<T> {
             camera: client.camera.clone(),
             mailbox: Arc::downgrade(mailbox),
         }
+    }
+
+    /// Whether the client is still there. Who comes looks for it, too: where nothing is published nobody else does.
+    fn is_taken(&self) -> bool {
+        self.mailbox.strong_count() > 0
     }
 
     /// Lets `put` fill it where it wants this camera; whether the client is still there.
@@ -357,6 +375,32 @@ mod tests {
             [None, Some("hall"), Some("door"), Some("attic")].map(past),
             [3, 2, 1, 0]
         );
+    }
+
+    #[test]
+    fn who_has_gone_leaves_no_place_behind_where_nothing_is_published() {
+        let hub = Hub::new(Duration::ZERO, true);
+        let client = Client {
+            camera: None,
+            wants_history: false,
+            is_binary: false,
+        };
+        let stays = (
+            hub.join(&client, Instant::now()),
+            hub.listen(&client),
+            hub.look(&client),
+        );
+        for _ in 0..100 {
+            hub.join(&client, Instant::now());
+            hub.listen(&client);
+            hub.look(&client);
+        }
+        let inner = hub.lock();
+        let viewers = inner.viewers.as_ref().unwrap().len();
+        // Who stays, and who came last.
+        let places = [inner.clients.len(), inner.listeners.len(), viewers];
+        assert_eq!(places, [2; 3]);
+        drop((inner, stays));
     }
 
     #[test]

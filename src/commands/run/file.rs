@@ -1,7 +1,8 @@
 //! A file from its first picture to its last: seen in one thread, fitted and written in another, which wait for each
 //! other.
 
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
 use edgecap_client::{Priority, service_name};
@@ -16,16 +17,20 @@ use crate::commands::fit::settings::fitter;
 use crate::commands::infer::{Limits, Observer, Step};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::outputs::finish;
-use crate::commands::relay::PictureRelay;
+use crate::commands::relay::{PictureRelay, hush};
 use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
 use crate::record::BodiesRow;
-use crate::sink::{EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks, Streams};
+use crate::sink::{
+    EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Silence, Sinks, Streams,
+};
 
 /// Frames that may be seen before the first of them is written.
 const AHEAD: usize = 4;
+/// How long to wait for a frame before looking at what has none.
+const LOOK_UP: Duration = Duration::from_millis(200);
 
 /// A frame on its way from the one thread to the other.
 struct Observed {
@@ -99,26 +104,34 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         });
         let mut out = Box::new(BodyFrame::default());
         let mut written = Ok(());
-        // Ends with the last frame, or, by dropping its end of the channel, lets the other thread end.
-        for observed in receive {
-            let Observed {
-                message,
-                source,
-                picture,
-            } = observed;
-            let start = std::time::Instant::now();
-            fitter.update(&message, &mut out);
-            out.fit_us = start.elapsed().as_micros() as u32;
-            out.publish_ns = monotonic_ns();
-            tally.count(&out);
-            table.update(&out, tally.left_out);
-            written = sinks.take(&Packet {
-                message: &*out,
-                source: &source,
-                picture: picture.as_ref(),
-            });
-            if written.is_err() {
-                break;
+        let mut silence = Silence::default();
+        loop {
+            match receive.recv_timeout(LOOK_UP) {
+                Ok(Observed {
+                    message,
+                    source,
+                    picture,
+                }) => {
+                    silence.hear(Instant::now());
+                    let start = Instant::now();
+                    fitter.update(&message, &mut out);
+                    out.fit_us = start.elapsed().as_micros() as u32;
+                    out.publish_ns = monotonic_ns();
+                    tally.count(&out);
+                    table.update(&out, tally.left_out);
+                    written = sinks.take(&Packet {
+                        message: &*out,
+                        source: &source,
+                        picture: picture.as_ref(),
+                    });
+                    if written.is_err() {
+                        break;
+                    }
+                }
+                // A film is as slow as this machine; what has no end may have stalled where it comes from.
+                Err(RecvTimeoutError::Timeout) if has_end => {}
+                Err(RecvTimeoutError::Timeout) => hush(&mut silence, &mut sinks, &mut pictures),
+                Err(RecvTimeoutError::Disconnected) => break,
             }
             if let Some(Err(e)) = pictures.as_mut().map(PictureRelay::look) {
                 tracing::debug!("{}: {e}", chosen.name);
@@ -127,6 +140,8 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
                 flight.look(false);
             }
         }
+        // Ends the other thread, where it still sees.
+        drop(receive);
         let seen = seeing.join();
         let seen = seen.unwrap_or_else(|_| Err(anyhow::anyhow!("the stages ended unexpectedly")));
         written?;

@@ -18,7 +18,7 @@ use crate::commands::fit::FitTask;
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
-use crate::commands::relay::{EventRelay, PictureRelay};
+use crate::commands::relay::{EventRelay, PictureRelay, hush};
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
@@ -126,10 +126,7 @@ pub fn run(
                 return Ok(());
             }
             News::Look => {
-                if silence.begins(Instant::now()) {
-                    sinks.quiet();
-                    pictures.iter_mut().for_each(PictureRelay::quiet);
-                }
+                hush(&mut silence, &mut sinks, &mut pictures);
                 events.as_mut().map_or(Ok(()), EventRelay::look)?;
                 return Ok(pictures.iter_mut().try_for_each(PictureRelay::look)?);
             }

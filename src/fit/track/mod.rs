@@ -84,6 +84,8 @@ pub struct Track {
     pub pose: Pose,
     /// Its forward kinematics.
     pub posed: Posed,
+    /// Rotation vector of the pelvis as it was last published, to which the next one is near.
+    pub turn: DVec3,
     /// Velocities.
     pub motion: Motion,
     /// Proportions.
@@ -124,6 +126,7 @@ impl Track {
             unseen: 0.0,
             pose: first_pose(cx.skeleton, evidence.root?, &evidence.points3d)?,
             posed: Posed::default(),
+            turn: DVec3::ZERO,
             motion: Motion::default(),
             bones: Bones::new(cx.skeleton),
             appearance: None,
@@ -253,6 +256,7 @@ impl Track {
     /// Takes over identity, proportions, height and looks of somebody recognised.
     pub fn succeed(&mut self, old: Track) {
         self.id = old.id;
+        self.turn = old.turn;
         self.bones = old.bones;
         self.stature = old.stature;
         self.appearance_age = 0.0;
@@ -284,6 +288,7 @@ impl Track {
             return false;
         };
         fresh.id = self.id;
+        fresh.turn = self.turn;
         fresh.first_score = self.first_score;
         fresh.hits = self.hits.saturating_add(1);
         fresh.age = self.age + dt;

@@ -8,6 +8,8 @@ const MOST_PEOPLE = 32;
 const TRAIL_NS = 10e9;
 const TRAIL_POINTS = 8192;
 const FRUSTUM_DEPTH = 0.7;
+/** From the top of a head to the middle of its name, metres. */
+const LABEL_ABOVE = 0.2;
 const GREY = new T.Color(0x565d66);
 
 export class Space {
@@ -185,6 +187,7 @@ export class Space {
     const people = bodies.map((body, n) => ({
       id: body.id,
       label: this.labels[n].text,
+      labelAt: this.labels[n].sprite.getWorldPosition(p).toArray(),
       joints: Array.from({ length: JOINTS }, (_, j) => drawn(this.joints, n * JOINTS + j)),
     }));
     const frustum = this.frustum.geometry;
@@ -224,8 +227,10 @@ class Label {
   show(body) {
     const text = `#${body.id}  ${Math.round(100 * body.score)} %`;
     this.sprite.visible = true;
-    point(body, HEAD_TOP, this.sprite.position);
-    this.sprite.position.y -= 0.2;
+    // Above the head as it is drawn: which way that is in the camera's axes, the group that turns them says.
+    const turn = this.sprite.parent.quaternion.clone().invert();
+    const above = UP.clone().multiplyScalar(LABEL_ABOVE).applyQuaternion(turn);
+    point(body, HEAD_TOP, this.sprite.position).add(above);
     if (text === this.text) return;
     this.text = text;
     const pen = this.canvas.getContext('2d');
@@ -286,12 +291,12 @@ function between(from, to, radius, out) {
   return out.compose(from.clone().add(to).multiplyScalar(0.5), turn, new T.Vector3(radius, length, radius));
 }
 
-/** From camera axes to the floor's. Where no floor is known the camera's axes are set upright. */
 /** A place in the world, metres; y points up. */
 export function inWorld(world, place) {
   return new T.Vector3().fromArray(place).applyMatrix4(matrixOf(world));
 }
 
+/** From camera axes to the floor's. Where no floor is known the camera's axes are set upright. */
 function matrixOf(world) {
   const turn = world.known ? new T.Quaternion().fromArray(world.rotation) : new T.Quaternion(1, 0, 0, 0);
   const origin = world.known ? new T.Vector3().fromArray(world.translation) : new T.Vector3();
