@@ -226,7 +226,7 @@ fn unsafe_code_stays_where_it_is_known() {
 const MADE_ELSEWHERE: &[(&str, &str)] = &[
     ("{SCALAR_ONLY}", "only scalar kernels are left"),
     ("{}", "a picture takes"),
-    ("{}: {} ({}), {}x{} {format:?} at {} fps", "at 30 fps"),
+    ("{}: {} ({}), {}x{} {}", "at 30 fps"),
 ];
 
 /// The first words of a line of the log that are the same in every such line.

@@ -75,9 +75,9 @@ impl<'a, P: Panels> Job<'a, P> {
         }
     }
 
-    /// The part's groups, each in bands of rows that touch about `bytes` of its input and output (whose numbers are taken
-    /// for as large as the input's): all panels go through a band before the next comes, and find it in a cache. At
-    /// least one row of every phase.
+    /// The part's groups, each in bands of rows that touch about `bytes` of its input and output (whose numbers are
+    /// taken for as large as the input's): all panels go through a band before the next comes, and find it in a cache.
+    /// At least one row of every phase.
     fn bands(&self, bytes: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
         let packed = self.panels.packed();
         let steps = packed.phases().first();

@@ -32,9 +32,9 @@ pub struct FConvParams<'a> {
 ///
 /// Tiers differ in the order and fusing of sums: of random numbers they agree with scalar to
 /// `1e-5 · (|bias| + |residual| + Σ|weight · input|)`, by [`Algorithm::Winograd`] to
-/// `1e-5 · (|bias| + |residual| + Σ|weight| · max|input|)`, of the 6 × 6 input pixels of a tile, and with the definition
-/// as well. Sums of thousands of equal products all round one way: with 2,592 of them the definition is up to 4e-5 of
-/// that off, Winograd a tenth of it. An input that is not finite spoils all outputs of its tiles.
+/// `1e-5 · (|bias| + |residual| + Σ|weight| · max|input|)`, of the 6 × 6 input pixels of a tile, and with the
+/// definition as well. Sums of thousands of equal products all round one way: with 2,592 of them the definition is up
+/// to 4e-5 of that off, Winograd a tenth of it. An input that is not finite spoils all outputs of its tiles.
 #[derive(Debug, Clone)]
 pub struct FConv {
     shape: ConvShape,
