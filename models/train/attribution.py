@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     if len(argv) < 3:
         raise SystemExit(__doc__)
     used, *lists, out = map(pathlib.Path, argv)
-    wanted = {name for source, name in (line.partition("\t")[0].split(maxsplit=1) for line in used.read_text().splitlines()) if source == "openimages"}
+    wanted = {name for source, name in (line.partition("\t")[0].split(maxsplit=1) for line in used.read_text(encoding="utf-8").splitlines()) if source == "openimages"}
     found = authors(wanted, lists)
     out.write_text("".join("\t".join(found[k]) + "\n" for k in sorted(found)), encoding="utf-8")
     doubtful = sorted(wanted - set(found)) + sorted(k for k, row in found.items() if FREE not in row[3])

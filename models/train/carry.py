@@ -65,13 +65,15 @@ def photos(folder: pathlib.Path, out: pathlib.Path, which: np.ndarray, side: int
     np.savez_compressed(out / "people.npz", offset=np.array(offset), start=np.array(start), size=np.array(size, np.int32), sources=z["sources"], **rest, **people)
     if (folder / depth.FILE).exists():
         depth.write(out, rel3d[rows], lifted[rows])
-    said(folder, out)
+    said([folder], out)
 
 
-def said(folder: pathlib.Path, out: pathlib.Path) -> None:
-    """What is open stays so."""
-    if terms.is_open(folder):
-        terms.mark(out, terms.ingredients(folder))
+def said(folders: list[pathlib.Path], out: pathlib.Path) -> None:
+    """What is open altogether stays so, and nothing else: `out` may have held other data."""
+    if all(map(terms.is_open, folders)):
+        terms.mark(out, {k: v for f in folders for k, v in terms.ingredients(f).items()})
+    else:
+        terms.unmark(out)
 
 
 def scenes(folder: pathlib.Path, out: pathlib.Path, part: int, parts: int, quality: int) -> None:
@@ -82,7 +84,7 @@ def scenes(folder: pathlib.Path, out: pathlib.Path, part: int, parts: int, quali
     (out / "pictures.bin").write_bytes(b"".join(files))
     rest = {k: data[k][which] for k in FIELDS if k != "image"}
     np.savez_compressed(out / "truth.npz", offset=np.cumsum([0, *map(len, files)]), **rest)
-    said(folder, out)
+    said([folder], out)
 
 
 def images(pack: pathlib.Path, out: pathlib.Path, part: int, parts: int, quality: int) -> None:
@@ -143,9 +145,10 @@ def unpack_photos(parts: list[pathlib.Path], out: pathlib.Path) -> None:
 
     rest = {k: np.concatenate([p[k] for p in z]) for k in (*PER_PHOTO, *PER_PERSON)}
     np.savez(out / "people.npz", offset=ends("offset"), start=ends("start"), sources=z[0]["sources"], **rest)
+    (out / depth.FILE).unlink(missing_ok=True)  # its rows go by the people of the parts that it came with
     if any((p / depth.FILE).exists() for p in parts):
         depth.write(out, *map(np.concatenate, zip(*(depth.read(p, len(t["state"])) for p, t in zip(parts, z)))))
-    said(parts[0], out)
+    said(parts, out)
 
 
 def unpack_scenes(parts: list[pathlib.Path], out: pathlib.Path) -> None:
@@ -155,7 +158,7 @@ def unpack_scenes(parts: list[pathlib.Path], out: pathlib.Path) -> None:
     for k in FIELDS:
         np.save(out / f"{k}.npy", images if k == "image" else np.concatenate([t[k] for t in z]))
     (out / "filled").write_text(str(len(images)))
-    said(parts[0], out)
+    said(parts, out)
 
 
 def main(argv: list[str]) -> None:

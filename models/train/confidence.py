@@ -1,4 +1,4 @@
-"""How likely reports are right: python confidence.py PEOPLE.jsonl LABELS.jsonl.gz [PEOPLE LABELS ...] --toml models/association.toml [--check].
+"""How likely reports are right: python confidence.py PEOPLE.jsonl LABELS.jsonl.gz [PEOPLE LABELS ...] --toml ../association.toml [--check].
 
 `PEOPLE` is what `edgecap infer --quality balanced --jsonl` wrote of photos (of any quality with `--check`), `LABELS` what `everyday.py` reads. Fits
 `[confidence]` of the TOML file on the photos of split `train`; with `--check` nothing is fitted, and the photos of split `test` are looked at. What the

@@ -1,6 +1,6 @@
 """Whole photos of everyday life in which everybody is labelled: python everyday.py PHOTOS LABELS FOLDER [--open].
 
-PHOTOS holds a folder of JPEG files a source, LABELS a `SOURCE.jsonl.gz` each and `sources.json`. FOLDER gets `pictures.bin`
+PHOTOS holds a folder of JPEG files a source, LABELS a `SOURCE.jsonl.gz` each, the folder above LABELS `sources.json`. FOLDER gets `pictures.bin`
 (the files as they are, mapped by training) and `people.npz`. Only photos whose `split` is train are taken; with `--open` only those whose
 terms allow commercial use, with joints by rules that no academic labels made, and `attribution.txt` names every photo, and who is to be
 named for it where its row has a `credit`.

@@ -9,7 +9,8 @@ what=$1 run=$2
 here=$(cd "$(dirname "$0")" && pwd)
 mkdir -p "$run/parts"
 
-arrived() { find "$run/parts" -maxdepth 1 -name 'part*' | wc -l; }
+# At depth 0 lies the folder of parts, whose own name fits as well.
+arrived() { find "$run/parts" -mindepth 1 -maxdepth 1 -name 'part*' | wc -l; }
 
 unpack() { # to a folder in RUN
     python3 "$here/carry.py" unpack "$run/parts" "$run/$1"
@@ -27,7 +28,8 @@ train() {
     local parts=$1 first=
     shift
     while [ "$(arrived)" -lt $((parts < 2 ? parts : 2)) ]; do sleep 1; done
-    if [ "$parts" -gt 2 ]; then
+    # With all of them here there is nothing to begin on earlier, and who is ended before training began leaves nothing to resume.
+    if [ "$parts" -gt 2 ] && [ "$(arrived)" -lt "$parts" ]; then
         unpack some
         (go some "$@") &
         first=$!
@@ -62,9 +64,11 @@ watch)
         for _ in 1 2 3 4 5 6; do [ -e "$run/ended" ] || sleep 5; done
         cp "$run"/ckpt/*.pt "$run/log.jsonl" "$run/train.log" "$back" 2>/dev/null || true
     done
-    cp "$run"/ckpt/*.pt "$run/log.jsonl" "$run/train.log" "$back"
+    # Training that failed early has left no checkpoint: its log says why.
+    ended=$(cat "$run/ended") copied=0
+    cp "$run"/ckpt/*.pt "$run/log.jsonl" "$run/train.log" "$back" || copied=$?
     tail -n 20 "$run/train.log"
-    exit "$(cat "$run/ended")"
+    exit $((ended ? ended : copied))
     ;;
 *)
     echo "expected take, train or watch, found $what" >&2

@@ -1,4 +1,4 @@
-"""Learn to tell people from what only looks like some: python person_score.py CANDIDATES.jsonl --held HELD.jsonl --toml models/association.toml.
+"""Learn to tell people from what only looks like some: python person_score.py CANDIDATES.jsonl --held HELD.jsonl --toml ../association.toml.
 
 `CANDIDATES` are the lines of `examples/association_candidates.rs`: looks, at every size that the program takes for photos, at pictures in which everybody is
 labelled (`composites.py`, `edgecap synth`) and at photos without people, none of which the figures of the model card are measured on. A logistic regression is
@@ -24,6 +24,7 @@ import torch
 from skeleton import NJ, NL
 
 CROWDED = 0.1  # who is this similar to somebody without labels that count is neither right nor wrong
+FEATURES = 2 * NJ + NL + 3  # of a candidate
 WORTHLESS = 0.3  # a candidate of this similarity does as much good as harm
 TRUST = 0.01  # weight of the ridge that keeps weights small
 
@@ -84,7 +85,8 @@ def collect(rows: list[dict]) -> Candidates:
                 similarity.append(s)
                 look.append(i)
                 source.append(row["set"])
-    return Candidates(np.array(features), np.array(similarity), np.array(look), np.array(source), looks, people)
+    wide = len(features[0]) if features else FEATURES  # where nobody is seen at all nothing else says how wide
+    return Candidates(np.array(features).reshape(-1, wide), np.array(similarity), np.array(look), np.array(source), looks, people)
 
 
 def fit(c: Candidates) -> tuple[np.ndarray, float]:

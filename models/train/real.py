@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import pathlib
@@ -24,7 +25,7 @@ T = TypeVar("T")
 
 
 def decode(buf: bytes) -> np.ndarray:
-    """WebP -> RGB uint8.  OpenCV releases the interpreter lock, so threads help; pillow is the fallback."""
+    """A picture's file -> RGB uint8, upright.  OpenCV releases the interpreter lock, so threads help; pillow is the fallback."""
     try:
         import cv2
 
@@ -32,9 +33,10 @@ def decode(buf: bytes) -> np.ndarray:
     except ImportError:
         import io
 
-        from PIL import Image
+        from PIL import Image, ImageOps
 
-        return np.array(Image.open(io.BytesIO(buf)).convert("RGB"))  # a copy, which may be written to
+        # OpenCV and the program turn photos as their EXIF says
+        return np.array(ImageOps.exif_transpose(Image.open(io.BytesIO(buf))).convert("RGB"))  # a copy, which may be written to
 
 
 @dataclass
@@ -65,6 +67,14 @@ def each(work: Callable[[int], T], n: int) -> list[T]:
             return list(threads.map(work, range(n)))
     finally:
         torch.set_num_threads(before)
+
+
+def cached_name(files: list[bytes], side: int) -> str:
+    """Of decoded pictures, by what is in their files: another pack has as many pictures of other sizes, and joints are in pixels."""
+    digest = hashlib.blake2s()
+    for f in files:
+        digest.update(f)
+    return f"people_{len(files)}_{side}_{digest.hexdigest()[:16]}.npy"
 
 
 def decode_all(files: list[bytes]) -> list[np.ndarray]:
@@ -198,7 +208,7 @@ class People:
         self.S = S
         joints, doubt = self._teacher(pack / TEACHER, joints, size, lsp > 0, limit)
         self.lends = bool(self.lift.any())  # whether anybody lends depth
-        stored = cache / f"people_{len(files)}_{S}.npy" if cache else None
+        stored = cache / cached_name(files, S) if cache else None
         if stored is not None and stored.exists():
             self.pictures = torch.from_numpy(np.load(stored, mmap_mode="c"))
         else:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import pathlib
 
-import weights
-
 FILE = "open.json"
 # `trained_on` of exported open weights begins with this.
 OPEN = "Open data only: "
@@ -46,6 +44,8 @@ def is_open(folder: pathlib.Path) -> bool:
 
 def require_open_weights(path: pathlib.Path) -> None:
     """Weights to start from or to learn from must be open themselves. Others end the program."""
+    import weights  # needs PyTorch, which packers do without
+
     said = ""
     if path.suffix == ".safetensors":
         contract = weights.read(path)[1].get("contract")

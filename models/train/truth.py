@@ -42,6 +42,9 @@ def main(argv: list[str]) -> None:
     frames = [dict(f, file=folder / f["file"]) for folder in a.synth for f in load(folder / "truth.json")["frames"] if f.get("file")][: a.limit or None]
     if not frames:
         raise SystemExit(f"expected frames with pictures in {', '.join(map(str, a.synth))}, found none: run `edgecap synth` without --clip")
+    # composites.py and photo_truth.py write the same format, of pictures under other terms than those of scenes
+    if flat := next((f for f in frames for p in f["people"] if not np.any(p["joints3d"])), None):
+        raise SystemExit(f"expected people in 3D, as `edgecap synth` renders them, found some without in {flat['file'].parent}: photos and composites are no scenes")
     # those in front of the camera with anything to see
     people = [[p for p in f["people"] if any(p["visibility"][:NJ]) and p["joints3d"][ROOT][2] > 0.3] for f in frames]
     n, room = len(frames), max(1, *map(len, people))

@@ -193,9 +193,13 @@ fn everybody_is_looked_at_once_for_the_floor_and_not_once_for_each() {
         assert!(Axes::of(&take).point([0.0; 3]).is_finite());
     }
     let one_look = began.elapsed() / LOOKS;
-    let began = Instant::now();
-    assert_eq!(Motion::all(&take).unwrap().count(), PEOPLE as usize);
-    let took = began.elapsed();
+    // The shortest: any of them may have waited for the processor.
+    let took = (0..5).map(|_| {
+        let began = Instant::now();
+        assert_eq!(Motion::all(&take).unwrap().count(), PEOPLE as usize);
+        began.elapsed()
+    });
+    let took = took.min().unwrap();
     assert!(
         took < one_look * PEOPLE / 2,
         "{took:?}, a look {one_look:?}"

@@ -8,7 +8,9 @@ use super::fit::PersonFit;
 use super::points;
 use crate::body::BodyModel;
 use crate::body::mesh::MeshBody;
-use crate::body::skeleton::{BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector};
+use crate::body::skeleton::{
+    BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector_near,
+};
 use crate::fit::{SEEN_THROUGH, first_pose};
 use crate::joints::{BODY_JOINTS, PARENTS, PELVIS};
 use crate::message::{Body, BodyState, JointState};
@@ -152,6 +154,7 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
         next.is_some_and(|next| next.frame == person.frames[k].frame + 1)
     };
     let mut out = Vec::with_capacity(joints.len());
+    let mut turn = DVec3::ZERO;
     for (k, (f, targets)) in person.frames.iter().zip(&joints).enumerate() {
         let goes_on = k > 0 && is_next(k - 1);
         // The mesh body at rest looks along z with y up, as the skeleton does.
@@ -163,7 +166,7 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
         });
         let is_seen = seen.iter().any(|s| *s > 0);
         let confidence = std::array::from_fn(|j| SURE[2 - seen[j].min(2)]);
-        let turn = rotation_vector(state.0.rotation);
+        turn = rotation_vector_near(state.0.rotation, turn);
         // Over a pause nobody knows how fast they went.
         let near = [k - usize::from(goes_on), k + usize::from(is_next(k))];
         let span =
@@ -268,6 +271,25 @@ mod tests {
             assert!(off < 0.1, "frame {frame}: {off} m");
             // 0.2 m a frame before and after the pause.
             assert!((body.velocity[0] - 6.0).abs() < 0.02, "{:?}", body.velocity);
+        }
+    }
+
+    #[test]
+    fn rotation_vectors_follow_each_other_without_a_leap() {
+        let half = std::f64::consts::PI;
+        let turns = [half - 0.1, half + 0.1, half - 0.05];
+        let frames = turns.into_iter().enumerate();
+        let person = PersonFit {
+            id: 1,
+            betas: vec![0.0; 10],
+            frames: frames.map(|(k, turned)| waving(k, turned)).collect(),
+        };
+        let found = bodies(MeshBody::shipped(), &person, 1.7, 30.0);
+        let vector =
+            |k: usize| DVec3::from_array([3, 4, 5].map(|d| f64::from(found[k].1.angles[d])));
+        for k in 1..turns.len() {
+            let step = vector(k).distance(vector(k - 1));
+            assert!(step < 0.5, "frame {k}: {step}");
         }
     }
 }

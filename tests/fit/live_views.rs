@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use edgecap::body::skeleton::{Pose, Posed, Skeleton};
+use edgecap::body::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use edgecap::camera::View;
 use edgecap::fit::FitConfig;
 use edgecap::message::{BodyFrame, BodyState, JointState};
@@ -292,6 +292,34 @@ fn how_long_somebody_must_be_seen_goes_by_seconds() {
             }
         }
     }
+}
+
+#[test]
+fn rotation_vectors_of_the_pelvis_follow_each_other_without_a_leap() {
+    let person = walker(6);
+    let shutters = [(30.0, 0.0); 3];
+    let frames = run(
+        &views(3),
+        &shutters,
+        std::slice::from_ref(&person),
+        6.0,
+        &|_, _| Some(Spoil::default()),
+    );
+    let mut last: Option<(DVec3, DQuat)> = None;
+    let mut leaps = 0;
+    for (t, frame) in &frames {
+        for body in frame.bodies() {
+            let turn = DVec3::from_array([3, 4, 5].map(|k| f64::from(body.angles[k])));
+            let q = DQuat::from_array(body.orientation.map(f64::from));
+            if let Some((from, before)) = last.replace((turn, q)) {
+                let step = turn.distance(from);
+                assert!(step < 1.5, "{t:.2} s: from {from} to {turn}");
+                let shortest = rotation_vector(q).distance(rotation_vector(before));
+                leaps += u32::from(shortest > 4.0);
+            }
+        }
+    }
+    assert!(leaps > 0, "the shortest ones do not leap here");
 }
 
 #[test]

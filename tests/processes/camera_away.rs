@@ -122,7 +122,7 @@ fn infer_itself_stops_while_it_waits_for_the_camera() {
     assert!(!infer.has_ended(), "it waits");
     drop(observations);
     signal(infer.pid(), "TERM");
-    let out = infer.wait(Duration::from_secs(20));
+    let out = infer.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
@@ -272,7 +272,7 @@ fn a_film_of_a_camera_that_comes_back_with_another_size_goes_on_in_another_file(
     sees((64, 64));
     drop(observations);
     signal(infer.pid(), "TERM");
-    let out = infer.wait(Duration::from_secs(20));
+    let out = infer.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
     for (part, size) in [("film.avi", (96, 64)), ("film-2.avi", (64, 64))] {
         let file = std::fs::File::open(folder.path().join(part)).unwrap();

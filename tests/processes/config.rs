@@ -533,7 +533,7 @@ fn no_clip_takes_the_place_of_a_camera_of_settings_or_of_a_service() {
         let mut run = Running(run.unwrap());
         run.says("waiting for the camera");
         signal(run.pid(), "TERM");
-        let out = run.wait(Duration::from_secs(30));
+        let out = run.wait(Duration::from_secs(60));
         assert!(out.status.success(), "{}", program::stderr(&out));
     }
 }

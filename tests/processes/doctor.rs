@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 
-use crate::program::{Running, edgecap, eventually};
+use crate::program::{Running, edgecap, eventually, script};
 
 const THINGS: [&str; 8] = [
     "build",
@@ -201,15 +201,11 @@ fn a_program_that_hangs_does_not_hold_it_up_and_is_ended() {
     let folder = tempfile::tempdir().unwrap();
     let ffmpeg = folder.path().join("ffmpeg");
     let pid = folder.path().join("pid");
-    std::fs::write(
-        &ffmpeg,
-        format!(
-            "#!/bin/sh\necho $$ > {}\nexec /bin/sleep 600\n",
-            pid.display()
-        ),
-    )
-    .unwrap();
-    std::fs::set_permissions(&ffmpeg, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let text = format!(
+        "#!/bin/sh\necho $$ > {}\nexec /bin/sleep 600\n",
+        pid.display()
+    );
+    script(&ffmpeg, &text);
     let doctor = edgecap()
         .args(["doctor", "--threads", "1"])
         .env("PATH", folder.path())

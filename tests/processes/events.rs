@@ -7,8 +7,8 @@ use std::time::Duration;
 use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES};
 use edgecap::message::{
-    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_FILE_TIME, JointState, World,
-    WorldState,
+    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, FLAG_FILE_TIME,
+    JointState, World, WorldState,
 };
 use edgecap::record::{BodiesRow, Format, RecordWriter};
 use edgecap_client::{Publisher, Subscriber};
@@ -243,8 +243,11 @@ fn what_happens_is_published_beside_the_bodies() {
     let args = ["replay", &record, "--name", &camera, "--events", settings];
     let replay = Running::start(&args);
     let (mut told, mut lasts) = (Vec::new(), Vec::new());
-    for frame in stream.messages() {
-        let frame = frame.unwrap();
+    let mut has_ended = false;
+    while !has_ended {
+        let frame = stream.next(Duration::from_secs(60)).unwrap();
+        let frame = frame.expect("an event, or the end of the record");
+        has_ended = frame.flags & FLAG_END_OF_STREAM != 0;
         assert_eq!(frame.first as usize, told.len(), "none is lost");
         told.extend(frame.events().iter().map(ToString::to_string));
         lasts.push((frame.present, frame.main_person));
@@ -261,7 +264,7 @@ fn what_happens_is_published_beside_the_bodies() {
     assert_eq!(told, script);
     assert_eq!(lasts[lasts.len() - 2], (2, 2));
     assert_eq!(lasts.last(), Some(&(0, 0)), "at the end nobody is there");
-    assert!(replay.wait(Duration::from_secs(20)).status.success());
+    assert!(replay.wait(Duration::from_secs(60)).status.success());
 }
 
 #[test]
@@ -321,7 +324,7 @@ fn a_run_publishes_what_its_people_do() {
     });
     assert!(kinds.contains(&EventKind::ENTERED), "{kinds:?}");
     signal(run.pid(), "INT");
-    let out = run.wait(Duration::from_secs(20));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 
     // A mistake in them is the settings', with its place.
@@ -426,7 +429,7 @@ fn a_slow_reader_has_every_event_or_is_told_how_many_are_lost() {
     }
     run.0.stdout = Some(lines.into_inner());
     signal(run.pid(), "INT");
-    let said = stderr(&run.wait(Duration::from_secs(20)));
+    let said = stderr(&run.wait(Duration::from_secs(60)));
     let lost = said.lines().filter_map(|l| l.split_once(" lost: "));
     let lost = lost.map(|(counted, _)| {
         let number = counted.split_whitespace().rev().nth(1);
@@ -513,7 +516,7 @@ fn a_record_that_goes_on_is_stopped_by_a_signal() {
                 std::thread::sleep(Duration::from_millis(20));
             }
         });
-        let out = run.wait(Duration::from_secs(40));
+        let out = run.wait(Duration::from_secs(60));
         assert_eq!(out.status.code(), Some(code), "{verb}: {}", stderr(&out));
         writer.join().unwrap();
     }

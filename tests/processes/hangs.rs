@@ -144,7 +144,7 @@ fn the_service_manager_hears_of_progress_only() {
     }
     signal(watched.run.pid(), "TERM");
     heard(&manager, |m| m.contains("STOPPING=1"));
-    assert!(watched.run.wait(Duration::from_secs(30)).status.success());
+    assert!(watched.run.wait(Duration::from_secs(60)).status.success());
 }
 
 /// The processes of one of several cameras.
@@ -229,7 +229,10 @@ fn what_waited_while_fit_stood_still_is_not_published_as_new() {
     eventually("fit", || {
         (observations.subscriber_count() > 0).then_some(())
     });
-    observations.publish(&observation(0)).unwrap();
+    // Fresh for as long as this test may take.
+    let mut first = observation(0);
+    first.publish_ns += 60_000_000_000;
+    observations.publish(&first).unwrap();
     some_body(&bodies);
     signal(fit.pid(), "STOP");
     for sequence in 1..5 {
@@ -279,7 +282,10 @@ fn extrapolation_ends_when_nothing_was_seen_for_long() {
     eventually("fit", || {
         (observations.subscriber_count() > 0).then_some(())
     });
-    observations.publish(&observation(0)).unwrap();
+    // Fresh for as long as this test may take.
+    let mut first = observation(0);
+    first.publish_ns += 60_000_000_000;
+    observations.publish(&first).unwrap();
     some_body(&bodies);
     some_body(&bodies);
     std::thread::sleep(Duration::from_millis(1500));

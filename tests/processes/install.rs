@@ -5,7 +5,7 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::program::{as_stranger, assert_fails, edgecap, stderr, stdout, tools};
+use crate::program::{as_stranger, assert_fails, edgecap, script, stderr, stdout, tools};
 
 fn install(root: &Path, more: &[&str]) -> Output {
     let out = edgecap()
@@ -298,13 +298,12 @@ fn nothing_of_the_service_stays_in_memory() {
     let bin = root.path().join("bin");
     std::fs::create_dir(&bin).unwrap();
     for name in ["rm", "deb-systemd-helper", "systemctl"] {
-        std::fs::write(bin.join(name), "#!/bin/sh\necho \"${0##*/} $*\" >&3\n").unwrap();
-        std::fs::set_permissions(bin.join(name), PermissionsExt::from_mode(0o755)).unwrap();
+        script(&bin.join(name), "#!/bin/sh\necho \"${0##*/} $*\" >&3\n");
     }
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/debian/postrm");
+    let removal = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/debian/postrm");
     let out = Command::new("/bin/sh")
         .args(["-c", "exec /bin/sh \"$0\" remove 3>&1"])
-        .arg(script)
+        .arg(removal)
         .env("PATH", &bin)
         .output()
         .unwrap();
@@ -393,11 +392,10 @@ fn a_persons_service_lies_in_that_persons_home() {
 /// `install` for a person whose `systemctl` fails at this verb.
 fn install_with_systemctl(home: &Path, verb: &str, more: &[&str]) -> Output {
     let systemctl = home.join("systemctl");
-    let script = format!(
+    let text = format!(
         "#!/bin/sh\n[ \"$2\" != {verb} ] || {{ echo 'Unit edgecap.service is masked.' >&2; exit 1; }}\n"
     );
-    std::fs::write(&systemctl, script).unwrap();
-    std::fs::set_permissions(&systemctl, std::fs::Permissions::from_mode(0o755)).unwrap();
+    script(&systemctl, &text);
     edgecap()
         .args(["install", "--user"])
         .args(more)

@@ -153,7 +153,7 @@ fn records_of_several_cameras_become_bodies_in_the_world() {
     for replay in replays {
         assert!(replay.wait(Duration::from_secs(60)).status.success());
     }
-    let out = fit.wait(Duration::from_secs(30));
+    let out = fit.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
     errors.sort_by(f64::total_cmp);
     let median = errors.get(errors.len() / 2);
@@ -220,7 +220,7 @@ fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
         });
     }
     signal(fit.pid(), "TERM");
-    let out = fit.wait(Duration::from_secs(30));
+    let out = fit.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
@@ -257,7 +257,7 @@ fn a_camera_too_slow_to_be_combined_is_named() {
         line.contains(&names[1]) && line.contains("where 0.4 s"),
         "{line}"
     );
-    let out = fit.wait(Duration::from_secs(30));
+    let out = fit.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
@@ -344,7 +344,7 @@ fn pictures_of_another_size_are_refused() {
         std::thread::sleep(Duration::from_millis(20));
         fit.has_ended().then_some(())
     });
-    let out = fit.wait(Duration::from_secs(10));
+    let out = fit.wait(Duration::from_secs(60));
     let said = stderr(&out);
     assert_eq!(out.status.code(), Some(65), "{said}");
     assert!(
@@ -409,7 +409,7 @@ fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
     });
     drop(second);
     signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
@@ -465,7 +465,7 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
         third.next(Duration::from_millis(200)).unwrap()
     });
     signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
     assert_eq!(verbs(&name), Vec::<String>::new(), "nothing is left");
 }

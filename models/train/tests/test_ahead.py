@@ -138,6 +138,22 @@ class Carried(Folder):
         carry.main(["unpack", str(self.at / "parts"), str(self.at / "without")])
         self.assertFalse((self.at / "without/everyday" / depth.FILE).exists())
 
+    def test_a_folder_that_held_other_data_says_nothing_of_it(self) -> None:
+        """Neither whose depth it was nor that all of it was open."""
+        crowded, scenes = crowd_folder(self.at / "crowd"), scenes_folder(self.at / "still")
+        carry.main([*map(str, ["pack", self.at / "parts", "--everyday", crowded, "--scenes", scenes])])
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        carried = [self.at / "both/everyday", self.at / "both/scenes/still"]
+        self.assertTrue(all(map(terms.is_open, carried)))
+        self.assertTrue((carried[0] / depth.FILE).exists())
+        for folder in (self.everyday, scenes):
+            terms.unmark(folder)
+        carry.main([*map(str, ["pack", self.at / "parts", "--everyday", self.everyday, "--scenes", scenes])])
+        terms.mark(self.at / "parts/part0/scenes/still", terms.RENDERED)  # one part of two
+        carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
+        self.assertFalse(any(map(terms.is_open, carried)))
+        self.assertFalse((carried[0] / depth.FILE).exists())
+
     def test_pictures_of_a_pack_are_carried_with_what_is_known_of_them(self) -> None:
         pack = pack_of(self.at / "pack", {"lsp_train": 3, "lsp_test": 2, "background": 21})
         parts = ["--everyday", self.everyday, "--scenes", scenes_folder(self.at / "still"), "--pack", pack, "--quality", 95]

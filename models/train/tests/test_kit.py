@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pathlib
@@ -24,11 +25,14 @@ import card
 import checkpoint
 import export
 import muon
+import pack
 import person_score
 import photos
 import quant
+import real
 import targets
 import terms
+import truth
 import weights
 from augment import sharpen
 from clips import SEEDS, line, people_of, row, total
@@ -689,6 +693,38 @@ class Upright:
         return None, None, torch.stack([c * x + s * z, y, c * z - s * x], -1)
 
 
+class Packed(unittest.TestCase):
+    def test_photos_are_upright_whoever_decodes_them(self) -> None:
+        turned = Image.Exif()
+        turned[0x0112] = 6
+        file = io.BytesIO()
+        Image.new("RGB", (40, 20)).save(file, "JPEG", exif=turned)
+        self.assertEqual(real.decode(file.getvalue()).shape, (40, 20, 3))
+        with mock.patch.dict(sys.modules, cv2=None):
+            upright = real.decode(file.getvalue())
+        self.assertEqual(upright.shape, (40, 20, 3))
+        upright[0, 0] = 7  # may be written to
+
+    def test_decoded_pictures_of_another_pack_are_not_taken(self) -> None:
+        names = {real.cached_name(files, 200) for files in ([b"one", b"two"], [b"one", b"too"], [b"one", b"two"])}
+        self.assertEqual(len(names), 2)
+
+    def test_other_pictures_take_the_teacher_s_answers_away(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            data, out = pathlib.Path(d) / "data", pathlib.Path(d) / "pack"
+            for folder in (data / "people2d/lspet", data / "no_people", out):
+                folder.mkdir(parents=True)
+            Image.new("RGB", (80, 60)).save(data / "people2d/lspet/1.jpg")
+            row = dict(file="lspet/1.jpg", split="train", joints=[[79, 59, 1]] * NJ)
+            (data / "people2d/annotations.json").write_text(json.dumps([row]))
+            (out / "teacher.npz").touch()
+            pack.pack_images(data, out, 40, 50, False)
+            self.assertFalse((out / "teacher.npz").exists())
+            z = np.load(out / "images.npz")
+            self.assertEqual(z["size"].tolist(), [[30, 40]])
+            np.testing.assert_allclose(z["joints"][0, 0], [39.25, 29.25, 1])
+
+
 class PeopleBeforeACamera(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
@@ -707,6 +743,20 @@ class PeopleBeforeACamera(unittest.TestCase):
 
 
 class RenderedScenes(unittest.TestCase):
+    def test_photos_with_truth_are_no_scenes(self) -> None:
+        """They come in the same format, and what is packed as scenes counts as open."""
+        codes = np.full(NJ, VISIBLE)
+        with tempfile.TemporaryDirectory() as folder:
+            pictures, out = pathlib.Path(folder) / "photos", pathlib.Path(folder) / "scenes"
+            pictures.mkdir()
+            Image.new("RGB", (512, 320)).save(pictures / "000000.jpg")
+            camera = dict(fx=512, fy=512, cx=255.5, cy=159.5)
+            frames = [dict(file="000000.jpg", camera=camera, people=[person(1, PERSON, codes)])]
+            (pictures / "truth.json").write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
+            with self.assertRaisesRegex(SystemExit, "no scenes"):
+                truth.main([str(pictures), str(out)])
+            self.assertFalse(out.exists())
+
     def test_everybody_of_the_fullest_picture_has_a_place(self) -> None:
         joints3d = [[0.01 * j, 0.02 * j, 4.0] for j in range(NB)]
         joints2d = [[256 + 400 * p[0] / p[2], 160 + 400 * p[1] / p[2]] for p in joints3d]
@@ -862,7 +912,7 @@ class Optimiser(unittest.TestCase):
         rest = [p for p in net.parameters() if p is not first]
         return net, Muon([(first, 2)], [dict(params=rest, weight_decay=0.0)], lr=0.02, wd=0.0, fused=True)
 
-    def _fit(self, net: torch.nn.Sequential, opt: Muon, steps: int) -> float:
+    def _fit(self, net: torch.nn.Sequential, opt: torch.optim.Optimizer, steps: int) -> float:
         torch.manual_seed(5)
         x, y = torch.randn(4, 8, 6, 6), torch.randn(4, 4, 6, 6)
         for _ in range(steps):
@@ -903,6 +953,26 @@ class Optimiser(unittest.TestCase):
             self.assertLess(float((m - again.state[q]["exp_avg"]).abs().max()), 1e-3 * float(m.abs().max()))
         on, taken_up, forgotten = self._fit(net, opt, 4), self._fit(other, again, 4), self._fit(third, cold, 4)
         self.assertLess(abs(taken_up - on), 0.2 * abs(forgotten - on))
+
+    def test_a_run_goes_on_with_either_optimizer(self) -> None:
+        net, opt = self._two_layers()
+        self._fit(net, opt, 5)
+        with tempfile.TemporaryDirectory() as d:
+            folder = pathlib.Path(d) / "ckpt"
+            checkpoint.save(folder, net, net, opt, {"step": 5})
+            other, _ = self._two_layers()
+            adam = torch.optim.AdamW(other.parameters(), lr=1e-3, fused=True)
+            checkpoint.load(folder, other, other, adam, torch.device("cpu"))
+            self.assertNotIn(other[0].weight, adam.state, "the momentum alone is no state of Adam's")
+            self.assertIn(other[1].weight, adam.state)
+            before = other[0].weight.detach().clone()
+            self._fit(other, adam, 3)
+            self.assertGreater(float((other[0].weight.detach() - before).abs().max()), 0)
+            checkpoint.save(folder, other, other, adam, {"step": 8})
+            third, back = self._two_layers()
+            checkpoint.load(folder, third, third, back, torch.device("cpu"))
+        self.assertEqual(set(back.state[third[0].weight]), {"exp_avg"})
+        self._fit(third, back, 1)
 
 
 class Network(unittest.TestCase):

@@ -11,7 +11,7 @@ import numpy as np
 KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(KIT))
 
-from person_score import collect, threshold
+from person_score import FEATURES, collect, score, threshold
 
 
 def row(source: str, *heights: float) -> dict:
@@ -28,6 +28,11 @@ class LeastScore(unittest.TestCase):
         for quiet, loud in ((1.0, 0), (0.75, 1), (0.5, 2), (0.25, 3), (0.0, 3)):
             least = threshold(c, s, quiet)
             self.assertEqual(len(np.unique(c.look[s >= least])), loud, quiet)
+
+    def test_photos_in_which_nobody_is_seen_at_all_are_quiet(self) -> None:
+        c = collect([row("a.jpg"), row("b.jpg")])
+        s = score(c, np.zeros(FEATURES), 0.0)
+        self.assertEqual((len(s), threshold(c, s, 0.97)), (0, 0.0))
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ pub fn write_body(
     body.orientation = pose.rotation.normalize().as_quat().to_array();
     let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
     body.velocity = velocity.as_vec3().to_array();
-    body.angles = flat_angles_near(&pose, scale, track.turn);
+    body.angles = flat_angles(&pose, scale, track.turn);
     let mut sum = 0.0;
     for j in 0..BODY_JOINTS {
         let p = (posed.joints[j] * scale).as_vec3();
@@ -64,13 +64,9 @@ pub fn write_body(
     body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
 }
 
-/// A pose as the message has it: translation and rotation vector of the root, then the joint angles; metres by `scale`.
-pub fn flat_angles(pose: &Pose, scale: f64) -> [f32; DOF] {
-    flat_angles_near(pose, scale, DVec3::ZERO)
-}
-
-/// The same with the rotation vector that is nearer to `turn`.
-fn flat_angles_near(pose: &Pose, scale: f64, turn: DVec3) -> [f32; DOF] {
+/// A pose as the message has it: translation and rotation vector of the root, of these the one nearer to `turn`, then
+/// the joint angles; metres by `scale`.
+pub fn flat_angles(pose: &Pose, scale: f64, turn: DVec3) -> [f32; DOF] {
     let turn = rotation_vector_near(pose.rotation, turn);
     let place = pose.position * scale;
     std::array::from_fn(|d| match d {

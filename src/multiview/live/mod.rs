@@ -26,7 +26,7 @@ use super::people::{closeness, groups, reach};
 use super::sight::Sight;
 use super::world;
 use crate::assignment::Matcher;
-use crate::body::skeleton::Skeleton;
+use crate::body::skeleton::{Skeleton, rotation_vector_near};
 use crate::camera::View;
 use crate::fit::config::ConfigError;
 use crate::fit::{FitConfig, MotionModel};
@@ -134,6 +134,9 @@ impl LiveFit {
         self.identities
             .confirm(&mut self.present, now, after_pause, &self.config);
         self.identities.forget(&mut self.present, now, &self.config);
+        for person in &mut self.present {
+            person.turn = rotation_vector_near(person.pose.rotation, person.turn);
+        }
         self.publish(0.0, out);
     }
 

@@ -58,6 +58,8 @@ pub struct Person {
     pub pose: Pose,
     /// Its forward kinematics.
     pub posed: Posed,
+    /// Rotation vector of the pelvis as it was last published, to which the next one is near.
+    pub turn: DVec3,
     /// Velocities.
     pub motion: Motion,
     /// Bone lengths and stature.
@@ -93,6 +95,7 @@ impl Person {
             id: 0,
             pose: Pose::facing_camera(0.0),
             posed: Posed::default(),
+            turn: DVec3::ZERO,
             motion: Motion::default(),
             build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
             looks: seen.iter().map(|s| s.as_ref()?.looks).collect(),
@@ -120,6 +123,7 @@ impl Person {
             id,
             pose,
             posed,
+            turn: DVec3::ZERO,
             motion: Motion::default(),
             build: Build::new(skeleton, &[None; EVIDENCE_JOINTS], None),
             looks: Vec::new(),
@@ -225,6 +229,7 @@ impl Person {
     /// are here again is as good a proof as having been seen meanwhile.
     pub fn succeed(&mut self, old: Self, gone: f64) {
         self.id = old.id;
+        self.turn = old.turn;
         for (own, old) in self.proof.iter_mut().zip(old.proof) {
             *own += old;
         }

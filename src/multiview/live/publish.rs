@@ -29,7 +29,7 @@ pub fn write_body(person: &Person, ahead: f64, model: &MotionModel, body: &mut B
         velocity: DVec3::from_slice(&person.motion.velocity[..3])
             .as_vec3()
             .to_array(),
-        angles: flat_angles(&pose, 1.0),
+        angles: flat_angles(&pose, 1.0, person.turn),
         height: person.build.stature() as f32,
         bone_rotations: bone_rotations(&posed).map(|q| q.as_quat().to_array()),
         ..Body::default()

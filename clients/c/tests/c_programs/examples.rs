@@ -1,6 +1,5 @@
 //! The examples, built as their own comments say, and by users' build systems.
 
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -130,8 +129,12 @@ fn a_folder_for_builds_is_the_one_that_cargo_builds_in() {
     let script = format!(
         "#!/bin/sh\nmkdir -p \"$CARGO_TARGET_DIR/release\"\ncp {built}/libedgecap_c.* \"$CARGO_TARGET_DIR/release\"\n"
     );
-    std::fs::write(&cargo, script).unwrap();
-    std::fs::set_permissions(&cargo, PermissionsExt::from_mode(0o755)).unwrap();
+    // By a child: what this process has open for writing while a neighbour forks cannot be run for as long as the fork
+    // has it open, too.
+    run(Command::new("sh")
+        .args(["-c", "printf %s \"$1\" > \"$0\" && chmod 755 \"$0\""])
+        .arg(&cargo)
+        .arg(script));
     let path = std::env::var("PATH").unwrap();
     run(Command::new(format!("{HERE}/install"))
         .arg("installed")

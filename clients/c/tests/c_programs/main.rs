@@ -181,7 +181,10 @@ fn a_program_finds_out_that_the_publisher_is_gone_and_that_it_is_back() {
         return;
     };
     let place = folder.path().join("edgecap");
-    let reader = Command::new(program)
+    // One that finds nobody would wait for ever, and this test for it.
+    let reader = Command::new("timeout")
+        .arg("120")
+        .arg(program)
         .env("EDGECAP_RUNTIME_DIR", &place)
         .stdout(Stdio::piped())
         .spawn();

@@ -103,6 +103,8 @@ fn the_folder_of_a_service_is_read_by_those_who_may() {
     fs::set_permissions(here.path(), fs::Permissions::from_mode(0o755)).unwrap();
     let session = here.path().join("session");
     fs::create_dir(&session).unwrap();
+    // A neighbouring test's reader may just have the umask changed, and the folder would let nobody in.
+    fs::set_permissions(&session, fs::Permissions::from_mode(0o700)).unwrap();
     chown(&session, Some(STRANGER), Some(STRANGER)).unwrap();
     let program = copied_program(here.path());
     let own_memory = format!("/dev/shm/edgecap-{STRANGER}");
