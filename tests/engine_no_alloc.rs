@@ -14,15 +14,20 @@ static CALLS: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call goes to the system's allocator unchanged; counting touches no memory it hands out.
 unsafe impl GlobalAlloc for Counting {
+    /// # Safety
+    /// As [`GlobalAlloc::alloc`].
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         CALLS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are the system allocator's.
+        // SAFETY: `layout` is handed on as it is: its size is not 0 (caller).
         unsafe { System.alloc(layout) }
     }
 
+    /// # Safety
+    /// As [`GlobalAlloc::dealloc`].
     unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
         CALLS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: as above.
+        // SAFETY: `ptr` and `layout` are handed on as they are: every block is the system's (`alloc`), and this one has
+        // this layout (caller).
         unsafe { System.dealloc(ptr, layout) }
     }
 }

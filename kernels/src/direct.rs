@@ -101,6 +101,11 @@ impl<'a, P: Panels> Job<'a, P> {
 /// `write` may be called where the features of `S` are on, for output elements that the caller owns.
 pub(crate) unsafe trait Write<S: Simd, Acc> {
     /// Stores M pixels' vectors to `place`.
+    ///
+    /// # Safety
+    /// The features of `S` are on. In the output `place.y < height`, `place.x + (M - 1) · place.step < width` and
+    /// `place.channel + place.n <= channels`, with `place.n <= LANES`; `place.lane + LANES` is at most the number of
+    /// padded lanes, of which each has a scale or bias. Nobody else has these elements.
     unsafe fn write<const M: usize>(&self, acc: [Acc; M], place: Place);
 }
 
@@ -131,6 +136,11 @@ pub(crate) unsafe trait Chain {
     type Panels: Panels;
 
     /// Adds `Σ taps Σ depth x · w` to a tile's accumulators.
+    ///
+    /// # Safety
+    /// The features of `D` are on. At every tap MR pixels, `tile.x_step` apart, have `4 · tile.depth` readable bytes;
+    /// `tile.weights` are `taps · depth · NV` vectors, packed for `D`; the lengths of a tap's segments, where this
+    /// chain takes segments, add up to the depth.
     unsafe fn sum<const MR: usize, const NV: usize>(
         acc: [[<Self::D as Dot>::Acc; NV]; MR],
         tile: &Tile,
@@ -168,6 +178,8 @@ unsafe impl<D: Dot> Chain for Plain<D> {
     type D = D;
     type Panels = Packed;
 
+    /// # Safety
+    /// As [`Chain::sum`].
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
         acc: [[D::Acc; NV]; MR],
@@ -183,7 +195,7 @@ impl<D: Dot> Plain<D> {
     /// many as it reads.
     ///
     /// # Safety
-    /// As [`Chain`].
+    /// As [`Chain::sum`].
     #[inline(always)]
     pub unsafe fn products<const MR: usize, const NV: usize, const AHEAD: usize>(
         mut acc: [[D::Acc; NV]; MR],
@@ -232,6 +244,8 @@ unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
     type D = D;
     type Panels = SegmentedPacked;
 
+    /// # Safety
+    /// As [`Chain::sum`].
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
         mut acc: [[D::Acc; NV]; MR],

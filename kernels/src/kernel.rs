@@ -1,8 +1,8 @@
 //! Descriptors of kernels, and the proof that this CPU can run one.
 //!
 //! A kernel is one static value: its name, how its weights are packed, the CPU features it asks for and the functions
-//! that run it, written once by a macro of `arch`. Functions can be called through [`Ready`] only, and a `Ready` exists
-//! only if the CPU has the features.
+//! that run it, written once by a macro of `arch`. To call them is unsafe: they run where the CPU has the features, and
+//! a [`Ready`] exists only if it has.
 
 use std::ops::Deref;
 
@@ -14,7 +14,11 @@ use crate::writers::{Biased, Float, ToF32, ToU8};
 use crate::{ConvShape, Isa, arch, pool};
 
 /// Something static that runs only where the CPU has some features.
-pub(crate) trait Kernel: 'static {
+///
+/// # Safety
+/// [`is_available`](Self::is_available) is true only where the CPU has all features that its functions are compiled
+/// with: callers take a [`Ready`] for the proof.
+pub(crate) unsafe trait Kernel: 'static {
     /// Whether this CPU has them.
     fn is_available(&self) -> bool;
 }
@@ -58,7 +62,9 @@ macro_rules! descriptor {
             $($(#[$field_doc])* pub $field: $type,)*
         }
 
-        impl $(<$p: 'static>)? Kernel for $name $(<$p>)? {
+        // SAFETY: `available` asks for the features of the functions: a macro of `arch` writes both from one list, and
+        // what it does not write (`DIRECT_AMX`, `TILES`) asks the system, too.
+        unsafe impl $(<$p: 'static>)? Kernel for $name $(<$p>)? {
             fn is_available(&self) -> bool {
                 (self.available)()
             }

@@ -32,7 +32,12 @@ pub(crate) struct Packed {
 }
 
 /// What a direct kernel reads: packed weights, and where a tap's sums have to leave i16.
-pub(crate) trait Panels {
+///
+/// # Safety
+/// Kernels rely on it: `packed` gives the same weights always, and `segments` of a panel begin with each of its taps'
+/// lengths in turn, all at least 1, those of a tap adding up to the depth; or there are none, and no kernel that sums
+/// in segments takes the type.
+pub(crate) unsafe trait Panels {
     /// The weights.
     fn packed(&self) -> &Packed;
 
@@ -41,7 +46,8 @@ pub(crate) trait Panels {
     fn segments(&self, panel: usize) -> &[u8];
 }
 
-impl Panels for Packed {
+// SAFETY: no segments; `Segmented` takes `SegmentedPacked` only.
+unsafe impl Panels for Packed {
     fn packed(&self) -> &Packed {
         self
     }

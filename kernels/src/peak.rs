@@ -199,7 +199,8 @@ pub(crate) unsafe fn dots<D: Dot>(steps: u64) -> u64 {
 #[inline(always)]
 unsafe fn dot_chains<D: Dot, const CHAINS: usize>(steps: u64) -> u64 {
     let numbers = std::hint::black_box([[1u8; 64]; CHAINS]);
-    // SAFETY: 64 bytes are at least one vector; the features are on.
+    // SAFETY: i < CHAINS, so that 64 · i + 64 <= the length of `numbers`; a vector is at most 64 bytes. The features
+    // are on (caller).
     unsafe {
         let at: *const u8 = numbers.as_ptr().cast();
         let (x, w) = (D::splat(at), D::weights(at));
@@ -231,7 +232,8 @@ const CHAINS: usize = 10;
 pub(crate) unsafe fn products<D: Dot>(steps: u64) -> u64 {
     let mut numbers = std::hint::black_box([1u8; 64 * CHAINS]);
     let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
-    // SAFETY: CHAINS times 64 bytes, each at least one vector; the features are on.
+    // SAFETY: i < CHAINS, so that 64 · i + 64 <= the length of `numbers`; a vector is at most 64 bytes. The features
+    // are on (caller).
     unsafe {
         let mut acc = [D::load_acc(at); CHAINS];
         for (i, chain) in acc.iter_mut().enumerate() {
@@ -261,7 +263,8 @@ const SUMS: usize = 6;
 pub(crate) unsafe fn sums<D: SegmentedDot>(steps: u64) -> u64 {
     let mut numbers = std::hint::black_box([1u8; 64 * SUMS]);
     let at: *mut u8 = std::hint::black_box(numbers.as_mut_ptr());
-    // SAFETY: 64 bytes are at least one vector; the features are on.
+    // SAFETY: i < SUMS, so that 64 · i + 64 <= the length of `numbers`; a vector is at most 64 bytes. The features are
+    // on (caller).
     unsafe {
         let mut w = [D::weights(at); SUMS];
         for (i, w) in w.iter_mut().enumerate() {

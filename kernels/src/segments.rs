@@ -61,7 +61,9 @@ impl SegmentedPacked {
     }
 }
 
-impl Panels for SegmentedPacked {
+// SAFETY: `new` cuts every panel's taps in turn, and what it cuts never changes: `cut` ends a segment at 1 group or
+// more, and every group of a tap lies in one.
+unsafe impl Panels for SegmentedPacked {
     fn packed(&self) -> &Packed {
         &self.packed
     }

@@ -5,8 +5,8 @@
 /// One CPU's vectors: `LANES` f32 or i32 lanes, and twice as many i16 lanes.
 ///
 /// # Safety
-/// Every method may be called only where the implementing tier's features are on. Loads and stores touch exactly the
-/// lanes they name (`n` of them, `n <= LANES`, where there is an `n`).
+/// Every method may be called only where the implementing tier's features are on. That is all for methods without a
+/// section of their own: they touch no memory. Loads and stores touch exactly what theirs name, at any alignment.
 pub(crate) unsafe trait Simd: Copy + 'static {
     /// 32-bit lanes.
     const LANES: usize;
@@ -19,8 +19,14 @@ pub(crate) unsafe trait Simd: Copy + 'static {
 
     unsafe fn zero_f() -> Self::F;
     unsafe fn splat_f(value: f32) -> Self::F;
+    /// # Safety
+    /// The tier's features are on; LANES f32 are readable at `at`.
     unsafe fn load_f(at: *const f32) -> Self::F;
+    /// # Safety
+    /// The tier's features are on; `n <= LANES`, and `n` f32 are readable at `at`.
     unsafe fn load_f_part(at: *const f32, n: usize) -> Self::F;
+    /// # Safety
+    /// The tier's features are on; `n <= LANES`, and `n` f32 are writable at `at`.
     unsafe fn store_f_part(value: Self::F, at: *mut f32, n: usize);
     unsafe fn add_f(a: Self::F, b: Self::F) -> Self::F;
     unsafe fn sub_f(a: Self::F, b: Self::F) -> Self::F;
@@ -36,13 +42,28 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     /// Rounds to nearest, ties to even.
     unsafe fn f_from_i(value: Self::I) -> Self::F;
     /// Stores `n` lanes, each within 0..=255, rounded to nearest, ties to even.
+    ///
+    /// # Safety
+    /// The tier's features are on; `n <= LANES`, and `n` bytes are writable at `at`.
     unsafe fn store_u8_part(value: Self::F, at: *mut u8, n: usize);
     /// Stores `n` lanes as `clamp(rne(value), 0, 127)`; every value lies within ±2³¹.
+    ///
+    /// # Safety
+    /// The tier's features are on; `n <= LANES`, and `n` bytes are writable at `at`.
     unsafe fn store_u7_part(value: Self::F, at: *mut u8, n: usize);
     /// [`store_u7_part`](Self::store_u7_part) of four whole vectors, `step` bytes apart.
+    ///
+    /// # Safety
+    /// The tier's features are on; LANES bytes are writable at every `at + k · step`, `k < 4`.
     unsafe fn store_u7_4(values: [Self::F; 4], at: *mut u8, step: usize);
+    /// # Safety
+    /// The tier's features are on; `n <= LANES`, and `n` bytes are readable at `at`.
     unsafe fn load_u8_part(at: *const u8, n: usize) -> Self::F;
+    /// # Safety
+    /// The tier's features are on; LANES i32 are readable at `at`.
     unsafe fn load_i(at: *const i32) -> Self::I;
+    /// # Safety
+    /// The tier's features are on; LANES i32 are writable at `at`.
     unsafe fn store_i(value: Self::I, at: *mut i32);
     unsafe fn add_i(a: Self::I, b: Self::I) -> Self::I;
     unsafe fn sub_i(a: Self::I, b: Self::I) -> Self::I;
@@ -50,8 +71,13 @@ pub(crate) unsafe trait Simd: Copy + 'static {
     unsafe fn shr_i(a: Self::I, bits: Self::I) -> Self::I;
     unsafe fn shl_i<const BITS: u32>(a: Self::I) -> Self::I;
 
-    /// Loads `n <= 2 · LANES` bytes, zero-extended; the other lanes are 0.
+    /// Loads `n` bytes, zero-extended; the other lanes are 0.
+    ///
+    /// # Safety
+    /// The tier's features are on; `n <= 2 · LANES`, and `n` bytes are readable at `at`.
     unsafe fn load_u8_h(at: *const u8, n: usize) -> Self::H;
+    /// # Safety
+    /// The tier's features are on; 2 · LANES i16 are writable at `at`.
     unsafe fn store_h(value: Self::H, at: *mut i16);
     unsafe fn add_h(a: Self::H, b: Self::H) -> Self::H;
     unsafe fn sub_h(a: Self::H, b: Self::H) -> Self::H;
@@ -62,7 +88,7 @@ pub(crate) unsafe trait Simd: Copy + 'static {
 /// `acc + x · w`, where a lane of `w` and of `x` is one 32-bit group of numbers: an f32, two i16 or four bytes.
 ///
 /// # Safety
-/// As for [`Simd`]. `weights` reads `4 · LANES` bytes, `splat` reads 4.
+/// As for [`Simd`]: `dot` touches no memory, the others exactly what their sections name, at any alignment.
 pub(crate) unsafe trait Dot: Copy + 'static {
     type S: Simd;
     /// Accumulator: i32 or f32 lanes.
@@ -82,8 +108,15 @@ pub(crate) unsafe trait Dot: Copy + 'static {
     const APART: bool = false;
 
     /// Loads LANES accumulators.
+    ///
+    /// # Safety
+    /// The tier's features are on; 4 · LANES bytes are readable at `at`.
     unsafe fn load_acc(at: *const u8) -> Self::Acc;
+    /// # Safety
+    /// The tier's features are on; 4 · LANES bytes are readable at `at`.
     unsafe fn weights(at: *const u8) -> Self::V;
+    /// # Safety
+    /// The tier's features are on; 4 bytes are readable at `at`.
     unsafe fn splat(at: *const u8) -> Self::V;
     unsafe fn dot(acc: Self::Acc, x: Self::V, w: Self::V) -> Self::Acc;
 }
@@ -92,7 +125,7 @@ pub(crate) unsafe trait Dot: Copy + 'static {
 /// groups, proved at pack time not to leave i16, and then added to the i32 accumulators.
 ///
 /// # Safety
-/// As for [`Dot`].
+/// As for [`Dot`]: none of these methods touches memory.
 #[cfg(target_arch = "x86_64")]
 pub(crate) unsafe trait SegmentedDot: Dot {
     /// The first group of a segment.
@@ -107,8 +140,10 @@ pub(crate) unsafe trait SegmentedDot: Dot {
 macro_rules! ops {
     ($($(#[$meta:meta])* fn $name:ident $(<const $c:ident: u32>)? ($($arg:ident: $ty:ty),*) $(-> $ret:ty)? = $body:expr;)*) => {
         $($(#[$meta])* #[inline(always)]
+        /// # Safety
+        /// That of the trait's method of this name.
         unsafe fn $name $(<const $c: u32>)? ($($arg: $ty),*) $(-> $ret)? {
-            // SAFETY: the trait's contract: the tier's features are on, and pointers are good for the lanes named.
+            // SAFETY: the caller upholds it: the tier's features are on, and pointers are good for the lanes named.
             unsafe { $body }
         })*
     };

@@ -79,7 +79,8 @@ struct Slab {
     len: usize,
 }
 
-// SAFETY: plain memory, of which each `Piece` has its own part.
+// SAFETY: plain memory. Pieces' ranges are disjoint (`Piece::new`, under the lock), and only a piece's `&mut` writes to
+// its range.
 unsafe impl Send for Slab {}
 // SAFETY: as above.
 unsafe impl Sync for Slab {}
@@ -87,11 +88,12 @@ unsafe impl Sync for Slab {}
 impl Slab {
     /// Room for `bytes`.
     fn new(bytes: usize) -> Self {
-        let len = bytes.next_multiple_of(PAGE);
-        // Only a 64-bit address space and its last page could be too short for it; then there is no such memory.
-        let Ok(layout) = Layout::from_size_align(len, PAGE) else {
-            panic!("expected less than {} bytes, found {len}", isize::MAX);
+        let len = bytes.checked_next_multiple_of(PAGE);
+        let layout = len.and_then(|len| Layout::from_size_align(len, PAGE).ok());
+        let Some(layout) = layout else {
+            panic!("expected less than {} bytes, found {bytes}", isize::MAX);
         };
+        let len = layout.size();
         let Some(start) = mapped(len) else {
             handle_alloc_error(layout)
         };
@@ -182,6 +184,12 @@ mod tests {
             assert!(piece.as_bytes().iter().all(|b| *b == i as u8), "{i}");
             assert_eq!(piece.clone().as_bytes(), piece.as_bytes());
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "expected less than")]
+    fn a_piece_of_more_bytes_than_there_are_addresses_is_refused() {
+        Piece::new(usize::MAX);
     }
 
     #[test]

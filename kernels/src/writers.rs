@@ -34,9 +34,12 @@ impl Place {
 
 // SAFETY: touches `n` elements of every pixel in the output and in the residual, and a whole vector of padded scales.
 unsafe impl<S: Simd> Write<S, S::I> for ToU8<'_> {
+    /// # Safety
+    /// As [`Write::write`].
     #[inline(always)]
     unsafe fn write<const M: usize>(&self, acc: [S::I; M], place: Place) {
-        // SAFETY: the place lies in the checked layouts.
+        // SAFETY: y < height, x + (M - 1) · step < width and channel + n <= channels (caller) in layouts that `check`
+        // proved to lie in their buffers; lane + LANES <= padded lanes, each with a scale (caller).
         unsafe {
             let scale = S::load_f(self.scale.add(place.lane));
             let mut values = [scale; M];
@@ -87,9 +90,12 @@ pub(crate) struct ToF32<'a> {
 
 // SAFETY: touches `n` elements of every pixel, and a whole vector of padded scales.
 unsafe impl<S: Simd> Write<S, S::I> for ToF32<'_> {
+    /// # Safety
+    /// As [`Write::write`].
     #[inline(always)]
     unsafe fn write<const M: usize>(&self, acc: [S::I; M], place: Place) {
-        // SAFETY: the place lies in the checked layout.
+        // SAFETY: y < height, x + (M - 1) · step < width and channel + n <= channels (caller) in a layout that `check`
+        // proved to lie in its buffer; lane + LANES <= padded lanes, each with a scale (caller).
         unsafe {
             let scale = S::load_f(self.scale.add(place.lane));
             let (at, step) = place.index(self.layout);
@@ -111,9 +117,12 @@ pub(crate) struct Float<'a> {
 
 // SAFETY: touches `n` elements of every pixel in the output and in the residual.
 unsafe impl<S: Simd> Write<S, S::F> for Float<'_> {
+    /// # Safety
+    /// As [`Write::write`].
     #[inline(always)]
     unsafe fn write<const M: usize>(&self, acc: [S::F; M], place: Place) {
-        // SAFETY: the place lies in the checked layouts.
+        // SAFETY: y < height, x + (M - 1) · step < width and channel + n <= channels (caller) in layouts that `check`
+        // proved to lie in their buffers.
         unsafe {
             let mut values = acc;
             if let Some((data, layout)) = self.residual {
@@ -145,9 +154,11 @@ pub(crate) struct Biased<'a> {
 
 // SAFETY: as for `Float`, and a whole vector of padded biases.
 unsafe impl<S: Simd> Write<S, S::F> for Biased<'_> {
+    /// # Safety
+    /// As [`Write::write`].
     #[inline(always)]
     unsafe fn write<const M: usize>(&self, acc: [S::F; M], place: Place) {
-        // SAFETY: the place lies in the checked layouts, and its lanes among the padded ones.
+        // SAFETY: lane + LANES <= padded lanes, each with a bias (caller); the rest is this function's own condition.
         unsafe {
             let bias = S::load_f(self.bias.add(place.lane));
             let mut values = acc;

@@ -82,12 +82,12 @@ pub(crate) unsafe fn read<M: Message>(
             return Err(CallError::Null { call, what });
         }
         // SAFETY: this function's own condition.
-        let reader = unsafe { of(call, reader) }?;
+        let (subscriber, held) = unsafe { of(call, reader) }?;
         // A reader may hold two messages: without this one, `newest` could not step over others.
-        reader.held = None;
+        *held = None;
         let timeout = Duration::from_millis(timeout_ms.into());
-        reader.held = take(&reader.subscriber, timeout)?;
-        let Some(held) = &reader.held else {
+        *held = take(subscriber, timeout)?;
+        let Some(held) = held else {
             return Ok(NONE);
         };
         // SAFETY: not null; the caller upholds that it may be written. The message stays where it is while it is held.
@@ -103,8 +103,8 @@ pub(crate) unsafe fn read<M: Message>(
 pub(crate) unsafe fn publishers<M: Message>(call: &'static str, reader: *mut Reader<M>) -> c_int {
     guarded(ERROR, || {
         // SAFETY: this function's own condition.
-        let reader = unsafe { of(call, reader) }?;
-        Ok(c_int::from(reader.subscriber.publisher_count() > 0))
+        let (subscriber, _) = unsafe { of(call, reader) }?;
+        Ok(c_int::from(subscriber.publisher_count() > 0))
     })
 }
 
@@ -118,21 +118,25 @@ pub(crate) unsafe fn close<M: Message>(call: &'static str, reader: *mut Reader<M
             return Ok(NONE);
         }
         // SAFETY: this function's own condition.
-        let reader = unsafe { of(call, reader) }?;
+        unsafe { of(call, reader) }?;
         // SAFETY: it came from a box in `open`, and the caller upholds that it is closed once.
         drop(unsafe { Box::from_raw(reader) });
         Ok(NONE)
     })
 }
 
+/// What the owner has of a reader: the subscriber, and the message that the caller looks at. Not all of it: another
+/// thread may look at whose it is meanwhile.
+type Own<'a, M> = (&'a Subscriber<M>, &'a mut Option<Received<M>>);
+
 /// The reader behind a pointer.
 ///
 /// # Safety
-/// `reader` is null or one that is open.
+/// `reader` is null or one that is open; what was given for it before is not used any more.
 unsafe fn of<'a, M: Message>(
     call: &'static str,
     reader: *mut Reader<M>,
-) -> Result<&'a mut Reader<M>, CallError> {
+) -> Result<Own<'a, M>, CallError> {
     let what = "a reader";
     if reader.is_null() {
         return Err(CallError::Null { call, what });
@@ -142,6 +146,8 @@ unsafe fn of<'a, M: Message>(
     if unsafe { (*reader).thread } != this_thread() {
         return Err(CallError::Thread);
     }
-    // SAFETY: as above, and only the thread that opened it comes here, one call after the other.
-    Ok(unsafe { &mut *reader })
+    // SAFETY: the caller upholds that it is an open reader. Only the thread that opened it comes here (compared above),
+    // one call after the other, so that nobody else has these two fields; others read `thread` alone, which neither
+    // covers.
+    Ok(unsafe { (&(*reader).subscriber, &mut (*reader).held) })
 }

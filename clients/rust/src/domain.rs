@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use iceoryx2::prelude::{Config, FileName, Path as RootPath, SemanticString};
-use rustix::fs::{FallocateFlags, FlockOperation, OFlags};
+use rustix::fs::{FallocateFlags, FlockOperation, Mode, OFlags};
 
 use crate::claim::is_at;
 use crate::error::LinkError;
@@ -143,11 +143,13 @@ impl Domain {
                 continue;
             };
             for entry in entries.flatten() {
-                let meta = entry.metadata()?;
+                // Others may be removing theirs.
+                let Ok(meta) = entry.metadata() else {
+                    continue;
+                };
                 if !meta.is_file() || meta.len() == 0 {
                     continue;
                 }
-                // Others may be removing theirs.
                 if let Ok(file) = OpenOptions::new().write(true).open(entry.path()) {
                     rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, meta.len())?;
                 }
@@ -164,6 +166,22 @@ impl Drop for Domain {
             let _ = remove(&self.path);
         }
     }
+}
+
+/// Looks whether there is room for so many bytes. They are free again afterwards: who writes then reserves.
+///
+/// # Errors
+/// The system's, when there is not.
+pub(crate) fn reserve_for_a_moment(folder: &Path, bytes: u64) -> io::Result<()> {
+    let file = tempfile_in(folder)?;
+    rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, bytes)?;
+    Ok(())
+}
+
+/// A file without a name.
+fn tempfile_in(folder: &Path) -> io::Result<File> {
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    Ok(rustix::fs::open(folder, flags, Mode::RUSR | Mode::WUSR)?.into())
 }
 
 fn name(id: u64) -> String {

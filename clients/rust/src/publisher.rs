@@ -10,7 +10,7 @@ use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::prelude::*;
 
 use crate::claim::{Claim, PATIENT};
-use crate::domain::Domain;
+use crate::domain::{Domain, reserve_for_a_moment};
 use crate::error::{LinkError, is_full};
 use crate::link::{Link, Side};
 use crate::place::{self, Place};
@@ -177,20 +177,6 @@ impl<M: Message> Made<M> {
 const fn domain_bytes<M>() -> u64 {
     let readers = (crate::link::MAX_SUBSCRIBERS + crate::link::RESERVED) as u64;
     readers * (BUFFER as u64 + 4) * size_of::<M>() as u64 + (2 << 20)
-}
-
-/// Fails where there is no room for so many bytes.
-fn reserve_for_a_moment(folder: &Path, bytes: u64) -> io::Result<()> {
-    let file = tempfile_in(folder)?;
-    rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes)?;
-    Ok(())
-}
-
-/// A file without a name.
-fn tempfile_in(folder: &Path) -> io::Result<std::fs::File> {
-    use rustix::fs::{Mode, OFlags};
-    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-    Ok(rustix::fs::open(folder, flags, Mode::RUSR | Mode::WUSR)?.into())
 }
 
 fn full(service: &str, folder: &Path, bytes: u64) -> LinkError {

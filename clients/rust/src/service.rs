@@ -2,7 +2,8 @@
 //!
 //! The stock `ipc::Service` differs in this alone. It keeps one object for all users, of mode 0666, which any of them
 //! may truncate; and a name there can be taken by whoever comes first. Below a folder of mode 0700 neither can happen.
-//! The folder lies in memory (`/run`, `$XDG_RUNTIME_DIR`, `/dev/shm`), so nothing reaches a disk.
+//! The folder lies in memory (`/run`, `$XDG_RUNTIME_DIR`, `/dev/shm`), so that nothing reaches a disk; where a user
+//! names another one, or another login took the name in `/dev/shm` and only the home folder is left (`place`), it may.
 
 use core::fmt::Debug;
 

@@ -16,7 +16,7 @@ use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::sample::Sample;
 
-use crate::domain::Domain;
+use crate::domain::{Domain, reserve_for_a_moment};
 use crate::error::LinkError;
 use crate::link::{Link, MAX_SUBSCRIBERS, Side};
 use crate::message::{FLAG_END_OF_STREAM, FLAG_FILE_TIME};
@@ -30,6 +30,9 @@ const SHORTEST_WAIT: Duration = Duration::from_micros(10);
 
 /// When a reader that found no place tries again: by then the publisher has freed those of killed readers.
 const TRY_AGAIN: Duration = Duration::from_secs(10);
+
+/// What must be free for a reader to join, bytes: several times what it writes into its own files there.
+const ROOM_TO_JOIN: u64 = 256 << 10;
 
 /// What the last message of a file says.
 const END_OF_FILE: u32 = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
@@ -263,8 +266,14 @@ impl<M: Message> Inner<M> {
         };
         let folder = folder.to_owned();
         (self.life, self.joined, self.tried) = (Some(life), None, Instant::now());
-        if let Ok(Some(domain)) = Domain::join(&folder, life) {
-            self.joined = Joined::new(domain, &self.camera, self.priority).ok();
+        // Nothing may be written into memory that is not there: first a look, then what is there is reserved.
+        if reserve_for_a_moment(&folder, ROOM_TO_JOIN).is_ok()
+            && let Ok(Some(domain)) = Domain::join(&folder, life)
+        {
+            let joined = Joined::new(domain, &self.camera, self.priority);
+            self.joined = joined
+                .ok()
+                .filter(|joined| joined.link.domain.reserve().is_ok());
         }
         if let Some(joined) = &mut self.joined {
             // SYNC POINT: a message is in the file before it is sent, so what is not in the file by now is sent to us.

@@ -22,7 +22,7 @@ impl FConv {
     /// As [`FConv::run_part`].
     pub(super) unsafe fn run_reference(&self, weights: &[f32], bias: &[f32], run: &Run) {
         let add = |sum, value: f32, weight: f32| sum + value * weight;
-        // SAFETY: (oy, ox, oc) lies in the output.
+        // SAFETY: the walk gives rows of `part`, ox < out_width and oc < out_channels; `check` put these in the buffer.
         let finish = |oy, ox, oc, sum| unsafe { self.finish(run, oy, ox, oc, sum) };
         // SAFETY: `check` proved that the input with its halo lies in the buffer.
         unsafe { convolve(&self.walk(run), run.input, weights, bias, add, finish) }
@@ -37,7 +37,7 @@ impl FConv {
         run: &Run,
     ) {
         let tile = |oc: usize, v: &[Points]| reference::tile(&weights[oc * v.len()..], v);
-        // SAFETY: (oy, ox, oc) lies in the output.
+        // SAFETY: the walk gives rows of `part`, ox < out_width and oc < out_channels; `check` put these in the buffer.
         let finish =
             |oy, ox, oc: usize, sum| unsafe { self.finish(run, oy, ox, oc, sum + bias[oc]) };
         // SAFETY: `check` proved that the input with its halo lies in the buffer.

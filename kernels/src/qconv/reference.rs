@@ -23,7 +23,7 @@ impl QConv {
     /// As [`QConv::run_part`].
     pub(super) unsafe fn run_reference(&self, weights: &[i8], bias: &[i32], run: &Run) {
         let add = |sum, value: u8, weight: i8| sum + i32::from(value) * i32::from(weight);
-        // SAFETY: (oy, ox, oc) lies in the output.
+        // SAFETY: the walk gives rows of `part`, ox < out_width and oc < out_channels; `check` put these in the buffer.
         let finish = |oy, ox, oc, sum| unsafe { self.finish(run, oy, ox, oc, sum) };
         // SAFETY: `check` proved that the input with its halo lies in the buffer.
         unsafe { convolve(&self.walk(run), run.input, weights, bias, add, finish) }
@@ -34,7 +34,7 @@ impl QConv {
     pub(super) unsafe fn run_winograd_reference(&self, weights: &TransformedWeights, run: &Run) {
         let transform = |d: &[u8; _]| reference::input(&d.map(i32::from));
         let tile = |oc, v: &[_]| reference::tile(weights, oc, v);
-        // SAFETY: (oy, ox, oc) lies in the output.
+        // SAFETY: the walk gives rows of `part`, ox < out_width and oc < out_channels; `check` put these in the buffer.
         let finish = |oy, ox, oc, sum| unsafe { self.finish(run, oy, ox, oc, sum) };
         // SAFETY: `check` proved that the input with its halo lies in the buffer.
         unsafe { walk(&self.walk(run), run.input, transform, tile, finish) }

@@ -138,7 +138,8 @@ impl<K: Kind> Job<'_, K> {
     /// `point < 36`, `tile < plan.tiles`.
     #[inline(always)]
     unsafe fn v(&self, point: usize, tile: usize) -> *mut K::Value {
-        // SAFETY: the region behind the products holds 36 · tiles rows.
+        // SAFETY: point < 36 and tile < plan.tiles (caller), so that products + point · plan.point + (tile + 1) · row
+        // <= plan.bytes() <= scratch.len() (`Prepared::job` asserts it).
         unsafe {
             self.scratch
                 .add(self.plan.products + point * self.plan.point + tile * self.plan.row)

@@ -14,7 +14,7 @@ use super::live::{CameraPort, CameraStream};
 use super::lock::DeviceLock;
 use super::mode::{Mode, candidates, with_room};
 use super::refusal::{refused, unusable};
-use super::v4l2::{Camera, Capabilities, Filled, Ready, Sizes, Stream};
+use super::v4l2::{Camera, Capabilities, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::raw::RawPicture;
@@ -239,6 +239,7 @@ impl V4l2Port {
             layout: decoder.layout(),
             needed: decoder.needed_bytes(),
             fps,
+            copied: Vec::new(),
             damaged: 0,
         }))
     }
@@ -258,39 +259,54 @@ struct V4l2Stream {
     /// Bytes of a whole picture.
     needed: usize,
     fps: Option<f64>,
+    /// A picture that is being looked at, before it takes the place of an older one.
+    copied: Vec<u8>,
     /// Pictures left out because they were damaged.
     damaged: u64,
 }
 
+/// A picture that the camera gave.
+struct Taken {
+    /// The camera's count of it.
+    sequence: u32,
+    /// CLOCK_MONOTONIC nanoseconds, `None` when the driver stamps something else.
+    time_ns: Option<u64>,
+}
+
 impl V4l2Stream {
-    /// Whether a buffer holds a picture.
-    fn is_whole(&self, filled: &Filled) -> bool {
-        let bytes = self.stream.bytes(filled);
-        !filled.damaged
-            && bytes.len() >= self.needed
+    /// Whether these are the bytes of a picture.
+    fn is_whole(&self, bytes: &[u8]) -> bool {
+        bytes.len() >= self.needed
             && (self.layout.format != PixelFormat::Mjpeg || bytes.starts_with(&JPEG_START))
     }
 
-    /// Every picture that is ready, the newest one kept, the others handed back at once.
-    fn take_newest(&mut self) -> io::Result<Option<Filled>> {
-        let (mut newest, mut ready) = (None, 0);
-        while let Some(filled) = self.stream.dequeue()? {
-            ready += 1;
-            if !self.is_whole(&filled) {
+    /// Takes every picture that is ready and hands its buffer back at once; `bytes` are the newest one's, which is
+    /// returned. After `None` they hold nothing useful.
+    fn take_newest(&mut self, bytes: &mut Vec<u8>) -> io::Result<Option<Taken>> {
+        // Where all buffers were full the camera had nowhere to put what came after: these pictures are old.
+        let full = self.stream.buffers().max(ENOUGH_BUFFERS);
+        let mut newest = None;
+        for _ in 0..full {
+            let Some(filled) = self.stream.dequeue()? else {
+                return Ok(newest);
+            };
+            let taken = Taken {
+                sequence: filled.sequence,
+                time_ns: filled.time_ns,
+            };
+            let is_damaged = filled.damaged;
+            self.stream.copy(&filled, &mut self.copied);
+            self.stream.queue(filled)?;
+            // Looked at once they are copied: in the buffer they may change.
+            if is_damaged || !self.is_whole(&self.copied) {
                 self.damaged += 1;
                 tracing::debug!("damaged picture left out, {} so far", self.damaged);
-                self.stream.queue(filled)?;
-            } else if let Some(older) = newest.replace(filled) {
-                self.stream.queue(older)?;
+            } else {
+                std::mem::swap(&mut self.copied, bytes);
+                newest = Some(taken);
             }
         }
-        if ready >= self.stream.buffers().max(ENOUGH_BUFFERS)
-            && let Some(old) = newest.take()
-        {
-            // The camera had nowhere to put what came after it.
-            self.stream.queue(old)?;
-        }
-        Ok(newest)
+        Ok(None)
     }
 }
 
@@ -302,25 +318,21 @@ impl CameraStream for V4l2Stream {
             if self.stream.wait(left)? == Ready::No {
                 return Ok(None);
             }
-            let Some(filled) = self.take_newest()? else {
+            let Some(taken) = self.take_newest(&mut raw.bytes)? else {
                 if left.is_zero() {
                     return Ok(None);
                 }
                 continue;
             };
             let now = monotonic_ns();
-            raw.time_ns = filled
+            raw.time_ns = taken
                 .time_ns
                 .filter(|t| t.abs_diff(now) < MAX_AGE_NS)
                 // Some drivers stamp the end of a picture that they still expect.
                 .map_or(now, |t| t.min(now));
             raw.layout = self.layout;
             raw.strict = false;
-            raw.bytes.clear();
-            raw.bytes.extend_from_slice(self.stream.bytes(&filled));
-            let sequence = filled.sequence;
-            self.stream.queue(filled)?;
-            return Ok(Some(sequence));
+            return Ok(Some(taken.sequence));
         }
     }
 

@@ -337,8 +337,8 @@ impl Engine {
             rgb.len()
         );
         // SAFETY: no frame of this engine is running (`&mut self`, and however `Team::run` is left, no thread is at
-        // work on the frame any more), so nobody else touches the arena; the first step's check put the input's layout
-        // within it.
+        // work on the frame any more), so nobody else touches the arena; slot.base + layout.buffer_len() <= plan.len,
+        // the arena's length (`Plan::new`).
         unsafe { picture::store(rgb, &self.input, &self.track.work.memory) };
         let pointers = [self.maps.head2d.as_mut_ptr(), self.maps.head3d.as_mut_ptr()];
         for (slot, head) in self.track.work.maps.iter().zip(self.order) {

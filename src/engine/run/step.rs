@@ -98,6 +98,8 @@ impl Work for Program {
         self.steps[step].parts.len()
     }
 
+    /// # Safety
+    /// As [`Work::run`]; an index out of bounds panics.
     unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch) {
         let (kernel, step) = (&self.kernels[step], &self.steps[step]);
         let part = &step.parts[part];

@@ -19,14 +19,14 @@ pub(super) trait Work: Send + Sync {
     /// Steps of a frame.
     fn steps(&self) -> usize;
 
-    /// Parts of a step.
+    /// Parts of a step; asked once, when a track is made.
     fn parts(&self, step: usize) -> usize;
 
     /// Runs one part.
     ///
     /// # Safety
-    /// All parts of earlier steps are done and seen by this thread; nobody runs this part, or a part of another step,
-    /// or uses what the work reads and writes, at the same time.
+    /// `step < steps()`, `part < parts(step)`. All parts of earlier steps are done and seen by this thread; nobody runs
+    /// this part, or a part of another step, or uses what the work reads and writes, at the same time.
     unsafe fn run(&self, step: usize, part: usize, scratch: &mut Scratch);
 }
 
@@ -35,6 +35,8 @@ pub(super) trait Work: Send + Sync {
 #[repr(align(128))]
 #[derive(Default)]
 struct Progress {
+    /// Parts of the step: the same for every thread and frame, or a part could be taken twice.
+    parts: usize,
     taken: AtomicUsize,
     done: AtomicUsize,
     /// When the last part was done in the last frame, nanoseconds since the track was made.
@@ -54,8 +56,12 @@ pub(super) struct Track<W: ?Sized> {
 impl<W: Work> Track<W> {
     /// Nothing of `work` is done yet.
     pub fn new(work: W) -> Self {
+        let progress = |step| Progress {
+            parts: work.parts(step),
+            ..Progress::default()
+        };
         Self {
-            progress: (0..work.steps()).map(|_| Progress::default()).collect(),
+            progress: (0..work.steps()).map(progress).collect(),
             frames: AtomicUsize::new(0),
             epoch: Instant::now(),
             begun: AtomicU64::new(0),
@@ -216,10 +222,10 @@ impl Team {
             finished: false,
         };
         for (step, progress) in track.progress.iter().enumerate() {
-            let parts = track.work.parts(step);
+            let parts = progress.parts;
             for part in 0..parts {
-                // SAFETY: no helper is called, so that this thread runs every part, in order; nobody else uses the
-                // work's memory (caller).
+                // SAFETY: step < steps() and part < parts, as `Track::new` found them; no helper is called, so that
+                // this thread runs every part, in order; nobody else uses the work's memory (caller).
                 unsafe { track.work.run(step, part, &mut self.scratch) };
             }
             // Keep the counters in step with the frames.
@@ -355,7 +361,7 @@ impl Shared {
     fn work(&self, track: &Track<dyn Work>, frame: usize, scratch: &mut Scratch) {
         let failed = || self.failed.load(Ordering::Relaxed);
         for (step, progress) in track.progress.iter().enumerate() {
-            let parts = track.work.parts(step);
+            let parts = progress.parts;
             let (first, end) = (frame * parts, (frame + 1) * parts);
             while !failed()
                 && let Some(i) = take(&progress.taken, end)
@@ -366,10 +372,11 @@ impl Shared {
                     step,
                     finished: false,
                 };
-                // SAFETY: every part is taken once, by one thread; this step's parts are taken only after all earlier
-                // steps' parts were seen to be done (acquire below, without a failure); nobody else uses the work's
-                // memory until the frame has ended (`Team::run`'s contract), and it ends only when no thread runs a
-                // part (`FrameEnd`).
+                // SAFETY: step < steps() and i - first < parts (`take`), as `Track::new` found them. All threads have
+                // the same parts, so that every part is taken once, by one thread; this step's parts are taken only
+                // after all earlier steps' parts were seen to be done (acquire below, without a failure); nobody else
+                // uses the work's memory until the frame has ended (`Team::run`'s contract), and it ends only when no
+                // thread runs a part (`FrameEnd`).
                 unsafe { track.work.run(step, i - first, scratch) };
                 done.finished = true;
             }
@@ -429,6 +436,8 @@ mod tests {
             2
         }
 
+        /// # Safety
+        /// None: atomics and locks only.
         unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
             if step == 1 {
                 self.second_step.fetch_add(1, Ordering::SeqCst);
@@ -486,6 +495,8 @@ mod tests {
             1
         }
 
+        /// # Safety
+        /// None: nothing is touched.
         unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
             if step == 1 {
                 std::panic::resume_unwind(Box::new("a kernel's failure"));
@@ -524,6 +535,8 @@ mod tests {
             step + 1
         }
 
+        /// # Safety
+        /// None: atomics and locks only.
         unsafe fn run(&self, step: usize, _part: usize, _scratch: &mut Scratch) {
             self.0[step].fetch_add(1, Ordering::Relaxed);
         }
@@ -545,6 +558,8 @@ mod tests {
             4
         }
 
+        /// # Safety
+        /// None: atomics and locks only.
         unsafe fn run(&self, _step: usize, _part: usize, _scratch: &mut Scratch) {
             let me = std::thread::current().id();
             let mut threads = self.threads.lock().unwrap();
@@ -557,6 +572,44 @@ mod tests {
                 std::thread::yield_now();
             }
         }
+    }
+
+    /// Counts its parts, and says at every question that there is one more.
+    struct Growing {
+        asked: AtomicUsize,
+        ran: AtomicUsize,
+    }
+
+    impl Work for Growing {
+        fn steps(&self) -> usize {
+            1
+        }
+
+        fn parts(&self, _step: usize) -> usize {
+            self.asked.fetch_add(1, Ordering::Relaxed) + 1
+        }
+
+        /// # Safety
+        /// None: atomics and locks only.
+        unsafe fn run(&self, _step: usize, _part: usize, _scratch: &mut Scratch) {
+            self.ran.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn a_step_has_as_many_parts_in_every_frame_and_for_every_thread() {
+        let track = Arc::new(Track::new(Growing {
+            asked: AtomicUsize::new(0),
+            ran: AtomicUsize::new(0),
+        }));
+        let mut team = Team::new(0, 3).unwrap();
+        for _ in 0..20 {
+            // SAFETY: this work shares nothing but atomics.
+            unsafe { team.run(&track) };
+        }
+        // SAFETY: as above.
+        unsafe { team.run_alone(&track, |_| {}) };
+        assert_eq!(track.work.ran.load(Ordering::Relaxed), 21);
     }
 
     #[test]

@@ -136,7 +136,7 @@ fn the_python_of_the_readme_works_as_printed() {
         return;
     }
     let readme = include_str!("../../../../README.md");
-    assert!(readme.contains("`export PYTHONPATH=clients/python`"));
+    assert!(readme.contains("`export PYTHONPATH=$PWD/clients/python`"));
     let code = readme.split("```python\n").nth(1).unwrap();
     let code = code.split("```").next().unwrap();
     let place = tempfile::tempdir().unwrap();
@@ -160,11 +160,6 @@ fn the_python_of_the_readme_works_as_printed() {
     let mut publisher = Publisher::<BodyFrame>::open_at(&folder, "camera0").unwrap();
     let mut frame = BodyFrame {
         count: 1,
-        world: World {
-            rotation: [1.0, 0.0, 0.0, 0.0],
-            translation: [0.0, 2.0, 0.0],
-            state: WorldState::GIVEN,
-        },
         ..BodyFrame::default()
     };
     frame.bodies[0] = Body {
@@ -187,11 +182,5 @@ fn the_python_of_the_readme_works_as_printed() {
     publisher.publish(&frame).unwrap();
     let said: Vec<String> = std::iter::once(first).chain(lines).collect();
     assert!(python.wait().unwrap().success());
-    assert_eq!(
-        said[..2],
-        [
-            "#3 tracked: 4.00 m away, right wrist at [0.25, 0.5, 3.5]",
-            "   pelvis 1.00 m above the floor"
-        ]
-    );
+    assert_eq!(said[0], "#3: 4.00 m away, right wrist at [0.25, 0.5, 3.5]");
 }

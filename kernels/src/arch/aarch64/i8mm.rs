@@ -74,6 +74,8 @@ unsafe impl Chain for Squares {
     type D = U8Square;
     type Panels = Packed;
 
+    /// # Safety
+    /// As [`Chain::sum`]; the depth is even, as `Packed` has whole pairs of groups (`TOGETHER` is 2).
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
         mut acc: [[int32x4_t; NV]; MR],

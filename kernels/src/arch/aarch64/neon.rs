@@ -220,6 +220,8 @@ unsafe impl Chain for Pairs {
     type D = U7;
     type Panels = Packed;
 
+    /// # Safety
+    /// As [`Chain::sum`].
     #[inline(always)]
     unsafe fn sum<const MR: usize, const NV: usize>(
         mut acc: [[int32x4_t; NV]; MR],

@@ -6,6 +6,7 @@
 mod granted;
 
 use std::arch::asm;
+use std::marker::PhantomData;
 
 pub(crate) use granted::is_granted;
 
@@ -41,7 +42,20 @@ struct Config {
 pub(crate) struct Tiles {
     pixels: usize,
     groups: usize,
+    /// Registers are a thread's: neither the tiles nor a reference to them may leave it.
+    thread: PhantomData<*mut ()>,
 }
+
+/// Does not compile where tiles could be sent to another thread or shared with it: then more than one `impl` fits.
+const _: fn() = || {
+    trait Stays<A> {
+        fn stays() {}
+    }
+    impl<T> Stays<()> for T {}
+    impl<T: Send> Stays<[(); 1]> for T {}
+    impl<T: Sync> Stays<[(); 2]> for T {}
+    <Tiles as Stays<_>>::stays();
+};
 
 impl Tiles {
     /// Tiles of `pixels` rows and `groups` 32-bit groups of channels.
@@ -52,6 +66,7 @@ impl Tiles {
         let mut tiles = Self {
             pixels: 0,
             groups: 0,
+            thread: PhantomData,
         };
         // SAFETY: the caller's contract.
         unsafe { tiles.resize(pixels, groups) };

@@ -27,6 +27,8 @@ unsafe impl<D: Dot<Acc = <<D as Dot>::S as Simd>::F>> Vectors<D> for Floats {
     type End = ();
     const WIDTH: usize = D::S::LANES;
 
+    /// # Safety
+    /// None: nothing is touched.
     #[inline(always)]
     unsafe fn end((): &(), _point: usize) {}
 

@@ -2,6 +2,7 @@
 
 use super::super::{IN, OUT};
 use super::{Job, Tiles, Vectors};
+use crate::direct::LINE;
 use crate::simd::Dot;
 
 /// Transforms the inputs of a chunk.
@@ -20,8 +21,9 @@ pub(super) unsafe fn transform_inputs<K: Vectors<D>, D: Dot>(
     let first = group * job.channels;
     for (i, (ty, tx)) in tiles.places().enumerate() {
         let (y, x) = ((ty * OUT) as isize - padding, (tx * OUT) as isize - padding);
-        // SAFETY: pixels at most `padding` outside the input are checked to be readable, and a group's channels lie
-        // within each; `zeros` holds a group's channels.
+        // SAFETY: -padding <= y and y + 5 < height + padding, x likewise, or what is further out is `zeros`, which
+        // holds a group's channels; padding <= halo (`check`), and first + channels <= those of a pixel, as group <
+        // groups.
         unsafe {
             if y + IN as isize <= height + padding && x + IN as isize <= width + padding {
                 let corner = job.input.add(layout.index(y, x) + first);
@@ -53,8 +55,10 @@ unsafe fn transform_pixels<K: Vectors<D>, D: Dot>(
 ) {
     let wide = K::WIDTH;
     let mut first = 0;
-    // SAFETY: vectors end with or before the last channel. Rows of V are whole cache lines of at least `channels`
-    // numbers, which hold a whole vector wherever one begins.
+    const { assert!(LINE.is_multiple_of(K::WIDTH * size_of::<K::Value>())) };
+    // SAFETY: first + n <= channels for the n that are loaded (`wide`, or `rest`). A row of V is a multiple of LINE of
+    // at least channels · size bytes, and WIDTH · size divides LINE (asserted): with first < channels, a multiple of
+    // WIDTH, first + WIDTH values lie in it.
     unsafe {
         while first + wide <= job.channels {
             transform_vector::<K, D>(job, tile, first, |y, x| {

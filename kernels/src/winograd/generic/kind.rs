@@ -20,9 +20,9 @@ pub(crate) trait Kind: 'static {
 /// Vectors of these numbers, and the transforms of six of them.
 ///
 /// # Safety
-/// Methods may be called only where the features of `D` are on, with points below 36. [`load`](Self::load) reads `n`
-/// numbers, `n <= WIDTH`, [`store`](Self::store) writes WIDTH and [`store_sum`](Self::store_sum) LANES; nothing else
-/// touches a tensor or the scratch.
+/// Every method may be called only where the features of `D` are on. That is all for methods without a section of their
+/// own: they touch no memory. [`load`](Self::load), [`store`](Self::store) and [`store_sum`](Self::store_sum) touch
+/// exactly what theirs name; nothing else touches a tensor or the scratch.
 pub(crate) unsafe trait Vectors<D: Dot>: Kind {
     /// Vector of transformed inputs; a whole number of them fills a cache line.
     type V: Copy;
@@ -32,16 +32,29 @@ pub(crate) unsafe trait Vectors<D: Dot>: Kind {
     const WIDTH: usize;
 
     /// Loads inputs as they are transformed, zeros behind the first `n`.
+    ///
+    /// # Safety
+    /// The features of `D` are on; `n <= WIDTH`, and `n` inputs are readable at `at`.
     unsafe fn load(at: *const Self::Input, n: usize) -> Self::V;
+    /// # Safety
+    /// The features of `D` are on; WIDTH values are writable at `at`.
     unsafe fn store(value: Self::V, at: *mut Self::Value);
     unsafe fn zero() -> Self::V;
     /// `Bᵀ` on six vectors.
     unsafe fn b_transform(d: [Self::V; 6]) -> [Self::V; 6];
 
     /// Where sums of a point begin.
+    ///
+    /// # Safety
+    /// The features of `D` are on; `point < 36`.
     unsafe fn start(sums: &Self::Sums<'_>, point: usize) -> D::Acc;
+    /// # Safety
+    /// The features of `D` are on; `point < 36`.
     unsafe fn end(sums: &Self::Sums<'_>, point: usize) -> Self::End;
     /// Stores what a point's sum ends as.
+    ///
+    /// # Safety
+    /// The features of `D` are on; LANES sums are writable at `at`.
     unsafe fn store_sum(sum: D::Acc, end: Self::End, at: *mut Self::Sum);
     unsafe fn add(a: D::Acc, b: D::Acc) -> D::Acc;
     unsafe fn sub(a: D::Acc, b: D::Acc) -> D::Acc;

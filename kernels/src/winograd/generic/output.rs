@@ -36,8 +36,8 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
                     x,
                     step: 1,
                 };
-                // SAFETY: the products of tile i were written by `multiply`; pixels are clipped to the part and the
-                // output.
+                // SAFETY: i < count <= plan.tiles and n < NV: `multiply` wrote these products. `put` clips rows to the
+                // part and columns to the width.
                 unsafe { self.transform_output::<D, NV>(i, n, place, whole) };
             }
         }
@@ -63,7 +63,8 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
     {
         let point = products_point::<D>(NV);
         let (tiles, tile) = (i / D::MAX_MR, i % D::MAX_MR);
-        // SAFETY: 36 points of the tile lie in the products (caller).
+        // SAFETY: i < plan.tiles and n < NV (caller), so that the tile's 36 points lie within plan.products
+        // (`Plan::new`).
         unsafe {
             let from = self.job.scratch.cast::<K::Sum>();
             let from = from.add(tiles * POINTS * point + (tile * NV + n) * D::S::LANES);
@@ -111,7 +112,8 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
             y: place.y + y,
             ..place
         };
-        // SAFETY: the row lies in the part and the output, or is clipped to them.
+        // SAFETY: place.y is a row of the part, and x + 3 < width where the tile is whole (caller), else x is clipped
+        // to the width; the writer's lanes and channels are `transform_outputs`': vector < vectors.
         unsafe {
             if whole {
                 self.writer.write(row, place);
@@ -164,7 +166,7 @@ unsafe fn sum_and_difference<K: Vectors<D>, D: Dot>(
 ) -> ([D::Acc; OUT], [D::Acc; OUT]) {
     let (mut sum, mut difference) = (a, a);
     for x in 0..OUT {
-        // SAFETY: no memory is touched.
+        // SAFETY: the features of `D` are on (caller); no memory is touched.
         unsafe {
             sum[x] = K::add(a[x], b[x]);
             difference[x] = K::sub(a[x], b[x]);

@@ -2,7 +2,7 @@
 //!
 //! Written against the crate `v4l`'s definitions but not its stream: after one timeout that queues the same buffer
 //! twice and fails for ever, and it panics when a camera goes away in a way that it does not expect. Here a buffer is
-//! either with the driver or in our hands, by type: [`Filled`] is what [`Stream::dequeue`] returns and
+//! either with the driver or in our hands, by type: [`Filled`](stream::Filled) is what [`Stream::dequeue`] returns and
 //! [`Stream::queue`] takes.
 
 mod control;
@@ -20,7 +20,7 @@ use v4l::v4l2::vidioc;
 use crate::capture::yuv::{Matrix, Range};
 
 pub(crate) use control::{Control, ControlKind, Controls};
-pub(crate) use stream::{Filled, Ready, Stream};
+pub(crate) use stream::{Ready, Stream};
 
 /// `V4L2_BUF_TYPE_VIDEO_CAPTURE`.
 const VIDEO_CAPTURE: u32 = 1;

@@ -1,4 +1,5 @@
-//! A running camera: mapped buffers, each either with the driver or in our hands.
+//! A running camera: mapped buffers, each either with the driver or in our hands. Pictures are copied out of them: no
+//! reference leads into a mapping, since a driver may write to it at any time.
 
 use std::ffi::c_void;
 use std::io;
@@ -33,8 +34,8 @@ unsafe impl Send for Mapping {}
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: `start..start + length` is exactly what mmap returned and nothing borrows it: slices live no longer
-        // than the stream that owns this. A failure would leave the mapping, which is harmless.
+        // SAFETY: `start..start + length` is exactly what mmap returned, and nothing borrows it: bytes are copied out.
+        // A failure would leave the mapping, which is harmless.
         let _ = unsafe { v4l2::munmap(self.start, self.length) };
     }
 }
@@ -83,6 +84,7 @@ impl Stream {
                 let start = v4l2::mmap(
                     std::ptr::null_mut(),
                     length,
+                    // Nothing is written; old drivers (videobuf) map in no other way.
                     libc::PROT_READ | libc::PROT_WRITE,
                     libc::MAP_SHARED,
                     stream.handle.fd(),
@@ -161,16 +163,23 @@ impl Stream {
         }))
     }
 
-    /// The bytes of a filled buffer.
-    pub fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
+    /// Puts the bytes of a filled buffer into `bytes`, in place of what was there. They may be of two pictures: a
+    /// program that feeds v4l2loopback writes to buffers without looking who reads.
+    pub fn copy(&self, filled: &Filled, bytes: &mut Vec<u8>) {
         let mapping = &self.mappings[filled.index as usize];
         // Of another stream's buffer it may be more.
         let used = filled.used.min(mapping.length);
-        // SAFETY: `used <= mapping.length`, by the line above, and `start..start + length` is mapped for as long as
-        // `self` lives: `Mapping` unmaps it, and only when the stream drops it. The driver does not write to a buffer
-        // between handing it out and getting it back, and it gets it back by `queue`, which consumes `filled`, borrowed
-        // here.
-        unsafe { std::slice::from_raw_parts(mapping.start.cast(), used) }
+        bytes.clear();
+        bytes.reserve(used);
+        // SAFETY: `used <= mapping.length`, by the line above, and `start..start + length` is mapped and readable for
+        // as long as `self` lives: `Mapping` unmaps it, and only when the stream drops it. `used <= bytes.capacity()`
+        // (`reserve`), in memory of the vector's own, so that both are apart; `0..used` is then initialised. Others may
+        // change the mapping meanwhile: raw bytes are copied, of which every value is one, and no reference is made.
+        unsafe {
+            let from = mapping.start.cast::<u8>().cast_const();
+            std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), used);
+            bytes.set_len(used);
+        }
     }
 
     /// Hands a buffer back to the driver.
