@@ -5,12 +5,12 @@
 
 use crate::assignment::assign;
 use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
-use crate::fit::config::{ConfigError, FitConfig};
+use crate::fit::config::{ConfigError, FitConfig, IdentityConfig};
 use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
 use crate::fit::evidence::Evidence;
 use crate::fit::identity::Appearance;
-use crate::fit::identity::{dissimilarity, looks_may_tell, reidentification};
+use crate::fit::identity::{confirms, dissimilarity, looks_may_tell, reidentification};
 use crate::fit::publish::Header;
 use crate::fit::publish::write_body;
 use crate::fit::scene::FloorEstimate;
@@ -19,12 +19,16 @@ use crate::fit::scene::SteadyFloor;
 use crate::fit::scene::assumed;
 use crate::fit::track::{Context, KnownJoint, Track};
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
-use crate::message::{Body, BodyFrame, FLAG_END_OF_STREAM, MAX_PEOPLE, ObservationFrame};
+use crate::message::{
+    Body, BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame,
+};
 
-/// Times that go back by more than this, or ahead by more than the identities' memory, belong to another recording.
+/// Times that go back by more than this belong to another recording.
 const RESTART_NS: u64 = 500_000_000;
 /// Shortest and longest step between frames, seconds.
 const STEP: [f64; 2] = [1e-3, 1.0];
+/// Longest interval that a camera's frames may usually have, seconds: what is longer is a gap.
+const LONGEST_INTERVAL: f64 = 10.0;
 /// Most people remembered after they left.
 const MAX_REMEMBERED: usize = 64;
 /// Share of the threshold for people without identity: chance must not confirm anybody.
@@ -33,6 +37,10 @@ const NEWCOMER: f64 = 0.5;
 const WAIT_FOR_LOOKS: f64 = 2.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
+/// Seconds that one look at clothes stands for, and looks that the first memory of them is the mean of. A little less
+/// than a thirtieth, so that rounding decides nothing.
+const LOOK: f64 = 0.033;
+const FIRST_LOOKS: f64 = 30.0;
 
 /// Counters of a fitter's life, for status displays.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -41,7 +49,7 @@ pub struct FitCounters {
     pub frames: u64,
     /// Frames left out because they were older than the newest.
     pub stale_frames: u64,
-    /// Times the input started over.
+    /// Times the input started over, or a gap was longer than people are remembered.
     pub restarts: u64,
     /// Identities given.
     pub births: u64,
@@ -84,6 +92,8 @@ pub struct Fitter {
     since_feet: f64,
     /// Seconds that the machine slept since the newest frame.
     slept: f64,
+    /// Seconds between the two newest frames, at most [`LONGEST_INTERVAL`].
+    interval: Option<f64>,
     counters: FitCounters,
 }
 
@@ -114,6 +124,7 @@ impl Fitter {
             floor: SteadyFloor::default(),
             since_feet: 0.0,
             slept: 0.0,
+            interval: None,
             counters: FitCounters::default(),
         })
     }
@@ -180,9 +191,10 @@ impl Fitter {
     /// `publish_ns` and `fit_us` are left to whoever publishes.
     ///
     /// A frame that is not newer than the newest, whatever its number, changes nothing and yields the newest bodies; a
-    /// step back of more than half a second starts over with nobody present (identities are never given again). After
-    /// more than a second without a frame everybody is looked for anew and recognised at first sight. An end of stream
-    /// without people changes nothing.
+    /// step back of more than half a second, or from the times of a file to those of a camera, starts over with nobody
+    /// present and no floor (identities are never given again). After more than a second without a frame everybody is
+    /// looked for anew and recognised at first sight; after a gap longer than the identities' memory people are
+    /// forgotten, the floor is not. An end of stream without people changes nothing.
     pub fn update(&mut self, frame: &ObservationFrame, out: &mut BodyFrame) {
         let ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if ended && frame.count == 0 {
@@ -201,7 +213,7 @@ impl Fitter {
             self.publish(pose_ns, 0.0, out);
             return;
         };
-        let (dt, after_pause) = (passed.min(STEP[1]), passed > STEP[1]);
+        let (dt, pause) = (passed.min(STEP[1]), (passed > STEP[1]).then_some(passed));
         for gone in &mut self.gone {
             gone.away += passed;
         }
@@ -223,7 +235,7 @@ impl Fitter {
         let matches = self.match_people(&seen, dt);
         self.advance(&seen, &matches, dt);
         self.start_people(&seen, &matches);
-        self.confirm(after_pause);
+        self.confirm(pause);
         self.learn_ground(dt);
         self.forget();
         for track in &mut self.present {
@@ -260,6 +272,10 @@ impl Fitter {
             return Some(STEP[0]);
         }
         let (now, before) = (frame.capture_ns, last.capture_ns);
+        if (frame.flags ^ last.flags) & FLAG_FILE_TIME != 0 {
+            self.start_over();
+            return Some(STEP[0]);
+        }
         if now <= before {
             if before - now <= RESTART_NS {
                 return None;
@@ -268,9 +284,14 @@ impl Fitter {
             return Some(STEP[0]);
         }
         let slept = std::mem::take(&mut self.slept);
-        let dt = (now - before) as f64 * 1e-9 + slept;
-        if dt > self.config.identity.memory.max(STEP[1]) {
-            self.start_over();
+        let interval = (now - before) as f64 * 1e-9;
+        let dt = interval + slept;
+        // Of the first two frames nobody knows whether there is a gap between them.
+        let interval = interval.min(LONGEST_INTERVAL);
+        let usual = self.interval.replace(interval).unwrap_or(interval);
+        if dt - usual > self.config.identity.memory.max(STEP[1]) {
+            // The camera is the same: where it was moved meanwhile, feet will contradict the floor.
+            self.forget_people();
             return Some(STEP[0]);
         }
         if dt > STEP[1] {
@@ -284,9 +305,15 @@ impl Fitter {
 
     fn start_over(&mut self) {
         self.slept = 0.0;
+        self.interval = None;
+        self.forget_people();
+        self.forget_floor();
+    }
+
+    /// Starts over with nobody.
+    fn forget_people(&mut self) {
         self.present.clear();
         self.gone.clear();
-        self.forget_floor();
         self.counters.restarts += 1;
     }
 
@@ -353,11 +380,8 @@ impl Fitter {
             match matches.iter().position(|m| *m == Some(t)) {
                 Some(person) => {
                     let (evidence, looks) = &seen[person];
-                    let alone = !seen
-                        .iter()
-                        .enumerate()
-                        .any(|(i, (other, _))| i != person && overlap(evidence, other));
-                    remember_looks(track, looks.as_ref(), alone, self.config.identity.refresh);
+                    let alone = is_alone(seen, person);
+                    remember_looks(track, looks.as_ref(), alone, dt, &self.config.identity);
                     track.observe(evidence.clone(), dt, &mut cx);
                 }
                 None => track.coast(dt, &mut cx),
@@ -373,20 +397,22 @@ impl Fitter {
             model: &self.model,
             solver: &mut self.solver,
         };
-        for ((evidence, looks), owner) in seen.iter().zip(matches) {
+        for (person, ((evidence, looks), owner)) in seen.iter().zip(matches).enumerate() {
             if owner.is_some() || self.present.len() >= 2 * MAX_PEOPLE {
                 continue;
             }
             if let Some(mut track) = Track::start(evidence, &mut cx) {
-                track.appearance = *looks;
+                first_looks(&mut track, looks.as_ref(), is_alone(seen, person));
                 self.present.push(track);
             }
         }
     }
 
-    /// Gives identities to those seen often enough: their old one if they are recognised.
-    fn confirm(&mut self, after_pause: bool) {
+    /// Gives identities to those seen often enough: their old one if they are recognised. `pause`: seconds since the
+    /// last frame, if these are long.
+    fn confirm(&mut self, pause: Option<f64>) {
         let config = &self.config.identity;
+        let after_pause = pause.is_some();
         let absent = self.absent();
         let known = || {
             let each = absent.iter().map(|(who, gone)| (self.track(*who), *gone));
@@ -427,8 +453,20 @@ impl Fitter {
             }
         }
         let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
+        // Newcomers where somebody stood in the last frame, long ago, as whom nobody of this one is recognised.
+        let is_confirmed: Vec<bool> = ready
+            .iter()
+            .map(|&t| {
+                let mut left = absent.iter().enumerate();
+                left.any(|(k, (who, away))| {
+                    pause.is_some_and(|pause| *away <= pause)
+                        && !pairs.contains(&Some(k))
+                        && confirms(&self.present[t], self.track(*who), *away, config)
+                })
+            })
+            .collect();
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
-        for (&t, pair) in ready.iter().zip(pairs) {
+        for ((&t, pair), is_confirmed) in ready.iter().zip(pairs).zip(is_confirmed) {
             let Some(who) = pair else {
                 let track = &self.present[t];
                 let apart = track.age / f64::from(track.hits.saturating_sub(1).max(1));
@@ -437,6 +475,7 @@ impl Fitter {
                     && !telling
                     && !is_sure(track)
                     && !self.config.stills
+                    && !is_confirmed
                 {
                     continue;
                 }
@@ -565,19 +604,40 @@ fn overlap(a: &Evidence, b: &Evidence) -> bool {
     common.x * common.y > 0.1 * area(al, ah).min(area(bl, bh))
 }
 
-/// Learns the looks of new people at once and refreshes those of others now and then, while nobody stands before them.
-fn remember_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool, refresh: f64) {
+/// Whether nobody else stands before a person, or behind.
+fn is_alone(seen: &[PersonEvidence], person: usize) -> bool {
+    let (evidence, _) = &seen[person];
+    let mut others = seen.iter().enumerate().filter(|(i, _)| *i != person);
+    !others.any(|(_, (other, _))| overlap(evidence, other))
+}
+
+/// Learns the looks of somebody of whom none are known: what is seen while somebody else stands before them counts for
+/// nothing beside what is seen later.
+fn first_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool) {
+    track.appearance = looks.copied();
+    track.appearance_age = 0.0;
+    track.looks = if looks.is_some() && alone { 1.0 } else { 0.0 };
+}
+
+/// Learns the looks of new people over the first second, and refreshes those of others now and then, while nobody
+/// stands before them. `dt`: seconds since the last frame.
+fn remember_looks(
+    track: &mut Track,
+    looks: Option<&Appearance>,
+    alone: bool,
+    dt: f64,
+    config: &IdentityConfig,
+) {
     let Some(looks) = looks else { return };
     match &mut track.appearance {
-        None => {
-            track.appearance = Some(*looks);
+        None => first_looks(track, Some(looks), alone),
+        Some(known) if track.looks < FIRST_LOOKS && alone => {
+            let look = (dt / LOOK).min(1.0);
+            track.looks += look;
+            known.blend(looks, (look / track.looks) as f32);
             track.appearance_age = 0.0;
         }
-        Some(known) if track.hits < 30 && alone => {
-            known.blend(looks, 1.0 / (track.hits + 1) as f32);
-            track.appearance_age = 0.0;
-        }
-        Some(known) if track.appearance_age > refresh && alone => {
+        Some(known) if track.appearance_age > config.refresh && alone => {
             known.blend(looks, 0.5);
             track.appearance_age = 0.0;
         }

@@ -39,13 +39,6 @@ impl NormalEquations {
         self.first.len()
     }
 
-    /// Row `i` from its first entry to the diagonal, and the column that it starts at.
-    pub fn row(&self, i: usize) -> (usize, &[f64]) {
-        let first = self.first[i];
-        let from = self.offset[i].wrapping_add(first);
-        (first, &self.values[from..=from + i - first])
-    }
-
     /// Adds to element (`i`, `j`), `j` ≤ `i`.
     ///
     /// # Panics

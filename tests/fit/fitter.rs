@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use crate::scene::measure::{Report, is_finite, line, run};
 use crate::scene::people::{self, Activity, Leg, Person};
-use crate::scene::{Noise, Scene};
+use crate::scene::{HEIGHT, Noise, Scene, WIDTH};
 use edgecap::body::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
 use edgecap::message::{
-    APPEARANCE_BINS, BodyFrame, BodyState, FLAG_END_OF_STREAM, JointState, Observation,
+    APPEARANCE_BINS, BodyFrame, BodyState, FLAG_END_OF_STREAM, Intrinsics, JointState, Observation,
     ObservationFrame,
 };
 use glam::{DQuat, DVec2, DVec3, Vec3};
@@ -206,8 +206,13 @@ struct Stage {
 
 impl Stage {
     fn new(cast: Vec<Person>) -> Self {
+        Self::at(FPS, cast)
+    }
+
+    /// At so many frames a second.
+    fn at(fps: f64, cast: Vec<Person>) -> Self {
         Self {
-            scene: Scene::new(cast, Noise::NONE, FPS, 1),
+            scene: Scene::new(cast, Noise::NONE, fps, 1),
             fitter: Fitter::new(FitConfig::default()).unwrap(),
             paused: 0,
         }
@@ -235,6 +240,44 @@ impl Stage {
         };
         truths.iter().map(|t| id(t.joints[PELVIS].x)).collect()
     }
+}
+
+/// Somebody of canonical stature who faces the camera at (x, z), metres, and of whom everything is seen but looks, at
+/// so many seconds.
+fn facing(seconds: f64, x: f64, z: f64) -> ObservationFrame {
+    let camera = Intrinsics::from_horizontal_fov(WIDTH, HEIGHT, 70.0);
+    let s = Skeleton::builtin();
+    let mut pose = Pose::facing_camera(z);
+    pose.position.x = x;
+    let mut posed = Posed::default();
+    s.pose(&pose, s.lengths(), &mut posed);
+    let mut seen = Observation {
+        score: 0.99,
+        ..Observation::default()
+    };
+    for (out, joint) in seen.joints2d.iter_mut().zip(posed.joints) {
+        let [u, v] = camera.project(joint.as_vec3().to_array());
+        *out = [u, v, 0.95];
+    }
+    for (out, joint) in seen.joints3d.iter_mut().zip(posed.joints) {
+        *out = (joint - posed.joints[PELVIS]).as_vec3().to_array();
+    }
+    let mut frame = ObservationFrame {
+        capture_ns: (seconds * 1e9).round() as u64,
+        width: WIDTH,
+        height: HEIGHT,
+        intrinsics: camera,
+        count: 1,
+        ..ObservationFrame::default()
+    };
+    frame.people[0] = seen;
+    frame
+}
+
+/// Takes looks away.
+fn undress(seen: &mut Observation) {
+    seen.hue = [0.0; APPEARANCE_BINS];
+    seen.saturation = [0.0; APPEARANCE_BINS];
 }
 
 /// Frames that a newcomer is seen without a name, in an empty view or where somebody else was just seen.
@@ -531,6 +574,48 @@ fn whoever_is_not_sure_is_born_at_second_sight_where_frames_are_seconds_apart() 
 }
 
 #[test]
+fn where_frames_are_farther_apart_than_the_place_tells_the_second_sight_is_enough_as_well() {
+    let way = people::walk(0.0, 1.0, &[(0.0, 4.0), (0.5, 4.0)]);
+    let person = Person::new(3, way, Activity::Stand);
+    let mut scene = Scene::new(vec![person], Noise::NONE, 0.2, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for f in 0..6 {
+        let (mut frame, _) = scene.next();
+        frame.people[0].score = 0.8;
+        dress(&mut frame.people[0], None, 0);
+        fitter.update(&frame, &mut out);
+        assert_eq!(out.count, u32::from(f > 0), "frame {f}");
+    }
+    // Nothing tells that it is the same one.
+    assert_eq!(fitter.counters().births, 5);
+}
+
+#[test]
+fn what_is_forgotten_at_once_is_no_frame_of_a_slow_camera() {
+    // Frames a second, seconds without frames, and who is there afterwards.
+    for (fps, pause, id) in [(0.8, 0, 1), (FPS, 0, 1), (FPS, 5, 2)] {
+        let mut config = FitConfig::default();
+        config.identity.memory = 0.0;
+        let mut fitter = Fitter::new(config).unwrap();
+        let mut out = BodyFrame::default();
+        let mut scene = Scene::new(vec![standing(3, 0.0, 4.0)], Noise::NONE, fps, 4);
+        for f in 0..12 {
+            let (mut frame, _) = scene.next();
+            dress(&mut frame.people[0], Some(10), 20);
+            let is_later = f >= 6;
+            if is_later {
+                frame.capture_ns += pause * 1_000_000_000;
+            }
+            fitter.update(&frame, &mut out);
+            let ids: Vec<u32> = out.bodies().iter().map(|b| b.id).collect();
+            let expected = if is_later { id } else { 1 };
+            assert_eq!(ids, [expected], "{fps} fps, pause of {pause} s, frame {f}");
+        }
+    }
+}
+
+#[test]
 fn times_that_do_not_rise_take_nothing_back_and_make_nobody_fast() {
     let mut scene = Scene::new(people::everyday(), Noise::NONE, FPS, 3);
     let frames: Vec<ObservationFrame> = (0..60).map(|_| scene.next().0).collect();
@@ -582,7 +667,7 @@ fn pictures_that_have_nothing_to_do_with_each_other() {
 
 #[test]
 fn any_frame_rate_will_do() {
-    for fps in [0.5, 0.8, 5.0, 12.0, 120.0] {
+    for fps in [0.5, 0.8, 2.0, 3.0, 5.0, 12.0, 120.0] {
         let mut scene = Scene::new(people::everyday(), Noise::REAL, fps, 5);
         let frames = (8.0 * fps).max(24.0) as u64;
         let r = run(&mut scene, FitConfig::default(), frames, frames / 4, false);
@@ -592,6 +677,90 @@ fn any_frame_rate_will_do() {
         assert_eq!(r.switches, 0, "{fps} fps");
         let (found, seen) = (r.matched as f64, r.detectable as f64);
         assert!(found > 0.9 * seen, "{found} of {seen} at {fps} fps");
+    }
+}
+
+#[test]
+fn whoever_hides_their_hips_and_walks_is_followed_at_few_frames_a_second() {
+    for fps in [5.0, 4.0, 3.0, 2.0] {
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for n in 0..(6.0 * fps) as u32 {
+            let seconds = f64::from(n) / fps;
+            // From the last frame of the first two seconds on.
+            let walked = 1.2 * (seconds - 2.0 + 1.0 / fps).max(0.0);
+            let mut frame = facing(1.0 + seconds, -2.5 + walked, 5.0);
+            let seen = &mut frame.people[0];
+            match seconds < 2.0 {
+                true => dress(seen, Some(10), 20),
+                false => seen.joints2d[8..].fill([0.0; 3]),
+            }
+            fitter.update(&frame, &mut out);
+            let found: Vec<_> = out.bodies().iter().map(|b| (b.id, b.state)).collect();
+            assert_eq!(found, [(1, BodyState::TRACKED)], "{fps} fps, {seconds} s");
+        }
+    }
+}
+
+#[test]
+fn whoever_walks_up_to_the_camera_is_not_taken_through_the_lens() {
+    const SPEED: f64 = 1.4;
+    let (from, last, stops) = (3.2, 1.2, 0.8);
+    // The camera gives no frame for so long, while the last half metre is walked.
+    for gap in [0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98] {
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let mut update = |seconds: f64, z: f64| {
+            fitter.update(&facing(1.0 + seconds, 0.0, z), &mut out);
+            let [body] = out.bodies() else {
+                panic!("gap of {gap} s, {z} m: {} bodies of one person", out.count);
+            };
+            assert_eq!((body.id, body.state), (1, BodyState::TRACKED));
+            let found = f64::from(body.position[2]);
+            assert!(
+                (found / z - 1.0).abs() < 0.1,
+                "gap of {gap} s: {found} m instead of {z}"
+            );
+        };
+        let frames = ((from - last) / SPEED * FPS) as u32;
+        for n in 0..=frames {
+            let seconds = f64::from(n) / FPS;
+            update(seconds, from - SPEED * seconds);
+        }
+        for n in 1..7 {
+            update(f64::from(frames + n) / FPS + gap, stops);
+        }
+    }
+}
+
+#[test]
+fn whoever_comes_back_turned_round_is_seen_from_behind() {
+    const SHOULDERS: (usize, usize) = (2, 5);
+    // Frames without them: more than a quarter of a second, and less than they are expected for.
+    for gap in [12, 20, 60] {
+        let mut scene = Scene::new(vec![standing(3, 0.0, 4.0)], Noise::NONE, FPS, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for n in 0..60 + gap + 30 {
+            if n == 60 {
+                scene.people[0].facing += std::f64::consts::PI;
+            }
+            let (mut frame, truths) = scene.next();
+            if (60..60 + gap).contains(&n) {
+                frame.count = 0;
+            }
+            fitter.update(&frame, &mut out);
+            if n < 60 + gap + 5 {
+                continue;
+            }
+            let (r, l) = SHOULDERS;
+            let body = &out.bodies()[0];
+            let [right, left] = [r, l].map(|j| Vec3::from_array(body.joints3d[j]));
+            let truth = truths[0].joints;
+            let truth = (truth[l] - truth[r]).as_vec3().normalize();
+            let alike = (left - right).normalize().dot(truth);
+            assert!(alike > 0.8, "away for {gap} frames, frame {n}: {alike}");
+        }
     }
 }
 
@@ -855,6 +1024,55 @@ fn without_colour_somebody_else_is_not_who_left() {
     }
 }
 
+/// Seconds for which somebody has no looks at all, or stands beside another one, before they show their own.
+#[derive(Debug, Clone, Copy)]
+enum Spoilt {
+    Hidden(f64),
+    Beside(f64),
+}
+
+#[test]
+fn looks_that_are_spoilt_at_first_do_not_stay() {
+    // So unlike that whoever comes back in them is somebody else, and not so that whoever is in view is.
+    const OWN: usize = 10;
+    const OTHER: usize = 12;
+    for fps in [30.0, 240.0] {
+        for spoilt in [Spoilt::Hidden(0.8), Spoilt::Beside(1.3)] {
+            let cast = vec![standing(3, 0.0, 4.0), standing(4, 0.25, 4.2)];
+            let mut stage = Stage::at(fps, cast);
+            // For so many seconds, whom, and in which clothes the first one is.
+            let mut show = |seconds: f64, shows: [bool; 2], hue: Option<usize>| {
+                let mut last = Vec::new();
+                for _ in 0..(seconds * fps).round() as usize {
+                    last = stage.frame(|k, seen| {
+                        match (k, hue) {
+                            (0, None) => undress(seen),
+                            (0, hue) => dress(seen, hue, 20),
+                            _ => dress(seen, Some(20), 20),
+                        }
+                        shows[k]
+                    });
+                }
+                (last.first().copied().flatten(), stage.fitter.counters())
+            };
+            match spoilt {
+                Spoilt::Hidden(seconds) => {
+                    show(seconds, [true, false], None);
+                    show(0.1, [true, false], Some(OTHER));
+                }
+                Spoilt::Beside(seconds) => {
+                    show(seconds, [true, true], Some(OTHER));
+                }
+            }
+            let (id, _) = show(2.0, [true, false], Some(OWN));
+            show(4.0, [false, false], None);
+            let (back, counters) = show(1.0, [true, false], Some(OWN));
+            assert_eq!((id, back), (Some(1), Some(1)), "{fps} fps, {spoilt:?}");
+            assert_eq!(counters.returns, 1, "{fps} fps, {spoilt:?}");
+        }
+    }
+}
+
 #[test]
 fn looks_are_waited_for_only_where_they_may_tell() {
     // Somebody of that saturation is away, and then the camera, for so long, seconds, when a newcomer who shows no hips
@@ -883,8 +1101,7 @@ fn looks_are_waited_for_only_where_they_may_tell() {
         assert_eq!(stage.fitter.counters().births, 1);
         let named = (0..90).find(|_| {
             stage.frame(|k, seen| {
-                seen.hue = [0.0; APPEARANCE_BINS];
-                seen.saturation = [0.0; APPEARANCE_BINS];
+                undress(seen);
                 k == 1
             });
             stage.fitter.counters().births > 1

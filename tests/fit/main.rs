@@ -19,6 +19,7 @@ mod multiview;
 mod noise;
 mod one_of_two;
 mod one_view;
+mod piped;
 mod place;
 mod printed;
 mod rate;

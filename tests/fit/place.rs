@@ -3,10 +3,11 @@
 use crate::scene::measure::run;
 use crate::scene::people::{self, Activity, Counter, Person};
 use crate::scene::{Noise, Scene};
+use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
-use edgecap::message::{BodyFrame, World, WorldState};
+use edgecap::message::{BodyFrame, FLAG_FILE_TIME, World, WorldState};
 
 const FPS: f64 = 30.0;
 
@@ -209,6 +210,64 @@ fn a_given_floor_is_the_world_at_once() {
     assert!(below.iter().all(|v| v.abs() < 1e-6), "{below:?}");
     let ahead = out.world.point([1.0, 0.0, 5.0]);
     assert!((ahead[0] - 1.0).abs() < 1e-6 && (ahead[2] + 5.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_given_floor_tells_the_height_in_the_first_frame() {
+    let truth = 1.20;
+    let ground = GroundConfig {
+        normal: [0.0, -1.0, 0.0],
+        offset: crate::scene::CAMERA_HEIGHT,
+    };
+    for stills in [false, true] {
+        let here = people::walk(0.0, 1.0, &[(0.3, 4.5), (0.3, 4.5)]);
+        let mut child = Person::new(2, here, Activity::Stand).of_height(truth);
+        child.lengths = *Skeleton::builtin().lengths();
+        let mut scene = Scene::new(vec![child], Noise::NONE, FPS, 5);
+        let config = FitConfig {
+            ground: Some(ground),
+            stills,
+            ..FitConfig::default()
+        };
+        let mut fitter = Fitter::new(config).unwrap();
+        let mut out = BodyFrame::default();
+        for n in 0..3 {
+            fitter.update(&scene.next().0, &mut out);
+            let found = f64::from(out.bodies()[0].height);
+            assert!(
+                (found - truth).abs() < 0.06 * truth,
+                "stills: {stills}, frame {n}: {found} m"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_gap_leaves_the_floor_where_it_was() {
+    let mut scene = standing();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for _ in 0..300 {
+        fitter.update(&scene.next().0, &mut out);
+    }
+    assert_eq!(out.world.state, WorldState::ESTIMATED);
+    let ahead = out.world.point([0.0, 0.0, 5.0]);
+    let known = out.bodies().last().expect("five people").id;
+    // Longer than people are remembered.
+    let mut later = |flags: u32| {
+        let (mut frame, _) = scene.next();
+        frame.capture_ns += 70_000_000_000;
+        frame.flags = flags;
+        fitter.update(&frame, &mut out);
+        out
+    };
+    let back = later(0);
+    assert_eq!(back.world.state, WorldState::ESTIMATED);
+    let moved = (0..3).map(|i| (back.world.point([0.0, 0.0, 5.0])[i] - ahead[i]).abs());
+    assert!(moved.fold(0.0, f32::max) < 0.01, "the world jumped");
+    assert!(back.count > 0 && back.bodies().iter().all(|b| b.id > known));
+    // A film has a clock of its own, and shows another place.
+    assert_eq!(later(FLAG_FILE_TIME).world, World::default());
 }
 
 /// Adults and a child on one floor, no settings: feet tell how tall each is beside the others.

@@ -237,7 +237,7 @@ fn fit_all(
             }
             is_idle = false;
         }
-        if pace.is_due(&out, Instant::now()) {
+        if pace.is_due(Instant::now()) {
             fit.predict(monotonic_ns(), &mut out);
             out.fit_us = fit_us;
             publish(&mut out)?;
@@ -251,6 +251,19 @@ fn fit_all(
         }
     }
     Ok(())
+}
+
+/// What to say of a frame whose size is not the calibration's: a camera may be asked for that.
+fn advised(error: anyhow::Error, view: &View, frame: &ObservationFrame) -> anyhow::Error {
+    let is_turned = view.for_pictures([frame.height, frame.width]).is_some();
+    if is_turned || frame.flags & FLAG_FILE_TIME != 0 {
+        return error;
+    }
+    let told = told(&error);
+    Failure::data(format!(
+        "{told}, or ask the camera for the calibration's by --capture-size"
+    ))
+    .into()
 }
 
 /// What is known of every camera besides what it sees.
@@ -338,7 +351,7 @@ impl<'a> Cameras<'a> {
         own.is_file = frame.flags & FLAG_FILE_TIME != 0;
         let size = [frame.width, frame.height];
         if own.size != Some(size) {
-            match pictured(view, size, name) {
+            match pictured(view, size, name).map_err(|e| advised(e, view, frame)) {
                 Err(e) if own.size.is_some() && !own.is_file => {
                     if !std::mem::replace(&mut own.is_other, true) {
                         tracing::warn!("{}; until then bodies come of the other cameras", told(&e));
@@ -414,6 +427,28 @@ mod tests {
         camera.rhythm.hear(at(1000.0));
         camera.rhythm.hear(at(1000.1));
         assert!(!camera.is_silent(began, at(1001.0)) && camera.is_silent(began, at(1001.2)));
+    }
+
+    #[test]
+    fn a_camera_of_another_size_may_be_asked_for_the_right_one() {
+        let (names, view) = (["hall".to_owned()], View::around(0.0));
+        let refused = |[width, height]: [u32; 2], flags| {
+            let frame = ObservationFrame {
+                width,
+                height,
+                flags,
+                ..ObservationFrame::default()
+            };
+            let checked = Cameras::new(&names).check(0, &view, &frame);
+            told(&checked.unwrap_err())
+        };
+        let small = refused([540, 960], 0);
+        assert!(small.starts_with("hall: expected pictures of 1080x1920 pixels"));
+        assert!(small.ends_with("--capture-size"), "{small}");
+        for (size, flags) in [([540, 960], FLAG_FILE_TIME), ([1920, 1080], 0)] {
+            let other = refused(size, flags);
+            assert!(!other.contains("--capture-size"), "{other}");
+        }
     }
 
     #[test]

@@ -2,12 +2,11 @@
 //! that are calibrated, or from a recorded file.
 
 mod cameras;
+mod lines;
 pub mod numbers;
 mod pace;
 pub mod settings;
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -26,6 +25,7 @@ use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::say;
 use super::stop::Stop;
+use lines::Lines;
 use numbers::Numbers;
 use pace::{Fresh, Pace};
 
@@ -150,8 +150,8 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         )
         .into());
     }
-    let lines = open(input)?;
-    args.record.add_to::<BodiesRow>(true, &mut sinks)?;
+    let lines = Lines::open(input, &stop)?;
+    args.record.add_to::<BodiesRow>(lines.has_end, &mut sinks)?;
     recorded(
         &mut fitter,
         lines,
@@ -212,29 +212,25 @@ fn live(
         };
         heart.beat(Beat::Idle);
         while !stop.requested() {
-            if let Some(frame) = observations.next(pace.patience(STEP, Instant::now()))? {
-                if frame.flags & FLAG_END_OF_STREAM != 0 {
-                    // The sinks say so to whoever reads; nothing may follow.
-                    break;
+            match observations.next(pace.patience(STEP, Instant::now()))? {
+                // The sinks say so to whoever reads; nothing may follow.
+                Some(frame) if frame.flags & FLAG_END_OF_STREAM != 0 => break,
+                Some(frame) if fresh.is_news(&frame) => {
+                    let start = Instant::now();
+                    let slept = sleep.seconds();
+                    if frame.flags & FLAG_FILE_TIME == 0 {
+                        fitter.slept(slept);
+                    }
+                    fitter.update(&frame, &mut out);
+                    fit_us = start.elapsed().as_micros() as u32;
+                    out.fit_us = fit_us;
+                    if pace.fitted(&out, Instant::now()) {
+                        take(&mut out)?;
+                    }
                 }
-                if !fresh.is_news(&frame) {
-                    continue;
-                }
-                let start = Instant::now();
-                let slept = sleep.seconds();
-                if frame.flags & FLAG_FILE_TIME == 0 {
-                    fitter.slept(slept);
-                }
-                fitter.update(&frame, &mut out);
-                fit_us = start.elapsed().as_micros() as u32;
-                out.fit_us = fit_us;
-                if pace.fitted(&out, Instant::now()) {
-                    take(&mut out)?;
-                }
-            } else {
-                heart.beat(Beat::Idle);
+                Some(_) | None => heart.beat(Beat::Idle),
             }
-            if pace.is_due(&out, Instant::now()) {
+            if pace.is_due(Instant::now()) {
                 fitter.predict(monotonic_ns(), &mut out);
                 out.fit_us = fit_us;
                 take(&mut out)?;
@@ -246,18 +242,9 @@ fn live(
     finish(sinks, frames, outcome).1
 }
 
-/// Opens recorded observations.
-fn open(input: &Path) -> anyhow::Result<Box<dyn BufRead>> {
-    if input.as_os_str() == "-" {
-        return Ok(Box::new(std::io::stdin().lock()));
-    }
-    let file = File::open(input).map_err(|e| Failure::no_input(input, &e))?;
-    Ok(Box::new(BufReader::new(file)))
-}
-
 fn recorded(
     fitter: &mut Fitter,
-    lines: Box<dyn BufRead>,
+    lines: Lines,
     input: &Path,
     camera: Option<&Path>,
     mut sinks: Sinks<BodyFrame>,
@@ -271,14 +258,23 @@ fn recorded(
             fov_degrees: DEFAULT_FOV,
         },
     };
-    let mut reader = ObservationReader::new(lines, input.display().to_string(), camera);
+    let Lines { from, has_end } = lines;
+    let mut reader = ObservationReader::new(from, input.display().to_string(), camera);
     let mut frame = Box::new(ObservationFrame::default());
     let mut out = Box::new(BodyFrame::default());
     let (mut frames, mut told, mut numbers) = (0, false, Numbers::default());
     let mut fit = || -> anyhow::Result<()> {
-        while reader.read(&mut frame)? {
+        loop {
+            let is_frame = reader.read(&mut frame);
             if stop.requested() {
-                return Err(Failure::stopped(frames).into());
+                // What was being read then ends wherever it was.
+                return match has_end {
+                    true => Err(Failure::stopped(frames).into()),
+                    false => Ok(()),
+                };
+            }
+            if !is_frame? {
+                break;
             }
             let start = Instant::now();
             fitter.update(&frame, &mut out);
@@ -325,6 +321,9 @@ fn recorded(
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+    use std::io::BufReader;
+
     use super::*;
     use crate::message::Intrinsics;
     use crate::record::{Format, ObservationsRow, Row, RowReader};
@@ -354,7 +353,10 @@ mod tests {
         let path = folder.path().join("bodies.jsonl");
         let mut sinks = Sinks::default();
         sinks.push(RecordSink::<BodiesRow>::create(&path, Format::Jsonl).unwrap());
-        let lines = Box::new(std::io::Cursor::new(observations()));
+        let lines = Lines {
+            from: Box::new(std::io::Cursor::new(observations())),
+            has_end: false,
+        };
         let mut fitter = Fitter::new(FitConfig::default()).unwrap();
         let input = Path::new("-");
         recorded(&mut fitter, lines, input, None, sinks, &Stop::never()).unwrap();

@@ -10,28 +10,63 @@ use crate::counted::counted;
 /// What was seen longer ago is history, not news: it waited while a process stood still. Nor is it extrapolated
 /// further.
 const STALE: Duration = Duration::from_secs(1);
+/// Where nothing but history has come for so long it is no queue that empties.
+const NO_NEWS: Duration = Duration::from_secs(5);
 
 /// Leaves out observations that waited somewhere until they were no news any more.
 #[derive(Debug, Default)]
 pub struct Fresh {
     stale: u64,
+    /// When the first of them came, nanoseconds of the monotonic clock.
+    since: u64,
+    /// It was said that nothing else comes.
+    said: bool,
+}
+
+/// What is to be said of observations that were left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Word {
+    /// So many, before the first that is news again.
+    LeftOut(u64),
+    /// Nothing else has come for [`NO_NEWS`].
+    NoNews,
 }
 
 impl Fresh {
-    /// Whether an observation is news; says how many were not. One of a file has a time of its own.
+    /// Whether an observation is news; says how many were not, or that none is. One of a file has a time of its own.
     pub fn is_news(&mut self, frame: &ObservationFrame) -> bool {
+        let (is_news, word) = self.look(frame, monotonic_ns());
+        match word {
+            Some(Word::LeftOut(stale)) => {
+                let stale = counted(stale, "observation", "observations");
+                tracing::warn!("{stale} of more than {STALE:?} ago left out");
+            }
+            Some(Word::NoNews) => tracing::warn!(
+                "nothing but observations of more than {STALE:?} ago for {NO_NEWS:?}, all left out: expected times of this machine's monotonic clock, and pictures no older; look at what publishes them"
+            ),
+            None => {}
+        }
+        is_news
+    }
+
+    /// The same at `now`, nanoseconds of the monotonic clock, and what is to be said.
+    fn look(&mut self, frame: &ObservationFrame, now: u64) -> (bool, Option<Word>) {
         let newest = frame.publish_ns.max(frame.capture_ns);
-        let age = Duration::from_nanos(monotonic_ns().saturating_sub(newest));
-        if frame.flags & FLAG_FILE_TIME == 0 && age > STALE {
-            self.stale += 1;
-            return false;
+        let age = Duration::from_nanos(now.saturating_sub(newest));
+        if frame.flags & FLAG_FILE_TIME != 0 || age <= STALE {
+            let stale = std::mem::take(self).stale;
+            return (true, (stale > 0).then_some(Word::LeftOut(stale)));
         }
-        if self.stale > 0 {
-            let stale = std::mem::take(&mut self.stale);
-            let stale = counted(stale, "observation", "observations");
-            tracing::warn!("{stale} of more than {STALE:?} ago left out");
+        if self.stale == 0 {
+            self.since = now;
         }
-        true
+        self.stale += 1;
+        let lasts = Duration::from_nanos(now.saturating_sub(self.since));
+        if self.said || lasts < NO_NEWS {
+            return (false, None);
+        }
+        self.said = true;
+        (false, Some(Word::NoNews))
     }
 }
 
@@ -40,6 +75,7 @@ impl Fresh {
 pub struct Pace {
     period: Option<Duration>,
     next: Instant,
+    /// When bodies were fitted last; not those of a file, whose clock is not ours to extrapolate on.
     fitted: Option<Instant>,
 }
 
@@ -61,18 +97,19 @@ impl Pace {
         self.next.saturating_duration_since(now).min(longest)
     }
 
-    /// Bodies have been fitted; whether they are published as they are. A file's clock is not ours to extrapolate on.
+    /// Bodies have been fitted; whether they are published as they are.
     pub fn fitted(&mut self, bodies: &BodyFrame, now: Instant) -> bool {
-        self.fitted = Some(now);
-        self.period.is_none() || bodies.flags & FLAG_FILE_TIME != 0
+        let of_file = bodies.flags & FLAG_FILE_TIME != 0;
+        self.fitted = (!of_file).then_some(now);
+        self.period.is_none() || of_file
     }
 
     /// Whether it is time to extrapolate the bodies fitted last. What was missed is not made up for.
-    pub fn is_due(&mut self, bodies: &BodyFrame, now: Instant) -> bool {
+    pub fn is_due(&mut self, now: Instant) -> bool {
         let Some(period) = self.period else {
             return false;
         };
-        if now < self.next || !self.is_known(now) || bodies.flags & FLAG_FILE_TIME != 0 {
+        if now < self.next || !self.is_known(now) {
             return false;
         }
         self.next += period;
@@ -102,16 +139,16 @@ mod tests {
         let start = pace.next;
         let at = |ms: u64| start + Duration::from_millis(ms);
         pace.fitted(&bodies, at(0));
-        assert!(pace.is_due(&bodies, at(0)));
-        assert!(!pace.is_due(&bodies, at(9)));
+        assert!(pace.is_due(at(0)));
+        assert!(!pace.is_due(at(9)));
         // A little late: the pace stays.
-        assert!(pace.is_due(&bodies, at(14)));
+        assert!(pace.is_due(at(14)));
         assert_eq!(pace.patience(LONGEST, at(14)), Duration::from_millis(6));
         // By more than a period.
-        assert!(pace.is_due(&bodies, at(45)));
-        assert!(!pace.is_due(&bodies, at(45)) && !pace.is_due(&bodies, at(54)));
+        assert!(pace.is_due(at(45)));
+        assert!(!pace.is_due(at(45)) && !pace.is_due(at(54)));
         assert_eq!(pace.patience(LONGEST, at(45)), Duration::from_millis(10));
-        assert!(pace.is_due(&bodies, at(55)));
+        assert!(pace.is_due(at(55)));
     }
 
     #[test]
@@ -121,11 +158,68 @@ mod tests {
         let start = pace.next;
         let later = start + Duration::from_secs(5);
         assert_eq!(pace.patience(LONGEST, later), LONGEST);
-        assert!(!pace.is_due(&bodies, later));
+        assert!(!pace.is_due(later));
         pace.fitted(&bodies, later);
-        assert!(pace.is_due(&bodies, later));
+        assert!(pace.is_due(later));
         let silent = later + STALE;
         assert_eq!(pace.patience(LONGEST, silent), LONGEST);
-        assert!(!pace.is_due(&bodies, silent));
+        assert!(!pace.is_due(silent));
+    }
+
+    #[test]
+    fn nothing_is_due_between_bodies_of_a_file() {
+        let film = BodyFrame {
+            flags: FLAG_FILE_TIME,
+            ..BodyFrame::default()
+        };
+        let mut pace = Pace::new(Some(100));
+        let start = pace.next;
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        assert!(pace.fitted(&film, at(0)), "published as they are");
+        assert_eq!(pace.patience(LONGEST, at(50)), LONGEST);
+        assert!(!pace.is_due(at(50)));
+        // A camera's after a file's.
+        assert!(!pace.fitted(&BodyFrame::default(), at(60)));
+        assert_eq!(pace.patience(LONGEST, at(60)), Duration::ZERO);
+        assert!(pace.is_due(at(60)));
+    }
+
+    /// An observation of `captured` seconds, of a file or a camera.
+    fn captured(captured: u64, flags: u32) -> ObservationFrame {
+        ObservationFrame {
+            capture_ns: captured * 1_000_000_000,
+            flags,
+            ..ObservationFrame::default()
+        }
+    }
+
+    #[test]
+    fn where_nothing_but_history_comes_that_is_said_once() {
+        let mut fresh = Fresh::default();
+        let mut look = |frame, second: u64| fresh.look(&frame, second * 1_000_000_000);
+        // A clock that lags by a minute.
+        for second in 100..105 {
+            assert_eq!(look(captured(second - 60, 0), second), (false, None));
+        }
+        let said = (false, Some(Word::NoNews));
+        assert_eq!(look(captured(45, 0), 105), said);
+        for second in 106..200 {
+            assert_eq!(look(captured(second - 60, 0), second), (false, None));
+        }
+        assert_eq!(
+            look(captured(200, 0), 200),
+            (true, Some(Word::LeftOut(100)))
+        );
+        assert_eq!(look(captured(201, 0), 201), (true, None));
+        // A queue that empties is counted, and what lasts again is said again.
+        assert_eq!(look(captured(198, 0), 202), (false, None));
+        assert_eq!(look(captured(202, 0), 202), (true, Some(Word::LeftOut(1))));
+        assert_eq!(look(captured(150, 0), 210), (false, None));
+        assert_eq!(look(captured(155, 0), 215), said);
+        // A file's times are its own.
+        assert_eq!(
+            look(captured(1, FLAG_FILE_TIME), 216),
+            (true, Some(Word::LeftOut(2)))
+        );
     }
 }

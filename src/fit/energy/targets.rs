@@ -103,10 +103,11 @@ impl Targets {
         (p.z > MIN_DEPTH).then(|| (p.truncate() / p.z - self.points2d[joint]) * self.depth)
     }
 
-    /// How far each evidence joint's observation lies from the pose: squared, in standard deviations; 0 where not seen.
-    pub fn deviation2d(&self, posed: &Posed, joint: usize) -> f64 {
-        self.residual2d(posed, joint)
-            .map_or(0.0, |r| r.length_squared() * self.weights2d[joint])
+    /// How far an evidence joint's observation lies from the pose: squared, in standard deviations; 0 where not seen,
+    /// `None` where the pose has no projection of it.
+    pub fn deviation2d(&self, posed: &Posed, joint: usize) -> Option<f64> {
+        let residual = self.residual2d(posed, joint)?;
+        Some(residual.length_squared() * self.weights2d[joint])
     }
 
     /// Energy of what was seen of one joint.
@@ -116,8 +117,11 @@ impl Targets {
             cost +=
                 robust_cost(self.weights3d[joint] * self.residual3d(posed, joint).length_squared());
         }
-        if joint < EVIDENCE_JOINTS && self.weights2d[joint] > 0.0 {
-            cost += robust_cost(self.deviation2d(posed, joint));
+        if joint < EVIDENCE_JOINTS
+            && self.weights2d[joint] > 0.0
+            && let Some(deviation) = self.deviation2d(posed, joint)
+        {
+            cost += robust_cost(deviation);
         }
         cost
     }
@@ -295,6 +299,21 @@ mod tests {
             let found = contact.deviation(place + 0.1 * direction);
             assert!((found - deviation).abs() < 1e-9, "{direction}: {found}");
         }
+    }
+
+    #[test]
+    fn what_has_no_projection_is_not_taken_for_a_good_fit() {
+        let s = Skeleton::builtin();
+        let truth = Pose::facing_camera(3.0);
+        let targets = exact_targets(s, &truth, s.lengths());
+        let deviation = |z: f64| {
+            let mut posed = Posed::default();
+            s.pose(&Pose::facing_camera(z), s.lengths(), &mut posed);
+            targets.deviation2d(&posed, 1)
+        };
+        assert!(deviation(3.0).is_some_and(|d| d < 1e-9));
+        assert!(deviation(2.0).is_some_and(|d| d > 9.0));
+        assert_eq!(deviation(-0.5), None);
     }
 
     #[test]

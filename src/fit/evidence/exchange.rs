@@ -23,6 +23,12 @@ pub struct SwapMemory {
 }
 
 impl SwapMemory {
+    /// As after lasting exchanges: sides count as they are seen, until they have agreed with the prediction for a
+    /// while.
+    pub const DOUBTS_PREDICTION: Self = Self {
+        lasting: [PATIENCE; 4],
+    };
+
     /// Undoes exchanges in `evidence`, `dt` seconds after the last call.
     pub fn undo(&mut self, evidence: &mut Evidence, predicted: &Posed, dt: f64) {
         for (g, pairs) in [ARMS, LEGS].iter().enumerate() {
@@ -114,5 +120,20 @@ mod tests {
             assert!(!memory.decide(0, NOT_WANTED, dt));
         }
         assert!(memory.decide(0, WANTED, dt));
+    }
+
+    #[test]
+    fn where_the_prediction_is_doubted_what_is_seen_counts() {
+        const WANTED: (f64, f64, usize) = (6.0, 0.0, 6);
+        const NOT_WANTED: (f64, f64, usize) = (0.0, 6.0, 6);
+        let dt = 1.0 / 30.0;
+        let mut memory = SwapMemory::DOUBTS_PREDICTION;
+        for _ in 0..30 {
+            assert!((0..4).all(|group| !memory.decide(group, WANTED, dt)));
+        }
+        for _ in 0..3 {
+            assert!(!memory.decide(0, NOT_WANTED, dt));
+        }
+        assert!(memory.decide(0, WANTED, dt), "an exchange of one frame");
     }
 }

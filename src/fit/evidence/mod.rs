@@ -20,6 +20,10 @@ use crate::message::{Intrinsics, Observation};
 
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;
+/// Hips and shoulders, right and left.
+const TRUNK: [(usize, usize); 2] = [(8, 11), (2, 5)];
+/// Cosine of the turn, 120°, from which somebody shows the other side.
+const TURNED: f64 = -0.5;
 
 /// What was seen of one person in one frame.
 #[derive(Debug, Clone)]
@@ -124,6 +128,15 @@ impl Evidence {
             let sum: f64 = (0..BODY_JOINTS).map(|j| far(j, j)).sum();
             let exchanged: f64 = (0..BODY_JOINTS).map(|j| far(MIRROR_BODY[j], j)).sum();
             sum.min(exchanged) / BODY_JOINTS as f64
+        })
+    }
+
+    /// Whether hips and shoulders in 3D both point the other way than those of a posed skeleton.
+    pub fn is_turned_from(&self, posed: &Posed) -> bool {
+        TRUNK.iter().all(|&(r, l)| {
+            let seen = (self.points3d[l] - self.points3d[r]).normalize_or_zero();
+            let expected = (posed.joints[l] - posed.joints[r]).normalize_or_zero();
+            seen.dot(expected) < TURNED
         })
     }
 

@@ -9,8 +9,9 @@ use crate::joints::PELVIS;
 
 /// Distance in the picture, metres at the person's distance, that counts as 1 at once …
 const NEAR: f64 = 0.35;
-/// … and its growth per second without being seen.
+/// … and its growth per second without being seen, beyond the interval of a usual camera, seconds.
 const SPREAD: f64 = 1.0;
+const USUAL: f64 = 0.05;
 /// The same where looks are not seen: for somebody seen a frame ago and after an absence, and the longest absence,
 /// seconds.
 const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
@@ -48,18 +49,20 @@ pub fn dissimilarity(
     let Some(apart) = seen.distance2d(expected, CAP) else {
         return f64::INFINITY;
     };
-    let alone = track.unseen + (dt - 0.05).max(0.0);
+    let waited = (dt - USUAL).max(0.0);
+    let alone = track.unseen + waited;
     if apart > 0.7 && apart > 0.5 + 1.5 * alone {
         return f64::INFINITY;
     }
     // Where looks that could tell are not seen, only somebody who was here a moment ago continues, and only close by:
-    // else whoever comes out of hiding first would take the place of whoever is still hidden.
+    // else whoever comes out of hiding first would take the place of whoever is still hidden. At few frames a second a
+    // moment is one frame.
     let unknown_looks = track.appearance.is_some() != appearance.is_some();
-    if unknown_looks && track.unseen > BLIND_TRUST {
+    if unknown_looks && track.unseen - waited > BLIND_TRUST {
         return f64::INFINITY;
     }
     let near = if unknown_looks {
-        BLIND_NEAR[usize::from(track.unseen > 0.0)]
+        BLIND_NEAR[usize::from(track.unseen > 0.0)] + SPREAD * waited
     } else {
         NEAR + SPREAD * alone.min(1.0)
     };
@@ -90,21 +93,34 @@ pub fn dissimilarity(
 
 /// How unlike a newcomer and somebody last seen `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
-    let unlike = match (&newcomer.appearance, &left.appearance) {
-        (Some(a), Some(b)) => {
-            let unlike = a.distance(b) / config.reidentify_appearance.max(1e-6);
-            // Without colours everybody looks alike.
-            (unlike > 1.0 || a.has_colour() || b.has_colour()).then_some(unlike)
-        }
-        _ => None,
-    };
-    let looks = match unlike {
+    let looks = match unlike(newcomer, left, config) {
         Some(unlike) => unlike,
         // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => apart(newcomer, left) / (0.5 + gone),
+        None if gone < BY_PLACE => by_place(newcomer, left, gone),
         None => return f64::INFINITY,
     };
     looks + besides_looks(newcomer, left, gone)
+}
+
+/// Whether somebody stands where another one, whom looks do not tell from them, stood a frame of `gone` seconds ago:
+/// after so long nothing says that they are the same, but that two were seen there makes sure that somebody is.
+pub fn confirms(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> bool {
+    gone >= BY_PLACE
+        && unlike(newcomer, left, config).is_none()
+        && by_place(newcomer, left, BY_PLACE) <= 1.0
+}
+
+/// Difference of looks as a share of the most that one person has; `None` where looks tell nothing.
+fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64> {
+    let (a, b) = (newcomer.appearance.as_ref()?, left.appearance.as_ref()?);
+    let unlike = a.distance(b) / config.reidentify_appearance.max(1e-6);
+    // Without colours everybody looks alike.
+    (unlike > 1.0 || a.has_colour() || b.has_colour()).then_some(unlike)
+}
+
+/// How unlike by the place alone.
+fn by_place(newcomer: &Track, left: &Track, gone: f64) -> f64 {
+    apart(newcomer, left) / (0.5 + gone)
 }
 
 /// Whether a newcomer without looks may turn out, once they are seen, to be somebody last seen `gone` seconds ago.

@@ -22,11 +22,6 @@ impl FloorPlane {
         })
     }
 
-    /// Height of a point above the floor, metres.
-    pub fn height(&self, point: DVec3) -> f64 {
-        self.normal.dot(point) + self.offset
-    }
-
     /// Rotation and translation from camera axes to the floor-aligned world: x to the camera's right, y up, z towards
     /// the camera's back; the origin is on the floor below the camera. World = rotation · camera + translation.
     pub fn world_from_camera(&self) -> (DQuat, DVec3) {
@@ -36,12 +31,6 @@ impl FloorPlane {
         // Rows are the world's axes in camera coordinates.
         let rotation = DQuat::from_mat3(&DMat3::from_cols(x, y, z).transpose()).normalize();
         (rotation, DVec3::new(0.0, self.offset, 0.0))
-    }
-
-    /// A camera-space point in the floor-aligned world.
-    pub fn to_world(self, point: DVec3) -> DVec3 {
-        let (rotation, translation) = self.world_from_camera();
-        rotation * point + translation
     }
 }
 
@@ -55,10 +44,10 @@ mod tests {
             normal: DQuat::from_rotation_x(-0.3) * DVec3::NEG_Y,
             offset: 1.7,
         };
-        assert!((ground.to_world(DVec3::ZERO) - DVec3::new(0.0, 1.7, 0.0)).length() < 1e-12);
+        let (rotation, translation) = ground.world_from_camera();
+        assert!((translation - DVec3::new(0.0, 1.7, 0.0)).length() < 1e-12);
         let below = ground.normal * -1.7;
-        assert!(ground.to_world(below).length() < 1e-12);
-        let (rotation, _) = ground.world_from_camera();
+        assert!((rotation * below + translation).length() < 1e-12);
         assert!((rotation * ground.normal - DVec3::Y).length() < 1e-12);
         assert!((rotation * DVec3::X - DVec3::X).length() < 1e-12);
         // What is in front of the camera lies towards −z.

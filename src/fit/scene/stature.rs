@@ -10,8 +10,9 @@ use crate::fit::config::FitConfig;
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
 use crate::message::JointState;
 
-/// Statures that are believed, metres.
-const BELIEVED: [f64; 2] = [0.8, 2.3];
+/// Statures that are believed, metres: from the least that the settings take, to a little more than anybody has. Who
+/// seems taller stands on something.
+const BELIEVED: [f64; 2] = [0.4, 2.3];
 /// Seconds that one look stands for, and the most looks that a frame counts for: errors last about that long.
 const LOOK: f64 = 1.0 / 30.0;
 const MOST: f64 = 6.0;
@@ -65,6 +66,11 @@ impl Stature {
         let most = GROW * dt * self.estimate;
         let step = (share * assumed(config) - self.estimate) * -(-dt / FOLLOW).exp_m1();
         self.estimate += step.clamp(-most, most);
+    }
+
+    /// Takes in the first fit of somebody, as [`update`](Self::update): one look.
+    pub fn first(&mut self, config: &FitConfig, posed: &Posed, states: &[JointState; BODY_JOINTS]) {
+        self.update(config, posed, states, LOOK);
     }
 
     /// Takes in a fit at canonical stature, `dt` seconds after the last. Only a given floor tells a stature: the person
@@ -189,6 +195,17 @@ mod tests {
             "{}",
             stature.metres(&config)
         );
+        // Whoever begins to walk, and nobody who seems to stand deep in the floor.
+        for (truth, taken_for) in [(0.78, 0.78), (0.3, 1.70)] {
+            let mut pose = Pose::facing_camera(6.0);
+            s.pose(&pose, s.lengths(), &mut posed);
+            pose.position.y += CAMERA_HEIGHT * 1.70 / truth - ANKLE_HEIGHT - posed.joints[10].y;
+            s.pose(&pose, s.lengths(), &mut posed);
+            let mut stature = Stature::default();
+            stature.first(&config, &posed, &seen);
+            let found = stature.metres(&config);
+            assert!((found - taken_for).abs() < 1e-6, "{truth} m: {found}");
+        }
         let known = FitConfig {
             height: Some(1.5),
             ..config

@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 
 use crate::body::skeleton::LIMBS;
 use crate::body::skeleton::{BoneLengths, Pose, Posed, Skeleton};
+use crate::camera::translation::DEPTHS;
 use crate::fit::config::FitConfig;
 use crate::fit::energy::{ANKLES, Feet};
 use crate::fit::energy::{Motion, MotionModel};
@@ -51,6 +52,9 @@ const LIMB_STUCK: f64 = 14.0;
 /// anew.
 const REACQUIRE_AFTER: f64 = 0.25;
 const REACQUIRE_APART: f64 = 0.2;
+/// Who is seen this many times as far away as they are expected, nearer than anybody is placed, is placed anew, too: of
+/// a pose at the lens or behind it nothing is in the picture that could pull it back.
+const FARTHER: f64 = 1.25;
 
 /// What every track of a fitter shares.
 #[derive(Debug)]
@@ -94,6 +98,8 @@ pub struct Track {
     pub appearance: Option<Appearance>,
     /// Seconds since the appearance was refreshed.
     pub appearance_age: f64,
+    /// Looks that it is the mean of, a thirtieth of a second each; 0 where somebody else stood before the person.
+    pub looks: f64,
     /// Height.
     pub stature: Stature,
     /// Standing feet.
@@ -131,6 +137,7 @@ impl Track {
             bones: Bones::new(cx.skeleton),
             appearance: None,
             appearance_age: 0.0,
+            looks: 0.0,
             stature: Stature::default(),
             feet: Feet::default(),
             states: [JointState::PREDICTED; BODY_JOINTS],
@@ -156,6 +163,7 @@ impl Track {
         );
         track.pose = solution.pose;
         track.settle(evidence, &targets);
+        track.stature.first(cx.config, &track.posed, &track.states);
         track.hits = 1;
         (track.pose.is_finite()).then_some(track)
     }
@@ -238,6 +246,7 @@ impl Track {
             for f in &mut self.filters3d {
                 f.reset();
             }
+            self.swaps = SwapMemory::DOUBTS_PREDICTION;
         }
     }
 
@@ -260,9 +269,13 @@ impl Track {
         self.bones = old.bones;
         self.stature = old.stature;
         self.appearance_age = 0.0;
-        match (&mut self.appearance, old.appearance) {
+        match (self.appearance.as_mut(), old.appearance) {
             (Some(now), Some(before)) => now.blend(&before, 0.5),
-            (now, before) => *now = now.or(before),
+            (Some(_), None) => {}
+            (None, before) => {
+                self.appearance = before;
+                self.looks = old.looks;
+            }
         }
     }
 
@@ -274,12 +287,17 @@ impl Track {
         pose
     }
 
-    /// Whether somebody comes back elsewhere than expected, too far for the filters to follow.
+    /// Whether the prediction says nothing: somebody comes back elsewhere than expected or turned round, too far for
+    /// the filters to follow, or is expected at the lens and is not there.
     fn lost_sight(&self, evidence: &Evidence, expected: &Posed) -> bool {
-        self.unseen > REACQUIRE_AFTER
-            && evidence
-                .distance2d(expected, 1.0)
-                .is_some_and(|d| d > REACQUIRE_APART)
+        let depth = expected.joints[PELVIS].z;
+        let seen_farther = |root: DVec3| root.z > FARTHER * depth;
+        let is_elsewhere = || {
+            let apart = evidence.distance2d(expected, 1.0);
+            apart.is_some_and(|d| d > REACQUIRE_APART) || evidence.is_turned_from(expected)
+        };
+        depth < DEPTHS[0] && evidence.root.is_some_and(seen_farther)
+            || self.unseen > REACQUIRE_AFTER && is_elsewhere()
     }
 
     /// Starts the pose from this observation alone, keeping identity and proportions.
@@ -292,9 +310,14 @@ impl Track {
         fresh.first_score = self.first_score;
         fresh.hits = self.hits.saturating_add(1);
         fresh.age = self.age + dt;
+        if self.unseen == 0.0 {
+            fresh.seen_for = self.seen_for + dt;
+        }
+        fresh.swaps = SwapMemory::DOUBTS_PREDICTION;
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
         fresh.appearance_age = self.appearance_age + dt;
+        fresh.looks = self.looks;
         fresh.stature = self.stature;
         cx.skeleton
             .pose(&fresh.pose, fresh.bones.lengths(), &mut fresh.posed);
@@ -478,9 +501,9 @@ impl Track {
     fn settle(&mut self, e: &Evidence, targets: &Targets) {
         for j in 0..BODY_JOINTS {
             let through = SEEN_THROUGH[j];
-            // Beyond three standard deviations the pose does not rest on this observation.
-            let seen =
-                e.confidence[through] > 0.0 && targets.deviation2d(&self.posed, through) < 9.0;
+            // Beyond three standard deviations, or at the lens, the pose does not rest on this observation.
+            let deviation = targets.deviation2d(&self.posed, through);
+            let seen = e.confidence[through] > 0.0 && deviation.is_some_and(|d| d < 9.0);
             self.states[j] = if seen {
                 JointState::OBSERVED
             } else {

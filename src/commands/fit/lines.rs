@@ -1,0 +1,71 @@
+//! In: the path of recorded observations, or '-'. Out: their bytes, which end as well where the user stops: a pipe may
+//! be quiet for as long as it likes.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::os::fd::AsFd;
+use std::os::unix::fs::FileTypeExt;
+use std::path::Path;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use super::STEP;
+use crate::commands::exit::Failure;
+use crate::commands::stop::Stop;
+
+/// Bytes that are asked for at a time.
+const BUFFER: usize = 1 << 16;
+
+/// Recorded observations.
+pub struct Lines {
+    /// Their bytes.
+    pub from: Box<dyn BufRead>,
+    /// Whether they end by themselves. Of a pipe nobody knows.
+    pub has_end: bool,
+}
+
+impl Lines {
+    /// Opens them.
+    ///
+    /// # Errors
+    /// If there are none, or this user may not read them.
+    pub fn open(input: &Path, stop: &Stop) -> anyhow::Result<Self> {
+        let no_input = |e: io::Error| Failure::no_input(input, &e);
+        let is_stdin = input.as_os_str() == "-";
+        // A handle of its own: what the shared one has taken into its buffer no wait would see.
+        let file = match is_stdin {
+            true => io::stdin().as_fd().try_clone_to_owned().map(File::from),
+            false => File::open(input),
+        };
+        let file = file.map_err(no_input)?;
+        let kind = file.metadata().map_err(no_input)?.file_type();
+        let stop = stop.clone();
+        Ok(Self {
+            from: Box::new(BufReader::with_capacity(BUFFER, UntilStop { file, stop })),
+            has_end: !(is_stdin || kind.is_fifo() || kind.is_socket()),
+        })
+    }
+}
+
+/// A file or pipe that ends where the user stops.
+struct UntilStop {
+    file: File,
+    stop: Stop,
+}
+
+impl Read for UntilStop {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let patience = Timespec::try_from(STEP).unwrap_or_default();
+        while !self.stop.requested() {
+            let mut polled = [PollFd::new(&self.file, PollFlags::IN)];
+            match poll(&mut polled, Some(&patience)) {
+                Ok(0) | Err(Errno::INTR) => {}
+                // Its end, or an error, shows when it is read.
+                Ok(_) => return self.file.read(into),
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(0)
+    }
+}
