@@ -189,6 +189,11 @@ impl Pipeline {
         self.associator.config().lone_score
     }
 
+    /// Most people that are reported with these weights.
+    pub fn max_people(&self) -> usize {
+        self.associator.config().max_people
+    }
+
     /// Everyone in the last frame.
     pub fn seen(&self) -> FrameObservations<'_> {
         FrameObservations {

@@ -1,7 +1,7 @@
 //! What two looks at one picture show, at different sizes, goes in; everybody comes out once, as the better look has
 //! them.
 
-use edgecap_client::message::{MAX_PEOPLE, Observation};
+use edgecap_client::message::Observation;
 
 use super::confidence::size;
 
@@ -12,11 +12,17 @@ const SPREAD: f32 = 0.09;
 /// Joints that both reports must have before they can be told to be one person.
 const SHARED: usize = 2;
 
-/// Joins what two looks at the same picture report, in pixels of that picture, into `out`, by falling score.
+/// Joins what two looks at the same picture report, in pixels of that picture, into `out`, by falling score: `most` of
+/// them.
 ///
 /// Who is in both is taken from the look that is surer of the joints. Who is in one alone must be there with a
 /// probability of `lone_score`, and must not be a part of somebody whom the other look reports.
-pub fn joined(looks: [&[Observation]; 2], lone_score: f32, out: &mut Vec<Observation>) {
+pub fn joined(
+    looks: [&[Observation]; 2],
+    lone_score: f32,
+    most: usize,
+    out: &mut Vec<Observation>,
+) {
     let [a, b] = looks;
     let alike: Vec<Vec<f32>> = a
         .iter()
@@ -53,7 +59,7 @@ pub fn joined(looks: [&[Observation]; 2], lone_score: f32, out: &mut Vec<Observa
             .map(|j| b[j]),
     );
     out.sort_by(|p, q| q.score.total_cmp(&p.score));
-    out.truncate(MAX_PEOPLE);
+    out.truncate(most);
 }
 
 /// Joints that can be expected to be right.
@@ -84,6 +90,7 @@ fn similarity(p: &Observation, q: &Observation) -> f32 {
 #[cfg(test)]
 mod tests {
     use edgecap_client::joints::EVIDENCE_JOINTS;
+    use edgecap_client::message::MAX_PEOPLE;
 
     use super::*;
 
@@ -102,7 +109,7 @@ mod tests {
 
     fn join(a: &[Observation], b: &[Observation]) -> Vec<Observation> {
         let mut out = vec![person(0.0, 1.0, 1.0, 1.0)];
-        joined([a, b], 0.75, &mut out);
+        joined([a, b], 0.75, MAX_PEOPLE, &mut out);
         out
     }
 
@@ -140,6 +147,17 @@ mod tests {
     fn who_stand_side_by_side_stay_two_by_falling_score() {
         let (left, right) = (person(50.0, 80.0, 0.5, 0.8), person(120.0, 80.0, 0.5, 0.9));
         assert_eq!(join(&[left, right], &[right, left]), [right, left]);
+    }
+
+    #[test]
+    fn no_more_than_are_wanted_and_those_the_best() {
+        let at = |k: u32, score| person(200.0 * k as f32, 80.0, 0.5, score);
+        let (a, b) = ([at(0, 0.9), at(1, 0.8)], [at(2, 0.95), at(3, 0.85)]);
+        for most in 0..=4 {
+            let mut out = Vec::new();
+            joined([&a, &b], 0.75, most, &mut out);
+            assert_eq!(out, [b[0], a[0], b[1], a[1]][..most]);
+        }
     }
 
     #[test]

@@ -14,9 +14,9 @@ const HIPS: [usize; 2] = [8, 11];
 const LEAST_SIDE: f32 = 0.35;
 /// Part of the box left off at each side, where background shows.
 const MARGIN: f32 = 0.1;
-/// Pixels looked at along each side of the box at most: enough for a histogram, and the cost does not grow with the
-/// person.
-const MAX_STEPS: u32 = 40;
+/// Pixels looked at along a side of the box that has so many, at least, and fewer than twice as many: enough for a
+/// histogram, and the cost does not grow with the person.
+const LEAST_STEPS: u32 = 40;
 /// Weight of a grey pixel's vote for its hue: so small that any colour outvotes it, yet a grey torso has a flat
 /// histogram rather than none.
 const GREY_VOTE: f32 = 1e-3;
@@ -28,10 +28,9 @@ pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) ->
     let Some([left, top, right, bottom]) = torso_box(frame, joints) else {
         return (hue, saturation);
     };
-    let step = |low: u32, high: u32| ((high - low) / MAX_STEPS).max(1) as usize;
     let mut pixels = 0.0_f32;
-    for row in (top..bottom).step_by(step(top, bottom)) {
-        for column in (left..right).step_by(step(left, right)) {
+    for row in (top..bottom).step_by(step(bottom - top)) {
+        for column in (left..right).step_by(step(right - left)) {
             let i = 3 * (row as usize * frame.width as usize + column as usize);
             let Some(&[r, g, b]) = frame.rgb.get(i..i + 3) else {
                 continue;
@@ -51,6 +50,11 @@ pub(crate) fn histograms(frame: &Frame, joints: &[[f32; 3]; EVIDENCE_JOINTS]) ->
         saturation.iter_mut().for_each(|v| *v /= pixels);
     }
     (hue, saturation)
+}
+
+/// From one pixel that is looked at to the next, along a side of so many.
+fn step(side: u32) -> usize {
+    (side / LEAST_STEPS).max(1) as usize
 }
 
 /// Pixels [left, top, right, bottom), inside the picture; `None` without a hip, or without shoulder and neck, or when
@@ -131,6 +135,17 @@ mod tests {
         let (hue, saturation, _) = hue_saturation(200, 100, 150);
         assert!((hue - 5.5 / 6.0).abs() < 1e-6 && (saturation - 0.5).abs() < 1e-6);
         assert_eq!(hue_saturation(7, 7, 7), (0.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn no_more_pixels_are_looked_at_of_a_large_torso() {
+        for side in 1..4000 {
+            let looked_at = (0..side).step_by(step(side)).count();
+            assert!(
+                (side.min(40) as usize..80).contains(&looked_at),
+                "{looked_at} of {side}"
+            );
+        }
     }
 
     #[test]

@@ -16,6 +16,7 @@ pub struct Looks {
     /// Of a landscape picture; has the weights and threads that the others share.
     first: Pipeline,
     lone_score: f32,
+    max_people: usize,
     /// The stages of each look by the sizes of their inputs; those used last at the end.
     built: Vec<Shape>,
     people: Vec<Observation>,
@@ -35,6 +36,7 @@ impl Looks {
         let first = engine.build_near(fitted((16, 10), 0.5))?;
         Ok(Self {
             lone_score: first.lone_score(),
+            max_people: first.max_people(),
             first,
             built: Vec::new(),
             people: Vec::new(),
@@ -61,10 +63,7 @@ impl Looks {
         let mut without_neck = 0;
         for stages in &mut shape.stages {
             let seen = stages.process(frame, intrinsics)?;
-            times.preprocess_us += seen.times.preprocess_us;
-            times.stage1_us += seen.times.stage1_us;
-            times.association_us += seen.times.association_us;
-            times.stage2_us += seen.times.stage2_us;
+            times = sum(times, seen.times);
             without_neck = without_neck.max(seen.without_neck);
         }
         match &shape.stages[..] {
@@ -74,7 +73,7 @@ impl Looks {
             }
             [small, large, ..] => {
                 let looks = [small.seen().people, large.seen().people];
-                joined(looks, self.lone_score, &mut self.people);
+                joined(looks, self.lone_score, self.max_people, &mut self.people);
             }
             [] => self.people.clear(),
         }
@@ -83,6 +82,16 @@ impl Looks {
             without_neck,
             times,
         })
+    }
+}
+
+/// The times of two looks at one picture.
+pub fn sum(a: StageTimes, b: StageTimes) -> StageTimes {
+    StageTimes {
+        preprocess_us: a.preprocess_us + b.preprocess_us,
+        stage1_us: a.stage1_us + b.stage1_us,
+        association_us: a.association_us + b.association_us,
+        stage2_us: a.stage2_us + b.stage2_us,
     }
 }
 

@@ -14,13 +14,15 @@ mod speed;
 mod zoom;
 
 use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
 
 use edgecap_client::message::ObservationFrame;
 use serde::{Deserialize, Serialize};
 
 use super::apart::Apart;
 use super::exit::{self, Failure};
-use super::input::{self, InputArgs};
+use super::input::{self, InputArgs, NamedInput};
 use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
@@ -28,17 +30,20 @@ use super::progress;
 use super::result;
 use super::say;
 use super::stop::Stop;
-use crate::capture::{InputSpec, camera, list_cameras};
+use crate::capture::{InputSpec, Source, camera, list_cameras};
 use crate::counted::counted;
 use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks, Streams};
-use crate::supervise::Beat;
+use crate::supervise::{Beat, Heartbeat};
 pub(super) use engine_args::{EngineArgs, parse_size};
 pub use inputs::{Quality, photo_inputs};
 pub(super) use observer::{Observer, Step};
 pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;
 pub(super) use pipelines::Pipelines;
+
+/// How often the supervisor hears that a film is being opened.
+const OPENING: Duration = Duration::from_millis(250);
 
 /// Options of `edgecap infer`. Without a place for a file's observations they go to
 /// edgecap-out/<name>.observations.jsonl.
@@ -114,11 +119,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         .writes_records(&args.record)
         .may_write("--overlay", args.overlay.as_deref())
         .check()?;
-    let source = if task.waits {
-        chosen.open_when_there(&task.input)?
-    } else {
-        chosen.open(&task.input)?
-    };
+    let source = open(&task, &chosen, &heart)?;
     let lens = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
     let has_end = chosen.has_end();
@@ -146,9 +147,12 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let mut message = Box::new(ObservationFrame::default());
     let (mut observed, mut inhabited, mut has_ended) = (0, 0, false);
     let mut bar = None;
+    let mut is_silent = false;
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
-            match observer.step(&mut message)? {
+            let step = observer.step(&mut message)?;
+            let was_silent = std::mem::replace(&mut is_silent, step == Step::Silent);
+            match step {
                 Step::Nothing => {
                     heart.beat(Beat::Waiting);
                     continue;
@@ -162,8 +166,14 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
                     heart.beat(Beat::Idle);
                     continue;
                 }
-                // A source that does not answer is no progress.
-                Step::Silent => continue,
+                // A source that does not answer is no progress. The next picture of a film may take a while, as of one
+                // that begins anew or lies on a disk that wakes up: said once, since one that hangs is to be noticed.
+                Step::Silent => {
+                    if task.input.live && !was_silent {
+                        heart.beat(Beat::Waiting);
+                    }
+                    continue;
+                }
                 Step::Ended => {
                     has_ended = true;
                     break;
@@ -213,6 +223,44 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     }
     ended?;
     left_out
+}
+
+/// Opens the input. All packets of a film are listed before its first picture, which takes minutes for a large one: the
+/// supervisor hears meanwhile that there is no picture yet. Opening a camera says nothing, and one that does not answer
+/// is noticed.
+///
+/// # Errors
+/// As [`NamedInput::open`], and if no thread can be started.
+fn open(
+    task: &InferTask,
+    chosen: &NamedInput,
+    heart: &Heartbeat,
+) -> anyhow::Result<Box<dyn Source>> {
+    if !task.input.live {
+        return match task.waits {
+            true => chosen.open_when_there(&task.input),
+            false => chosen.open(&task.input),
+        };
+    }
+    std::thread::scope(|threads| {
+        let (tell, opened) = channel();
+        let work = move || {
+            // Who waits for it stays until it has come.
+            let _ = tell.send(chosen.open(&task.input));
+        };
+        std::thread::Builder::new()
+            .name("open".into())
+            .spawn_scoped(threads, work)?;
+        loop {
+            match opened.recv_timeout(OPENING) {
+                Ok(opened) => return opened,
+                Err(RecvTimeoutError::Timeout) => heart.beat(Beat::Waiting),
+                Err(RecvTimeoutError::Disconnected) => {
+                    anyhow::bail!("the thread that opens the film ended unexpectedly")
+                }
+            }
+        }
+    })
 }
 
 /// Says what can be set on a camera.

@@ -2,12 +2,12 @@
 
 use std::time::Instant;
 
-use edgecap_client::message::{Intrinsics, Observation};
+use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
-use super::crew::Crew;
+use super::crew::{Change, Crew};
 use super::engine_args::EngineArgs;
 use super::inputs::{Inputs, inputs_of, turned};
-use super::looks::Looks;
+use super::looks::{Looks, sum};
 use super::speed::Speed;
 use super::zoom::{INPUTS, Zoom, stature};
 use crate::camera::monotonic_ns;
@@ -93,24 +93,18 @@ impl Pipelines {
             speed,
             crew,
         } = self;
-        let threads = crew.threads();
-        let took = |crew: &mut Crew, now, level, us| {
-            if let Some(change) = crew.took(now, level, seconds(us)) {
-                tracing::info!("{}", change.line());
-            }
-        };
         let following = match stages {
             Stages::Fixed(one) => {
-                one.use_threads(threads);
+                one.use_threads(crew.threads(0));
                 let seen = one.process(frame, intrinsics)?;
-                took(crew, monotonic_ns(), 0, seen.times.stage1_us);
+                log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
                 return Ok(seen);
             }
             Stages::Looks(looks, shares) => {
-                looks.use_threads(threads);
+                looks.use_threads(crew.threads(0));
                 let sizes = inputs_of(size_of(frame), *shares);
                 let seen = looks.process(frame, intrinsics, sizes)?;
-                took(crew, monotonic_ns(), 0, seen.times.stage1_us);
+                log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
                 return Ok(seen);
             }
             Stages::Following(following) => following,
@@ -124,34 +118,42 @@ impl Pipelines {
         } = &mut **following;
         let upright = frame.height > frame.width;
         let built = &mut built[usize::from(upright)];
-        built[0].use_threads(threads);
         let heights = heights_in(frame, upright);
-        let other = zoom.look_elsewhere(frame.time_ns);
-        if let Some(level) = other {
-            heights(built[level].process(frame, intrinsics)?.people, elsewhere);
-        }
         zoom.limit(speed.limit().max(*largest));
         let level = zoom.level();
+        let other = zoom.look_elsewhere(frame.time_ns);
+        let mut beside = StageTimes::default();
+        if let Some(other) = other {
+            built[other].use_threads(crew.usual(other));
+            let seen = built[other].process(frame, intrinsics)?;
+            beside = seen.times;
+            heights(seen.people, elsewhere);
+        }
+        built[level].use_threads(crew.threads(level));
         let start = Instant::now();
         let seen = built[level].process(frame, intrinsics)?;
         let now = monotonic_ns();
-        if !crew.is_trying() {
+        if !crew.is_trying(level) {
             let whole = start.elapsed().as_secs_f32();
             if let Some(slower) = speed.took(now, level, whole) {
                 tracing::warn!("{}", slower.line());
             }
         }
-        took(crew, now, level, seen.times.stage1_us);
+        let input = turned(INPUTS[level], upright);
+        log(crew.took(now, level, network_seconds(&seen)), Some(input));
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
             tracing::debug!(?here, ?elsewhere, input = ?INPUTS[zoom.level()], "another input");
         }
-        Ok(seen)
+        Ok(FrameObservations {
+            times: sum(beside, seen.times),
+            ..seen
+        })
     }
 
     /// Looks whether anybody is in the frame: with the smallest input, and if that shows nobody and `large`, with the
-    /// largest.
+    /// largest, whether there is time for it or not; it is then that of the next frames, too.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -161,10 +163,14 @@ impl Pipelines {
         intrinsics: &Intrinsics,
         large: bool,
     ) -> anyhow::Result<FrameObservations<'_>> {
-        let upright = frame.height > frame.width;
-        let following = match &mut self.stages {
-            Stages::Fixed(one) => return one.process(frame, intrinsics),
+        let Self { stages, crew, .. } = self;
+        let following = match stages {
+            Stages::Fixed(one) => {
+                one.use_threads(crew.usual(0));
+                return one.process(frame, intrinsics);
+            }
             Stages::Looks(looks, shares) => {
+                looks.use_threads(crew.usual(0));
                 let mut sizes = inputs_of(size_of(frame), *shares);
                 if !large {
                     sizes.truncate(1);
@@ -180,13 +186,23 @@ impl Pipelines {
             elsewhere,
             ..
         } = &mut **following;
+        let upright = frame.height > frame.width;
         let built = &mut built[usize::from(upright)];
         let smallest = built.len() - 1;
-        let people = built[smallest].process(frame, intrinsics)?.people;
-        if people.is_empty() && large && *largest < smallest {
-            return built[*largest].process(frame, intrinsics);
+        built[smallest].use_threads(crew.usual(smallest));
+        let seen = built[smallest].process(frame, intrinsics)?;
+        if seen.people.is_empty() && large && *largest < smallest {
+            let first = seen.times;
+            built[*largest].use_threads(crew.usual(*largest));
+            let seen = built[*largest].process(frame, intrinsics)?;
+            zoom.entered((!seen.people.is_empty()).then_some(*largest));
+            return Ok(FrameObservations {
+                times: sum(first, seen.times),
+                ..seen
+            });
         }
-        heights_in(frame, upright)(people, elsewhere);
+        heights_in(frame, upright)(seen.people, elsewhere);
+        zoom.entered(None);
         zoom.seen(frame.time_ns, &[], Some(elsewhere));
         Ok(built[smallest].seen())
     }
@@ -197,8 +213,17 @@ fn size_of(frame: &Frame) -> (usize, usize) {
     (frame.width as usize, frame.height as usize)
 }
 
-fn seconds(us: u32) -> f32 {
-    us as f32 * 1e-6
+/// What the network of Stage I took.
+fn network_seconds(seen: &FrameObservations<'_>) -> f32 {
+    seen.times.stage1_us as f32 * 1e-6
+}
+
+/// Logs another number of threads, with the input (pixels across and down) that it holds for if there are others.
+fn log(change: Option<Change>, input: Option<(usize, usize)>) {
+    if let Some(change) = change {
+        let input = input.map(tracing::field::debug);
+        tracing::info!(input, "{}", change.line());
+    }
 }
 
 /// How tall people are, pixels of the largest input.
@@ -208,5 +233,97 @@ fn heights_in(frame: &Frame, upright: bool) -> impl Fn(&[Observation], &mut Vec<
     move |people, out| {
         out.clear();
         out.extend(people.iter().filter_map(stature).map(|s| s * scale));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{demo, open_bytes};
+
+    const SECOND: u64 = 1_000_000_000;
+
+    /// For a film with the input that follows the people in view.
+    fn following(target: Option<f32>) -> Pipelines {
+        let engine = EngineArgs {
+            threads: Some(1),
+            ..EngineArgs::default()
+        };
+        Pipelines::new(&engine, true, target).unwrap()
+    }
+
+    fn wall() -> Frame {
+        let (w, h) = INPUTS[0];
+        Frame {
+            width: w as u32,
+            height: h as u32,
+            rgb: vec![128; 3 * w * h],
+            ..Frame::default()
+        }
+    }
+
+    fn lens() -> Intrinsics {
+        let (w, h) = INPUTS[0];
+        Intrinsics::from_horizontal_fov(w as u32, h as u32, 60.0)
+    }
+
+    /// People of some 50 pixels, before the wall.
+    fn far_away() -> Frame {
+        let mut clip = open_bytes("demo", demo::CLIP).unwrap();
+        let (mut near, mut far) = (Frame::default(), wall());
+        assert!(clip.next_into(&mut near).unwrap());
+        let [across, down] = [near.width, near.height].map(|n| n as usize / 4);
+        for y in 0..down {
+            for x in 0..across {
+                let from = 4 * 3 * (y * near.width as usize + x);
+                let to = 3 * ((80 + y) * far.width as usize + 80 + x);
+                far.rgb[to..to + 3].copy_from_slice(&near.rgb[from..from + 3]);
+            }
+        }
+        far
+    }
+
+    #[test]
+    fn every_look_at_a_picture_counts_for_its_times() {
+        let (mut pipelines, lens, mut picture) = (following(None), lens(), wall());
+        pipelines.process(&picture, &lens).unwrap();
+        picture.time_ns = SECOND;
+        let both = pipelines.process(&picture, &lens).unwrap().times;
+        let of = |pipelines: &Pipelines| match &pipelines.stages {
+            Stages::Following(f) => [0, 1, 2].map(|level| f.built[0][level].seen().times),
+            _ => panic!("expected the input that follows people"),
+        };
+        let [large, middle, _] = of(&pipelines);
+        assert!(middle.stage1_us > 0, "no other input was looked at");
+        assert_eq!(both, sum(large, middle));
+        let both = pipelines.look(&picture, &lens, true).unwrap().times;
+        let [large, _, small] = of(&pipelines);
+        assert!(small.stage1_us > 0);
+        assert_eq!(both, sum(small, large));
+    }
+
+    #[test]
+    fn whom_only_the_largest_input_sees_is_seen_on_a_slow_machine() {
+        let (mut pipelines, lens) = (following(Some(0.1)), lens());
+        let speed = &mut pipelines.speed;
+        for k in 0..20 {
+            speed.took(k * SECOND, speed.limit(), 1.0);
+        }
+        assert_eq!(speed.limit(), INPUTS.len() - 1);
+        let (far, empty) = (far_away(), wall());
+        let mut sees = |picture, large: Option<bool>| {
+            let seen = match large {
+                None => pipelines.process(picture, &lens),
+                Some(large) => pipelines.look(picture, &lens, large),
+            };
+            !seen.unwrap().people.is_empty()
+        };
+        assert!(!sees(&far, None));
+        assert!(!sees(&far, Some(false)));
+        assert!(!sees(&far, None));
+        assert!(sees(&far, Some(true)));
+        assert!(sees(&far, None), "lost with the next picture");
+        assert!(!sees(&empty, Some(true)));
+        assert!(!sees(&far, None), "the limit holds for whoever comes next");
     }
 }

@@ -5,6 +5,9 @@
 //! across the hall needs the whole size. So the input is as small as the tallest person wants it, unless that makes the
 //! smallest one too small; and as those whom the present size cannot see would never be missed, another size is looked
 //! at beside it now and then.
+//!
+//! An input that the machine has no time for is taken only for people who enter an empty place and whom no other one
+//! sees: nobody is there whom that slows down.
 
 use edgecap_client::message::Observation;
 
@@ -14,12 +17,21 @@ pub const INPUTS: [(usize, usize); 3] = [(512, 320), (384, 240), (256, 160)];
 const TALL: f32 = 320.0;
 /// Somebody smaller than this is not to become smaller.
 const SMALL: f32 = 90.0;
+/// The present input stays until people so many times as tall, and so many times as small, want another: one person's
+/// stature differs by some 3 % from picture to picture.
+const SLACK: f32 = 1.1;
+/// Two inputs take one person to be of statures less than this factor apart; who is seen by one of them alone is taller
+/// or smaller than who is seen by the other by more.
+const ALIKE: f32 = 2.0;
 /// How long everybody must want another input before it is taken.
 const PATIENCE_NS: u64 = 500_000_000;
-/// A wish is forgotten where no picture came for so long: nobody knows what was wanted meanwhile.
+/// A wish is forgotten where no picture came for so long, or for two that come as the last ones did: nobody knows what
+/// was wanted meanwhile.
 const FORGOTTEN_NS: u64 = 1_000_000_000;
 /// How often another input is looked at beside the present one.
 const LOOK_EVERY_NS: u64 = 1_000_000_000;
+/// Looks in a row that must show everybody before a smaller input does for them: who is hardly seen comes and goes.
+const ENOUGH_LOOKS: u32 = 2;
 
 /// The input at present, and who wants another.
 #[derive(Debug, Clone, Default)]
@@ -27,31 +39,57 @@ pub struct Zoom {
     level: usize,
     /// The largest input that this machine has time for.
     limit: usize,
+    /// Where a larger one is taken nevertheless.
+    lifted: Option<Lifted>,
     /// Another input that people want.
     wish: Option<Wish>,
+    /// When the last picture was taken, and how long after the one before, nanoseconds.
+    last: Option<u64>,
+    interval: u64,
     looked_ns: Option<u64>,
     looked_at: usize,
 }
 
-/// What people want, nanoseconds.
+/// What people want.
 #[derive(Debug, Clone, Copy)]
 struct Wish {
     level: usize,
-    /// The first picture that showed it.
+    /// When the first picture that showed it was taken, nanoseconds.
     since: u64,
-    /// The last one.
-    last: u64,
+}
+
+/// Somebody is there whom no input sees that the machine has time for.
+#[derive(Debug, Clone, Copy)]
+struct Lifted {
+    /// The input that sees them, and the largest one that is taken.
+    largest: usize,
+    /// Looks in a row, with inputs that there is time for, which showed everybody.
+    looks: u32,
 }
 
 impl Zoom {
     /// Which of [`INPUTS`] the next picture takes.
     pub fn level(&self) -> usize {
-        self.level.max(self.limit)
+        self.level.max(self.largest())
     }
 
-    /// From now on no input is larger than this one.
+    /// From now on the machine has time for no larger input than this one.
     pub fn limit(&mut self, limit: usize) {
         self.limit = limit;
+    }
+
+    /// Takes in who is in a place that was empty: people whom the input `alone` sees and no other one, or else nobody,
+    /// or people whom other inputs see as well. That input is taken, whatever time it needs, until a smaller one does:
+    /// better seen seldom than never.
+    pub fn entered(&mut self, alone: Option<usize>) {
+        let lifted = |largest| Lifted { largest, looks: 0 };
+        self.lifted = alone.map(lifted);
+    }
+
+    /// The largest input that may be taken.
+    fn largest(&self) -> usize {
+        let lifted = self.lifted.map_or(self.limit, |l| l.largest);
+        lifted.min(self.limit)
     }
 
     /// The input that the picture taken at `now` nanoseconds is to be looked at with as well, if any: every other one
@@ -65,7 +103,7 @@ impl Zoom {
         self.looked_ns = Some(now);
         for _ in 0..INPUTS.len() {
             self.looked_at = (self.looked_at + 1) % INPUTS.len();
-            if self.looked_at >= self.limit && self.looked_at != self.level() {
+            if self.looked_at >= self.largest() && self.looked_at != self.level() {
                 return Some(self.looked_at);
             }
         }
@@ -75,28 +113,68 @@ impl Zoom {
     /// Takes in how tall people are, pixels of the largest input: those seen by the present input in the picture taken
     /// at `now`, and those seen by another one if it was looked at.
     pub fn seen(&mut self, now: u64, here: &[f32], elsewhere: Option<&[f32]>) {
-        let everybody = here.iter().chain(elsewhere.unwrap_or_default()).copied();
-        let wanted = wanted(everybody);
+        self.keep_limit(here, elsewhere);
+        let forgotten = FORGOTTEN_NS.max(self.interval.saturating_mul(2));
+        let last = self.last.replace(now).unwrap_or(now);
+        self.interval = now.saturating_sub(last);
+        // Of whom both see, the present input is asked alone: every other one takes them to be a little taller or
+        // smaller.
+        let others = elsewhere.filter(|people| shows_others(people, here));
+        let everybody = here.iter().chain(others.unwrap_or_default()).copied();
+        let wanted = wanted_at(self.level, everybody);
         if wanted == self.level {
             self.wish = None;
             return;
         }
-        let goes_on = |w: &Wish| {
-            w.level == wanted && (w.last..=w.last.saturating_add(FORGOTTEN_NS)).contains(&now)
-        };
+        let is_lasting = (last..=last.saturating_add(forgotten)).contains(&now);
+        let goes_on = |w: &Wish| is_lasting && w.level == wanted;
         let since = self.wish.filter(goes_on).map_or(now, |w| w.since);
         // Whom only another input sees, the present one will not see next time either.
-        let is_seen_elsewhere = elsewhere.is_some_and(|people| !people.is_empty());
-        if is_seen_elsewhere || now - since >= PATIENCE_NS {
+        if others.is_some() || now - since >= PATIENCE_NS {
             self.level = wanted;
             self.wish = None;
         } else {
             self.wish = Some(Wish {
                 level: wanted,
                 since,
-                last: now,
             });
         }
+    }
+
+    /// Takes no larger input than there is time for any more, once such a one shows everybody.
+    fn keep_limit(&mut self, here: &[f32], elsewhere: Option<&[f32]>) {
+        let (level, limit) = (self.level(), self.limit);
+        let Some(lifted) = &mut self.lifted else {
+            return;
+        };
+        let is_enough = if level >= limit {
+            !here.is_empty()
+        } else {
+            if let Some(people) = elsewhere.filter(|_| self.looked_at >= limit) {
+                let is_everybody = !people.is_empty() && people.len() >= here.len();
+                lifted.looks = if is_everybody { lifted.looks + 1 } else { 0 };
+            }
+            lifted.looks >= ENOUGH_LOOKS
+        };
+        if is_enough {
+            self.lifted = None;
+        }
+    }
+}
+
+/// Whether one input, by the statures of those whom it sees, sees somebody whom the present one does not.
+fn shows_others(elsewhere: &[f32], here: &[f32]) -> bool {
+    let is_here = |s: &f32| here.iter().any(|h| s.max(*h) < ALIKE * s.min(*h));
+    elsewhere.len() > here.len() || !elsewhere.iter().all(is_here)
+}
+
+/// As [`wanted`], or the input `level` as long as people a little taller or smaller would want that.
+fn wanted_at(level: usize, statures: impl Iterator<Item = f32> + Clone) -> usize {
+    let times = |factor: f32| wanted(statures.clone().map(|s| s * factor));
+    if (times(1.0 / SLACK)..=times(SLACK)).contains(&level) {
+        level
+    } else {
+        times(1.0)
     }
 }
 
@@ -185,6 +263,84 @@ mod tests {
         // who is far away would be lost
         assert_eq!(wants(&[700.0, 130.0]), 1);
         assert_eq!(wants(&[700.0, 100.0]), 0);
+    }
+
+    /// Repeatable noise, uniform, standard deviation 1.
+    fn noise() -> impl FnMut() -> f32 {
+        let mut state = 1u64;
+        move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            12.0f32.sqrt() * ((state >> 40) as f32 / (1 << 24) as f32 - 0.5)
+        }
+    }
+
+    #[test]
+    fn somebody_at_a_threshold_has_one_input() {
+        // As tall as the largest input takes well, and as small as the next one does.
+        for people in [&[322.0][..], &[120.0, 700.0]] {
+            let (mut zoom, mut noise) = (Zoom::default(), noise());
+            let mut see = || -> Vec<f32> {
+                let each = people.iter();
+                each.map(|s| s * (1.0 + 0.03 * noise())).collect()
+            };
+            let (mut level, mut changes) = (zoom.level(), 0);
+            for k in 0..1800 {
+                let now = k * FRAME_NS;
+                let other = zoom.look_elsewhere(now).map(|_| see());
+                zoom.seen(now, &see(), other.as_deref());
+                changes += u32::from(zoom.level() != level);
+                level = zoom.level();
+            }
+            assert!(changes <= 2, "{changes} in a minute: {people:?}");
+        }
+    }
+
+    #[test]
+    fn what_another_input_takes_somebody_for_changes_nothing() {
+        let mut zoom = Zoom::default();
+        zoom.seen(0, &[200.0], Some(&[390.0]));
+        assert_eq!(zoom.level(), 0);
+        // One of them is somebody else.
+        zoom.seen(FRAME_NS, &[200.0], Some(&[210.0, 700.0]));
+        assert_eq!(zoom.level(), 2);
+    }
+
+    #[test]
+    fn pictures_that_come_seldom_have_patience_too() {
+        for seconds in [2, 10] {
+            let mut zoom = Zoom::default();
+            for k in 0..3 {
+                zoom.seen(k * seconds * 1_000_000_000, &[400.0], None);
+            }
+            assert_eq!(zoom.level(), 1, "{seconds} s apart");
+        }
+    }
+
+    #[test]
+    fn whom_no_input_sees_in_time_is_seen_nevertheless() {
+        let mut zoom = Zoom::default();
+        zoom.limit(2);
+        let mut from = 0;
+        let mut play = |zoom: &mut Zoom, people: &[f32]| {
+            from += 300 * FRAME_NS;
+            after_ten_seconds(zoom, from, seen_by(people))
+        };
+        assert_eq!(play(&mut zoom, &[70.0]), 2);
+        zoom.entered(Some(0));
+        assert_eq!(play(&mut zoom, &[70.0]), 0);
+        assert_eq!(play(&mut zoom, &[70.0]), 0);
+        // Who has come near, and goes away again: rate comes first as long as somebody is seen in time.
+        assert_eq!(play(&mut zoom, &[125.0]), 2);
+        assert_eq!(play(&mut zoom, &[70.0]), 2);
+        zoom.entered(Some(0));
+        assert_eq!(zoom.level(), 0);
+        zoom.entered(None);
+        assert_eq!(zoom.level(), 2);
+        zoom.entered(Some(0));
+        assert_eq!(play(&mut zoom, &[700.0]), 2);
+        assert_eq!(play(&mut zoom, &[700.0, 70.0]), 2);
     }
 
     #[test]
