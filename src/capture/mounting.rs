@@ -1,8 +1,10 @@
 //! How a camera is mounted: its picture goes in, an upright one comes out, with the lens that belongs to it.
 
 use edgecap_client::message::Intrinsics;
+use glam::DVec2;
 
 use super::frame::Frame;
+use crate::camera::Brown;
 
 /// Pixels that are turned at once, across and down: rows of both pictures then stay in the cache.
 const TILE: usize = 32;
@@ -17,6 +19,14 @@ pub struct Mounting {
 }
 
 impl Mounting {
+    /// Every way of turning a picture upright, that of leaving it first.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..8).map(|k| Self {
+            quarter_turns: k % 4,
+            mirrored: k > 3,
+        })
+    }
+
     /// Whether the picture stays as it is.
     pub fn is_plain(self) -> bool {
         self == Self::default()
@@ -28,6 +38,32 @@ impl Mounting {
             (height, width)
         } else {
             (width, height)
+        }
+    }
+
+    /// What has to be done to an upright picture to have the camera's own again.
+    pub fn undoing(self) -> Self {
+        let quarter_turns = match self.mirrored {
+            // A mirror image that is turned is mirrored back and turned back by the same.
+            true => self.quarter_turns % 4,
+            false => (4 - self.quarter_turns % 4) % 4,
+        };
+        Self {
+            quarter_turns,
+            ..self
+        }
+    }
+
+    /// The distortion of upright pictures, given that of the camera's own. Its tangential part is a direction in the
+    /// picture, p2 across and p1 down, and turns as such.
+    pub fn distortion(self, own: Brown) -> Brown {
+        let [p1, p2] = own.tangential;
+        let across = if self.mirrored { -p2 } else { p2 };
+        let turns = 0..self.quarter_turns % 4;
+        let turned = turns.fold(DVec2::new(across, p1), |vector, _| vector.perp());
+        Brown {
+            tangential: [turned.y, turned.x],
+            ..own
         }
     }
 
@@ -99,13 +135,6 @@ impl Mounting {
 mod tests {
     use super::*;
 
-    fn all() -> impl Iterator<Item = Mounting> {
-        (0..8).map(|k| Mounting {
-            quarter_turns: k % 4,
-            mirrored: k > 3,
-        })
-    }
-
     #[test]
     fn pictures_turn_clockwise_after_they_are_mirrored_back() {
         let picture = |width, height, reds: [u8; 6]| Frame {
@@ -140,7 +169,7 @@ mod tests {
             cy: 350.0,
         };
         let (w, h) = (1280usize, 720usize);
-        for mounting in all() {
+        for mounting in Mounting::all() {
             let upright = mounting.intrinsics(lens, w as u32, h as u32);
             for at in [[0, 0], [1279, 0], [620, 350], [17, 700]] {
                 let [u, v] = mounting.place(at, [w, h]);
@@ -174,7 +203,7 @@ mod tests {
             rgb,
             ..Frame::default()
         };
-        for mounting in all() {
+        for mounting in Mounting::all() {
             let mut frame = before.clone();
             let mut spare = Vec::new();
             mounting.apply(&mut frame, &mut spare);

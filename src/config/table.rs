@@ -120,11 +120,16 @@ impl<'a> Table<'a> {
         places
     }
 
+    /// Where this table begins.
+    pub fn head(&self) -> Place {
+        line_and_column(self.text, self.span.start)
+    }
+
     /// A mistake at a place in this table; at its head where there is none.
     pub fn mistake(&self, place: Option<Place>, what: impl Into<String>) -> Mistake {
         Mistake {
             file: self.file.to_owned(),
-            place: place.or_else(|| Some(line_and_column(self.text, self.span.start))),
+            place: place.or_else(|| Some(self.head())),
             what: what.into(),
         }
     }

@@ -2,6 +2,7 @@
 
 use std::io::{self, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
 use std::process::{self, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -35,6 +36,7 @@ pub struct Job<T> {
 /// A child, started again as its policy says.
 #[derive(Debug)]
 pub struct Child {
+    program: PathBuf,
     verb: &'static str,
     job: String,
     policy: Policy,
@@ -56,6 +58,7 @@ impl Child {
     pub fn new<T: Serialize>(verb: &'static str, options: T) -> io::Result<Self> {
         let supervisor = process::id().cast_signed();
         Ok(Self {
+            program: PROGRAM.into(),
             verb,
             job: serde_json::to_string(&Job {
                 supervisor,
@@ -71,6 +74,15 @@ impl Child {
         })
     }
 
+    /// The verb of another program.
+    #[cfg(test)]
+    pub(crate) fn of(self, program: impl Into<PathBuf>) -> Self {
+        Self {
+            program: program.into(),
+            ..self
+        }
+    }
+
     /// How often it was started.
     pub fn starts(&self) -> u64 {
         self.starts
@@ -81,7 +93,7 @@ impl Child {
         self.verb
     }
 
-    /// Whether it has ever shown that it works.
+    /// Whether it has ever shown that it works. One that has no picture yet may be about to find that it cannot.
     pub fn has_lived(&self) -> bool {
         self.has_lived
     }
@@ -103,7 +115,7 @@ impl Child {
         if let Some(beat) = self.newest_beat() {
             self.policy.beat(now, beat);
             self.heard = Some(beat);
-            self.has_lived = true;
+            self.has_lived |= beat != Beat::Waiting;
         }
         if let Some(process) = &mut self.process
             && let Some(ended) = process.try_wait()?
@@ -146,7 +158,7 @@ impl Child {
 
     fn start(&mut self) -> io::Result<()> {
         self.starts += 1;
-        let mut command = Command::new(PROGRAM);
+        let mut command = Command::new(&self.program);
         command
             .arg0(std::env::args_os().next().unwrap_or_default())
             .args([self.verb, "--job", &self.job])

@@ -4,9 +4,10 @@
 //! |---|---|
 //! | is stopped (SIGSTOP) | 1 s |
 //! | works and neither computes nor shows a step (a deadlock) | 1 s |
-//! | works, computes and shows no step | 5 s, or 8 times its longest step so far |
+//! | works, computes and shows no step | 5 s, or 8 times its longest step of the last 10 minutes |
 //! | opens its input, or starts, and computes nothing | 10 s |
 //! | opens its input, or starts, and computes | 30 s |
+//! | has made no step in these 10 minutes whose length is known, and computes | 30 s |
 
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,8 @@ const STILL: Duration = Duration::from_secs(1);
 const BUSY: Duration = Duration::from_secs(5);
 /// So many times its longest step.
 const SLOWNESS: u32 = 8;
+/// Half of the time for which a step is remembered.
+const HALF: Duration = Duration::from_secs(5 * 60);
 /// So long may opening an input take: cameras wait for their bus.
 const OPENING: Duration = Duration::from_secs(10);
 /// So long may a start take that computes: it packs a model's weights, perhaps on a machine that does much else.
@@ -73,7 +76,7 @@ enum State {
         beat: Instant,
         /// It has no input yet, or none at the moment: the next step may open one.
         opening: bool,
-        longest: Duration,
+        steps: Steps,
         /// What it does instead of beating, and since when.
         silence: Option<(Activity, Instant)>,
     },
@@ -81,6 +84,43 @@ enum State {
         until: Instant,
     },
     Ended,
+}
+
+/// How long steps have taken of late.
+#[derive(Debug)]
+struct Steps {
+    /// The longest since `since`, and of the half before.
+    longest: [Option<Duration>; 2],
+    since: Instant,
+}
+
+impl Steps {
+    fn new(now: Instant) -> Self {
+        Self {
+            longest: [None; 2],
+            since: now,
+        }
+    }
+
+    /// Forgets what was too long ago.
+    fn forget(&mut self, now: Instant) {
+        let passed = now.saturating_duration_since(self.since);
+        if passed >= HALF {
+            let before = self.longest[0].filter(|_| passed < 2 * HALF);
+            self.longest = [None, before];
+            self.since = now;
+        }
+    }
+
+    fn made(&mut self, step: Duration) {
+        self.longest[0] = self.longest[0].max(Some(step));
+    }
+
+    /// So long may the next one take. Nobody knows of a first one how slow the machine is.
+    fn patience(&self) -> Duration {
+        let longest = self.longest[0].max(self.longest[1]);
+        longest.map_or(STARTING, |l| BUSY.max(l * SLOWNESS))
+    }
 }
 
 impl Policy {
@@ -99,7 +139,7 @@ impl Policy {
             since: now,
             beat: now,
             opening: true,
-            longest: Duration::ZERO,
+            steps: Steps::new(now),
             silence: None,
         };
     }
@@ -111,16 +151,17 @@ impl Policy {
         if let State::Running {
             beat,
             opening,
-            longest,
+            steps,
             silence,
             ..
         } = &mut self.state
         {
+            steps.forget(now);
             if kind == Beat::Step {
                 self.deaths = self.deaths.min(FREE_DEATHS);
-            }
-            if !*opening && !was_stopped {
-                *longest = (*longest).max(now - *beat);
+                if !*opening && !was_stopped {
+                    steps.made(now - *beat);
+                }
             }
             *beat = now;
             *opening = matches!(kind, Beat::Waiting | Beat::Away);
@@ -164,7 +205,7 @@ impl Policy {
             State::Running {
                 beat,
                 opening,
-                longest,
+                steps,
                 silence,
                 ..
             } => {
@@ -182,7 +223,7 @@ impl Policy {
                 let hangs = match (doing, *opening) {
                     (Activity::Stopped, _) | (Activity::Still, false) => still,
                     (Activity::Still, true) => silent > OPENING,
-                    (Activity::Busy, false) => silent > BUSY.max(*longest * SLOWNESS),
+                    (Activity::Busy, false) => silent > steps.patience(),
                     (Activity::Busy, true) => silent > STARTING,
                 };
                 if hangs { Verdict::Kill } else { Verdict::Wait }
@@ -301,6 +342,36 @@ mod tests {
         assert_eq!(watch(&mut policy, from, 60_000, slow, Activity::Busy), None);
         let silent = watch(&mut policy, from + ms(60_000), 60_000, None, Activity::Busy);
         killed(30_000..=33_000, silent);
+    }
+
+    #[test]
+    fn one_whose_every_picture_takes_long_works_on() {
+        let (mut policy, now) = running();
+        let slow = Some((8_000, Beat::Step));
+        assert_eq!(watch(&mut policy, now, 120_000, slow, Activity::Busy), None);
+        // Its camera was away for longer than steps are remembered.
+        let away = Some((100, Beat::Away));
+        let from = now + ms(120_000);
+        let waited = watch(&mut policy, from, 3_600_000, away, Activity::Still);
+        assert_eq!(waited, None);
+        let back = from + ms(3_600_000);
+        assert_eq!(watch(&mut policy, back, 60_000, slow, Activity::Busy), None);
+    }
+
+    #[test]
+    fn a_long_step_is_forgotten() {
+        let quick = Some((100, Beat::Step));
+        for (quick_for, patience) in [(200_000, 39_200..=39_500), (3_600_000, 5_000..=5_300)] {
+            let (mut policy, now) = running();
+            policy.beat(now, Beat::Step);
+            assert_eq!(watch(&mut policy, now, 4_800, None, Activity::Busy), None);
+            let from = now + ms(4_900);
+            let worked = watch(&mut policy, from, quick_for, quick, Activity::Busy);
+            assert_eq!(worked, None);
+            let from = from + ms(quick_for);
+            let silent = watch(&mut policy, from, 60_000, None, Activity::Busy);
+            killed(patience, silent);
+        }
     }
 
     #[test]

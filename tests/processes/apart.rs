@@ -167,12 +167,14 @@ fn settings_are_not_replaced_by_a_result() {
     let own = at("edgecap/edgecap.toml");
     std::fs::create_dir(folder.path().join("edgecap")).unwrap();
     let camera = "[[camera]]\ninput = \"demo\"\n";
-    for (text, to) in [
+    for (text, to, code, place) in [
         (
             format!("{camera}fit = \"{fit}\"\njsonl = \"{fit}\"\n"),
             &fit,
+            78,
+            "edgecap.toml:4:1: 'jsonl' ",
         ),
-        (camera.to_owned(), &own),
+        (camera.to_owned(), &own, 64, "--jsonl "),
     ] {
         std::fs::write(&own, &text).unwrap();
         let mut run = edgecap();
@@ -182,9 +184,9 @@ fn settings_are_not_replaced_by_a_result() {
         }
         let run = run.output().unwrap();
         let said = stderr(&run);
-        assert_eq!(run.status.code(), Some(64), "{said}");
+        assert_eq!(run.status.code(), Some(code), "{said}");
         assert!(
-            said.contains("would replace") && said.contains(to),
+            said.contains("would replace") && said.contains(&format!("{place}{to}")),
             "{said}"
         );
         assert_eq!(std::fs::read_to_string(&own).unwrap(), text);
@@ -234,7 +236,9 @@ fn two_results_are_not_written_to_one_file() {
             .arg(&settings)
             .output()
             .unwrap();
-        assert_eq!(run.status.code(), Some(64), "{verb:?}: {}", stderr(&run));
-        assert!(stderr(&run).contains("one: --jsonl"), "{}", stderr(&run));
+        let said = stderr(&run);
+        assert_eq!(run.status.code(), Some(78), "{verb:?}: {said}");
+        let told = format!("edgecap.toml:8:1: one: 'jsonl' {to} and two: 'jsonl' {to}: ");
+        assert!(said.contains(&told), "{verb:?}: {said}");
     }
 }

@@ -73,6 +73,12 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "expected WIDTHxHEIGHT",
         ),
         ("[[camera]]\nrate = 1000", "2:1", "1000 is not in 1..=240"),
+        (
+            "[[camera]]\nmax_fps = nan",
+            "2:1",
+            "max_fps: expected a finite",
+        ),
+        ("[[camera]]\n\nfps = -inf", "3:1", "fps: expected a finite"),
         ("[[camera]]\nheight = 18", "2:1", "metres"),
         (
             "[[camera]]\nfloor = { normal = [0, 0, 0], offset = 1 }",
@@ -266,16 +272,82 @@ fn what_no_run_would_start_with_is_not_right() {
     let both = "[network]\nsize = \"384x240\"\nquality = \"fast\"\n";
     let two = "[[camera]]\ninput = \"demo\"\nlive = true\n".repeat(2);
     let avatars = format!("{two}[bridges]\nvmc = \"127.0.0.1:39539\"\n");
+    let films = "[[camera]]\ninput = \"demo\"\n".repeat(2);
+    let pipes = "[[camera]]\ninput = \"-\"\n".repeat(2);
+    let slowed = "[[camera]]\ninput = \"demo\"\nmax_fps = 5.0\n";
+    let listening = |page: &str| {
+        format!(
+            "[[camera]]\n[metrics]\naddress = \"127.0.0.1:19744\"\n[bridges]\nview = \"{page}\"\n"
+        )
+    };
+    let (same, any) = (listening("127.0.0.1:19744"), listening("0.0.0.0:19744"));
+    let apart = config("check", &listening("127.0.0.1:19745"), &[]);
+    assert!(apart.status.success(), "{}", program::stderr(&apart));
     let right = config("check", &two, &[]);
     assert!(right.status.success(), "{}", program::stderr(&right));
-    for (text, code, words) in [
-        (both, 78, "--quality"),
-        (&avatars, 64, "--vmc has a port for each person"),
-        (&model, 65, "lens.toml"),
-        ("[[camera]]\nlens = \"none.toml\"\n", 78, "none.toml"),
-        ("[network]\nmodel = \"none.ecm\"\n", 78, "none.ecm"),
-        ("[network]\nstage2 = \"none.st\"\n", 78, "none.st"),
-        (record, 78, "/proc/nowhere/a.ecr"),
+    let twice = "[[camera]]\njsonl = \"/tmp/a\"\nrecord = \"/tmp/a\"\n";
+    let named = |name: &str| {
+        format!("[[camera]]\nname = {name:?}\ninput = \"/dev/video97\"\nrecord = \"R\"\n")
+    };
+    let records = named("hall") + &named("all").replace("video97", "video96");
+    let devices = named("hall") + &named("all").replace("\"R\"", "\"S\"");
+    let stage2 = format!("[network]\nstage2 = {other:?}\n");
+    for (text, code, place, words) in [
+        (
+            both,
+            78,
+            "3:1",
+            "'quality' chooses the network's input: expected it or 'size'",
+        ),
+        (
+            &avatars,
+            78,
+            "8:1",
+            "'vmc' has a port for each person: expected one camera; 'edgecap bridge --vmc'",
+        ),
+        (&films, 78, "2:1", "input: demo: one of several cameras"),
+        (&pipes, 78, "2:1", "input: -: one of several cameras"),
+        (slowed, 78, "3:1", "'max_fps' leaves pictures"),
+        (&same, 78, "5:1", "'view' 127.0.0.1:19744 and 'address' 127"),
+        (&any, 78, "5:1", "'view' 0.0.0.0:19744 and 'address' 127"),
+        (twice, 78, "2:1", "'jsonl' /tmp/a and 'record' /tmp/a"),
+        (&records, 78, "8:1", "hall: 'record' R and all: 'record' R"),
+        (
+            &devices,
+            78,
+            "7:1",
+            "input: hall and all: expected a device",
+        ),
+        (
+            "[[camera]]\n[[camera]]\n",
+            78,
+            "2:1",
+            "input: camera0 and camera1: expected a device",
+        ),
+        (
+            "[[camera]]\ninput = \"-\"\nlive = true\n",
+            78,
+            "2:1",
+            "'live' plays a film",
+        ),
+        (
+            "[[camera]]\nfit = \"none.toml\"\n",
+            78,
+            "2:1",
+            "fit: cannot read",
+        ),
+        (
+            "[[camera]]\nevents = \"none.toml\"\n",
+            78,
+            "2:1",
+            "events: cannot read",
+        ),
+        (&model, 65, "2:1", "lens.toml"),
+        (&stage2, 65, "2:1", "lens.toml"),
+        ("[[camera]]\nlens = \"none.toml\"\n", 78, "2:1", "none.toml"),
+        ("[network]\nmodel = \"none.ecm\"\n", 78, "2:1", "none.ecm"),
+        ("[network]\nstage2 = \"none.st\"\n", 78, "2:1", "none.st"),
+        (record, 78, "4:1", "/proc/nowhere/a.ecr"),
     ] {
         // Root's words of /proc are not those of others.
         if text == record && !rustix::process::geteuid().is_root() {
@@ -284,7 +356,92 @@ fn what_no_run_would_start_with_is_not_right() {
         let out = config("check", text, &[]);
         let err = program::stderr(&out);
         assert_eq!(out.status.code(), Some(code), "{text}: {err}");
-        assert!(err.contains(words), "{text}: {err}");
+        assert_eq!(err.lines().count(), 1, "{text}: {err}");
+        let at = format!("edgecap.toml:{place}: ");
+        assert!(err.contains(&at) && err.contains(words), "{text}: {err}");
+    }
+}
+
+/// What was typed is of the command line.
+#[test]
+fn a_run_says_of_the_file_what_a_check_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let film = "[[camera]]\ninput = \"demo\"\n";
+    let camera = format!("{film}live = true\n");
+    let said = |args: &[&str], more: &[&str]| {
+        let mut verb = edgecap();
+        verb.args(args).arg("--config").arg(&file).args(more);
+        let out = verb.current_dir(folder.path()).output().unwrap();
+        (out.status.code(), program::stderr(&out))
+    };
+    let bridges = "[bridges]\nvmc = \"127.0.0.1:39539\"\n";
+    let vmc = ["--vmc", "127.0.0.1:39539"];
+    for (text, typed) in [
+        (camera.repeat(2) + bridges, Some((camera.repeat(2), vmc))),
+        (film.repeat(2), None),
+        (
+            format!("{film}max_fps = 5.0\n"),
+            Some((film.to_owned(), ["--max-fps", "5"])),
+        ),
+        (
+            format!("{camera}name = \"a b\"\n"),
+            Some((camera.clone(), ["--name", "a b"])),
+        ),
+        (
+            format!("{film}fit = \"none.toml\"\n"),
+            Some((film.to_owned(), ["--fit-config", "none.toml"])),
+        ),
+        (format!("{film}jsonl = \"a\"\nrecord = \"a\"\n"), None),
+    ] {
+        std::fs::write(&file, &text).unwrap();
+        let checked = said(&["config", "check"], &[]);
+        assert_eq!(checked.0, Some(78), "{text}: {}", checked.1);
+        assert!(checked.1.contains("edgecap.toml:"), "{text}: {}", checked.1);
+        assert_eq!(said(&["run"], &[]), checked, "{text}");
+        let Some((text, typed)) = typed else {
+            continue;
+        };
+        std::fs::write(&file, &text).unwrap();
+        let (code, told) = said(&["run"], &typed);
+        let of_a_file = typed[0] == "--fit-config";
+        assert_eq!(code, Some(if of_a_file { 78 } else { 64 }), "{told}");
+        assert!(!told.contains("edgecap.toml:"), "{told}");
+    }
+    // Its process has said why.
+    let both = format!("{camera}[network]\nsize = \"64x64\"\nquality = \"fast\"\n");
+    std::fs::write(&file, both).unwrap();
+    let (code, told) = said(&["run"], &["--name", &program::stream("both")]);
+    assert_eq!(code, Some(78), "{told}");
+}
+
+#[test]
+fn cameras_are_called_as_their_calibration_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let view = |name: &str, x: f64| {
+        format!(
+            "[{name}]\nname = \"{name}\"\nsize = [640.0, 480.0]\n\
+             matrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]\n\
+             distortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n\
+             translation = [{x:?}, 0.0, 1.0]\nfisheye = false\n"
+        )
+    };
+    std::fs::write(at("Calib.toml"), view("left", 0.0) + &view("right", 1.0)).unwrap();
+    let camera =
+        |name: &str| format!("[[camera]]\nname = {name:?}\ninput = \"demo\"\nlive = true\n");
+    let calibration = "[multiview]\ncalibration = \"Calib.toml\"\n";
+    let file = at("edgecap.toml");
+    let text = camera("left") + &camera("hall") + calibration;
+    std::fs::write(&file, text).unwrap();
+    for verb in [&["config", "check"][..], &["run"]] {
+        let mut command = edgecap();
+        let out = command.args(verb).arg("--config").arg(&file).output();
+        let out = out.unwrap();
+        let err = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(78), "{verb:?}: {err}");
+        let expected = "edgecap.toml:6:1: name: expected one of the cameras left, right of ";
+        assert!(err.contains(expected), "{verb:?}: {err}");
     }
 }
 
@@ -502,6 +659,10 @@ fn a_film_of_the_file_is_known_by_every_path() {
         assert_eq!(value(&said, "name"), "name = \"lobby\" # line 2", "{input}");
         assert_eq!(value(&said, "rotate"), "rotate = 90 # line 4", "{input}");
     }
+    // Another name for its bodies is no other camera.
+    let named = print(&["--input", "hall.avi", "--name", "foyer"]);
+    assert_eq!(value(&named, "name"), "name = \"foyer\" # typed");
+    assert_eq!(value(&named, "rotate"), "rotate = 90 # line 4");
     let other = print(&["--input", "other.avi"]);
     assert_eq!(value(&other, "#rotate"), "#rotate = # default");
     let upright = print(&["--input", "hall.avi", "--rotate", "0"]);

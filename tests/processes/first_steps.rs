@@ -67,18 +67,35 @@ fn settings_with_which_no_run_starts_are_not_right() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("edgecap.toml");
     let two = "[[camera]]\ninput = \"/dev/video97\"\n[[camera]]\ninput = \"/dev/video97\"\n";
-    for (text, words) in [
-        ("[[camera]]\nname = \"a b\"\n", "'a b'"),
-        ("[multiview]\ncalibration = \"none.toml\"\n", "none.toml"),
+    let room = "[multiview]\n\nroom = \"a b\"\n";
+    for (text, place, words) in [
+        ("[[camera]]\nname = \"a b\"\n", "2:1", "'a b'"),
+        (
+            "[[camera]]\n  name = \"a b\"\n",
+            "2:3",
+            "choose another with 'name'",
+        ),
+        (room, "3:1", "choose another with 'room'"),
+        (
+            "[multiview]\ncalibration = \"none.toml\"\n",
+            "2:1",
+            "calibration: expected a file or folder",
+        ),
         (
             "[[camera]]\ninput = \"none.avi\"\nlive = true\n",
-            "none.avi",
+            "2:1",
+            "input: expected a camera or a film",
         ),
-        (two, "camera0 and camera1: expected a device for each"),
+        (
+            two,
+            "4:1",
+            "input: camera0 and camera1: expected a device for each",
+        ),
     ] {
         std::fs::write(&file, text).unwrap();
         let args = ["config", "check", "--config", file.to_str().unwrap()];
-        assert_fails(&args, 78, &[words]);
+        let place = format!("edgecap.toml:{place}: ");
+        assert_fails(&args, 78, &[&place, words]);
     }
 }
 
@@ -223,7 +240,7 @@ fn the_truth_about_another_clip_stays() {
 
 #[test]
 fn status_tells_whoever_publishes() {
-    let place = tempfile::tempdir().unwrap();
+    let place = crate::program::short_folder();
     let bodies = place.path().join("bodies.record");
     let mut writer = RecordWriter::<BodiesRow>::create(&bodies, Format::Binary).unwrap();
     writer.write(&BodyFrame::default(), "").unwrap();

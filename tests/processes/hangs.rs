@@ -5,7 +5,7 @@ use std::os::unix::net::UnixDatagram;
 use std::time::{Duration, Instant};
 
 use crate::program::stand_in::{StandIn, Watched, processes_of, program};
-use crate::program::{Running, eventually, signal, stream};
+use crate::program::{Running, eventually, script, signal, stderr, stream};
 use edgecap::camera::monotonic_ns;
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
@@ -28,6 +28,49 @@ fn one_that_is_stopped_in_its_start_is_replaced() {
     });
     some_body(&watched.listen::<BodyFrame>());
     assert!(watched.stop().status.success());
+}
+
+/// ffprobe lists all packets of a film, and ffmpeg may be slow to start each time that the film begins anew.
+#[test]
+#[ignore = "half a minute"]
+fn long_a_film_whose_reader_is_slow_is_no_hang() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("clip.ts"), "a film").unwrap();
+    script(
+        &at("ffprobe"),
+        "#!/bin/sh\nsleep 12\nfor t in 0 1 2 3 4 5 6 7 8 9; do echo packet,0.$t; done\necho stream,10/1,10\n",
+    );
+    let slow = "#!/bin/sh\n\
+        if [ \"$1\" = -version ]; then echo 'ffmpeg version 5.1.9-0 x'; exit; fi\n\
+        sleep 1.6\n\
+        for t in 0 1 2 3 4 5 6 7 8 9; do printf 'P6\\n96 64\\n255\\n'; head -c 18432 /dev/zero; done\n";
+    script(&at("ffmpeg"), slow);
+    let path = std::env::var("PATH").unwrap();
+    let name = stream("slow-film");
+    let run = program()
+        .args(["run", "--live", "--name", &name, "--input"])
+        .arg(at("clip.ts"))
+        .args(["--size", "64x64", "--threads", "1"])
+        .env("PATH", format!("{}:{path}", folder.path().display()))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let run = Running(run);
+    let observations = Subscriber::<ObservationFrame>::open(&name).unwrap();
+    // It has begun anew twice.
+    eventually("the film a third time", || {
+        let seen = observations.next(Duration::from_millis(100)).unwrap()?;
+        (seen.sequence >= 20).then_some(())
+    });
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    let said = stderr(&out);
+    assert!(
+        out.status.success() && !said.contains("started again"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -365,23 +365,23 @@ fn verbs(name: &str) -> Vec<String> {
     verbs
 }
 
-/// A settings file for calibrated cameras of the room `name`, and how they stand.
+/// A settings file for calibrated cameras of the room `name`, every second one on its side, and how they stand.
 fn settings(folder: &Path, name: &str, cameras: &[StandIn]) -> (String, Vec<View>) {
-    let named: Vec<View> = views(cameras.len(), [96, 64])
-        .into_iter()
-        .enumerate()
-        .map(|(k, v)| View {
+    let upright = [[96, 64], [64, 96]].map(|size| views(cameras.len(), size));
+    let named: Vec<View> = (0..cameras.len())
+        .map(|k| View {
             name: format!("{name}-{k}"),
-            ..v
+            ..upright[k % 2][k].clone()
         })
         .collect();
     calibrated(folder, &named);
     let mut settings = String::new();
-    for (camera, view) in cameras.iter().zip(&named) {
+    for (k, (camera, view)) in cameras.iter().zip(&named).enumerate() {
         settings += &format!(
-            "[[camera]]\nname = {:?}\ninput = {:?}\n",
+            "[[camera]]\nname = {:?}\ninput = {:?}\nrotate = {}\n",
             view.name,
-            camera.input()
+            camera.input(),
+            90 * (k % 2)
         );
     }
     settings += &format!(

@@ -267,9 +267,10 @@ fn ran(line: &[String]) -> Result<(), String> {
             let last = said.lines().last().unwrap_or("").trim();
             Err(format!("{}: {last}", out.status))
         }
-        Err(e) if e.kind() == ErrorKind::NotFound => {
-            Err(format!("{} is not installed: install systemd", line[0]))
-        }
+        Err(e) if e.kind() == ErrorKind::NotFound => Err(format!(
+            "{} is not installed: install systemd and udev",
+            line[0]
+        )),
         Err(e) => Err(e.to_string()),
     }
 }

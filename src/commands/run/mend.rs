@@ -8,9 +8,22 @@ use crate::supervise::{Child, describe};
 
 /// Looks after a child of this camera. A crash is mended, a failure that would come again is the run's; `infer` may be
 /// done, which is returned.
+///
+/// # Errors
+/// A failure that would come again, and a child that cannot be started and has never worked.
 pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Result<bool> {
-    let Some(status) = child.tend()? else {
-        return Ok(false);
+    let status = match child.tend() {
+        Ok(None) => return Ok(false),
+        Ok(Some(status)) => status,
+        // The system may be out of memory or process numbers for a moment.
+        Err(e) if child.has_lived() => {
+            let what = format!("{} cannot be started: {e}", child.verb());
+            tracing::warn!("{camera}: {what}; it is tried again");
+            meter.failed(what);
+            child.restart();
+            return Ok(false);
+        }
+        Err(e) => return Err(e.into()),
     };
     if status.success() && child.verb() == "infer" {
         child.leave();
@@ -40,7 +53,9 @@ fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
     use std::os::unix::process::ExitStatusExt;
+    use std::time::Duration;
 
     use super::*;
 
@@ -51,5 +66,36 @@ mod tests {
         assert_eq!(ended(exit::DATA), Some(exit::DATA));
         let killed = ExitStatus::from_raw(9);
         assert_eq!(permanent(killed, false), None);
+    }
+
+    #[test]
+    fn one_that_has_worked_and_cannot_be_started_is_tried_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let [program, verb] = ["sh", "lives"].map(|n| folder.path().join(n));
+        std::fs::write(&verb, "printf .").unwrap();
+        symlink("/bin/sh", &program).unwrap();
+        let verb = verb.to_str().unwrap().to_owned().leak();
+        let mut child = Child::new(verb, ()).unwrap().of(&program);
+        let meter = Meter::new("hall", "camera", &[]);
+        let mut until = |starts| {
+            while child.starts() < starts {
+                assert!(!look_after(&mut child, "hall", &meter).unwrap());
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        until(1);
+        std::fs::remove_file(&program).unwrap();
+        until(4);
+        let said = meter.snapshot().last_error.expect("it has failed");
+        assert!(said.contains("cannot be started"), "{said}");
+        symlink("/bin/sh", &program).unwrap();
+        until(5);
+    }
+
+    #[test]
+    fn one_that_cannot_be_started_at_all_ends_the_run() {
+        let mut child = Child::new("fit", ()).unwrap().of("/nowhere/edgecap");
+        let meter = Meter::new("hall", "camera", &[]);
+        assert!(look_after(&mut child, "hall", &meter).is_err());
     }
 }

@@ -13,7 +13,7 @@ use crate::fit::FitConfig;
 /// Holds every value against what the flag of the same name takes.
 ///
 /// # Errors
-/// The first that the flag would refuse.
+/// The first that the flag would refuse, or that is no finite number.
 pub fn ranges<T: Section + clap::Args>(
     table: &Table<'_>,
     places: &BTreeMap<String, Place>,
@@ -27,6 +27,11 @@ pub fn ranges<T: Section + clap::Args>(
         let text = match value {
             Value::String(text) => text,
             Value::Number(number) => number.to_string(),
+            // TOML has no null: it was a number that JSON cannot hold.
+            Value::Null if places.contains_key(&key) => {
+                let what = format!("{key}: expected a finite number, found nan or inf");
+                return Err(table.mistake(places.get(&key).copied(), what));
+            }
             _ => continue,
         };
         let flag = command.get_arguments().find(|a| a.get_id() == key.as_str());

@@ -14,7 +14,7 @@ use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
 use crate::commands::infer::EngineArgs;
 use crate::commands::run::args::RunArgs;
-use crate::config::{Origin, Setting, merge};
+use crate::config::{Origin, Place, Setting, merge};
 use crate::events::EventConfig;
 use crate::fit::FitConfig;
 
@@ -46,28 +46,39 @@ impl Effective {
     pub fn check(&self) -> anyhow::Result<()> {
         self.apart()?;
         self.expect_readable()?;
-        for run in self.runs()? {
-            let inputs = run.engine.inputs(true);
-            inputs.map_err(|e| Failure::config(format!("[network]: {e}")))?;
-        }
+        self.expect_inputs(&self.runs()?)?;
         if let Some(calibration) = self.calibration()? {
-            choose_cameras(&self.names(), calibration)?;
+            let chosen = choose_cameras(&self.names(), calibration);
+            chosen.map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?;
         }
         Ok(())
+    }
+
+    /// Whether the network's input is asked for in one way.
+    fn expect_inputs(&self, runs: &[RunArgs]) -> anyhow::Result<()> {
+        self.cameras.iter().zip(runs).try_for_each(|(camera, run)| {
+            let inputs = run.engine.inputs(true);
+            inputs.map_err(|e| self.blame(camera, &["quality", "size"], e))?;
+            Ok(())
+        })
+    }
+
+    /// Options that exclude each other, and inputs that are not there.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub(super) fn expect_options(&self) -> anyhow::Result<()> {
+        let runs = self.runs()?;
+        self.expect_inputs(&runs)?;
+        together::check(self, &runs)
     }
 
     /// Holds apart what the runs read and write.
     ///
     /// # Errors
-    /// Exit code 64 with the first two files that are the same.
+    /// The first two files that are the same; exit code 78 where the settings name them, 64 where one was typed.
     pub fn apart(&self) -> anyhow::Result<()> {
-        // The runs as they start no longer know from which files their settings came.
-        let named = self.cameras.iter().map(|camera| RunArgs {
-            multiview: self.multiview.0.clone(),
-            ..camera.args.clone()
-        });
-        let named: Vec<RunArgs> = named.collect();
-        together::apart(&named, self.calibration()?.is_some())
+        together::apart(self, self.calibration()?.is_some())
     }
 
     /// Whether a run would start with these settings, cameras aside that may be plugged in later.
@@ -75,11 +86,22 @@ impl Effective {
     /// # Errors
     /// The first mistake.
     pub fn expect_start(&self) -> anyhow::Result<()> {
-        let MultiviewArgs { calibration, room } = &self.multiview.0;
-        let runs = self.runs()?;
-        together::check(&runs, calibration.as_deref(), room.as_deref())?;
+        together::check(self, &self.runs()?)?;
+        together::expect_places(self)?;
         // One for all cameras, and slow to read.
-        runs.first().map_or(Ok(()), |run| run.engine.expect_model())
+        let camera = &self.cameras[0];
+        let engine = &camera.args.engine;
+        engine.expect_model().map_err(|e| {
+            let model = EngineArgs {
+                stage2: None,
+                ..engine.clone()
+            };
+            let key = match model.expect_model() {
+                Ok(()) => "stage2",
+                Err(_) => "model",
+            };
+            self.blame(camera, &[key], e)
+        })
     }
 
     /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing
@@ -116,9 +138,11 @@ impl Effective {
             .iter()
             .map(|camera| {
                 let typed = camera.origins.get("fit") == Some(&Origin::Flag);
-                let fitting = resolved(camera.args.fitting.clone(), &self.fit.value, typed)?;
+                let (fit, events) = self.read(camera)?;
+                let fit = fit.unwrap_or_else(|| self.fit.value.clone());
+                let events = events.unwrap_or_default();
                 Ok(RunArgs {
-                    fitting,
+                    fitting: resolved(&camera.args.fitting, fit, events, typed),
                     metrics: self.metrics.0.clone(),
                     bridges: self.bridges.0.clone(),
                     multiview: self.multiview.0.clone(),
@@ -137,17 +161,41 @@ impl Effective {
     /// # Errors
     /// As [`runs`](Self::runs).
     pub fn fitting_of_room(&self) -> anyhow::Result<FittingArgs> {
+        let (mut fit, mut events) = (None, None);
+        for camera in &self.cameras {
+            let (own_fit, own_events) = self.read(camera)?;
+            fit = fit.or(own_fit);
+            events = events.or(own_events);
+        }
         let each = || self.cameras.iter().map(|c| &c.args.fitting);
-        let fitting = FittingArgs {
+        let known = FittingArgs {
             rate: each().find_map(|f| f.rate),
-            fit: each().find_map(|f| f.fit.clone()),
-            events: each().find_map(|f| f.events.clone()),
             height: each().find_map(|f| f.height),
-            // In the axes of its camera; the room's floor is the calibration's.
-            floor: None,
+            // Of its floor none: that is in the axes of its camera, the room's is the calibration's.
+            ..FittingArgs::default()
         };
         let is_typed = |c: &Camera| c.origins.get("fit") == Some(&Origin::Flag);
-        resolved(fitting, &self.fit.value, self.cameras.iter().any(is_typed))
+        let fit = fit.unwrap_or_else(|| self.fit.value.clone());
+        let typed = self.cameras.iter().any(is_typed);
+        Ok(resolved(&known, fit, events.unwrap_or_default(), typed))
+    }
+
+    /// A camera's own fit and events, where it has some.
+    ///
+    /// # Errors
+    /// Files of them that cannot be read, and mistakes in those.
+    fn read(&self, camera: &Camera) -> anyhow::Result<(Option<FitConfig>, Option<EventConfig>)> {
+        let FittingArgs { fit, events, .. } = &camera.args.fitting;
+        let fit = fit.as_ref().map(|fit| match fit {
+            Setting::Given(config) => Ok(config.clone()),
+            Setting::File(path) => read_config(path),
+        });
+        let fit = fit.transpose();
+        let fit = fit.map_err(|e| self.blame(camera, &["fit"], e))?;
+        let events = events.as_ref().map(|e| events::config(Some(e)));
+        let events = events.transpose();
+        let events = events.map_err(|e| self.blame(camera, &["events"], e))?;
+        Ok((fit, events))
     }
 }
 
@@ -158,6 +206,8 @@ pub struct Camera {
     pub args: RunArgs,
     /// Where the keys of `[[camera]]` came from.
     pub origins: Origins,
+    /// Where it begins in the file; `None` of one that is not there.
+    pub head: Option<Place>,
 }
 
 /// What `typed` and the file mean together.
@@ -207,7 +257,11 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
                 },
                 ..typed.clone()
             };
-            Ok(Camera { args, origins })
+            Ok(Camera {
+                args,
+                origins,
+                head: camera.head,
+            })
         })
         .collect::<anyhow::Result<_>>()?;
     Ok(Effective {
@@ -243,13 +297,20 @@ fn chosen(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Vec<CameraSett
     let cameras = &settings.cameras;
     let (input, name) = (&typed.input.input, &typed.input.name);
     if let Some(input) = input {
-        let same = cameras.iter().find(|c| {
-            c.input.input.as_ref().is_some_and(|i| is_same(i, input))
-                && name
-                    .as_ref()
-                    .is_none_or(|n| c.input.name.as_ref() == Some(n))
-        });
-        return Ok(vec![same.cloned().unwrap_or_default()]);
+        let has_input =
+            |c: &&CameraSettings| c.input.input.as_ref().is_some_and(|i| is_same(i, input));
+        let same: Vec<&CameraSettings> = cameras.iter().filter(has_input).collect();
+        let named = same
+            .iter()
+            .find(|c| name.is_none() || c.input.name == *name);
+        let one = match (named, &same[..]) {
+            (Some(named), _) => Some(*named),
+            // Its bodies may have another name.
+            (None, [only]) => Some(*only),
+            // Of several which have this input nobody has told which is meant.
+            (None, _) => None,
+        };
+        return Ok(vec![one.cloned().unwrap_or_default()]);
     }
     if let Some(name) = name {
         let named = cameras.iter().find(|c| c.input.name.as_ref() == Some(name));
@@ -281,32 +342,30 @@ fn is_same(one: &str, other: &str) -> bool {
             .ok()
     };
     match (&one, &other) {
-        (InputSpec::Path(a), InputSpec::Path(b)) => {
+        (InputSpec::Path(a), InputSpec::Path(b))
+        | (InputSpec::StandIn(a), InputSpec::StandIn(b)) => {
             a == b || real(a).is_some_and(|a| real(b) == Some(a))
         }
         _ => one == other,
     }
 }
 
-/// A camera's own fit, else that of the file, with what is known of the place unless a file of the fit was `typed`.
-fn resolved(fitting: FittingArgs, of_all: &FitConfig, typed: bool) -> anyhow::Result<FittingArgs> {
-    let mut config = match fitting.fit {
-        Some(Setting::Given(config)) => config,
-        Some(Setting::File(path)) => read_config(&path)?,
-        None => of_all.clone(),
-    };
+/// What holds of a fit and events, with what is known of the place unless a file of the fit was `typed`.
+fn resolved(
+    known: &FittingArgs,
+    mut fit: FitConfig,
+    events: EventConfig,
+    typed: bool,
+) -> FittingArgs {
     if !typed {
-        config.height = fitting.height.or(config.height);
-        config.ground = fitting.floor.or(config.ground);
+        fit.height = known.height.or(fit.height);
+        fit.ground = known.floor.or(fit.ground);
     }
-    let fit = (config != FitConfig::default()).then_some(Setting::Given(config));
-    let events = events::config(fitting.events.as_ref())?;
-    let events = (events != EventConfig::default()).then_some(Setting::Given(events));
-    Ok(FittingArgs {
-        fit,
-        events,
-        ..fitting
-    })
+    FittingArgs {
+        fit: (fit != FitConfig::default()).then_some(Setting::Given(fit)),
+        events: (events != EventConfig::default()).then_some(Setting::Given(events)),
+        ..known.clone()
+    }
 }
 
 #[cfg(test)]
@@ -359,5 +418,8 @@ mod tests {
         let here = text(&std::env::current_dir().unwrap().join("away.avi"));
         assert!(is_same("away.avi", &here) && !is_same("away.avi", "gone.avi"));
         assert!(is_same("camera", "camera") && !is_same("camera", "demo"));
+        let stand_in = |path: &Path| format!("stand-in:{}", path.display());
+        assert!(is_same(&stand_in(&link), &stand_in(&film)));
+        assert!(!is_same(&stand_in(&film), &text(&film)));
     }
 }

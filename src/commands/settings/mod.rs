@@ -1,6 +1,7 @@
 //! What `edgecap.toml` may hold: the options of the verbs under the names of their fields, by section; and which of it
 //! holds for a run. A new option of a section is a key of the file without anybody typing it again.
 
+mod blame;
 mod check;
 mod effective;
 mod metrics_args;
@@ -85,6 +86,8 @@ pub struct CameraSettings {
     pub record: RecordArgs,
     /// Where the keys of all of them stand.
     pub places: BTreeMap<String, Place>,
+    /// Where it begins; `None` of one that is not in the file.
+    pub head: Option<Place>,
 }
 
 /// A whole file.
@@ -141,7 +144,7 @@ impl Settings {
         let mut root = Table::parse(file, text)?;
         let mut cameras: Vec<CameraSettings> = Vec::new();
         for (index, mut table) in root.take_tables("camera")?.into_iter().enumerate() {
-            let places = table.places();
+            let (head, places) = (Some(table.head()), table.places());
             let mut input: InputArgs = table.take()?;
             check::ranges(&table, &places, &input)?;
             let pace: PaceArgs = table.take()?;
@@ -171,6 +174,7 @@ impl Settings {
                 fitting,
                 record,
                 places,
+                head,
             });
         }
         let mut table = root.take_table("network")?;
@@ -234,12 +238,14 @@ impl Settings {
             }
         };
         for camera in &mut self.cameras {
-            if let Some(input) = &mut camera.input.input
-                && !is_network(input)
-                && let Ok(InputSpec::Path(mut path)) = input.parse()
+            if let Some(input) = camera.input.input.as_mut().filter(|i| !is_network(i))
+                && let Ok(mut spec) = input.parse::<InputSpec>()
             {
-                below(&mut path)?;
-                *input = path.display().to_string();
+                match &mut spec {
+                    InputSpec::Path(path) | InputSpec::StandIn(path) => below(path)?,
+                    InputSpec::FirstCamera | InputSpec::Stdin | InputSpec::Demo => {}
+                }
+                *input = spec.to_string();
             }
             if let Some(Setting::File(path)) = &mut camera.input.lens {
                 below(path)?;
@@ -288,6 +294,24 @@ mod tests {
             with_defaults::<MultiviewArgs>(),
         ];
         assert_eq!(all.concat(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn what_is_read_lies_beside_the_file() {
+        let text = ["stand-in:hall.toml", "hall.avi", "/films/hall.avi", "demo"]
+            .map(|input| format!("[[camera]]\ninput = {input:?}\n"))
+            .concat();
+        let mut settings = Settings::parse("edgecap.toml", &text).unwrap();
+        settings.resolve(Path::new("/etc/edgecap")).unwrap();
+        let inputs = settings.cameras.into_iter().map(|c| c.input.input);
+        let inputs: Vec<String> = inputs.flatten().collect();
+        let expected = [
+            "stand-in:/etc/edgecap/hall.toml",
+            "/etc/edgecap/hall.avi",
+            "/films/hall.avi",
+            "demo",
+        ];
+        assert_eq!(inputs, expected);
     }
 
     #[test]

@@ -4,26 +4,28 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
+use super::blame::{is_of_who_asks, told_as};
 use super::effective::{Effective, Origins};
 use crate::camera::{CameraFile, calibration};
 use crate::capture::InputSpec;
-use crate::commands::exit::{self, Failure};
-use crate::config::{Origin, Setting};
+use crate::commands::exit::Failure;
+use crate::commands::multiview::names;
+use crate::config::{Mistake, Origin, Setting};
 use crate::output;
 
 impl Effective {
     /// The failure of a run, as a mistake in the settings where it is one: started again, it would come again.
     pub fn blamed(&self, error: anyhow::Error) -> anyhow::Error {
-        if !is_of_a_file(&error) {
+        if !is_of_who_asks(&error) {
             return error;
         }
         let looked = self
             .expect_readable()
+            .and_then(|()| self.expect_options())
             .and_then(|()| self.expect_films_and_places());
-        match looked {
-            Ok(()) => error,
-            Err(_) if exit::is_silent(&error) => Failure::silent(exit::CONFIG).into(),
-            Err(_) => Failure::config(exit::told(&error)).into(),
+        match looked.map_err(|e| e.downcast::<Mistake>()) {
+            Err(Ok(mistake)) => told_as(&error, mistake),
+            _ => error,
         }
     }
 
@@ -36,22 +38,42 @@ impl Effective {
             if let Some(Setting::File(lens)) = &camera.args.input.lens
                 && is_named(&camera.origins, "lens")
             {
-                CameraFile::read(lens).map_err(mistake)?;
+                CameraFile::read(lens).map_err(|e| self.blame(camera, &["lens"], e))?;
             }
             let engine = &camera.args.engine;
             for (key, file) in [("model", &engine.model), ("stage2", &engine.stage2)] {
                 if let Some(file) = file.as_ref().filter(|_| is_named(&self.network, key)) {
-                    expect_file(file).map_err(mistake)?;
+                    expect_file(file).map_err(|e| self.blame(camera, &[key], e))?;
                 }
             }
         }
         let (multiview, origins) = &self.multiview;
         match &multiview.calibration {
             Some(file) if self.cameras.len() > 1 && is_named(origins, "calibration") => {
-                calibration::read(file).map(drop).map_err(mistake)
+                self.expect_calibrated(file)
             }
             _ => Ok(()),
         }
+    }
+
+    /// Looks for every camera in the calibration.
+    fn expect_calibrated(&self, file: &Path) -> anyhow::Result<()> {
+        let read = calibration::read(file);
+        let views = read
+            .map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?
+            .views;
+        for camera in &self.cameras {
+            let name = camera.args.input.name.as_deref().unwrap_or_default();
+            if !views.iter().any(|view| view.name == name) {
+                let what = format!(
+                    "expected one of the cameras {} of {}, found {name}; call it as the calibration does",
+                    names(&views),
+                    file.display()
+                );
+                return Err(self.blame(camera, &["name", "calibration"], Failure::usage(what)));
+            }
+        }
+        Ok(())
     }
 
     /// Begins to read films, and files where results are to go.
@@ -64,12 +86,12 @@ impl Effective {
                 && !path.starts_with("/dev")
                 && !fs::metadata(&path).is_ok_and(|there| !there.is_file())
             {
-                expect_file(&path)?;
+                expect_file(&path).map_err(|e| self.blame(camera, &["input"], e))?;
             }
             let record = &args.record;
             for (key, path) in [("jsonl", &record.jsonl), ("record", &record.record)] {
                 if let Some(path) = path.as_ref().filter(|_| is_named(key)) {
-                    output::try_place(path)?;
+                    expect_place(path).map_err(|e| self.blame(camera, &[key], e))?;
                 }
             }
         }
@@ -79,33 +101,24 @@ impl Effective {
             .as_ref()
             .filter(|_| is_named(origins, "flight"))
         {
-            output::try_place(&folder.join("file"))?;
+            let expected = expect_place(&folder.join("file"));
+            expected.map_err(|e| self.blame(&self.cameras[0], &["flight"], e))?;
         }
         Ok(())
     }
-}
-
-/// Whether what failed did so of a file that it could not have.
-fn is_of_a_file(error: &anyhow::Error) -> bool {
-    let codes = [exit::NO_INPUT, exit::CANNOT_CREATE, exit::NO_PERMISSION];
-    codes.contains(&exit::code(error))
 }
 
 fn is_named(origins: &Origins, key: &str) -> bool {
     matches!(origins.get(key), Some(Origin::File(_)))
 }
 
-/// What is wrong with a file; a mistake of whoever named it where it cannot be had.
-fn mistake(error: impl Into<anyhow::Error>) -> anyhow::Error {
-    let error = error.into();
-    match is_of_a_file(&error) {
-        true => Failure::config(exit::told(&error)).into(),
-        false => error,
-    }
-}
-
 /// Begins to read a file.
 fn expect_file(path: &Path) -> Result<(), Failure> {
     let begun = File::open(path).and_then(|mut file| file.read(&mut [0]));
     begun.map(drop).map_err(|e| Failure::no_input(path, &e))
+}
+
+/// Looks whether a file could be made.
+fn expect_place(path: &Path) -> Result<(), Failure> {
+    output::try_place(path).map_err(|e| Failure::output(path, &e))
 }
