@@ -6,6 +6,8 @@ mod device;
 mod folder;
 mod left;
 mod link;
+mod made;
+mod private;
 mod stump;
 mod suffix;
 mod trial;
@@ -23,6 +25,8 @@ use tempfile::NamedTempFile;
 pub use folder::AtomicFolder;
 pub use left::sweep;
 pub use link::{is_stdout, steps as link_steps};
+pub use made::MadeFolders;
+pub use private::private_beside;
 pub use suffix::suffixed;
 pub use trial::try_place;
 
@@ -94,8 +98,8 @@ pub struct AtomicFile {
     /// `None` once the file is finished or given up.
     writer: Option<BufWriter<Place>>,
     path: PathBuf,
-    /// A folder made for this file alone.
-    made: Option<PathBuf>,
+    /// Made for this file alone.
+    made: MadeFolders,
     /// Bytes taken so far.
     taken: u64,
     /// Where the newest records end that may not be on the disk yet.
@@ -116,11 +120,11 @@ impl AtomicFile {
     pub fn create(path: &Path) -> io::Result<Self> {
         if let Some(number) = link::descriptor(path) {
             let same = device::opened_before(number, path)?;
-            return Ok(Self::new(Place::Device(same), path, None));
+            return Ok(Self::new(Place::Device(same), path));
         }
         let path = &link::behind_links(path)?;
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            return Ok(Self::new(Place::Device(device::open(path)?), path, None));
+            return Ok(Self::new(Place::Device(device::open(path)?), path));
         }
         Self::replacing_links(path)
     }
@@ -132,8 +136,7 @@ impl AtomicFile {
     /// If the folder cannot be made or written.
     pub fn replacing_links(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
-        let made = (!folder.exists()).then(|| folder.to_owned());
-        fs::create_dir_all(folder)?;
+        let made = MadeFolders::make(folder)?;
         if path.is_dir() && !path.is_symlink() {
             return Err(io::Error::new(
                 io::ErrorKind::IsADirectory,
@@ -151,7 +154,9 @@ impl AtomicFile {
             .map_err(unnamed)?;
         // Held for as long as somebody writes to it: `sweep` takes only what nobody holds.
         let _ = file.as_file().try_lock();
-        Ok(Self::new(Place::Beside(file), path, made))
+        let mut this = Self::new(Place::Beside(file), path);
+        this.made = made;
+        Ok(this)
     }
 
     /// Gives the file its name now and goes on writing to it, for what has no end: whatever ends the process, what was
@@ -172,15 +177,15 @@ impl AtomicFile {
         // Where somebody empties it, what follows begins at its start, and not behind as many zeros as it was long.
         fcntl_setfl(&named, fcntl_getfl(&named)? | OFlags::APPEND)?;
         self.writer = Some(BufWriter::new(Place::Named(named)));
-        self.made = None;
+        self.made.keep();
         Ok(older)
     }
 
-    fn new(place: Place, path: &Path, made: Option<PathBuf>) -> Self {
+    fn new(place: Place, path: &Path) -> Self {
         Self {
             writer: Some(BufWriter::new(place)),
             path: path.to_owned(),
-            made,
+            made: MadeFolders::default(),
             taken: 0,
             whole: VecDeque::new(),
             is_broken: false,
@@ -326,7 +331,7 @@ impl AtomicFile {
                 false => self.path.clone(),
             };
             file.persist(&path).map_err(|e| e.error)?;
-            self.made = None;
+            self.made.keep();
             beside = Some(path).filter(|p| *p != self.path);
         }
         flushed.map(|()| beside)
@@ -366,10 +371,6 @@ impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some(writer) = self.writer.take() {
             let _ = writer.into_parts();
-        }
-        if let Some(folder) = &self.made {
-            // Fails when somebody else put something there meanwhile; then it stays.
-            let _ = fs::remove_dir(folder);
         }
     }
 }
@@ -450,6 +451,13 @@ pub fn parent(path: &Path) -> &Path {
     }
 }
 
+/// The folder in which a path's last part lies, or the first around it that is there.
+fn nearest_folder(path: &Path) -> &Path {
+    let mut folders = parent(path).ancestors();
+    let there = folders.find(|f| fs::symlink_metadata(f).is_ok());
+    there.unwrap_or(Path::new("."))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -502,7 +510,7 @@ mod tests {
             let kept = full.try_clone().unwrap();
             let beside = NamedTempFile::new_in(folder.path()).unwrap();
             let beside = NamedTempFile::from_parts(full, beside.into_temp_path());
-            let mut file = AtomicFile::new(Place::Beside(beside), &path, None);
+            let mut file = AtomicFile::new(Place::Beside(beside), &path);
             while file.write_all(&record).is_ok() {
                 file.mark_whole();
             }
@@ -522,7 +530,7 @@ mod tests {
     fn a_part_of_a_long_record_is_not_kept() {
         let full = full_at(24 << 10);
         let kept = full.try_clone().unwrap();
-        let mut file = AtomicFile::new(Place::Named(full), Path::new("full"), None);
+        let mut file = AtomicFile::new(Place::Named(full), Path::new("full"));
         let record = [b'r'; 20_000];
         file.write_all(&record).unwrap();
         file.mark_whole();
@@ -680,9 +688,10 @@ mod tests {
     #[test]
     fn a_dropped_file_leaves_nothing_and_the_old_one_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("new/result.txt");
-        drop(AtomicFile::create(&path).unwrap());
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        for name in ["new/result.txt", "new/deeper/result.txt"] {
+            drop(AtomicFile::create(&folder.path().join(name)).unwrap());
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{name}");
+        }
         let old = folder.path().join("old.txt");
         fs::write(&old, "old").unwrap();
         let mut file = AtomicFile::create(&old).unwrap();

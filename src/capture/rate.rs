@@ -10,10 +10,10 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Pictures a second, where that is known by now.
+    /// Pictures a second, where that is known by now; the most that are looked at, where only these are.
     pub fn get(&self) -> Option<f64> {
-        let known = self.known.get().copied()?;
-        Some(self.most.map_or(known, |most| known.min(most)))
+        let known = self.known.get().copied();
+        known.into_iter().chain(self.most).reduce(f64::min)
     }
 
     /// Of an input of which no more pictures a second than these are looked at.
@@ -34,5 +34,19 @@ impl From<Option<f64>> for Rate {
         let known = Self::default();
         known.tell(rate);
         known
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_an_input_whose_rate_nobody_tells_the_most_that_are_looked_at_are_one() {
+        let of = |known: Option<f64>, most: Option<f64>| Rate::from(known).at_most(most).get();
+        assert_eq!(of(None, Some(15.0)), Some(15.0));
+        assert_eq!(of(Some(30.0), Some(15.0)), Some(15.0));
+        assert_eq!(of(Some(10.0), Some(15.0)), Some(10.0));
+        assert_eq!((of(Some(30.0), None), of(None, None)), (Some(30.0), None));
     }
 }

@@ -3,6 +3,9 @@
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use tempfile::NamedTempFile;
 
 use super::apart::Apart;
 use super::exit::Failure;
@@ -11,7 +14,7 @@ use crate::export::{ExportError, Exported, Format, Take, encode};
 use crate::message::BodyFrame;
 use crate::output::{self, AtomicFile};
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
-use crate::sink::{RecordSink, Sinks};
+use crate::sink::{Packet, RecordSink, Sink, SinkError, Sinks};
 
 /// Options of `edgecap export`.
 #[derive(Debug, clap::Args)]
@@ -158,6 +161,17 @@ impl Exports {
         Ok(Self(named))
     }
 
+    /// That what was to be exported could not be kept: the user knows the files, not what lies beside them.
+    fn unkept(&self, why: &SinkError) -> Failure {
+        let to = self.0.first().map_or(Path::new(""), |(_, to)| to);
+        match why {
+            SinkError::Create { cause, .. }
+            | SinkError::Write { cause, .. }
+            | SinkError::Lost { cause, .. } => Failure::output(to, cause),
+            other => Failure::output(to, &io::Error::other(other.to_string())),
+        }
+    }
+
     /// Writes all of them; errors are as those of [`export`].
     pub fn write(&self, take: &Take) -> Written {
         self.write_take(take, false)
@@ -173,24 +187,66 @@ impl Exports {
         (lines, first)
     }
 
-    /// Starts to keep what is to be exported, if anything is, where nobody else may read it; what killed processes left
-    /// of the same is cleared away.
+    /// Starts to keep what is to be exported, if anything is, where nobody else may read it, beside the first of the
+    /// files; what killed processes left of the same is cleared away.
     ///
     /// # Errors
     /// If there is no place for it.
     pub fn keep(self, sinks: &mut Sinks<BodyFrame>) -> anyhow::Result<Option<Kept>> {
-        if self.0.is_empty() {
+        let Some((_, to)) = self.0.first() else {
             return Ok(None);
-        }
+        };
         // What takes its name is private, too.
-        let file = tempfile::NamedTempFile::new()?;
+        let file = output::private_beside(to).map_err(|e| Failure::output(to, &e))?;
         output::sweep(output::parent(file.path()));
         let record = RecordSink::<BodiesRow>::create(file.path(), RecordFormat::Binary)?;
-        sinks.push(record.untold());
+        let failed = Arc::default();
+        sinks.push(KeptRecord {
+            record: Some(record.untold()),
+            failed: Arc::clone(&failed),
+        });
         Ok(Some(Kept {
             exports: self,
-            path: file.into_temp_path(),
+            file,
+            failed,
         }))
+    }
+}
+
+/// Why there is no record of a run to be exported.
+type Failed = Arc<OnceLock<SinkError>>;
+
+/// The record of a run that is to be exported. Where it fails, the other results go on.
+struct KeptRecord {
+    /// `None` once it has failed: what it took of the disk is free again.
+    record: Option<RecordSink<BodiesRow>>,
+    failed: Failed,
+}
+
+impl Sink<BodyFrame> for KeptRecord {
+    fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
+        if let Some(record) = &mut self.record
+            && let Err(e) = record.take(packet)
+        {
+            self.failed.get_or_init(|| e);
+            self.record = None;
+        }
+        Ok(())
+    }
+
+    fn break_off(&mut self) {
+        if let Some(record) = &mut self.record {
+            record.break_off();
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
+        if let Some(record) = self.record
+            && let Err(e) = Box::new(record).finish()
+        {
+            self.failed.get_or_init(|| e);
+        }
+        Ok(None)
     }
 }
 
@@ -198,14 +254,18 @@ impl Exports {
 #[derive(Debug)]
 pub struct Kept {
     exports: Exports,
-    path: tempfile::TempPath,
+    file: NamedTempFile,
+    failed: Failed,
 }
 
 impl Kept {
     /// Writes all files, once the sinks have finished; `source` is what was run. Where the run broke off, what there is
-    /// does not replace more. Errors are as those of [`export`].
+    /// does not replace more. Errors are as those of [`export`], or why nothing could be kept to be exported.
     pub fn write(self, source: &str, is_broken: bool) -> Written {
-        let read = open(&self.path).and_then(|input| Ok(Take::read(input, source)?));
+        if let Some(why) = self.failed.get() {
+            return (Vec::new(), Err(self.exports.unkept(why).into()));
+        }
+        let read = open(self.file.path()).and_then(|input| Ok(Take::read(input, source)?));
         match read {
             Ok(take) => self.exports.write_take(&take, is_broken),
             Err(e) => (Vec::new(), Err(e)),
@@ -279,20 +339,62 @@ mod tests {
 
     #[test]
     fn what_a_run_keeps_to_export_is_nobody_elses_and_what_was_left_of_it_goes() {
+        let folder = tempfile::tempdir().unwrap();
         let left = tempfile::Builder::new()
             .prefix(".edgecap-")
             .suffix(".part")
-            .tempfile()
+            .tempfile_in(folder.path())
             .unwrap();
         let long_ago = SystemTime::now() - Duration::from_secs(2 * 24 * 60 * 60);
         left.as_file().set_modified(long_ago).unwrap();
         let left = left.into_temp_path();
         let mut sinks = Sinks::default();
-        let exports = Exports(vec![(Format::Csv, PathBuf::from("a.csv"))]);
+        let exports = Exports(vec![(Format::Csv, folder.path().join("a.csv"))]);
         let kept = exports.keep(&mut sinks).unwrap().unwrap();
         assert!(!left.exists());
         sinks.finish().1.unwrap();
-        let mode = fs::metadata(&kept.path).unwrap().mode();
-        assert_eq!(mode & 0o777, 0o600);
+        let path = kept.file.path().to_owned();
+        assert_eq!(
+            path.parent(),
+            Some(folder.path()),
+            "on the disk of the result"
+        );
+        assert_eq!(fs::metadata(path).unwrap().mode() & 0o777, 0o600);
+        drop(kept);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_run_whose_exports_cannot_be_kept_goes_on_without_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let to = folder.path().join("a.csv");
+        let file = output::private_beside(&to).unwrap();
+        let failed = Failed::default();
+        let full = RecordSink::create(Path::new("/dev/full"), RecordFormat::Binary).unwrap();
+        let mut sinks = Sinks::default();
+        sinks.push(KeptRecord {
+            record: Some(full),
+            failed: Arc::clone(&failed),
+        });
+        let message = BodyFrame::default();
+        for _ in 0..3 {
+            let packet = Packet {
+                message: &message,
+                source: "",
+                picture: None,
+            };
+            sinks.take(&packet).unwrap();
+        }
+        sinks.finish().1.unwrap();
+        let kept = Kept {
+            exports: Exports(vec![(Format::Csv, to.clone())]),
+            file,
+            failed,
+        };
+        let (lines, written) = kept.write("film", false);
+        assert!(lines.is_empty() && !to.exists());
+        let e = written.unwrap_err();
+        assert_eq!(exit::code(&e), exit::CANNOT_CREATE, "{e}");
+        assert!(e.to_string().contains("a.csv"), "{e}");
     }
 }

@@ -64,11 +64,7 @@ impl RecordArgs {
         sinks: &mut Sinks<T::Message>,
     ) -> Result<(), SinkError> {
         for (path, format) in self.each() {
-            if output::is_stdout(path) {
-                sinks.push(RecordSink::<T>::create(path, format)?.growing());
-            } else {
-                sinks.push(PatientRecord::<T>::create(path, format)?);
-            }
+            sinks.push(PatientRecord::<T>::create(path, format)?);
         }
         Ok(())
     }
@@ -91,7 +87,7 @@ impl RecordArgs {
                 )),
                 Err(e) => {
                     return Err(Failure::config(format!(
-                        "[[camera]] {camera}: expected a place for a record, found {}: {e}; choose a writable one",
+                        "expected a place for a record, found {}: {e}; choose a writable one",
                         path.display()
                     ))
                     .into());

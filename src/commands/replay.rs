@@ -21,13 +21,14 @@ use crate::camera::{DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
 use crate::counted::counted;
 use crate::events::EventConfig;
+use crate::export::{self, RATE, Stamp, usual_step};
 use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
 use crate::sink::{EventSink, Packet, SharedMemorySink, Sinks, Streamed};
 
 /// How long a signal may take to be heard.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Frames a second where the record's times say nothing.
-const RATE: f64 = 30.0;
+/// So many frames at a record's beginning tell whether its times say anything.
+const HEAD: usize = 1000;
 
 /// Options of `edgecap replay`.
 #[derive(Debug, clap::Args)]
@@ -86,21 +87,18 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
             .into());
         }
     }
-    let mut together = None;
-    if records > 1 {
-        let begins: Vec<Option<u64>> = args
-            .records
-            .iter()
-            .map(|r| begin(r))
-            .collect::<Result<_, _>>()?;
-        together = begins.into_iter().flatten().min();
-    }
+    let are_together = records > 1;
+    let heads = args.records.iter().map(|r| Head::read(r, are_together));
+    let heads: Vec<Head> = heads.collect::<Result<_, _>>()?;
+    let firsts = heads.iter().filter_map(|head| head.first);
+    let together = firsts.min().filter(|_| are_together);
     let (began, has_failed) = (Instant::now(), AtomicBool::new(false));
-    let takes = args.records.iter().zip(&args.names);
-    let takes = takes.map(|(record, name)| Take {
+    let takes = args.records.iter().zip(&args.names).zip(heads);
+    let takes = takes.map(|((record, name), head)| Take {
         args: &args,
         record,
         name,
+        step: head.step,
         stop: &stop,
         has_failed: &has_failed,
         began,
@@ -125,30 +123,47 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     })
 }
 
-/// When the first frame of a record of several was taken; `None` where there is none.
-fn begin(record: &Path) -> anyhow::Result<Option<u64>> {
-    fn due<M: Times + Copy>(frame: &M) -> u64 {
+/// What a record's first frames tell of its times.
+#[derive(Debug)]
+struct Head {
+    /// When the first is due; `None` where there is none.
+    first: Option<u64>,
+    /// Usually between two, nanoseconds; `None` where times do not rise.
+    step: Option<u64>,
+}
+
+impl Head {
+    /// `keeps_times`: frames are due by their times of capture.
+    fn read(record: &Path, keeps_times: bool) -> anyhow::Result<Self> {
+        let mut stamps = Vec::new();
+        let read = match Kind::of(&mut open(record)?) {
+            Some(Kind::Bodies) => bodies(record, &mut |frame| {
+                Ok(Self::takes(&mut stamps, frame, keeps_times))
+            }),
+            Some(Kind::Observations) => observations(record, &mut |frame| {
+                Ok(Self::takes(&mut stamps, frame, keeps_times))
+            }),
+            None => Ok(false),
+        };
+        // What is wrong after frames is said where these have been played.
+        if stamps.is_empty() {
+            read?;
+        }
+        Ok(Self {
+            first: stamps.first().map(|(_, due)| *due),
+            step: usual_step(&stamps),
+        })
+    }
+
+    /// Takes another frame's stamp; whether more are wanted.
+    fn takes<M: Times + Copy>(stamps: &mut Vec<Stamp>, frame: &M, keeps_times: bool) -> bool {
         let mut frame = Box::new(*frame);
-        frame.keep_times();
-        frame.due_ns()
-    }
-    let mut first = None;
-    match Kind::of(&mut open(record)?) {
-        Some(Kind::Bodies) => {
-            bodies(record, &mut |frame| {
-                first = Some(due(frame));
-                Ok(false)
-            })?;
+        if keeps_times {
+            frame.keep_times();
         }
-        Some(Kind::Observations) => {
-            observations(record, &mut |frame| {
-                first = Some(due(frame));
-                Ok(false)
-            })?;
-        }
-        None => {}
+        stamps.push((frame.number(), frame.due_ns()));
+        stamps.len() < HEAD
     }
-    Ok(first)
 }
 
 /// Calls `take` with every frame of a record of bodies until that says `false`; whether the record ends inside a frame.
@@ -200,6 +215,8 @@ struct Take<'a> {
     args: &'a ReplayArgs,
     record: &'a Path,
     name: &'a str,
+    /// Usually between two of its frames, nanoseconds; `None` where times do not rise.
+    step: Option<u64>,
     stop: &'a Stop,
     /// Whether one of several could not be played.
     has_failed: &'a AtomicBool,
@@ -254,8 +271,8 @@ impl Take<'_> {
         let mut numbers = Numbers::default();
         let outcome = loop {
             let mut clock = match self.together {
-                Some(zero) => Clock::new(self.args.speed, self.began, Some(zero)),
-                None => Clock::new(self.args.speed, Instant::now(), None),
+                Some(zero) => Clock::new(self.args.speed, self.began, self.step, Some(zero)),
+                None => Clock::new(self.args.speed, Instant::now(), self.step, None),
             };
             let before = frames;
             let played = rows(&mut |recorded| {
@@ -308,36 +325,40 @@ impl Take<'_> {
 struct Clock {
     speed: f64,
     began: Instant,
+    times: export::Clock,
+    /// Usually between two frames, nanoseconds; `None` where times do not rise: then frames are evenly spaced.
+    step: Option<u64>,
     /// What of the record was due when it began: its first frame, or of several records the first one of all.
     zero: Option<u64>,
-    last: Option<u64>,
-    /// Of the record, seconds.
-    now: f64,
+    /// On the clock of the record's beginning.
+    newest: Option<u64>,
 }
 
 impl Clock {
-    fn new(speed: f64, began: Instant, zero: Option<u64>) -> Self {
+    fn new(speed: f64, began: Instant, step: Option<u64>, zero: Option<u64>) -> Self {
         Self {
             speed,
             began,
+            times: export::Clock::default(),
+            step,
             zero,
-            last: None,
-            now: 0.0,
+            newest: None,
         }
     }
 
-    /// How long after the beginning a frame of this time is due.
+    /// How long after the beginning a frame of this time is due. One that is no later than those before, as of bodies
+    /// that are held, is due with the newest.
     fn due(&mut self, time: u64) -> Duration {
-        let last = self.last.replace(time);
-        let before = last.or(self.zero).unwrap_or(time);
-        self.now += if time > before {
-            (time - before) as f64 * 1e-9
-        } else if last.is_some() {
-            1.0 / RATE
-        } else {
-            0.0
+        let now = match (self.newest, self.step) {
+            (Some(newest), None) => newest.saturating_add((1e9 / RATE) as u64),
+            (newest, step) => {
+                let later = self.times.look(time, step.unwrap_or_default());
+                later.or(newest).unwrap_or(time)
+            }
         };
-        Duration::from_secs_f64(self.now / self.speed)
+        self.newest = Some(now);
+        let zero = *self.zero.get_or_insert(now);
+        Duration::from_nanos(now.saturating_sub(zero)).div_f64(self.speed)
     }
 
     /// Waits until a frame is due, or must not be waited for any more.
@@ -361,15 +382,27 @@ mod tests {
     fn records_of_one_room_have_one_zero() {
         const MS: u64 = 1_000_000;
         let due = |zero: Option<u64>, times: &[u64]| -> Vec<u128> {
-            let mut clock = Clock::new(0.5, Instant::now(), zero);
-            let due = times.iter().map(|t| clock.due(t * MS));
+            let stamps: Vec<Stamp> = (0..).zip(times.iter().map(|t| t * MS)).collect();
+            let mut clock = Clock::new(0.5, Instant::now(), usual_step(&stamps), zero);
+            let due = stamps.iter().map(|(_, time)| clock.due(*time));
             due.map(|after| after.as_millis()).collect()
         };
         // At half the speed; alone it begins at once.
         assert_eq!(due(None, &[500, 540, 600]), [0, 80, 200]);
         assert_eq!(due(Some(300 * MS), &[300, 340]), [0, 80]);
         assert_eq!(due(Some(300 * MS), &[500, 540, 600]), [400, 480, 600]);
-        // Times that do not rise are a thirtieth of a second apart.
-        assert_eq!(due(None, &[500, 500, 540]), [0, 66, 146]);
+        // Bodies that are held are due at once, and nothing that follows is later for it.
+        assert_eq!(due(None, &[500, 500, 540]), [0, 0, 80]);
+        let held = [0, 20, 20, 20, 40];
+        assert_eq!(due(Some(0), &held), held.map(|ms| 2 * u128::from(ms)));
+        // One that was overtaken; another recording, which follows by as much as is usual.
+        assert_eq!(due(None, &[0, 40, 20, 80]), [0, 80, 80, 160]);
+        assert_eq!(
+            due(None, &[9000, 9040, 0, 40]),
+            [0, 80, 160, 240],
+            "another recording"
+        );
+        // Photos have no times.
+        assert_eq!(due(None, &[7, 7, 7, 7]), [0, 66, 133, 199]);
     }
 }

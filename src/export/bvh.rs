@@ -2,7 +2,8 @@
 //! expect.
 
 use std::f64::consts::{PI, TAU};
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::{self, Write};
 
 use glam::{DQuat, DVec3, EulerRot};
 
@@ -13,30 +14,39 @@ const CM: f64 = 100.0;
 /// Decimals: a thousandth of a millimetre, a millionth of a degree.
 const PLACES: usize = 6;
 
-/// The file's text; the first pose is held for `held` steps before the motion.
-pub fn encode(motion: &Motion, held: usize) -> String {
-    let mut out = "HIERARCHY\n".to_owned();
+/// Bytes of the numbers of a step.
+pub const ROW: usize = size_of::<[f64; 3 + 3 * HUMANOID_BONE_COUNT]>();
+
+/// Writes the file's text step by step: the first pose is held for `held` of them before the motion.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write(motion: &Motion, held: usize, out: &mut impl Write) -> io::Result<()> {
+    let mut text = "HIERARCHY\n".to_owned();
     let mut order = Vec::new();
-    joint(motion, 0, 0, &mut order, &mut out);
+    joint(motion, 0, 0, &mut order, &mut text);
     let _ = writeln!(
-        out,
+        text,
         "MOTION\nFrames: {}\nFrame Time: {:.9}",
         held + motion.moments.len(),
         1.0 / motion.rate
     );
+    out.write_all(text.as_bytes())?;
     let mut before = [DVec3::ZERO; HUMANOID_BONE_COUNT];
     let first = motion.moments.iter().take(1).cycle().take(held);
     for moment in first.chain(&motion.moments) {
         let p = moment.position * CM;
-        let _ = write!(out, "{:.PLACES$} {:.PLACES$} {:.PLACES$}", p.x, p.y, p.z);
+        text.clear();
+        let _ = write!(text, "{:.PLACES$} {:.PLACES$} {:.PLACES$}", p.x, p.y, p.z);
         for &bone in &order {
             before[bone] = angles(moment.rotations[bone], before[bone]);
             let [z, x, y] = before[bone].to_array().map(f64::to_degrees);
-            let _ = write!(out, " {z:.PLACES$} {x:.PLACES$} {y:.PLACES$}");
+            let _ = write!(text, " {z:.PLACES$} {x:.PLACES$} {y:.PLACES$}");
         }
-        out.push('\n');
+        text.push('\n');
+        out.write_all(text.as_bytes())?;
     }
-    out
+    Ok(())
 }
 
 /// A rotation's angles about z, x and y, radians: of all that mean it those nearest to the ones `before`, as programs
@@ -129,7 +139,9 @@ mod tests {
             lengths,
             rest: TPose::new(Skeleton::builtin(), &lengths),
         };
-        let text = encode(&motion, 0);
+        let mut text = Vec::new();
+        write(&motion, 0, &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
         let (hierarchy, rows) = text.split_once("Frame Time:").unwrap();
         let words: Vec<&str> = hierarchy.split_whitespace().collect();
         let joints = words

@@ -32,6 +32,17 @@ pub enum ExportError {
         /// Who is there.
         there: String,
     },
+    /// Who was asked for is only in frames that are left out.
+    #[error(
+        "{name}: the id {id} is only in frames that are no later than those before them, which are left out; \
+         export somebody else"
+    )]
+    NoTime {
+        /// The record.
+        name: String,
+        /// Who was asked for.
+        id: u32,
+    },
     /// The record cannot be read.
     #[error(transparent)]
     Record(#[from] RecordError),

@@ -2,7 +2,7 @@
 //! bytes, or writes them.
 //!
 //! Axes of BVH, glTF and TRC: the floor's of the record's last frame that knows one (x to the camera's right, y up, z
-//! towards the viewer). Where none does, the camera's axes set upright, with the lowest foot at height 0.
+//! towards the viewer). Where none does, the camera's axes set upright, with the feet that stand lowest at height 0.
 
 mod bvh;
 mod csv;
@@ -21,7 +21,7 @@ pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
 pub use motion::{Axes, Motion};
 pub use take::Take;
-pub use times::{Clock, usual_rate};
+pub use times::{Clock, RATE, Stamp, usual_rate, usual_step};
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -86,9 +86,37 @@ enum Content<'a> {
     Bytes(Vec<u8>),
     /// Rows of CSV, which are made as they are written.
     Rows(&'a Take),
+    /// One person's motion, which is made as it is written: those of all need not be held at once.
+    Motion {
+        take: &'a Take,
+        id: u32,
+        /// Steps a second.
+        rate: f64,
+        axes: Axes,
+        kind: Kind,
+    },
+}
+
+/// A format of one person.
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    /// With the first pose held for so many steps.
+    Bvh(usize),
+    Trc,
 }
 
 impl Exported<'_> {
+    /// Steps for which its first pose is held.
+    fn held(&self) -> usize {
+        match self.content {
+            Content::Motion {
+                kind: Kind::Bvh(held),
+                ..
+            } => held,
+            _ => 0,
+        }
+    }
+
     /// Writes what is in it.
     ///
     /// # Errors
@@ -97,6 +125,19 @@ impl Exported<'_> {
         match &self.content {
             Content::Bytes(bytes) => out.write_all(bytes),
             Content::Rows(take) => csv::write(take, out),
+            Content::Motion {
+                take,
+                id,
+                rate,
+                axes,
+                kind,
+            } => {
+                let motion = Motion::of(take, *id, *rate, axes);
+                match kind {
+                    Kind::Bvh(held) => bvh::write(&motion, *held, out),
+                    Kind::Trc => trc::write(&motion, &self.path, out),
+                }
+            }
         }
     }
 }
@@ -126,28 +167,36 @@ pub fn encode<'a>(
         }]);
     }
     let is_alone = take.people.len() == 1;
-    let start = take.start();
-    let files = Motion::all(take)?.map(|motion| {
+    // They may take a look at everybody: not again for each.
+    let (start, rate, axes) = (take.start(), take.rate(), Axes::of(take));
+    let files = take.people.iter().map(|(&id, samples)| {
         let path = match is_alone {
             true => to.to_owned(),
-            false => with_id(to, motion.id),
+            false => with_id(to, id),
         };
-        let late = motion.start - start;
-        let (text, late) = match format {
-            Format::Bvh if late > LONGEST_HELD => (bvh::encode(&motion, 0), Some(late)),
-            Format::Bvh => {
-                let held = (late * motion.rate).round() as usize;
-                (bvh::encode(&motion, held), None)
-            }
-            _ => (trc::encode(&motion, &path), None),
+        let first = samples.first().map_or(0, |s| s.frame);
+        let late = take.frames[first].time - start;
+        let (kind, late) = match format {
+            Format::Bvh if late > LONGEST_HELD => (Kind::Bvh(0), Some(late)),
+            Format::Bvh => (Kind::Bvh((late * rate).round() as usize), None),
+            _ => (Kind::Trc, None),
         };
         Exported {
             path,
-            content: Content::Bytes(text.into_bytes()),
+            content: Content::Motion {
+                take,
+                id,
+                rate,
+                axes,
+                kind,
+            },
             late,
         }
     });
-    Ok(files.collect())
+    let files: Vec<_> = files.collect();
+    let held = files.iter().map(Exported::held).sum::<usize>();
+    Motion::expect(take, rate, held as f64)?;
+    Ok(files)
 }
 
 fn with_id(path: &Path, id: u32) -> PathBuf {

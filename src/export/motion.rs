@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::bvh;
 use super::error::ExportError;
 use super::size;
 use super::take::{Sample, Take};
@@ -12,6 +13,13 @@ use crate::message::{Body, HUMANOID_BONE_COUNT};
 /// Seconds for which whoever is in two frames that follow each other is taken to be there in between: bodies are held
 /// for as long while no picture comes.
 const HELD: f64 = 1.0;
+
+/// Steps around a sample in which somebody is taken to be there.
+const NEAR: f64 = 1.5;
+/// Joints of which one is on the ground: the ankles, and the tips of the feet.
+const FEET: [usize; 4] = [10, 13, 19, 20];
+/// One of so many frames may have a foot below the ground: what was fitted wrong must not lift everybody.
+const ONE_BELOW: usize = 100;
 
 /// One moment of a [`Motion`].
 #[derive(Debug, Clone, Copy)]
@@ -50,16 +58,27 @@ impl Motion {
     /// [`ExportError::Format`] where steps are too many to be held.
     pub fn all(take: &Take) -> Result<impl Iterator<Item = Self>, ExportError> {
         let rate = take.rate();
-        let steps: f64 = take.people.values().map(|s| steps(take, s, rate)).sum();
-        let bytes = steps * size_of::<Moment>() as f64;
-        size::expect(bytes, || format!("{steps} steps of {:.6} s", 1.0 / rate))?;
+        Self::expect(take, rate, 0.0)?;
         // They may take a look at everybody: not again for each.
         let axes = Axes::of(take);
         let ids = take.people.keys();
         Ok(ids.map(move |&id| Self::of(take, id, rate, &axes)))
     }
 
-    fn of(take: &Take, id: u32, rate: f64, axes: &Axes) -> Self {
+    /// Refuses motions at `rate` steps a second whose numbers are too many, with so many rows of a `.bvh` before them.
+    ///
+    /// # Errors
+    /// [`ExportError::Format`].
+    pub(super) fn expect(take: &Take, rate: f64, held: f64) -> Result<(), ExportError> {
+        let steps: f64 = take.people.values().map(|s| steps(take, s, rate)).sum();
+        let bytes = steps * size_of::<Moment>() as f64 + held * bvh::ROW as f64;
+        size::expect(bytes, || {
+            format!("{} steps of {:.6} s", steps + held, 1.0 / rate)
+        })
+    }
+
+    /// That of one who is in the take, at so many steps a second.
+    pub(super) fn of(take: &Take, id: u32, rate: f64, axes: &Axes) -> Self {
         let samples = &take.people[&id];
         let time = |s: &Sample| take.frames[s.frame].time;
         let lengths = std::array::from_fn(|j| {
@@ -80,8 +99,8 @@ impl Motion {
             };
             let gap = time(after) - time(before);
             let share = ((now - time(before)) / gap).clamp(0.0, 1.0);
-            let is_near = gap * share.min(1.0 - share) * rate <= 1.5;
-            let is_there = is_near || after.frame == before.frame + 1 && gap <= HELD;
+            let is_near = gap * share.min(1.0 - share) * rate <= NEAR;
+            let is_there = is_near || is_held(before, after, gap);
             Moment {
                 is_there,
                 ..from.towards(&axes.moment(&after.body), share)
@@ -96,6 +115,16 @@ impl Motion {
             rest: TPose::new(Skeleton::builtin(), &lengths),
         }
     }
+}
+
+/// Whether somebody is there all the time between two samples that follow each other, `gap` seconds apart, in a take of
+/// so many frames a second.
+pub fn is_there_between(before: &Sample, after: &Sample, gap: f64, rate: f64) -> bool {
+    gap * rate <= 2.0 * NEAR || is_held(before, after, gap)
+}
+
+fn is_held(before: &Sample, after: &Sample, gap: f64) -> bool {
+    after.frame == before.frame + 1 && gap <= HELD
 }
 
 /// Steps from somebody's first frame to the last.
@@ -142,12 +171,17 @@ impl Axes {
             turn: DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
             origin: DVec3::ZERO,
         };
-        let joints = take.people.values().flatten().flat_map(|s| s.body.joints3d);
-        let lowest = joints
-            .map(|j| upright.point(j).y)
-            .fold(f64::INFINITY, f64::min);
+        let mut lowest = vec![f64::INFINITY; take.frames.len()];
+        for sample in take.people.values().flatten() {
+            let feet = FEET.map(|joint| upright.point(sample.body.joints3d[joint]).y);
+            let foot = &mut lowest[sample.frame];
+            *foot = feet.into_iter().fold(*foot, f64::min);
+        }
+        lowest.retain(|foot| foot.is_finite());
+        lowest.sort_unstable_by(f64::total_cmp);
+        let ground = lowest.get(lowest.len() / ONE_BELOW).copied();
         Self {
-            origin: DVec3::new(0.0, -lowest, 0.0),
+            origin: DVec3::new(0.0, -ground.unwrap_or_default(), 0.0),
             ..upright
         }
     }

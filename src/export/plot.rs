@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::motion::Axes;
+use super::motion::{Axes, is_there_between};
 use super::take::{Sample, Take};
 use crate::joints::{JOINT_NAMES, PELVIS};
 
@@ -13,9 +13,7 @@ const RIGHT: f64 = 16.0;
 const TOP: f64 = 44.0;
 /// Between two panels.
 const GAP: f64 = 34.0;
-/// A longer pause than this many frames breaks a line.
-const PAUSE: usize = 3;
-/// Fewer pixels show nothing more.
+/// Points of a line: more than pixels show nothing more.
 const POINTS: usize = 2000;
 
 /// A panel: its title, and what it shows of a body.
@@ -123,23 +121,35 @@ fn draw(take: &Take, panel: &Panel, top: f64, out: &mut String) {
             number(time)
         );
     }
+    let time = |sample: &Sample| take.frames[sample.frame].time;
+    // Of a shorter pause nothing is seen.
+    let (rate, finest) = (take.rate(), end / POINTS as f64);
     for (id, samples) in &take.people {
         let every = samples.len().div_ceil(POINTS);
-        let (mut path, mut before) = (String::new(), None);
-        for sample in samples.iter().step_by(every.max(1)) {
-            let value = (panel.value)(sample);
-            if !value.is_finite() {
-                continue;
+        let points = samples.iter().map(|s| (s, (panel.value)(s)));
+        let points: Vec<(&Sample, f64)> = points.filter(|(_, value)| value.is_finite()).collect();
+        // All samples tell where somebody is away, whichever are drawn.
+        let runs = points.chunk_by(|(before, _), (after, _)| {
+            let gap = time(after) - time(before);
+            gap <= finest || is_there_between(before, after, gap, rate)
+        });
+        let mut path = String::new();
+        for run in runs {
+            for (n, (sample, value)) in run.iter().enumerate() {
+                if n % every == 0 || n + 1 == run.len() {
+                    let letter = if n == 0 { 'M' } else { 'L' };
+                    let _ = write!(path, "{letter}{:.1} {:.1}", x(time(sample)), y(*value));
+                }
             }
-            let joined = before.is_some_and(|b: usize| sample.frame - b <= PAUSE.max(every));
-            let letter = if joined { 'L' } else { 'M' };
-            let (x, y) = (x(take.frames[sample.frame].time), y(value));
-            let _ = write!(path, "{letter}{x:.1} {y:.1}");
-            before = Some(sample.frame);
+            // With round ends a dot.
+            if run.len() == 1 {
+                path += "h0";
+            }
         }
         let _ = writeln!(
             out,
-            "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" stroke-linejoin=\"round\"/>",
+            "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" stroke-linejoin=\"round\" \
+             stroke-linecap=\"round\"/>",
             colour(*id)
         );
     }

@@ -5,8 +5,8 @@ use std::io::BufRead;
 
 use super::error::ExportError;
 use super::size;
-use super::times::{self, RATE};
-use crate::message::{Body, World};
+use super::times::{self, RATE, RESTART_NS};
+use crate::message::{Body, FLAG_FILE_TIME, World};
 use crate::record::{BodiesRow, RowReader};
 
 /// No camera is faster: shorter steps are a record's mistake, and would make endless files. Frames a second.
@@ -59,7 +59,7 @@ impl Take {
     /// The same of one person, of whom a record of days can be held; `None`: of everybody.
     ///
     /// # Errors
-    /// As [`read`](Self::read); [`ExportError::NoPerson`].
+    /// As [`read`](Self::read); [`ExportError::NoPerson`], [`ExportError::NoTime`].
     pub fn read_of(
         input: impl BufRead,
         name: &str,
@@ -70,13 +70,21 @@ impl Take {
         let mut stamps: Vec<times::Stamp> = Vec::new();
         // What ids of this life of the publisher are counted from, and the highest of all.
         let (mut from, mut highest) = (0, 0);
+        // The newest time of that life.
+        let mut newest = 0;
         let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
         while let Some(row) = rows.read()? {
             let message = row.message();
             let index = take.frames.len();
-            if stamps.last().is_some_and(|last| message.sequence < last.0) {
+            let counts_anew = stamps.last().is_some_and(|last| message.sequence < last.0);
+            // The clock of cameras goes back where the machine was started again; a film may be played twice.
+            let goes_back = message.flags & FLAG_FILE_TIME == 0
+                && message.pose_ns.saturating_add(RESTART_NS) < newest;
+            if counts_anew || goes_back {
                 from = highest;
+                newest = 0;
             }
+            newest = newest.max(message.pose_ns);
             stamps.push((message.sequence, message.pose_ns));
             take.frames.push(Frame {
                 sequence: message.sequence,
@@ -106,6 +114,10 @@ impl Take {
         take.was_cut = rows.was_cut();
         take.keep(&times::seconds(&stamps));
         match person {
+            Some(id) if take.people.is_empty() && ids.contains(&id) => Err(ExportError::NoTime {
+                name: name.to_owned(),
+                id,
+            }),
             Some(id) if take.people.is_empty() && !ids.is_empty() => Err(no_person(name, id, &ids)),
             _ if take.people.is_empty() => Err(ExportError::Empty {
                 name: name.to_owned(),

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use super::take::{Frame, Sample};
 use super::*;
-use crate::message::{Body, BodyFrame, World};
+use crate::joints::JOINT_NAMES;
+use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, World};
 use crate::record::{BodiesRow, Row};
 
 const SECOND: u64 = 1_000_000_000;
@@ -17,11 +18,16 @@ fn take(messages: &[Message<'_>]) -> Take {
 }
 
 fn lines(messages: &[Message<'_>]) -> Vec<u8> {
+    flagged(0, messages)
+}
+
+fn flagged(flags: u32, messages: &[Message<'_>]) -> Vec<u8> {
     let mut lines = Vec::new();
     for &(sequence, pose_ns, ids) in messages {
         let mut message = BodyFrame {
             sequence,
             pose_ns,
+            flags,
             count: ids.len() as u32,
             ..BodyFrame::default()
         };
@@ -108,16 +114,20 @@ fn a_film_whose_times_are_whole_milliseconds_has_its_rate() {
 
 #[test]
 fn a_frame_that_was_overtaken_is_left_out() {
-    let take = take(&[
+    let messages: [Message<'_>; 4] = [
         (0, 0, &[1]),
         (1, SECOND / 10, &[1]),
         (2, SECOND / 11, &[2]),
         (3, SECOND / 5, &[1]),
-    ]);
+    ];
+    let take = take(&messages);
     assert_eq!(times(&take), [0.0, 0.1, 0.2]);
     let frames: Vec<usize> = take.people[&1].iter().map(|s| s.frame).collect();
     assert_eq!(frames, [0, 1, 2]);
     assert!(!take.people.contains_key(&2), "who is in no other frame");
+    let alone = Take::read_of(&lines(&messages)[..], "record", Some(2));
+    let refused = alone.unwrap_err().to_string();
+    assert!(refused.contains("no later"), "{refused}");
 }
 
 #[test]
@@ -158,6 +168,106 @@ fn who_has_an_id_of_before_the_publisher_s_restart_is_somebody_else() {
     );
     let named = |(id, samples): (&u32, &Vec<Sample>)| samples.iter().all(|s| s.body.id == *id);
     assert!(take.people.iter().all(named), "bodies are called alike");
+}
+
+/// As where the machine was started again while somebody recorded, or a film is played twice.
+#[test]
+fn ids_of_a_camera_whose_clock_goes_back_are_somebody_else_s() {
+    let messages: [Message<'_>; 5] = [
+        (7, 100 * SECOND, &[1]),
+        (8, 101 * SECOND, &[1]),
+        (9, 5 * SECOND, &[1]),
+        (10, 6 * SECOND, &[1]),
+        // One that was overtaken begins nothing.
+        (11, 6 * SECOND - SECOND / 10, &[1]),
+    ];
+    let ids = |flags: u32| -> Vec<u32> {
+        let take = Take::read(&flagged(flags, &messages)[..], "record").unwrap();
+        take.people.into_keys().collect()
+    };
+    assert_eq!(ids(0), [1, 2]);
+    assert_eq!(ids(FLAG_FILE_TIME), [1]);
+}
+
+/// Frames at these times, seconds, and in which of them somebody is.
+fn visits(frames: impl Iterator<Item = (f64, bool)>) -> Take {
+    let mut take = Take::default();
+    for (frame, (time, is_there)) in frames.enumerate() {
+        take.frames.push(Frame {
+            sequence: frame as u64,
+            time,
+            world: World::default(),
+        });
+        if is_there {
+            let body = Body::default();
+            let samples = take.people.entry(1).or_default();
+            samples.push(Sample { frame, body });
+        }
+    }
+    take
+}
+
+/// How often the first curve begins, and its lines.
+fn strokes(take: &Take) -> (usize, usize) {
+    let svg = plot::encode(take);
+    let paths = svg.split("<path d=\"").skip(1);
+    let mut curves = paths.filter(|path| path.contains("stroke-width=\"1.5\""));
+    let curve = curves.next().unwrap().split('"').next().unwrap();
+    (curve.matches('M').count(), curve.matches('L').count())
+}
+
+#[test]
+fn a_curve_breaks_where_somebody_is_away_however_few_of_its_points_are_drawn() {
+    let seldom_missing = (0..12_000).map(|k| (f64::from(k) / 30.0, k % 5 != 4));
+    let (moves, lines) = strokes(&visits(seldom_missing));
+    assert_eq!(moves, 1);
+    assert!(lines > 1000, "{lines}");
+    let hole = |k: i32| if k < 100 { 0.0 } else { 30.0 };
+    let no_frames = (0..200).map(|k| (f64::from(k) / 30.0 + hole(k), true));
+    assert_eq!(strokes(&visits(no_frames)), (2, 198));
+    let nobody = (0..12_000).map(|k| (f64::from(k) / 30.0, !(5000..5300).contains(&k)));
+    assert_eq!(strokes(&visits(nobody)).0, 2);
+}
+
+#[test]
+fn markers_of_who_is_away_are_empty() {
+    let ends = (0..=400).map(|k| (f64::from(k) / 10.0, k == 0 || k == 400));
+    let take = visits(ends);
+    let files = encode(&take, Format::Trc, "a.trc".as_ref()).unwrap();
+    let text = String::from_utf8(bytes(&files[0])).unwrap();
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .skip(6)
+        .map(|l| l.split('\t').collect())
+        .collect();
+    assert_eq!(rows.len(), 401);
+    for (row, is_there) in [(0, true), (1, true), (2, false), (200, false), (400, true)] {
+        let fields = &rows[row][2..];
+        assert_eq!(fields.len(), 3 * JOINT_NAMES.len());
+        assert!(fields.iter().all(|f| f.is_empty() != is_there), "{row}");
+    }
+}
+
+#[test]
+fn what_is_fitted_too_low_in_one_frame_does_not_lift_everybody() {
+    let mut take = visits((0..200).map(|k| (f64::from(k) / 30.0, true)));
+    let is_foot = |name: &str| name.ends_with("_ankle") || name.ends_with("_foot_tip");
+    let samples = take.people.get_mut(&1).unwrap();
+    for sample in samples.iter_mut() {
+        for (joint, name) in sample.body.joints3d.iter_mut().zip(JOINT_NAMES) {
+            *joint = [0.0, if is_foot(name) { 1.0 } else { 0.0 }, 3.0];
+        }
+    }
+    for (frame, wrong) in [(50, "r_wrist"), (60, "l_ankle")] {
+        let joint = JOINT_NAMES.iter().position(|name| *name == wrong).unwrap();
+        samples[frame].body.joints3d[joint][1] = 1.5;
+    }
+    let axes = Axes::of(&take);
+    let heights = [0.0, 1.0].map(|y| axes.point([0.0, y, 3.0]).y);
+    assert!(
+        (heights[0] - 1.0).abs() < 1e-9 && heights[1].abs() < 1e-9,
+        "{heights:?}"
+    );
 }
 
 /// One frame at each time, each with somebody of its own.
@@ -218,6 +328,10 @@ fn what_cannot_be_held_is_refused_before_it_is_made() {
     };
     let crowd = crowd((0..3000).map(|k| f64::from(k) / 30.0));
     refused(&crowd, "a.npz", ["3000 frames × 3000 people", "--person"]);
+    // Those who come last stand still for three minutes.
+    let queue = self::crowd((0..6000).map(|k| f64::from(k) / 30.0));
+    refused(&queue, "a.bvh", ["steps of 0.033333 s", "--person"]);
+    assert!(encode(&queue, Format::Trc, "a.trc".as_ref()).is_ok());
     // A clock that was set while somebody was in view.
     let mut long = take(&held());
     long.frames[59].time = 1e9;
@@ -255,6 +369,21 @@ fn a_csv_of_any_length_is_never_held() {
     let mut pieces = Pieces::default();
     files[0].write(&mut pieces).unwrap();
     assert!(pieces.0 > 300_000 && pieces.1 < 1000, "{pieces:?}");
+}
+
+#[test]
+fn a_bvh_whose_first_pose_is_held_is_never_held_itself() {
+    let mut take = visits((0..60).map(|k| (f64::from(k) / 30.0, k < 30)));
+    for frame in &mut take.frames[30..] {
+        frame.time += 500.0;
+    }
+    let body = Body::default();
+    let later = (30..60).map(|frame| Sample { frame, body });
+    take.people.insert(2, later.collect());
+    let files = encode(&take, Format::Bvh, "a.bvh".as_ref()).unwrap();
+    let mut pieces = Pieces::default();
+    files[1].write(&mut pieces).unwrap();
+    assert!(pieces.0 > 3_000_000 && pieces.1 < 10_000, "{pieces:?}");
 }
 
 /// The times of every animated property of a file, and the sizes where it is one.

@@ -4,8 +4,8 @@
 pub const RATE: f64 = 30.0;
 /// A time between frames counts as one without a frame missing, in usual ones.
 const USUAL: f64 = 1.75;
-/// Times that go back by more than this belong to another recording.
-const RESTART_NS: u64 = 500_000_000;
+/// Times that go back by more than this belong to another recording, nanoseconds.
+pub const RESTART_NS: u64 = 500_000_000;
 
 /// A message's number and time, nanoseconds.
 pub type Stamp = (u64, u64);
@@ -15,18 +15,7 @@ pub type Stamp = (u64, u64);
 /// Times that go back far belong to another recording, which goes on where the one before has ended. Where most frames
 /// are no later than the one before, numbers tell the times.
 pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
-    // Bodies that are held while no picture comes are the same message again: they say nothing of the times.
-    let steps = stamps.windows(2).filter(|pair| pair[0] != pair[1]);
-    let (mut all, mut rising) = (0, Vec::new());
-    for pair in steps {
-        all += 1;
-        rising.extend(pair[1].1.checked_sub(pair[0].1).filter(|step| *step > 0));
-    }
-    rising.sort_unstable();
-    let Some(&usual) = rising
-        .get(rising.len() / 2)
-        .filter(|_| 2 * rising.len() >= all)
-    else {
+    let Some(usual) = usual_step(stamps) else {
         let numbers = 0..stamps.len();
         return numbers.map(|k| Some(k as f64 / RATE)).collect();
     };
@@ -36,6 +25,20 @@ pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
         Some((now - stamps[0].1) as f64 * 1e-9)
     });
     times.collect()
+}
+
+/// The median of the times between frames, nanoseconds; `None` where most frames are no later than the one before.
+pub fn usual_step(stamps: &[Stamp]) -> Option<u64> {
+    // Bodies that are held while no picture comes are the same message again: they say nothing of the times.
+    let steps = stamps.windows(2).filter(|pair| pair[0] != pair[1]);
+    let (mut all, mut rising) = (0, Vec::new());
+    for pair in steps {
+        all += 1;
+        rising.extend(pair[1].1.checked_sub(pair[0].1).filter(|step| *step > 0));
+    }
+    rising.sort_unstable();
+    let usual = rising.get(rising.len() / 2).copied();
+    usual.filter(|_| 2 * rising.len() >= all)
 }
 
 /// Frames a second, by the `steps` between frames that follow each other, seconds: those with somebody in both frames

@@ -1,34 +1,45 @@
-//! TRC: the joints as markers, metres, y up: what OpenSim and Pose2Sim read.
+//! TRC: the joints as markers, metres, y up: what OpenSim and Pose2Sim read. Fields are empty while somebody is away.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::{self, Write};
 use std::path::Path;
 
 use super::motion::Motion;
 use crate::joints::{BODY_JOINTS, JOINT_NAMES};
 
-/// The text of the file `path`, which names itself.
-pub fn encode(motion: &Motion, path: &Path) -> String {
+/// Writes the text of the file `path`, which names itself, step by step.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write(motion: &Motion, path: &Path, out: &mut impl Write) -> io::Result<()> {
     let (rate, steps) = (motion.rate, motion.moments.len());
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let mut out = format!("PathFileType\t4\t(X/Y/Z)\t{name}\n");
-    out += "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n";
+    let mut text = format!("PathFileType\t4\t(X/Y/Z)\t{name}\n");
+    text += "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n";
     let _ = writeln!(
-        out,
+        text,
         "{rate:.3}\t{rate:.3}\t{steps}\t{BODY_JOINTS}\tm\t{rate:.3}\t1\t{steps}"
     );
-    let _ = writeln!(out, "Frame#\tTime\t{}\t\t", JOINT_NAMES.join("\t\t\t"));
-    out.push('\t');
+    let _ = writeln!(text, "Frame#\tTime\t{}\t\t", JOINT_NAMES.join("\t\t\t"));
+    text.push('\t');
     for n in 1..=BODY_JOINTS {
-        let _ = write!(out, "\tX{n}\tY{n}\tZ{n}");
+        let _ = write!(text, "\tX{n}\tY{n}\tZ{n}");
     }
-    out += "\n\n";
+    text += "\n\n";
+    out.write_all(text.as_bytes())?;
     for (step, moment) in motion.moments.iter().enumerate() {
         let time = motion.start + step as f64 / rate;
-        let _ = write!(out, "{}\t{time:.6}", step + 1);
+        text.clear();
+        let _ = write!(text, "{}\t{time:.6}", step + 1);
         for p in moment.joints {
-            let _ = write!(out, "\t{:.6}\t{:.6}\t{:.6}", p.x, p.y, p.z);
+            // Readers take what is blended over an absence for measured.
+            let _ = match moment.is_there {
+                true => write!(text, "\t{:.6}\t{:.6}\t{:.6}", p.x, p.y, p.z),
+                false => write!(text, "\t\t\t"),
+            };
         }
-        out.push('\n');
+        text.push('\n');
+        out.write_all(text.as_bytes())?;
     }
-    out
+    Ok(())
 }

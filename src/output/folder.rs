@@ -8,13 +8,15 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{PREFIX, SUFFIX, parent};
+use super::{MadeFolders, PREFIX, SUFFIX, parent};
 
 /// A folder being filled; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
 #[derive(Debug)]
 pub struct AtomicFolder {
     beside: TempDir,
     path: PathBuf,
+    /// Made for this folder alone. After what lies in them: that goes first.
+    made: MadeFolders,
 }
 
 impl AtomicFolder {
@@ -24,13 +26,13 @@ impl AtomicFolder {
     /// If the parent folder cannot be made or written.
     pub fn create(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
-        fs::create_dir_all(folder)?;
+        let made = MadeFolders::make(folder)?;
         let device = |folder: &Path| fs::metadata(folder).map(|m| m.dev());
         // Nothing can be moved from one disk to another.
-        match device(path).is_ok_and(|d| device(folder).is_ok_and(|parent| parent != d)) {
-            true => Self::create_in(path, path),
-            false => Self::create_in(folder, path),
-        }
+        let in_itself = device(path).is_ok_and(|d| device(folder).is_ok_and(|parent| parent != d));
+        let mut this = Self::create_in(if in_itself { path } else { folder }, path)?;
+        this.made = made;
+        Ok(this)
     }
 
     /// As [`create`](Self::create), filled in a folder on the same disk.
@@ -46,6 +48,7 @@ impl AtomicFolder {
         Ok(Self {
             beside,
             path: path.to_owned(),
+            made: MadeFolders::default(),
         })
     }
 
@@ -60,7 +63,8 @@ impl AtomicFolder {
     /// # Errors
     /// If something else of that name, or of a file's, is there. What was made is kept and named: it may have taken
     /// hours.
-    pub fn finish(self) -> io::Result<()> {
+    pub fn finish(mut self) -> io::Result<()> {
+        self.made.keep();
         let made = self.beside.keep();
         let moved = match fs::rename(&made, &self.path) {
             Err(_) if self.path.is_dir() => fill(&made, &self.path),
@@ -103,6 +107,8 @@ mod tests {
         assert_eq!(fs::read_to_string(path.join("a")).unwrap(), "a");
         drop(AtomicFolder::create(&path).unwrap());
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+        drop(AtomicFolder::create(&folder.path().join("other/deeper/album")).unwrap());
+        assert!(!folder.path().join("other").exists());
     }
 
     #[test]

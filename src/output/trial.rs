@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use super::link::{behind_links, descriptor};
-use super::{parent, unnamed};
+use super::{nearest_folder, unnamed};
 
 /// Begins a file where `path`, or the first of its folders that is missing, would be made, and leaves nothing.
 ///
@@ -25,9 +25,7 @@ pub fn try_place(path: &Path) -> io::Result<()> {
         Ok(there) if !there.is_file() => return Ok(()),
         _ => {}
     }
-    let mut folders = parent(path).ancestors();
-    let there = folders.find(|f| fs::symlink_metadata(f).is_ok());
-    tempfile::tempfile_in(there.unwrap_or(Path::new(".")))
+    tempfile::tempfile_in(nearest_folder(path))
         .map(drop)
         .map_err(unnamed)
 }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::rows::Row;
 use super::syncer::Syncer;
 use super::writer::{Format, encode, head};
-use crate::output::{is_in_place, parent, set_aside};
+use crate::output::{MadeFolders, is_in_place, parent, set_aside};
 
 /// How often frames are brought onto the disk itself, a power cut takes no more; and how often it is looked whether the
 /// record is still the file of its name.
@@ -20,8 +20,8 @@ const SYNC_EVERY: Duration = Duration::from_secs(5);
 pub struct GrowingRecord<T> {
     file: File,
     path: PathBuf,
-    /// A folder made for this record alone.
-    made: Option<PathBuf>,
+    /// Made for this record alone.
+    made: MadeFolders,
     format: Format,
     buffer: Vec<u8>,
     whole: u64,
@@ -37,9 +37,7 @@ impl<T: Row> GrowingRecord<T> {
     /// # Errors
     /// Of kind `AlreadyExists` where there is one; the system's.
     pub fn create(path: &Path, format: Format) -> io::Result<Self> {
-        let folder = parent(path);
-        let made = (!folder.exists()).then(|| folder.to_owned());
-        fs::create_dir_all(folder)?;
+        let made = MadeFolders::make(parent(path))?;
         let file = OpenOptions::new().write(true).create_new(true).open(path)?;
         let mut record = Self {
             file,
@@ -68,10 +66,6 @@ impl<T: Row> GrowingRecord<T> {
             return;
         }
         let _ = fs::remove_file(&self.path);
-        if let Some(folder) = &self.made {
-            // Of a folder that holds something by now this fails.
-            let _ = fs::remove_dir(folder);
-        }
     }
 
     /// Where it is.
@@ -120,6 +114,7 @@ impl<T: Row> GrowingRecord<T> {
         }
         self.whole += self.buffer.len() as u64;
         self.frames += 1;
+        self.made.keep();
         Ok(())
     }
 
@@ -217,7 +212,7 @@ mod tests {
     #[test]
     fn of_a_record_of_nothing_nothing_is_left() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("new/take.record");
+        let path = folder.path().join("new/deeper/take.record");
         let begin = || GrowingRecord::<BodiesRow>::create(&path, Format::Binary).unwrap();
         begin().give_up();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -240,7 +235,7 @@ mod tests {
         let mut record = GrowingRecord::<BodiesRow> {
             file,
             path: PathBuf::new(),
-            made: None,
+            made: MadeFolders::default(),
             format: Format::Jsonl,
             buffer: Vec::new(),
             whole: 0,

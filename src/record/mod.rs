@@ -29,4 +29,5 @@ pub use kind::Kind;
 pub use reader::{ObservationReader, RowReader, lines};
 pub use rows::{BodiesRow, ObservationsRow, Row};
 pub use times::Times;
+pub(crate) use writer::encode;
 pub use writer::{Format, RecordWriter};

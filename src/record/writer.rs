@@ -34,7 +34,8 @@ pub struct RecordWriter<T> {
     looked: Instant,
     rows_written: u64,
     buffer: Vec<u8>,
-    rows: PhantomData<T>,
+    /// Rows are written, never held: whatever they are, another thread may do it.
+    rows: PhantomData<fn(T)>,
 }
 
 impl<T: Row> RecordWriter<T> {
@@ -105,6 +106,23 @@ impl<T: Row> RecordWriter<T> {
     }
 
     fn write_at(&mut self, now: Instant, message: &T::Message, source: &str) -> io::Result<()> {
+        let mut row = std::mem::take(&mut self.buffer);
+        row.clear();
+        let written = encode(&T::new(message, source), self.format, &mut row)
+            .and_then(|()| self.put_at(now, &row));
+        self.buffer = row;
+        written
+    }
+
+    /// Adds a frame whose row [`encode`] has made.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub(crate) fn put(&mut self, row: &[u8]) -> io::Result<()> {
+        self.put_at(Instant::now(), row)
+    }
+
+    fn put_at(&mut self, now: Instant, row: &[u8]) -> io::Result<()> {
         if self.grows && !self.is_intact(now)? {
             tracing::warn!(
                 "{}: somebody removed, moved or cut the record; it begins anew",
@@ -112,9 +130,7 @@ impl<T: Row> RecordWriter<T> {
             );
             self.file = begin::<T>(&self.path, self.format)?;
         }
-        self.buffer.clear();
-        encode(&T::new(message, source), self.format, &mut self.buffer)?;
-        self.file.write_all(&self.buffer)?;
+        self.file.write_all(row)?;
         self.file.mark_whole();
         self.rows_written += 1;
         if self.grows
@@ -180,7 +196,7 @@ pub(super) fn head<T: Row>(format: Format) -> Vec<u8> {
 }
 
 /// Appends a row.
-pub(super) fn encode<T: Row>(row: &T, format: Format, out: &mut Vec<u8>) -> io::Result<()> {
+pub fn encode<T: Row>(row: &T, format: Format, out: &mut Vec<u8>) -> io::Result<()> {
     match format {
         Format::Jsonl => {
             serde_json::to_writer(&mut *out, row)?;

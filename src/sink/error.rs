@@ -58,7 +58,8 @@ pub enum SinkError {
     Link(#[from] LinkError),
 }
 
-fn name(path: &Path) -> String {
+/// What a record is called.
+pub(super) fn name(path: &Path) -> String {
     if path.as_os_str() == crate::output::STDOUT {
         return "standard output".to_owned();
     }

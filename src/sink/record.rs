@@ -45,13 +45,10 @@ impl<T: Row> RecordSink<T> {
 }
 
 impl<T: Row> RecordSink<T> {
-    /// As [`take`](Sink::take), and the result has left this process.
-    pub(super) fn take_at_once(
-        &mut self,
-        packet: &Packet<'_, T::Message>,
-    ) -> Result<(), SinkError> {
-        self.take(packet)?;
-        self.writer.flush().map_err(|e| self.failure(e))
+    /// Takes a result whose row is made already, which then has left this process.
+    pub(super) fn take_row(&mut self, row: &[u8]) -> Result<(), SinkError> {
+        let written = self.writer.put(row).and_then(|()| self.writer.flush());
+        written.map_err(|e| self.failure(e))
     }
 
     /// After a failure: whether it can be tried again with this file.

@@ -66,12 +66,16 @@ impl Film {
         })
     }
 
-    /// Appends a picture, after repeating the one before until the film is as long as the time since its first.
+    /// Appends a picture, after repeating the one before until the film is as long as the time since its first; leaves
+    /// it out where the film is longer.
     ///
     /// # Errors
     /// [`SinkError::Write`]; `InvalidInput` where a file's picture has not the size of the first.
     pub fn write(&mut self, picture: &Frame, taken: Taken) -> Result<(), SinkError> {
-        self.catch_up(taken).map_err(|e| self.failed(e))?;
+        let Some(missing) = self.time.missing(taken, self.rate(), self.written) else {
+            return Ok(());
+        };
+        self.catch_up(missing).map_err(|e| self.failed(e))?;
         let size = (picture.width, picture.height);
         if matches!(taken, Taken::Live(_)) && self.size.is_some_and(|known| known != size) {
             self.next_part().map_err(|e| self.failed(e))?;
@@ -88,8 +92,7 @@ impl Film {
         Ok(())
     }
 
-    fn catch_up(&mut self, taken: Taken) -> io::Result<()> {
-        let missing = self.time.missing(taken, self.rate(), self.written);
+    fn catch_up(&mut self, missing: u64) -> io::Result<()> {
         for _ in 0..missing {
             let Part::Open(film) = &mut self.part else {
                 break;
