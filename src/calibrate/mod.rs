@@ -23,8 +23,10 @@ use crate::multiview::{Detections, Moment, Sight, Track, distance, track, triang
 use bundle::{Seen, bundle};
 use pose::Pose;
 
-/// Every so many frames one is kept apart, to measure by.
+/// Of so many stretches of frames one is kept apart, to measure by: a frame beside one that is used tells nothing new.
 const HELD_OUT: usize = 5;
+/// Such a stretch, seconds: whoever walks is somewhere else, and was forgotten, behind it.
+const STRETCH: f64 = 2.0;
 /// How far a view may be off before it counts little, metres at the person, from round to round.
 const SIGMAS: [f64; 4] = [0.15, 0.1, 0.06, 0.06];
 /// What is further off than this is another joint, or another person; metres.
@@ -33,7 +35,7 @@ const FAR: f64 = 0.2;
 const CLOSE: f64 = 0.05;
 /// Frames in which two views saw somebody, at least.
 const LEAST_FRAMES: usize = 20;
-/// So many of these are left when some are kept apart.
+/// So many of these are left when some are kept apart, at least.
 const LEAST_USED: usize = LEAST_FRAMES - LEAST_FRAMES / HELD_OUT;
 
 /// What gives the room its size.
@@ -54,10 +56,12 @@ pub struct ViewQuality {
     pub sights: usize,
     /// Root mean square of what joints are off, pixels; frames that were used.
     pub rms_px: f64,
-    /// The same in every fifth frame, by which cameras were not placed to each other.
+    /// The same in the fifth of the frames by which cameras were not placed to each other.
     pub held_out_rms_px: f64,
     /// Joints left out of both because they were further off than 0.2 m at the person, %.
     pub far_percent: f64,
+    /// Sights of people while another view saw as many, and that went with no other view's, %.
+    pub alone_percent: f64,
     /// Height of the camera above the floor, metres.
     pub height_m: f64,
 }
@@ -84,6 +88,16 @@ pub enum CalibrateError {
         "expected a person in at least {LEAST_FRAMES} frames of two views, found {0}; let one person walk through what all cameras see"
     )]
     Nobody(usize),
+    /// Who is who cannot be told over time.
+    #[error(
+        "expected a person whom two views can follow through at least {LEAST_USED} frames, found {seen} of the {shared} in which both saw somebody; check that the files are of one moment and the lenses theirs, and record at 10 frames a second or more"
+    )]
+    Untracked {
+        /// Frames of people who were followed.
+        seen: usize,
+        /// Frames in which two views or more saw somebody.
+        shared: usize,
+    },
     /// No two views agree.
     #[error(
         "expected two views whose sights of a person go together, found none; check that the files are of one moment and the lenses theirs"
@@ -122,14 +136,11 @@ pub fn calibrate(
     rate: f64,
     scale: Scale,
 ) -> Result<Room, CalibrateError> {
-    let shared = frames
-        .iter()
-        .filter(|f| f.iter().filter(|all| !all.is_empty()).count() > 1)
-        .count();
+    let shared = shared(frames);
     if shared < LEAST_FRAMES {
         return Err(CalibrateError::Nobody(shared));
     }
-    let used = without_every_fifth(frames);
+    let used = without_held_out(frames, rate);
     let settle = |mut cameras: Vec<Pose>| {
         for sigma in SIGMAS {
             let tracks = people(lenses, &cameras, &used, rate)?;
@@ -165,11 +176,25 @@ pub fn calibrate(
     Err(first.unwrap_or(CalibrateError::NoPair))
 }
 
+/// Frames in which two views or more saw somebody.
+fn shared(frames: &[Vec<Detections>]) -> usize {
+    let see = |f: &Vec<Detections>| f.iter().filter(|all| !all.is_empty()).count();
+    frames.iter().filter(|f| see(f) > 1).count()
+}
+
+/// Whether a frame is kept apart: the middle one of every five stretches, which are shorter where all is short.
+fn is_held_out(frame: usize, frames: usize, rate: f64) -> bool {
+    let stretch = ((STRETCH * rate) as usize).min(frames / HELD_OUT).max(1);
+    frame / stretch % HELD_OUT == HELD_OUT / 2
+}
+
 /// Frames of which those that are kept apart are empty, so that times stay what they are.
-fn without_every_fifth(frames: &[Vec<Detections>]) -> Vec<Vec<Detections>> {
+fn without_held_out(frames: &[Vec<Detections>], rate: f64) -> Vec<Vec<Detections>> {
     let mut used = frames.to_vec();
-    for frame in used.iter_mut().step_by(HELD_OUT) {
-        frame.iter_mut().for_each(Vec::clear);
+    for (k, frame) in used.iter_mut().enumerate() {
+        if is_held_out(k, frames.len(), rate) {
+            frame.iter_mut().for_each(Vec::clear);
+        }
     }
     used
 }
@@ -205,7 +230,7 @@ fn stand(
         return Err(CalibrateError::UnderFloor(v.name.clone(), -v.position.z));
     }
     Ok(Room {
-        quality: quality(&views, &tracks),
+        quality: quality(&views, &tracks, frames, rate),
         views,
         stature,
         floor_by_feet: floor.by_feet,
@@ -250,15 +275,16 @@ fn people(
 ) -> Result<Vec<Track>, CalibrateError> {
     let views = placed(lenses, cameras);
     let one = |(view, all): (&View, &Detections)| all.iter().map(|s| turned(view, s)).collect();
-    let frames: Vec<Vec<Detections>> = frames
+    let placed: Vec<Vec<Detections>> = frames
         .iter()
         .map(|frame| views.iter().zip(frame).map(one).collect())
         .collect();
-    let mut tracks = track(&views, &frames, rate);
+    let mut tracks = track(&views, &placed, rate);
     tracks.sort_by_key(|t| std::cmp::Reverse(t.moments.len()));
     let seen: usize = tracks.iter().map(|t| t.moments.len()).sum();
     if seen < LEAST_USED {
-        return Err(CalibrateError::Nobody(seen));
+        let shared = shared(frames);
+        return Err(CalibrateError::Untracked { seen, shared });
     }
     Ok(tracks)
 }
@@ -350,15 +376,23 @@ fn alike(views: &[View], tracks: &[Track]) -> f64 {
     if count > 0.0 { sum / count } else { 1.0 }
 }
 
-fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
+fn quality(
+    views: &[View],
+    tracks: &[Track],
+    frames: &[Vec<Detections>],
+    rate: f64,
+) -> Vec<ViewQuality> {
     let mut sums = vec![[(0.0, 0.0); 2]; views.len()];
     let (mut far, mut sights) = (vec![0.0; views.len()], vec![0; views.len()]);
+    let mut met = vec![0; views.len()];
     for (frame, moment) in tracks.iter().flat_map(|t| &t.moments) {
         let turned = seen_by(views, moment);
         let found = triangulate(views, &refs(&turned));
+        let is_met = turned.iter().flatten().count() > 1;
         for (v, (view, sight)) in views.iter().zip(&turned).enumerate() {
             let Some(sight) = sight else { continue };
             sights[v] += 1;
+            met[v] += usize::from(is_met);
             for (ray, point) in sight.rays.iter().zip(found.points) {
                 let (Some(ray), Some(point)) = (ray, point) else {
                     continue;
@@ -370,7 +404,8 @@ fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
                 if off * view.to_camera(point).z / view.focal.y > FAR {
                     far[v] += 1.0;
                 } else {
-                    let (sum, count) = &mut sums[v][usize::from(frame.is_multiple_of(HELD_OUT))];
+                    let (sum, count) =
+                        &mut sums[v][usize::from(is_held_out(*frame, frames.len(), rate))];
                     *sum += off * off;
                     *count += 1.0;
                 }
@@ -386,10 +421,23 @@ fn quality(views: &[View], tracks: &[Track]) -> Vec<ViewQuality> {
             rms_px: used,
             held_out_rms_px: held,
             far_percent: 100.0 * far[v] / count.max(1.0),
+            alone_percent: alone_percent(frames, v, met[v]),
             height_m: view.position.z,
         }
     };
     views.iter().enumerate().map(one).collect()
+}
+
+/// Share of a view's sights that went with no other view's, %, of those at a time when another saw as many people;
+/// `met`: how many went with others.
+fn alone_percent(frames: &[Vec<Detections>], view: usize, met: usize) -> f64 {
+    let confirmable = |frame: &Vec<Detections>| {
+        let others = frame.iter().enumerate().filter(|(v, _)| *v != view);
+        let most = others.map(|(_, all)| all.len()).max().unwrap_or(0);
+        frame[view].len().min(most)
+    };
+    let could: usize = frames.iter().map(confirmable).sum();
+    100.0 * could.saturating_sub(met) as f64 / could.max(1) as f64
 }
 
 #[cfg(test)]

@@ -298,7 +298,8 @@ fn too_little_is_said() {
     );
 }
 
-/// Every fifth frame is spoiled: cameras stand to each other as they do without, and the figures of these frames tell.
+/// Frames that are kept apart are spoiled: cameras stand to each other as they do without, and the figures of these
+/// frames tell.
 #[test]
 fn frames_that_are_kept_apart_do_not_place_cameras() {
     let views = room();
@@ -312,7 +313,7 @@ fn frames_that_are_kept_apart_do_not_place_cameras() {
     };
     let (exact, spoiled) = (of(0.0), of(30.0));
     let mut mixed = exact.clone();
-    for k in (0..mixed.len()).step_by(HELD_OUT) {
+    for k in (0..mixed.len()).filter(|k| is_held_out(*k, spoiled.len(), 10.0)) {
         mixed[k] = spoiled[k].clone();
     }
     let found = |frames: &[Vec<Detections>]| {
@@ -332,6 +333,64 @@ fn frames_that_are_kept_apart_do_not_place_cameras() {
         assert!(b.rms_px < 1.0 + a.rms_px, "{b:?}");
         assert!(b.held_out_rms_px > 10.0, "{b:?}");
     }
+}
+
+#[test]
+fn frames_that_are_kept_apart_lie_together_and_are_a_fifth() {
+    for (frames, rate) in [(20, 30.0), (80, 10.0), (240, 30.0), (3000, 30.0), (60, 1.0)] {
+        let held: Vec<usize> = (0..frames)
+            .filter(|k| is_held_out(*k, frames, rate))
+            .collect();
+        assert_eq!(5 * held.len(), frames, "{frames} at {rate}");
+        let ends = held.windows(2).filter(|w| w[1] > w[0] + 1).count();
+        let stretch = held.len() / (ends + 1);
+        // As long as it may be: two seconds, or a fifth of all.
+        let wanted = (2.0 * rate).min(frames as f64 / 5.0);
+        assert!(stretch as f64 >= wanted, "{frames} at {rate}: {stretch}");
+    }
+}
+
+#[test]
+fn who_cannot_be_followed_is_told_by_what_views_shared() {
+    let views = room();
+    let exact = Noise {
+        jitter: 0.0,
+        exchanged: 0.0,
+        lifted: None,
+    };
+    let frames = film(&views, &[1.7], &exact);
+    // So far apart that nothing both see is one person.
+    let apart = (0..views.len()).map(|v| Pose {
+        position: DVec3::X * 100.0 * v as f64,
+        ..Pose::ORIGIN
+    });
+    let apart: Vec<Pose> = apart.collect();
+    assert_eq!(
+        people(&lenses(&views), &apart, &frames, 10.0).err(),
+        Some(CalibrateError::Untracked {
+            seen: 0,
+            shared: 80
+        })
+    );
+}
+
+#[test]
+fn a_view_whose_sights_go_with_nobody_s_is_told() {
+    let views = room();
+    let exact = Noise {
+        jitter: 0.0,
+        exchanged: 0.0,
+        lifted: None,
+    };
+    let frames = film(&views, &[1.7], &exact);
+    assert_eq!(alone_percent(&frames, 0, 80), 0.0);
+    assert_eq!(alone_percent(&frames, 0, 60), 25.0);
+    let mut lonely = frames.clone();
+    for frame in &mut lonely[40..] {
+        frame[1..].iter_mut().for_each(Vec::clear);
+    }
+    // Where nobody else saw anybody nothing was lost.
+    assert_eq!(alone_percent(&lonely, 0, 40), 0.0);
 }
 
 #[test]

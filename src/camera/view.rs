@@ -9,6 +9,10 @@ use super::Brown;
 const MACROBLOCK: u32 = 16;
 /// Part of width and height by which a principal point may be off the middle of pictures of a size not told.
 const NEAR_MIDDLE: f64 = 0.1;
+/// A pixel that comes back so near, pixels, when the lens is undone and done again is one that the lens shows.
+const SHOWN: f64 = 1.0;
+/// Halvings after which a fold is known to a pixel.
+const HALVINGS: usize = 12;
 /// Pixels: no picture is broader.
 const MOST: f64 = 65_536.0;
 
@@ -108,6 +112,47 @@ impl View {
             .undistort((pixel - self.centre) / self.focal)
     }
 
+    /// The same; `None` where the lens shows nothing by its coefficients, beyond its fold.
+    pub fn shown(&self, pixel: DVec2) -> Option<DVec2> {
+        let plane = self.plane(pixel);
+        let again = self.distortion.distort(plane) * self.focal + self.centre;
+        (again.distance(pixel) <= SHOWN).then_some(plane)
+    }
+
+    /// How far from the principal point the lens shows nothing any more by its coefficients, pixels, on the side where
+    /// that is nearest; `None` where it shows something in all of the picture.
+    pub fn folds_at(&self) -> Option<f64> {
+        let last = DVec2::from(self.likely_size().map(f64::from)) - 1.0;
+        let border = [
+            (0, 0),
+            (1, 0),
+            (2, 0),
+            (0, 1),
+            (2, 1),
+            (0, 2),
+            (1, 2),
+            (2, 2),
+        ];
+        let folds = border.into_iter().filter_map(|(x, y)| {
+            let out = last * DVec2::new(x.into(), y.into()) / 2.0 - self.centre;
+            let is_shown = |share: f64| self.shown(self.centre + share * out).is_some();
+            if is_shown(1.0) {
+                return None;
+            }
+            let (mut inside, mut beyond) = (0.0, 1.0);
+            for _ in 0..HALVINGS {
+                let middle = (inside + beyond) / 2.0;
+                if is_shown(middle) {
+                    inside = middle;
+                } else {
+                    beyond = middle;
+                }
+            }
+            Some(inside * out.length())
+        });
+        folds.min_by(f64::total_cmp)
+    }
+
     /// Where a pinhole would show what the picture shows at a pixel.
     pub fn by_pinhole(&self, pixel: DVec2) -> DVec2 {
         self.plane(pixel) * self.focal + self.centre
@@ -176,6 +221,28 @@ mod tests {
         }
         let flipped = barrel.mirrored();
         assert_eq!(flipped.project(DVec3::new(5.1, 0.0, 0.0)), None);
+    }
+
+    #[test]
+    fn pixels_beyond_the_fold_are_not_shown() {
+        let barrel = |k1: f64| View {
+            size: [1280, 720],
+            focal: DVec2::splat(600.0),
+            centre: DVec2::new(639.5, 359.5),
+            distortion: Brown {
+                radial: [k1, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..View::around(0.0)
+        };
+        // r·(1 − 0.3·r²) is 0.7027 at most.
+        let wide = barrel(-0.3);
+        let beside = |r: f64| wide.shown(wide.centre + DVec2::new(600.0 * r, 0.0));
+        assert!(beside(0.69).is_some_and(|p| (0.9..1.0542).contains(&p.x)));
+        assert_eq!([beside(0.71), beside(-0.9)], [None, None]);
+        let fold = wide.folds_at().unwrap();
+        assert!((fold - 421.6).abs() < 2.0, "{fold}");
+        assert_eq!(barrel(-0.05).folds_at(), None);
     }
 
     #[test]

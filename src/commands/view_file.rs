@@ -19,6 +19,8 @@ use crate::supervise::tie;
 
 /// Frames a second beyond which times say nothing.
 const MOST_RATE: f64 = 10_000.0;
+/// Share of a view's rows out of order beyond which its times tell nothing.
+const DISORDER: f64 = 0.1;
 
 /// One view over time.
 pub struct ViewFile {
@@ -127,6 +129,39 @@ impl ViewFile {
         self.times.windows(2).all(|w| w[0] < w[1])
     }
 
+    /// How many rows are not later than all before them.
+    pub fn disorder(&self) -> usize {
+        late(&self.times).iter().filter(|is_late| **is_late).count()
+    }
+
+    /// Leaves out rows that are not later than those before them, where these are few, and says so; tells whether it
+    /// did.
+    pub fn leave_out_disorder(&mut self, notes: &mut Vec<String>) -> bool {
+        let out = late(&self.times);
+        let count = self.disorder();
+        if count == 0 || count as f64 > DISORDER * out.len() as f64 {
+            return false;
+        }
+        let mut kept = out.iter().map(|is_out| !is_out);
+        self.times.retain(|_| kept.next() == Some(true));
+        let mut kept = out.iter().map(|is_out| !is_out);
+        self.frames.retain(|_| kept.next() == Some(true));
+        notes.push(format!(
+            "camera {}: {} not later than those before; left out",
+            self.name,
+            counted(count as u64, "frame is", "frames are")
+        ));
+        true
+    }
+
+    /// Why frames of views go by number where those of this one are in no order.
+    pub fn by_number(&self) -> String {
+        format!(
+            "camera {}: its times do not tell when frames were taken; all views go by number, as if they started together",
+            self.name
+        )
+    }
+
     /// Takes its frames to be so many a second, whatever its times say.
     pub fn at_rate(&mut self, rate: f64) {
         let number = |k: usize| (1e9 * k as f64 / rate).round() as u64;
@@ -147,6 +182,17 @@ impl ViewFile {
         });
         usual_rate(steps).map(|rate| rate.min(MOST_RATE))
     }
+}
+
+/// Which times are not later than all before them.
+fn late(times: &[u64]) -> Vec<bool> {
+    let mut latest: Option<u64> = None;
+    let each = times.iter().map(|t| {
+        let is_late = latest.is_some_and(|latest| *t <= latest);
+        latest = latest.max(Some(*t));
+        is_late
+    });
+    each.collect()
 }
 
 /// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its

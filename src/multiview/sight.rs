@@ -46,20 +46,22 @@ const PAIRS: [usize; 6] = [2, 3, 4, 8, 9, 10];
 pub const LIMB_PAIRS: [&[usize]; 4] = [&[2, 3, 4], &[8, 9, 10], &[3, 4], &[9, 10]];
 
 impl Sight {
-    /// An observation in `view`.
+    /// An observation in `view`; joints beyond the fold of its lens are not seen.
     pub fn new(view: &View, seen: &Observation) -> Self {
-        let rays = seen.joints2d.map(|[u, v, confidence]| {
-            (confidence >= LEAST_CONFIDENCE).then(|| {
-                let pixel = DVec2::new(u.into(), v.into());
-                let plane = view.plane(pixel);
-                Ray {
-                    pixel,
-                    plane,
-                    direction: (view.rotation.transpose() * plane.extend(1.0)).normalize(),
-                    confidence: confidence.into(),
-                }
+        let ray = |[u, v, confidence]: [f32; 3]| {
+            let pixel = DVec2::new(u.into(), v.into());
+            // Where the lens shows nothing, no direction is the joint's.
+            let plane = view
+                .shown(pixel)
+                .filter(|_| confidence >= LEAST_CONFIDENCE)?;
+            Some(Ray {
+                pixel,
+                plane,
+                direction: (view.rotation.transpose() * plane.extend(1.0)).normalize(),
+                confidence: confidence.into(),
             })
-        });
+        };
+        let rays = seen.joints2d.map(ray);
         let lifted = std::array::from_fn(|j| Vec3::from_array(seen.joints3d[j]).as_dvec3());
         let known =
             lifted.iter().all(|p| p.is_finite()) && lifted.iter().any(|p| *p != DVec3::ZERO);
@@ -132,4 +134,32 @@ pub fn between(a: DVec3, da: DVec3, b: DVec3, db: DVec3) -> f64 {
         return w.length();
     }
     (a + s * da - b - t * db).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Brown;
+
+    #[test]
+    fn a_joint_where_the_lens_shows_nothing_has_no_ray() {
+        // r·(1 − 0.3·r²) is 0.7027 at most.
+        let view = View {
+            distortion: Brown {
+                radial: [-0.3, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..View::around(0.0)
+        };
+        let mut seen = Observation::default();
+        for (j, r) in [0.2, 0.69, 0.71, 0.9].into_iter().enumerate() {
+            let [u, v] = (view.centre + DVec2::Y * r * view.focal.y)
+                .as_vec2()
+                .to_array();
+            seen.joints2d[j] = [u, v, 0.9];
+        }
+        let rays = Sight::new(&view, &seen).rays;
+        let has_ray: [bool; 4] = std::array::from_fn(|j| rays[j].is_some());
+        assert_eq!(has_ray, [true, true, false, false]);
+    }
 }

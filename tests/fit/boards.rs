@@ -329,13 +329,10 @@ fn a_lens_that_is_known_stays_beside_one_that_is_not() {
 fn what_no_board_tells_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    photos(
-        &folder.path().join("one"),
-        &camera(),
-        &CHESS,
-        &album(&CHESS)[..2],
-        1,
-    );
+    for name in ["one", "other"] {
+        let shots = &album(&CHESS)[..2];
+        photos(&folder.path().join(name), &camera(), &CHESS, shots, 1);
+    }
     let [one, empty, out] = ["one", "empty", "out.toml"].map(at);
     fs::create_dir(&empty).unwrap();
     let mixed = folder.path().join("mixed");
@@ -346,7 +343,7 @@ fn what_no_board_tells_is_said() {
             .unwrap();
     }
     let mixed = at("mixed");
-    let other = format!("other={one}");
+    let other = at("other");
     let charuco = "charuco:8x6:DICT_5X5_100";
     let refused = |args: &[&str], code: i32, words: &[&str]| {
         assert_fails(&[&["calibrate", "--out", &out], args].concat(), code, words);

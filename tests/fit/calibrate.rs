@@ -3,8 +3,11 @@
 use edgecap::body::skeleton::ANKLE_HEIGHT;
 use edgecap::camera::View;
 use edgecap::camera::calibration;
-use edgecap::lab::multiview::own::own;
+use edgecap::lab::multiview::Trial;
+use edgecap::lab::multiview::own::{own, steady};
 use edgecap::lab::synth::detector::Flaws;
+use edgecap::message::{FLAG_FILE_TIME, ObservationFrame};
+use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use glam::DVec3;
 
 use crate::many_views::files;
@@ -70,6 +73,68 @@ fn a_walk_gives_the_calibration_that_multiview_reads() {
 }
 
 #[test]
+fn films_that_did_not_start_together_are_brought_to_one_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let Trial { views, seen, .. } = own(5, 3, FRAMES, steady(5));
+    let late = 5;
+    for (v, view) in views.iter().enumerate() {
+        let path = at(&format!("{}.jsonl", view.name));
+        let mut file =
+            RecordWriter::<ObservationsRow>::create(path.as_ref(), Format::Jsonl).unwrap();
+        // The film of the second camera begins so many frames late.
+        let skipped = if v == 1 { late } else { 0 };
+        let frames = seen.iter().skip(skipped).take(FRAMES - late);
+        for (k, frame) in frames.enumerate() {
+            let people = &frame[v];
+            let mut message = ObservationFrame {
+                sequence: k as u64,
+                capture_ns: k as u64 * 33_333_333,
+                flags: FLAG_FILE_TIME,
+                width: view.size[0],
+                height: view.size[1],
+                intrinsics: view.intrinsics(),
+                count: people.len() as u32,
+                ..ObservationFrame::default()
+            };
+            message.people[..people.len()].copy_from_slice(people);
+            file.write(&message, "").unwrap();
+        }
+        file.finish().unwrap();
+    }
+    let out = at("found.toml");
+    let given = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["calibrate", "--distance", "0,240=7.274613", "--out", &out];
+    args.extend(given.iter().flat_map(|v| ["--view", v]));
+    let done = output(&args);
+    let said = stderr(&done);
+    assert!(done.status.success(), "{said}");
+    assert!(said.contains("camera 120 started 0.1"), "{said}");
+    assert!(said.contains("s after 0, as people move"), "{said}");
+    // The lens is the records' own.
+    assert!(!said.contains("60 degrees"), "{said}");
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    for (found, truth) in distances(&found).iter().zip(distances(&views)) {
+        assert!((found - truth).abs() < 0.15, "{found} for {truth}");
+    }
+}
+
+#[test]
+fn a_calibration_on_standard_output_is_alone_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    files(folder.path(), 3, 90);
+    let given = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["calibrate", "--stature", "1.7", "--out", "-"];
+    args.extend(given.iter().flat_map(|v| ["--view", v]));
+    let done = output(&args);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let views = calibration::read_pose2sim(&stdout(&done), "stdout").unwrap();
+    assert_eq!(views.len(), 3);
+    assert!(stderr(&done).contains("held out px"), "{}", stderr(&done));
+}
+
+#[test]
 fn what_cannot_be_calibrated_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
@@ -88,7 +153,7 @@ fn what_cannot_be_calibrated_is_said() {
     refused(&[], 64, &["at least two --view, found 1"]);
     let two = ["--view", &second, "--lens", &lens];
     refused(&two, 65, &["at least 20 frames", "found 12"]);
-    // The other camera's lens is taken for the usual one.
+    // The other camera's lens is its record's own.
     let of_first = format!("0={lens}");
     let one = ["--view", &second, "--lens", &of_first];
     refused(&one, 65, &["at least 20 frames", "found 12"]);
@@ -142,4 +207,17 @@ fn what_can_be_known_of_the_command_is_said_before_any_work() {
     }
     let distance = ["calibrate", "--distance", "north,west=3"];
     refused(&distance, &out, 64, &["no --view is of west"]);
+    std::fs::create_dir(at("photos")).unwrap();
+    let photos = format!("west={}", at("photos"));
+    let photos = ["calibrate", "--view", &photos];
+    refused(&photos, &out, 64, &["camera west", "need --board"]);
+    // A name that holds what stands between a camera and its file.
+    let lens = at("lens=60.toml");
+    std::fs::write(&lens, "fov_degrees = 60\n").unwrap();
+    let replaced = ["calibrate", "--lens", &lens];
+    refused(&replaced, &lens, 64, &["--lens", "--out"]);
+    assert_eq!(
+        std::fs::read_to_string(&lens).unwrap(),
+        "fov_degrees = 60\n"
+    );
 }

@@ -14,7 +14,7 @@ pub type Sights = Vec<Vec<Option<Placement>>>;
 /// Cameras and boards in the first camera's axes; boards that no camera saw are `None`.
 ///
 /// # Errors
-/// The number of a camera that shares no moment with the others.
+/// The number of a camera that shares no moment with most of the others.
 pub fn link(
     singles: &[Single],
     sights: &Sights,
@@ -26,7 +26,7 @@ pub fn link(
         let said = open.map(|c| (c, said(c, &poses, sights)));
         let most = said.max_by_key(|(_, said)| said.len());
         let Some((camera, said)) = most.filter(|(_, said)| !said.is_empty()) else {
-            return Err(poses.iter().position(Option::is_none).unwrap_or(0));
+            return Err(outsider(sights));
         };
         poses[camera] = consensus(&said);
     }
@@ -38,6 +38,30 @@ pub fn link(
     let moments = sights.first().map_or(0, Vec::len);
     let boards = (0..moments).map(|m| board(m, &poses, sights));
     Ok((cameras.collect(), boards.collect()))
+}
+
+/// A camera outside the largest group that shared moments link; of groups of one size outside the first.
+fn outsider(sights: &Sights) -> usize {
+    let both = |a: usize, b: usize| {
+        let mut pairs = sights[a].iter().zip(&sights[b]);
+        pairs.any(|(a, b)| a.is_some() && b.is_some())
+    };
+    let mut group: Vec<usize> = (0..sights.len()).collect();
+    for b in 0..sights.len() {
+        for a in 0..b {
+            let (own, other) = (group[a], group[b]);
+            if own != other && both(a, b) {
+                group
+                    .iter_mut()
+                    .filter(|g| **g == other)
+                    .for_each(|g| *g = own);
+            }
+        }
+    }
+    let size = |of: usize| group.iter().filter(|g| **g == of).count();
+    let largest = (0..sights.len()).rev().max_by_key(|c| size(group[*c]));
+    let is_outside = |c: &usize| largest.is_some_and(|l| group[*c] != group[l]);
+    (0..sights.len()).find(is_outside).unwrap_or(0)
 }
 
 /// Where a camera is by every moment that it shares with a placed one, and how far boards were then.

@@ -76,7 +76,7 @@ pub struct BoardQuality {
     pub held_out_rms_px: Option<f64>,
     /// Standard error of the focal length, pixels; `None` for a lens that was given.
     pub focal_error_px: Option<f64>,
-    /// How far boards reach from the picture's centre to its corners, a share.
+    /// How far boards reach from the picture's centre to its corners in pictures that were used, a share.
     pub reach: f64,
 }
 
@@ -281,7 +281,7 @@ impl Whole<'_> {
                 return Err(BoardError::Apart {
                     camera: camera.name.clone(),
                     px: median(apart),
-                    limit: far,
+                    limit: far.min(allowed(camera)),
                 });
             }
         }
@@ -368,7 +368,7 @@ impl Whole<'_> {
                 rms_px: rms(own.map(|s| self.scene.off(s).length_squared())),
                 held_out_rms_px: held[c],
                 focal_error_px: free.then(|| self.uncertain[c] * focal),
-                reach: reach(camera),
+                reach: reach(camera, |s| self.sights[c][s.moment].is_some()),
             }
         };
         let quality = self.cameras.iter().enumerate().map(one).collect();
@@ -472,11 +472,12 @@ fn on_board(camera: Pose, board: &Placement) -> Pose {
     }
 }
 
-/// How far corners reach from the middle of the picture towards its corners.
-fn reach(camera: &Shots) -> f64 {
+/// How far corners reach from the middle of the picture towards its corners in the pictures that are used.
+fn reach(camera: &Shots, is_used: impl Fn(&Shot) -> bool) -> f64 {
     let size = DVec2::new(camera.size[0].into(), camera.size[1].into());
     let middle = (size - 1.0) / 2.0;
-    let corners = camera.shots.iter().flat_map(|s| &s.corners);
+    let used = camera.shots.iter().filter(|s| is_used(s));
+    let corners = used.flat_map(|s| &s.corners);
     let far = corners.map(|c| c.pixel.distance(middle));
     far.fold(0.0, f64::max) / middle.length()
 }

@@ -160,6 +160,18 @@ fn a_picture_of_another_board_is_put_aside() {
 }
 
 #[test]
+fn pictures_put_aside_do_not_tell_how_far_boards_reach() {
+    let (cameras, _) = seen(&boards(12, 1.0), 0.1);
+    let mut camera = cameras[1].clone();
+    let before = reach(&camera, |_| true);
+    for corner in &mut camera.shots[3].corners {
+        corner.pixel = DVec2::ZERO;
+    }
+    assert!(reach(&camera, |_| true) > 0.99);
+    assert!(reach(&camera, |s| s.moment != 3) <= before);
+}
+
+#[test]
 fn a_lens_that_is_known_stays_and_needs_one_picture() {
     let (mut cameras, moments) = seen(&boards(1, 1.0), 0.05);
     for (camera, truth) in cameras.iter_mut().zip(room()) {
@@ -214,15 +226,16 @@ fn what_boards_do_not_tell_is_said() {
     let error = refused(&wide, &moments);
     assert!(matches!(error, BoardError::Lens { .. }), "{error}");
 
-    let (mut alone, mut moments) = seen(&boards(6, 1.0), 0.1);
+    let (together, mut moments) = seen(&boards(6, 1.0), 0.1);
     moments.extend((6..12).map(|k| k.to_string()));
-    for shot in &mut alone[2].shots {
-        shot.moment += 6;
+    for camera in 0..3 {
+        let mut alone = together.clone();
+        for shot in &mut alone[camera].shots {
+            shot.moment += 6;
+        }
+        let name = alone[camera].name.clone();
+        assert_eq!(refused(&alone, &moments), BoardError::NotLinked(name));
     }
-    assert_eq!(
-        refused(&alone, &moments),
-        BoardError::NotLinked("west".into())
-    );
 
     // Moments of one camera are one late.
     let (mut late, moments) = seen(&boards(12, 1.0), 0.1);
@@ -237,7 +250,10 @@ fn what_boards_do_not_tell_is_said() {
         }
     }
     let error = refused(&late, &moments);
-    assert!(matches!(error, BoardError::Apart { .. }), "{error}");
+    let BoardError::Apart { limit, .. } = error else {
+        panic!("{error}");
+    };
+    assert!(limit <= allowed(&late[0]), "{limit}");
 
     let (mut unseen, moments) = seen(&boards(12, 1.0), 0.1);
     for camera in &mut unseen {

@@ -19,7 +19,8 @@ use check::check_lenses;
 pub use colmap::read_colmap;
 use opencv::{is_intri, read_intri, read_opencv_lens};
 pub use opencv::{read_easymocap, read_opencv};
-pub use pose2sim::{read_pose2sim, write_pose2sim};
+use pose2sim::is_own;
+pub use pose2sim::{read_pose2sim, write_measured, write_pose2sim};
 pub use qtm::read_qtm;
 
 use super::{CameraError, View};
@@ -128,6 +129,7 @@ fn of_file(path: &Path, want: Want) -> Result<Calibration, CameraError> {
     let content = text(path)?;
     match format(&content) {
         Format::Qtm => Ok(checked(read_qtm(&content, &name)?)?.or_scaled(1.0 / SUBPIXELS)),
+        Format::Pose2Sim if is_own(&content) => checked(read_pose2sim(&content, &name)?),
         Format::Pose2Sim => Ok(checked(read_pose2sim(&content, &name)?)?.or_scaled(SUBPIXELS)),
         Format::OpenCv if want == Want::Lenses && is_intri(&content) => {
             checked(read_intri(&content, &name)?)

@@ -10,6 +10,11 @@ use toml::{Spanned, Value};
 use super::parts::{Parts, pinhole, rotation, vector};
 use crate::camera::{CameraError, View};
 
+/// The table that is no camera.
+const METADATA: &str = "metadata";
+/// Its key that names who wrote the file, and this program's.
+const WRITER: (&str, &str) = ("writer", "edgecap");
+
 #[derive(Deserialize)]
 struct Camera {
     name: Option<String>,
@@ -39,7 +44,7 @@ pub fn read_pose2sim(text: &str, file: &str) -> Result<Vec<View>, CameraError> {
     let mut views = Vec::new();
     for (key, table) in tables {
         let key = key.into_inner();
-        if key == "metadata" || !table.is_table() {
+        if key == METADATA || !table.is_table() {
             continue;
         }
         let camera: Camera = table
@@ -79,6 +84,16 @@ fn view(key: &str, camera: &Camera) -> Result<View, String> {
     .view()
 }
 
+/// Whether [`write_measured`] wrote a text.
+pub fn is_own(text: &str) -> bool {
+    let tables: Option<toml::Table> = toml::from_str(text).ok();
+    let metadata = tables
+        .as_ref()
+        .and_then(|all| all.get(METADATA)?.as_table());
+    let writer = metadata.and_then(|table| table.get(WRITER.0)?.as_str());
+    writer == Some(WRITER.1)
+}
+
 /// The text of a `Calib.toml` that Pose2Sim reads. k3 is written as a fifth coefficient where it is not 0.
 pub fn write_pose2sim(views: &[View]) -> String {
     let list = |numbers: &[f64]| {
@@ -93,9 +108,15 @@ pub fn write_pose2sim(views: &[View]) -> String {
         let five = [k1, k2, p1, p2, k3];
         let used = if k3 == 0.0 { &five[..4] } else { &five[..] };
         let name = Value::String(view.name.clone());
+        let mut key = view.name.clone();
+        // Such a table is taken for no camera's; the name beside it is what counts.
+        while key == METADATA || (key != view.name && views.iter().any(|v| v.name == key)) {
+            key.push('_');
+        }
+        let key = Value::String(key);
         let _ = write!(
             text,
-            "[{name}]\nname = {name}\nsize = {}\nmatrix = [{}, {}, {}]\ndistortions = {}\nrotation = {}\ntranslation = {}\nfisheye = false\n\n",
+            "[{key}]\nname = {name}\nsize = {}\nmatrix = [{}, {}, {}]\ndistortions = {}\nrotation = {}\ntranslation = {}\nfisheye = false\n\n",
             list(&view.likely_size().map(f64::from)),
             list(&[view.focal.x, 0.0, view.centre.x]),
             list(&[0.0, view.focal.y, view.centre.y]),
@@ -105,6 +126,13 @@ pub fn write_pose2sim(views: &[View]) -> String {
             vector(-(view.rotation * view.position)),
         );
     }
-    text.push_str("[metadata]\nadjusted = false\nerror = 0.0\n");
+    let _ = write!(text, "[{METADATA}]\nadjusted = false\nerror = 0.0\n");
     text
+}
+
+/// The same of lenses that this program has measured, which it says: no scale of another program has slipped into them.
+pub fn write_measured(views: &[View]) -> String {
+    let (key, writer) = WRITER;
+    // The metadata are the last table.
+    format!("{}{key} = \"{writer}\"\n", write_pose2sim(views))
 }

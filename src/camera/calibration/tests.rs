@@ -52,6 +52,16 @@ fn pose2sim_comes_back_as_it_was_written() {
 }
 
 #[test]
+fn a_camera_that_is_called_like_the_table_beside_cameras_comes_back() {
+    let mut views = ring(3);
+    views[1].name = "metadata".into();
+    views[2].name = "metadata_".into();
+    let read = read_pose2sim(&write_pose2sim(&views), "c.toml").unwrap();
+    let names: Vec<_> = read.iter().map(|v| v.name.as_str()).collect();
+    assert_eq!(names, ["cam00", "metadata", "metadata_"]);
+}
+
+#[test]
 fn cameras_keep_the_order_of_the_file() {
     let mut views = ring(3);
     views.swap(0, 2);
@@ -281,9 +291,11 @@ fn distortion_off_by_64_is_read_both_ways() {
     let (other, what) = read.alternative.unwrap();
     assert_eq!(what, "distortion times 64");
     assert!((other[0].distortion.radial[0] + 0.046).abs() < 1e-12);
-    // An ordinary lens has one reading.
-    fs::write(&path, write_pose2sim(&ring(2))).unwrap();
-    assert_eq!(super::read(&path).unwrap().alternative, None);
+    // An ordinary lens has one reading, and so has a mild one that was measured here.
+    for text in [write_pose2sim(&ring(2)), write_measured(&views)] {
+        fs::write(&path, text).unwrap();
+        assert_eq!(super::read(&path).unwrap().alternative, None);
+    }
 }
 
 /// What OpenCV writes of one webcam, which says nothing of where that stands.

@@ -16,6 +16,8 @@ const UNNEEDED: [[u8; 4]; 3] = [*b"meta", *b"udta", *b"emsg"];
 const HIDDEN: [u8; 4] = *b"free";
 /// What stands in a format of pictures before the boxes in it.
 const PICTURE_FORMAT_BYTES: u64 = 78;
+/// Size and name of a box.
+const HEADER_BYTES: u64 = 8;
 /// Boxes inside boxes; a film needs five.
 const MAX_DEPTH: u32 = 8;
 /// Samples of all tracks: three days at 240 pictures a second.
@@ -28,6 +30,8 @@ pub struct Walk {
     hidden: Vec<u64>,
     samples: u64,
     fragments: bool,
+    /// Whether the file ends inside its last fragment's tables.
+    is_fragment_cut: bool,
     end: u64,
     /// Width and height of the film's pixels, in any unit.
     pixel: Option<(u32, u32)>,
@@ -42,7 +46,8 @@ struct Boxed {
 }
 
 impl Walk {
-    /// Walks through the file. Its last box may end behind the file, which is cut off then.
+    /// Walks through the file. Its last box may end behind the file, which is cut off then: what it holds is not looked
+    /// at, by the library neither, but for the tables of the whole film.
     ///
     /// # Errors
     /// Why these cannot be the boxes of a film, and what reading fails with.
@@ -50,7 +55,7 @@ impl Walk {
         let mut walk = Self::default();
         let mut outermost = Vec::new();
         // No size: to the end of the file.
-        while walk.end < file_bytes && word(file, walk.end)? != 0 {
+        while walk.end.saturating_add(HEADER_BYTES) <= file_bytes && word(file, walk.end)? != 0 {
             if let Some(found) = next(file, walk.end, u64::MAX)? {
                 walk.end = found.end;
                 outermost.push(found);
@@ -59,7 +64,12 @@ impl Walk {
         // Fragments name tracks of other kinds: these cannot be hidden then.
         walk.fragments = outermost.iter().any(|b| b.name == *b"moof");
         for found in &outermost {
-            walk.look(file, found, file_bytes, 0)?;
+            if found.end > file_bytes && found.name != *b"moov" {
+                walk.is_fragment_cut = found.name == *b"moof";
+                walk.hidden.push(found.name_at);
+            } else {
+                walk.look(file, found, file_bytes, 0)?;
+            }
         }
         walk.hidden.sort_unstable();
         Ok(walk)
@@ -68,6 +78,11 @@ impl Walk {
     /// Where the last box says that it ends, bytes.
     pub fn end(&self) -> u64 {
         self.end
+    }
+
+    /// Whether the file ends inside the tables of its last fragment.
+    pub fn is_fragment_cut(&self) -> bool {
+        self.is_fragment_cut
     }
 
     /// Width and height of the film's pixels, in any unit, where it says so.
@@ -353,8 +368,30 @@ mod tests {
         .concat();
         let found = walk(&whole[..whole.len() - 200]).unwrap();
         assert_eq!((found.end(), found.samples), (whole.len() as u64, 3));
+        // Inside the name of a box.
+        assert_eq!(
+            walk(&[&whole[..], b"\0\0\0\x20mo"].concat()).unwrap().end(),
+            whole.len() as u64
+        );
         let open = [boxed(b"moov", &[]), b"\0\0\0\0mdat and so on".to_vec()].concat();
         assert_eq!(walk(&open).unwrap().end(), 8);
+    }
+
+    #[test]
+    fn a_fragment_that_is_cut_off_is_hidden_and_tables_of_the_whole_film_are_not() {
+        let run = [0, 2, 9, 9].map(u32::to_be_bytes).concat();
+        let fragment = boxed(b"moof", &boxed(b"traf", &boxed(b"trun", &run)));
+        let film = [boxed(b"moov", &track(b"vide", 0, 3)), fragment].concat();
+        let whole = walk(&film).unwrap();
+        assert!(!whole.is_fragment_cut() && whole.hidden.is_empty());
+        for cut in 1..30 {
+            let found = walk(&film[..film.len() - cut]).unwrap();
+            assert!(found.is_fragment_cut(), "{cut} bytes less");
+            assert_eq!((found.hidden.len(), found.samples), (1, 3));
+        }
+        let moov = boxed(b"moov", &track(b"vide", 0, 3));
+        let error = walk(&moov[..moov.len() - 8]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
 use openh264::formats::YUVSource;
-use re_mp4::{Mp4, Sample, StsdBoxContent, TrackKind};
+use re_mp4::{Mp4, Sample, StsdBoxContent, Track, TrackKind};
 
 use super::boxes::{Guarded, Walk};
 use super::sps;
@@ -50,6 +50,10 @@ pub struct Mp4Source {
     /// Pictures that were still in the decoder after the last sample.
     rest: VecDeque<Frame>,
     ended: bool,
+    /// The tables end before the film does.
+    is_fragment_cut: bool,
+    /// Why there are no more pictures, once those before it are given.
+    cut: Option<CaptureError>,
     sample: Vec<u8>,
     stream: Vec<u8>,
 }
@@ -65,10 +69,52 @@ struct Moment {
     sample: usize,
 }
 
-/// When the pictures of samples are shown, which lie in the order of decoding; `tick`: nanoseconds.
-fn moments(samples: &[Sample], tick: f64) -> VecDeque<Moment> {
-    let stamps = samples.iter().map(|s| s.composition_timestamp);
-    let mut stamps: Vec<(i64, usize)> = stamps.zip(0..).collect();
+/// When the pictures of samples are shown, ticks of the track's clock, in the order of decoding. The library moves
+/// those of the film's own tables, so that the first one is shown at 0, and tells those of fragments by the first
+/// fragment's time alone, offsets without their sign. `None` where fragments do not tell the samples that it found.
+fn stamps(mp4: &Mp4, track: &Track) -> Option<Vec<i64>> {
+    let trak = track.trak(mp4);
+    let fragments = mp4.moofs.iter().flat_map(|moof| &moof.trafs);
+    let fragments = fragments.filter(|traf| traf.tfhd.track_id == track.track_id);
+    let runs = fragments.clone().flat_map(|traf| &traf.truns);
+    let in_fragments: usize = runs.map(|run| run.sample_count as usize).sum();
+    let own = &track.samples[..track.samples.len().checked_sub(in_fragments)?];
+    // The sample that is decoded first is decoded at 0.
+    let offsets = trak.mdia.minf.stbl.ctts.as_ref();
+    let offset = offsets.and_then(|ctts| Some(ctts.entries.first()?.sample_offset));
+    let moved = own.first().map_or(0, |first| {
+        i64::from(offset.unwrap_or(0)) - first.composition_timestamp
+    });
+    let each = own
+        .iter()
+        .map(|s| s.composition_timestamp.saturating_add(moved));
+    let mut all: Vec<i64> = each.collect();
+    let mut decoded = own.first().zip(own.last()).map_or(0, |(first, last)| {
+        (last.decode_timestamp - first.decode_timestamp).saturating_add_unsigned(last.duration)
+    });
+    let defaults = mp4.moov.mvex.as_ref();
+    let defaults = defaults.and_then(|m| m.trexs.iter().find(|t| t.track_id == track.track_id));
+    for traf in fragments {
+        if let Some(begin) = &traf.tfdt {
+            decoded = i64::try_from(begin.base_media_decode_time).ok()?;
+        }
+        let usual = defaults.map_or(0, |d| d.default_sample_duration);
+        let usual = traf.tfhd.default_sample_duration.unwrap_or(usual);
+        for run in &traf.truns {
+            for k in 0..run.sample_count as usize {
+                let offset = run.sample_cts.get(k).map_or(0, |ticks| ticks.cast_signed());
+                all.push(decoded.saturating_add(offset.into()));
+                let ticks = run.sample_durations.get(k).copied().unwrap_or(usual);
+                decoded = decoded.saturating_add(ticks.into());
+            }
+        }
+    }
+    Some(all)
+}
+
+/// When pictures are shown, in that order, by [`stamps`]; `tick`: nanoseconds.
+fn moments(stamps: &[i64], tick: f64) -> VecDeque<Moment> {
+    let mut stamps: Vec<(i64, usize)> = stamps.iter().copied().zip(0..).collect();
     stamps.sort_unstable();
     let first = stamps.first().map_or(0, |(stamp, _)| *stamp);
     let shown = stamps.into_iter().zip(0..);
@@ -80,14 +126,19 @@ fn moments(samples: &[Sample], tick: f64) -> VecDeque<Moment> {
     shown.map(moment).collect()
 }
 
-/// Whether an edit list shows anything else than all pictures one after the other; `begins`: where in the track each of
-/// its edits begins, `first`: when the first picture is shown there. An edit without pictures only delays the others.
-pub(super) fn is_cut(begins: impl IntoIterator<Item = u64>, first: i64) -> bool {
+/// Whether an edit list shows anything else than all pictures one after the other. `edits`: where in the track each
+/// begins, and for how long it shows that, 0 for all of it; `first`: when the first picture is shown there; `least`:
+/// how long it must show it for no more than the last picture to be missing, which writers of such lists forget. An
+/// edit without pictures only delays the others.
+pub(super) fn is_cut(edits: impl IntoIterator<Item = (u64, f64)>, first: i64, least: f64) -> bool {
     // -1 stands for no pictures; its 32 or 64 bits are read without their sign.
-    let is_empty = |begin: &u64| [u64::from(u32::MAX), u64::MAX].contains(begin);
-    let mut shown = begins.into_iter().filter(|begin| !is_empty(begin));
-    let begin = shown.next();
-    shown.next().is_some() || begin.is_some_and(|begin| i128::from(begin) > i128::from(first))
+    let is_empty = |begin: u64| [u64::from(u32::MAX), u64::MAX].contains(&begin);
+    let mut shown = edits.into_iter().filter(|edit| !is_empty(edit.0));
+    let edit = shown.next();
+    let is_part = |(begin, lasts): (u64, f64)| {
+        i128::from(begin) > i128::from(first) || (lasts > 0.0 && lasts < least)
+    };
+    shown.next().is_some() || edit.is_some_and(is_part)
 }
 
 impl Mp4Source {
@@ -110,10 +161,10 @@ impl Mp4Source {
             )
         };
         let mut reader = BufReader::new(file.try_clone().map_err(io)?);
-        let (reader, end, pixel) = Walk::through(&mut reader, file_bytes)
+        let (reader, end, pixel, is_fragment_cut) = Walk::through(&mut reader, file_bytes)
             .and_then(|walk| {
-                let (end, pixel) = (walk.end(), walk.pixel());
-                Ok((Guarded::new(reader, walk, file_bytes)?, end, pixel))
+                let (end, pixel, is_cut) = (walk.end(), walk.pixel(), walk.is_fragment_cut());
+                Ok((Guarded::new(reader, walk, file_bytes)?, end, pixel, is_cut))
             })
             .map_err(|e| damaged(&format!("found damage ({e})")))?;
         let mp4 = quietly(move || Mp4::read(reader, end))
@@ -132,13 +183,31 @@ impl Mp4Source {
             return Err(damaged("found no pictures in it"));
         }
         let edits = trak.edts.as_ref().and_then(|edts| edts.elst.as_ref());
-        // The library moves all times, so that the first picture is shown at 0: by as much as it has moved the sample
-        // that is decoded first, at 0.
-        let offsets = trak.mdia.minf.stbl.ctts.as_ref();
-        let offset = offsets.and_then(|ctts| Some(ctts.entries.first()?.sample_offset));
-        let first = i64::from(offset.unwrap_or(0)) - track.samples[0].composition_timestamp;
-        let begins = edits.into_iter().flat_map(|list| list.entries.iter());
-        if is_cut(begins.map(|edit| edit.media_time), first) {
+        let Some(stamps) = stamps(&mp4, track) else {
+            return Ok(None);
+        };
+        let first = stamps.iter().copied().min().unwrap_or(0);
+        let tick = 1e9 / track.timescale as f64;
+        let moments = moments(&stamps, tick);
+        let last = moments
+            .iter()
+            .rev()
+            .take(2)
+            .map(|moment| moment.time_ns as f64);
+        let least = if moments.len() > 1 {
+            last.sum::<f64>() / 2.0
+        } else {
+            0.0
+        };
+        let movie_tick = 1e9 / f64::from(mp4.moov.mvhd.timescale.max(1));
+        let edits = edits.into_iter().flat_map(|list| list.entries.iter());
+        // Of a film in fragments it may be that of the part before them.
+        let is_whole = mp4.moofs.is_empty();
+        let edits = edits.map(|e| {
+            let ticks = if is_whole { e.segment_duration } else { 0 };
+            (e.media_time, ticks as f64 * movie_tick)
+        });
+        if is_cut(edits, first, least) {
             return Ok(None);
         }
         let config = &avc.avcc.contents;
@@ -153,7 +222,6 @@ impl Mp4Source {
             return Ok(None);
         }
         let range = sets.find_map(|set| sps::range(&set.bytes));
-        let moments = moments(&track.samples, 1e9 / track.timescale as f64);
         let seconds = moments.back().map_or(0, |last| last.time_ns) as f64 / 1e9;
         let matrix = &trak.tkhd.matrix;
         let orientation = orientation([matrix.a, matrix.b, matrix.c, matrix.d]);
@@ -183,6 +251,8 @@ impl Mp4Source {
             position: 0,
             rest: VecDeque::new(),
             ended: false,
+            is_fragment_cut,
+            cut: None,
             sample: Vec::new(),
             stream,
         }))
@@ -193,20 +263,27 @@ impl Mp4Source {
         self.shape
     }
 
+    /// Whether the file ends inside the next sample.
+    fn is_cut_off(&self) -> bool {
+        let sample = &self.samples[self.position];
+        let end = sample.offset.checked_add(sample.size);
+        end.is_none_or(|end| end > self.file_bytes)
+    }
+
+    /// Why there are no pictures from this place on.
+    fn cut_off(&self) -> CaptureError {
+        CaptureError::data(
+            self.name.clone(),
+            format!(
+                "the file ends inside picture {}; the pictures before it were read, copy the file again for the rest",
+                self.position
+            ),
+        )
+    }
+
     /// Reads the next sample and rewrites its lengths as start codes.
     fn read_sample(&mut self) -> Result<(), CaptureError> {
         let sample = self.samples[self.position];
-        let end = sample.offset.checked_add(sample.size);
-        if end.is_none_or(|end| end > self.file_bytes) {
-            self.ended = true;
-            return Err(CaptureError::data(
-                self.name.clone(),
-                format!(
-                    "the file ends inside picture {}; the pictures before it were read, copy the file again for the rest",
-                    self.position
-                ),
-            ));
-        }
         self.position += 1;
         // At most the file's own size.
         self.sample.resize(sample.size as usize, 0);
@@ -246,6 +323,13 @@ impl Mp4Source {
 impl Source for Mp4Source {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
         while !self.ended && self.position < self.samples.len() {
+            if self.is_cut_off() {
+                self.cut = Some(self.cut_off());
+                // What the decoder still holds is of samples before.
+                let position = self.position;
+                self.moments.retain(|moment| moment.sample < position);
+                break;
+            }
             self.read_sample()?;
             let name = format!("{}, picture {}", self.name, self.position - 1);
             let picture = |reason| CaptureError::Picture {
@@ -269,6 +353,9 @@ impl Source for Mp4Source {
         }
         if !self.ended {
             self.ended = true;
+            if self.is_fragment_cut && self.cut.is_none() {
+                self.cut = Some(self.cut_off());
+            }
             let rest = self.decoder.flush_remaining().unwrap_or_default();
             for yuv in &rest {
                 let mut frame = Frame::default();
@@ -283,7 +370,7 @@ impl Source for Mp4Source {
                 self.finish(frame);
                 Ok(true)
             }
-            None => Ok(false),
+            None => self.cut.take().map_or(Ok(false), Err),
         }
     }
 

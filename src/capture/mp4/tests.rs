@@ -152,9 +152,9 @@ fn shown(bytes: &[u8]) -> Vec<(u64, u64)> {
 /// Where samples begin, and how long they are.
 type Places = Vec<(usize, usize)>;
 
-/// A film of 24 pictures that are decoded in another order than shown, and where its samples lie; `None` without an
-/// ffmpeg that makes such films.
-fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
+/// A film of 24 pictures, 24 a second, that are decoded in another order than shown, with these flags of ffmpeg's
+/// muxer; `None` without an ffmpeg that makes such films.
+fn made(folder: &Path, flags: &str) -> Option<Vec<u8>> {
     let path = folder.join("reordered.mp4");
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-y", "-f", "lavfi", "-i"])
@@ -162,13 +162,19 @@ fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
         .args([
             "-c:v", "libx264", "-bf", "2", "-g", "6", "-pix_fmt", "yuv420p",
         ])
+        .args(["-movflags", flags])
         .arg(&path)
         .status();
     if !made.is_ok_and(|made| made.success()) {
         tools::skip("ffmpeg", "no ffmpeg with libx264");
         return None;
     }
-    let film = std::fs::read(&path).unwrap();
+    Some(std::fs::read(&path).unwrap())
+}
+
+/// Such a film, its tables before its pictures, and where its samples lie.
+fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
+    let film = made(folder, "faststart")?;
     let place = |name: &[u8; 4]| film.windows(4).position(|w| w == name).unwrap();
     assert!(
         film.windows(4).any(|w| w == b"ctts"),
@@ -185,6 +191,81 @@ fn reordered(folder: &Path) -> Option<(Vec<u8>, Places)> {
     Some((film, all))
 }
 
+/// Numbers and times of 24 pictures a second.
+fn even() -> Vec<(u64, u64)> {
+    let time = |k: u64| (k * 1_000_000_000 + 12) / 24;
+    (0..24).map(|k| (k, time(k))).collect()
+}
+
+/// What is shown before a film ends with an error, and that.
+fn shown_until_cut(bytes: &[u8]) -> (Vec<(u64, u64)>, String) {
+    let mut film = opened(bytes).unwrap();
+    let (mut frame, mut all) = (Frame::default(), Vec::new());
+    loop {
+        match film.next_into(&mut frame) {
+            Ok(true) => all.push((frame.sequence, frame.time_ns)),
+            Ok(false) => panic!("expected an error after {all:?}"),
+            Err(e) => {
+                assert_eq!((e.is_skippable(), e.exit_code()), (false, 65));
+                assert!(!film.next_into(&mut frame).unwrap());
+                return (all, e.to_string());
+            }
+        }
+    }
+}
+
+#[test]
+fn pictures_of_fragments_have_their_times() {
+    let folder = tempfile::tempdir().unwrap();
+    // Composition offsets below 0; the first fragment in the film's own tables; an edit list that undoes the offsets.
+    for flags in [
+        "frag_keyframe+empty_moov",
+        "frag_keyframe+empty_moov+negative_cts_offsets",
+        "frag_keyframe",
+        "frag_keyframe+empty_moov+delay_moov",
+    ] {
+        let Some(mut film) = made(folder.path(), flags) else {
+            return;
+        };
+        assert_eq!(shown(&film), even(), "{flags}");
+        // The last of the four fragments a second later; its decode time is one of 64 bits.
+        let last = film.windows(4).rposition(|w| w == b"tfdt").unwrap() + 8;
+        let time = u64::from_be_bytes(film[last..last + 8].try_into().unwrap());
+        film[last..last + 8].copy_from_slice(&(time + 24 * 512).to_be_bytes());
+        let mut late = even();
+        late[18..]
+            .iter_mut()
+            .for_each(|moment| moment.1 += 1_000_000_000);
+        assert_eq!(shown(&film), late, "{flags}");
+    }
+}
+
+#[test]
+fn what_a_cut_film_holds_is_shown_before_the_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some((film, samples)) = reordered(folder.path()) else {
+        return;
+    };
+    for count in [6, 10, 15] {
+        let (seen, said) = shown_until_cut(&film[..samples[count].0 + 1]);
+        assert_eq!(seen.len(), count);
+        assert!(
+            seen.iter().all(|moment| even().contains(moment)),
+            "{seen:?}"
+        );
+        assert!(said.contains(&format!("inside picture {count};")), "{said}");
+    }
+    let Some(film) = made(folder.path(), "frag_keyframe+empty_moov") else {
+        return;
+    };
+    let last = film.windows(4).rposition(|w| w == b"moof").unwrap();
+    for more in [8, 60, 100] {
+        let (seen, said) = shown_until_cut(&film[..last + more]);
+        assert_eq!(seen, even()[..18], "{more}");
+        assert!(said.contains("inside picture 18;"), "{said}");
+    }
+}
+
 #[test]
 fn times_begin_with_0_and_a_picture_left_out_does_not_move_the_others() {
     assert_eq!(shown(TINY)[0], (0, 0));
@@ -193,10 +274,7 @@ fn times_begin_with_0_and_a_picture_left_out_does_not_move_the_others() {
         return;
     };
     let whole = shown(&film);
-    let wanted: Vec<(u64, u64)> = (0..24)
-        .map(|k| (k, (k * 1_000_000_000 + 12) / 24))
-        .collect();
-    assert_eq!(whole, wanted);
+    assert_eq!(whole, even());
     let mut alone = 0;
     for &(start, size) in &samples[1..] {
         let mut damaged = film.clone();
@@ -312,6 +390,20 @@ fn a_film_whose_edit_list_leaves_pictures_out_is_left_to_ffmpeg() {
             std::fs::write(&path, &film).unwrap();
             assert_eq!(Mp4Source::open(&path).unwrap().is_some(), ours, "from {at}");
         }
+        film[begin..begin + 4].copy_from_slice(&first.to_be_bytes());
+        // For so long, milliseconds: a second is all of it, 0 to the end; writers forget the last picture's own time.
+        for (lasts, ours) in [
+            (1000_u32, true),
+            (0, true),
+            (958, true),
+            (917, false),
+            (500, false),
+        ] {
+            film[begin - 4..begin].copy_from_slice(&lasts.to_be_bytes());
+            std::fs::write(&path, &film).unwrap();
+            let opened = Mp4Source::open(&path).unwrap();
+            assert_eq!(opened.is_some(), ours, "for {lasts} ms");
+        }
     }
     let nothing = u64::from(u32::MAX);
     for (begins, is_edited) in [
@@ -323,11 +415,11 @@ fn a_film_whose_edit_list_leaves_pictures_out_is_left_to_ffmpeg() {
         (&[nothing, 1025], true),
         (&[0, 4096], true),
     ] {
-        assert_eq!(
-            is_cut(begins.iter().copied(), 1024),
-            is_edited,
-            "{begins:?}"
-        );
+        let edits = begins.iter().map(|begin| (*begin, 0.0));
+        assert_eq!(is_cut(edits, 1024, 7.5), is_edited, "{begins:?}");
+    }
+    for (lasts, is_edited) in [(7.4, true), (7.6, false), (0.0, false)] {
+        assert_eq!(is_cut([(1024, lasts)], 1024, 7.5), is_edited, "{lasts}");
     }
 }
 

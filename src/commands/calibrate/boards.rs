@@ -3,12 +3,11 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::CalibrateArgs;
-use super::lenses::Lenses;
+use super::lenses::{Lenses, folded};
 use super::shots::Pictures;
+use super::{CalibrateArgs, report, write};
 use crate::board::Board;
 use crate::calibrate::boards::{Rig, Shot, Shots, calibrate_by_board};
-use crate::camera::calibration::write_pose2sim;
 use crate::camera::{CameraFile, View};
 use crate::capture::natural_order;
 use crate::commands::exit::Failure;
@@ -90,6 +89,7 @@ pub fn by_board(
                 view.name, moments[*moment]
             ));
         }
+        notes.extend(folded(view));
         if quality.reach < REACH && quality.focal_error_px.is_some() {
             notes.push(format!(
                 "camera {}: boards reach {:.0} % of the way from the middle to the corners of the picture; beyond, distortion is a guess",
@@ -101,12 +101,13 @@ pub fn by_board(
     for note in &notes {
         say::err(note);
     }
-    let text = match several {
-        true => write_pose2sim(&rig.views),
-        false => lens_file(&rig.views[0]).map_err(Failure::data)?,
-    };
-    output::write(&args.out, text.as_bytes()).map_err(|e| Failure::output(&args.out, &e))?;
-    say::whole(&table(&rig, &cameras, floor.is_some()))
+    if several {
+        write(&args.out, &rig.views, &lenses)?;
+    } else {
+        let text = lens_file(&rig.views[0]).map_err(Failure::data)?;
+        output::write(&args.out, text.as_bytes()).map_err(|e| Failure::output(&args.out, &e))?;
+    }
+    report(&args.out, &table(&rig, &cameras, floor.is_some()))
 }
 
 /// What of the command line does not go together.

@@ -6,12 +6,16 @@ mod lenses;
 mod people;
 mod shots;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use self::lenses::Lenses;
 use super::apart::Apart;
 use super::exit::Failure;
-use super::multiview::named as one_named;
+use super::multiview::{named as one_named, told};
+use super::say;
 use crate::board::Board;
+use crate::camera::View;
+use crate::camera::calibration::{check, read_pose2sim, write_measured, write_pose2sim};
 use crate::output;
 
 /// Options of `edgecap calibrate`.
@@ -38,7 +42,7 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "PICTURE", requires = "board")]
     pub floor: Option<String>,
     /// Lens of all cameras, or of one: a camera.toml, or a calibration of another program whose places are not believed
-    /// [default: a field of view of 60 degrees]
+    /// [default: that of the record; of a film a field of view of 60 degrees]
     #[arg(long, value_name = "[CAMERA=]FILE")]
     pub lens: Vec<String>,
     /// Height of the tallest person in view, metres: it gives the room its size
@@ -89,7 +93,7 @@ pub fn calibrate(args: &CalibrateArgs) -> anyhow::Result<()> {
         apart = apart.reads("--view", file);
     }
     for lens in &args.lens {
-        let file = lens.split_once('=').map_or(lens.as_str(), |(_, file)| file);
+        let file = told(lens).map_or(lens.as_str(), |(_, file)| file);
         apart = apart.reads("--lens", file.as_ref());
     }
     apart.check()?;
@@ -114,7 +118,99 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
             ))
             .into());
         }
+        let place = file.canonicalize().ok();
+        let is_same = |other: &PathBuf| place.is_some() && other.canonicalize().ok() == place;
+        if let Some((other, _)) = all.iter().find(|(_, f)| is_same(f)) {
+            return Err(Failure::usage(format!(
+                "expected a file or folder of its own for every camera, found {} for {other} and {name}",
+                file.display()
+            ))
+            .into());
+        }
         all.push((name, file));
     }
     Ok(all)
+}
+
+/// Writes a calibration, if it is one that is read again; it tells that `lenses` were measured where they are certain.
+///
+/// # Errors
+/// When `multiview` would refuse the cameras, or the file cannot be written.
+fn write(out: &Path, views: &[View], lenses: &Lenses) -> anyhow::Result<()> {
+    let name = out.display().to_string();
+    let text = match lenses.are_doubtful() {
+        true => write_pose2sim(views),
+        false => write_measured(views),
+    };
+    let again = read_pose2sim(&text, &name).and_then(|views| check(&name, views));
+    again.map_err(|e| Failure::data(e.to_string()))?;
+    output::write(out, text.as_bytes()).map_err(|e| Failure::output(out, &e).into())
+}
+
+/// Prints the report for people, where it does not mix with the result.
+///
+/// # Errors
+/// When standard output cannot be written.
+fn report(out: &Path, table: &str) -> anyhow::Result<()> {
+    if output::is_stdout(out) {
+        say::err(table.trim_end());
+        return Ok(());
+    }
+    say::whole(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2, DVec3};
+
+    use super::*;
+    use crate::camera::Brown;
+
+    fn views(names: [&str; 2]) -> Vec<View> {
+        let one = |(k, name): (usize, &str)| View {
+            name: name.to_owned(),
+            size: [640, 480],
+            focal: DVec2::splat(600.0),
+            centre: DVec2::new(319.5, 239.5),
+            distortion: Brown::default(),
+            rotation: DMat3::IDENTITY,
+            position: DVec3::X * k as f64,
+        };
+        names.into_iter().enumerate().map(one).collect()
+    }
+
+    #[test]
+    fn what_is_written_is_read_again_whatever_cameras_are_called() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("Calib.toml");
+        let cameras = views(["metadata", "metadata camera"]);
+        write(&out, &cameras, &Lenses::read(&[], &[]).unwrap()).unwrap();
+        let read = crate::camera::calibration::read(&out).unwrap().views;
+        let names = |all: &[View]| all.iter().map(|v| v.name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&read), names(&cameras));
+    }
+
+    #[test]
+    fn a_calibration_that_nobody_would_read_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("Calib.toml");
+        let mut same = views(["a", "b"]);
+        same[1].position = same[0].position;
+        let lenses = Lenses::read(&[], &[]).unwrap();
+        let said = write(&out, &same, &lenses).unwrap_err().to_string();
+        assert!(said.contains("every camera once"), "{said}");
+        assert!(!out.exists());
+    }
+
+    #[test]
+    fn a_file_is_of_one_camera() {
+        let folder = tempfile::tempdir().unwrap();
+        let film = folder.path().join("film.mp4").display().to_string();
+        let given = [format!("a={film}"), format!("b={film}")];
+        // Films that are not there are told by whoever opens them.
+        assert_eq!(named(&given).unwrap().len(), 2);
+        std::fs::write(&film, "").unwrap();
+        let said = named(&given).unwrap_err().to_string();
+        assert!(said.contains("for a and b"), "{said}");
+    }
 }

@@ -3,24 +3,34 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::CalibrateArgs;
-use super::lenses::Lenses;
+use super::lenses::{Lenses, folded, is_usual};
+use super::{CalibrateArgs, report, write};
 use crate::calibrate::{CalibrateError, Room, Scale, ViewQuality, calibrate as find};
-use crate::camera::calibration::write_pose2sim;
 use crate::camera::{DEFAULT_FOV, View};
+use crate::capture::is_photo;
 use crate::commands::common_time::{Common, as_if_together, by_clock, by_number, by_times};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
-use crate::commands::view_file::ViewFile;
+use crate::commands::view_file::{ViewFile, is_film};
 use crate::message::Observation;
-use crate::multiview::{Detections, Sight, to_view};
-use crate::output;
+use crate::multiview::{Detections, Sight, agreement, to_view};
 use crate::record::CameraSource;
 
 /// Joints of a view, %, that may lie far from where the others have them: on films of a man on a treadmill places were
 /// right where it was 13 at most, and wrong by a metre where it was 20.
 const FAR: f64 = 16.0;
+/// Sights of a view, %, that may go with no other view's.
+const ALONE: f64 = 10.0;
+/// So often films are brought to another time by the places that were found: those of films out of time hide a part
+/// of what these are apart.
+const ROUNDS: usize = 3;
+/// Seconds by which the time of a film is tried first; then by a frame.
+const FIRST_STEP: f64 = 0.1;
+/// Farthest that films are looked for apart, seconds.
+const MOST_APART: f64 = 1.0;
+/// Rays must meet so many times better at another time.
+const BETTER: f64 = 1.02;
 /// What to do where views never ran together.
 const OTHERWISE: &str = "give files of one time, or --fps if frames belong together by number";
 
@@ -37,48 +47,71 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         .into());
     }
     expect_few(files.len())?;
+    let photos = |file: &PathBuf| file.is_dir() || is_photo(file);
+    if let Some((name, file)) = files.iter().find(|(_, file)| photos(file)) {
+        return Err(Failure::usage(format!(
+            "expected a record or a film of camera {name}, found photos, {}; these need --board",
+            file.display()
+        ))
+        .into());
+    }
     let lenses = Lenses::read(&args.lens, files)?;
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    let mut notes: Vec<String> = guessed(&lenses, &names).into_iter().collect();
+    let mut notes = Vec::new();
     let scale = scale(args, &names, &mut notes)?;
-    let mut seen = Vec::new();
-    let mut views = Vec::new();
+    let (mut seen, mut views, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
     for (name, file) in files {
         let fov = lenses.fov_degrees(name);
         let told = CameraSource::Recorded {
             fov_degrees: fov as f32,
         };
         let mut read = ViewFile::read(name, told, fov, file)?;
-        let view = lenses.of(name, read.size).map_err(Failure::data)?;
+        // Films are looked at as they are shown; records may be of pictures that were turned.
+        let view = match is_film(file) {
+            true => lenses.of(name, read.size),
+            false => lenses.of_record(name, read.size, read.intrinsics),
+        };
+        let view = view.map_err(Failure::data)?;
+        if !lenses.knows(name) && is_usual(read.size, &read.intrinsics) {
+            unknown.push(name.as_str());
+        }
         for people in &mut read.frames {
             to_view(&view, &read.intrinsics, people);
         }
         views.push(view);
         seen.push(read);
     }
+    notes.extend(guessed(&unknown, names.len()));
+    notes.extend(views.iter().filter_map(folded));
+    if args.fps.is_none() {
+        for view in &mut seen {
+            view.leave_out_disorder(&mut notes);
+        }
+        notes.extend(
+            seen.iter()
+                .filter(|s| !s.is_in_order())
+                .map(ViewFile::by_number),
+        );
+    }
     let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
-    let common = if !timed {
-        by_number(args.fps, seen, &mut notes)?
-    } else if seen.iter().all(|s| s.of_machine) {
-        let shifts = by_clock(&seen);
-        by_times(seen, &shifts, OTHERWISE, &mut notes)?
-    } else {
+    let is_of_films = timed && !seen.iter().all(|s| s.of_machine);
+    let mut said = Vec::new();
+    let found = if is_of_films {
         // Places are not known yet by which what moves would tell the time between films.
-        as_if_together(seen, OTHERWISE, &mut notes)?
+        let common = as_if_together(copies(&seen), OTHERWISE, &mut said)?;
+        let found = Found::new(&views, common, scale, said).map_err(refused)?;
+        found.in_time(&seen, &views, scale, &mut notes)
+    } else {
+        let common = if timed {
+            let shifts = by_clock(&seen);
+            by_times(seen, &shifts, OTHERWISE, &mut said)?
+        } else {
+            by_number(args.fps, seen, &mut said)?
+        };
+        Found::new(&views, common, scale, said).map_err(refused)?
     };
-    let Common {
-        people,
-        times,
-        rate,
-        ..
-    } = common;
-    let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| -> Detections {
-        people[k].iter().map(|o| Sight::new(view, o)).collect()
-    };
-    let frames: Vec<Vec<Detections>> = (0..times.len())
-        .map(|k| views.iter().zip(&people).map(|pair| one(k, pair)).collect())
-        .collect();
-    let room = find(&views, &frames, rate, scale).map_err(refused)?;
+    let Found { room, said, .. } = found;
+    notes.extend(said);
     if !room.floor_by_feet {
         notes.push(
             "feet were in one place: the floor is level as people hold themselves; walk about for a slope".into(),
@@ -88,18 +121,147 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     for note in &notes {
         say::err(note);
     }
-    output::write(&args.out, write_pose2sim(&room.views).as_bytes())
-        .map_err(|e| Failure::output(&args.out, &e))?;
-    say::whole(&table(&room))
+    write(&args.out, &room.views, &lenses)?;
+    report(&args.out, &table(&room))
 }
 
-/// What to say of cameras whose lens nobody told.
-fn guessed(lenses: &Lenses, names: &[&str]) -> Option<String> {
-    let unknown = names.iter().copied().filter(|name| !lenses.knows(name));
-    let unknown: Vec<&str> = unknown.collect();
+/// Cameras by views that were brought to one time.
+struct Found {
+    room: Room,
+    common: Common,
+    /// What was said of the views' times.
+    said: Vec<String>,
+}
+
+impl Found {
+    fn new(
+        lenses: &[View],
+        common: Common,
+        scale: Scale,
+        said: Vec<String>,
+    ) -> Result<Self, CalibrateError> {
+        let room = find(lenses, &sights(lenses, &common), common.rate, scale)?;
+        Ok(Self { room, common, said })
+    }
+
+    fn worth(&self) -> f64 {
+        worth(&self.room.views, &self.common)
+    }
+
+    /// The cameras by films at the time at which rays meet best, where that is better than as if they had started
+    /// together.
+    fn in_time(
+        mut self,
+        seen: &[ViewFile],
+        lenses: &[View],
+        scale: Scale,
+        notes: &mut Vec<String>,
+    ) -> Self {
+        let mut shifts = vec![0.0; seen.len()];
+        for _ in 0..ROUNDS {
+            let now = shifted(&self.room.views, seen, &shifts, self.common.rate);
+            let is_same = |(a, b): (&f64, &f64)| (a - b).abs() * self.common.rate < 0.5;
+            if now.iter().zip(&shifts).all(is_same) {
+                break;
+            }
+            let mut said = Vec::new();
+            let common = by_times(copies(seen), &now, OTHERWISE, &mut said);
+            let other = common.ok().map(|c| Self::new(lenses, c, scale, said));
+            match other {
+                Some(Ok(other)) if other.worth() > BETTER * self.worth() => {
+                    (self, shifts) = (other, now);
+                }
+                _ => break,
+            }
+        }
+        for (view, seconds) in seen.iter().zip(&shifts).filter(|s| *s.1 != 0.0) {
+            let way = if *seconds < 0.0 { "after" } else { "before" };
+            notes.push(format!(
+                "camera {} started {:.3} s {way} {}, as people move: its frames are taken so",
+                view.name,
+                seconds.abs(),
+                seen[0].name
+            ));
+        }
+        self
+    }
+}
+
+/// How well the rays of these cameras meet: the better, the more.
+fn worth(views: &[View], common: &Common) -> f64 {
+    let met = agreement(views, &sights(views, common), common.rate);
+    met.map_or(0.0, |a| a.confirmed / a.apart.max(1e-6))
+}
+
+/// By how many seconds films started before the first one where the rays of these cameras meet best, near `from`; by
+/// whole frames of `rate` a second, as joints between two frames have less noise and meet better at any time.
+fn shifted(views: &[View], seen: &[ViewFile], from: &[f64], rate: f64) -> Vec<f64> {
+    let worth = |shifts: &[f64]| {
+        let common = by_times(copies(seen), shifts, OTHERWISE, &mut Vec::new());
+        common.map_or(0.0, |common| worth(views, &common))
+    };
+    let (mut best, mut most) = (from.to_vec(), worth(from));
+    // Of two it does not matter which one is moved; of more the first one may be out of time.
+    let movable = usize::from(seen.len() == 2)..seen.len();
+    for frames in [(FIRST_STEP * rate).round(), 1.0] {
+        let step = frames.max(1.0) / rate;
+        for k in movable.clone() {
+            for way in [step, -step] {
+                let before = best[k];
+                loop {
+                    let mut other = best.clone();
+                    other[k] += way;
+                    if other[k].abs() > MOST_APART {
+                        break;
+                    }
+                    let now = worth(&other);
+                    if now <= most {
+                        break;
+                    }
+                    (best, most) = (other, now);
+                }
+                if best[k] != before {
+                    break;
+                }
+            }
+        }
+    }
+    let first = best[0];
+    best.iter().map(|seconds| seconds - first).collect()
+}
+
+/// What every view saw, instant by instant.
+fn sights(views: &[View], common: &Common) -> Vec<Vec<Detections>> {
+    let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| -> Detections {
+        people[k].iter().map(|o| Sight::new(view, o)).collect()
+    };
+    let all = |k: usize| {
+        views
+            .iter()
+            .zip(&common.people)
+            .map(move |pair| one(k, pair))
+    };
+    (0..common.times.len()).map(|k| all(k).collect()).collect()
+}
+
+/// The views once more, to be brought to another time.
+fn copies(seen: &[ViewFile]) -> Vec<ViewFile> {
+    let copy = |s: &ViewFile| ViewFile {
+        name: s.name.clone(),
+        size: s.size,
+        intrinsics: s.intrinsics,
+        frames: s.frames.clone(),
+        times: s.times.clone(),
+        of_machine: s.of_machine,
+    };
+    seen.iter().map(copy).collect()
+}
+
+/// What to say of cameras whose lens nobody told, of so many.
+fn guessed(unknown: &[&str], cameras: usize) -> Option<String> {
     let whose = match unknown.len() {
         0 => return None,
-        all if all == names.len() => "every camera".to_owned(),
+        all if all == cameras => "every camera".to_owned(),
         _ => unknown.join(", "),
     };
     Some(format!(
@@ -109,12 +271,23 @@ fn guessed(lenses: &Lenses, names: &[&str]) -> Option<String> {
 
 /// What to say of a view that contradicts the others.
 fn doubt(view: &ViewQuality) -> Option<String> {
-    (view.far_percent > FAR).then(|| {
+    let found = if view.far_percent > FAR {
         format!(
-            "camera {}: expected its joints where the other views have them, found {:.0} % far off: the places may be wrong; let somebody walk about, or add a view",
-            view.name, view.far_percent
+            "its joints where the other views have them, found {:.0} % far off",
+            view.far_percent
         )
-    })
+    } else if view.alone_percent > ALONE {
+        format!(
+            "people that it sees to be seen by the other views, found {:.0} % that go with nobody",
+            view.alone_percent
+        )
+    } else {
+        return None;
+    };
+    Some(format!(
+        "camera {}: expected {found}: the places may be wrong; films may not have started together: cut them to one moment; else let somebody walk about, or add a view",
+        view.name
+    ))
 }
 
 fn refused(e: CalibrateError) -> anyhow::Error {
@@ -130,18 +303,21 @@ fn scale(args: &CalibrateArgs, names: &[&str], notes: &mut Vec<String>) -> anyho
             ))
         };
         let (pair, metres) = text.rsplit_once('=').ok_or_else(wrong)?;
-        let (a, b) = pair.split_once(',').ok_or_else(wrong)?;
         let number = |name: &str| names.iter().position(|n| *n == name);
-        for name in [a, b] {
-            if number(name).is_none() {
-                return Err(Failure::usage(format!(
-                    "--distance {text}: no --view is of {name}; expected two of {}",
-                    names.join(", ")
-                ))
-                .into());
-            }
-        }
-        let (a, b) = number(a).zip(number(b)).ok_or_else(wrong)?;
+        // A name may hold commas.
+        let commas = pair
+            .match_indices(',')
+            .map(|(at, _)| (&pair[..at], &pair[at + 1..]));
+        let known = commas.clone().find_map(|(a, b)| number(a).zip(number(b)));
+        let Some((a, b)) = known else {
+            let (a, b) = commas.clone().next().ok_or_else(wrong)?;
+            let other = if number(a).is_none() { a } else { b };
+            return Err(Failure::usage(format!(
+                "--distance {text}: no --view is of {other}; expected two of {}",
+                names.join(", ")
+            ))
+            .into());
+        };
         let metres: f64 = metres.parse().map_err(|_| wrong())?;
         if a == b || !(0.05..=100.0).contains(&metres) {
             return Err(wrong().into());
@@ -172,6 +348,8 @@ fn table(room: &Room) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
 
     #[test]
@@ -186,29 +364,70 @@ mod tests {
             Lenses::read(&given.collect::<Vec<_>>(), &cameras).unwrap()
         };
         let some = read(&["hall="]);
-        let said = guessed(&some, &names).unwrap();
+        let unknown = |lenses: &Lenses| -> Vec<&str> {
+            let all = names.iter().copied();
+            all.filter(|name| !lenses.knows(name)).collect()
+        };
+        let said = guessed(&unknown(&some), names.len()).unwrap();
         assert!(said.contains("for door, yard:"), "{said}");
         let fov = |name: &str| some.of(name, [640, 480]).unwrap().fov_degrees().round();
         assert_eq!(names.map(fov), [60.0, 90.0, 60.0]);
-        let none = guessed(&read(&[]), &names).unwrap();
+        let none = guessed(&unknown(&read(&[])), names.len()).unwrap();
         assert!(none.contains("for every camera:"), "{none}");
         for all in [&[""][..], &["door=", "hall=", "yard="]] {
-            assert_eq!(guessed(&read(all), &names), None);
+            assert_eq!(guessed(&unknown(&read(all)), names.len()), None);
         }
     }
 
     #[test]
     fn a_view_that_contradicts_the_others_is_doubted() {
-        let view = |far_percent| ViewQuality {
+        let view = |far_percent, alone_percent| ViewQuality {
             name: "door".into(),
             sights: 100,
             rms_px: 12.0,
             held_out_rms_px: 12.0,
             far_percent,
+            alone_percent,
             height_m: 2.0,
         };
-        assert_eq!(doubt(&view(13.0)), None);
-        let said = doubt(&view(20.0)).unwrap();
-        assert!(said.contains("door") && said.contains("20 %"), "{said}");
+        assert_eq!(doubt(&view(13.0, 9.0)), None);
+        for (far, alone) in [(20.0, 0.0), (5.0, 20.0)] {
+            let said = doubt(&view(far, alone)).unwrap();
+            assert!(said.contains("door") && said.contains("20 %"), "{said}");
+            assert!(said.contains("may not have started together"), "{said}");
+        }
+    }
+
+    #[test]
+    fn cameras_whose_names_hold_commas_can_be_told_apart() {
+        let names = ["hall,left", "hall", "left,door"];
+        let find = |distance: &str| {
+            let line = [
+                "calibrate",
+                "--view",
+                "a",
+                "--out",
+                "b",
+                "--distance",
+                distance,
+            ];
+            let args = Line::parse_from(line).args;
+            scale(&args, &names, &mut Vec::new()).map_err(|e| e.to_string())
+        };
+        let found = find("hall,left,left,door=3.2").unwrap();
+        assert_eq!(found, Scale::Distance(0, 2, 3.2));
+        assert_eq!(
+            find("hall,left,hall=2").unwrap(),
+            Scale::Distance(0, 1, 2.0)
+        );
+        let said = find("hall,yard=2").unwrap_err();
+        assert!(said.contains("no --view is of yard"), "{said}");
+        assert!(find("hall=2").is_err());
+    }
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: CalibrateArgs,
     }
 }
