@@ -19,6 +19,10 @@ const CROSSED: f64 = 5e-3;
 const MOST_COMBINED: usize = 6;
 /// By what factor the exchanged reading must fit a body better.
 const MARGIN: f64 = 0.6;
+/// Seconds between moments up to which the way from one to the other counts in full: in more a limb goes anywhere.
+const FULL: f64 = 1.0 / 30.0;
+/// Neck, shoulders, hips: the same trunk whichever side is called right.
+const TRUNK: [[usize; 2]; 3] = [[1, 1], [2, 5], [8, 11]];
 
 /// Most views of one person: there is a bit for each.
 pub const MOST_VIEWS: usize = u32::BITS as usize;
@@ -71,8 +75,8 @@ pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
 
 /// Thinks over who is left in a sequence of frames, of which views agree within each: a limb does not change sides from
 /// frame to frame, most detections call it rightly, and shoulders point the way hips do. The best sequence of the two
-/// answers a frame.
-pub fn settle(moments: &mut [&mut Moment], states: &mut [States]) {
+/// answers a frame. `times`: of every moment, seconds, rising.
+pub fn settle(times: &[f64], moments: &mut [&mut Moment], states: &mut [States]) {
     for (g, right) in LIMB_PAIRS[..BEFORE].iter().enumerate() {
         // Cost of the best sequence that ends with the frame as it is, or exchanged, and where it comes from.
         let mut least: Vec<[f64; 2]> = Vec::with_capacity(moments.len());
@@ -87,8 +91,10 @@ pub fn settle(moments: &mut [&mut Moment], states: &mut [States]) {
             }
             let (mut cost, mut back) = (own, [0, 1]);
             if let Some(before) = least.last() {
-                let step = [false, true]
-                    .map(|other| travel(&moments[k - 1].joints, &moment.joints, right, other));
+                let told = (FULL / (times[k] - times[k - 1])).min(1.0);
+                let step = [false, true].map(|other| {
+                    told * travel(&moments[k - 1].joints, &moment.joints, right, other)
+                });
                 for now in 0..2 {
                     let ways = [0, 1].map(|was| before[was] + step[usize::from(was != now)]);
                     back[now] = usize::from(ways[1] < ways[0]);
@@ -125,19 +131,34 @@ pub fn is_crossed(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<bool> {
     Some(shoulders.dot(hips) < 0.0)
 }
 
-/// Cost of a limb pair's way from one frame to the next, sides exchanged in between where `other`.
+/// Cost of a limb pair's way from one frame to the next beside the trunk's, sides exchanged in between where `other`.
 fn travel(
     from: &[Option<DVec3>; EVIDENCE_JOINTS],
     to: &[Option<DVec3>; EVIDENCE_JOINTS],
     right: &[usize],
     other: bool,
 ) -> f64 {
+    let gone = trunk_way(from, to);
     let joints = right.iter().flat_map(|&j| [j, MIRROR[j]]);
     let each = joints.filter_map(|j| {
         let now = if other { MIRROR[j] } else { j };
-        Some(robust((from[j]? - to[now]?).length_squared(), 2.0 * SIGMA))
+        let way = to[now]? - from[j]? - gone;
+        Some(robust(way.length_squared(), 2.0 * SIGMA))
     });
     each.sum()
+}
+
+/// How far the trunk went, by what of it is known both times; nowhere where nothing is.
+fn trunk_way(
+    from: &[Option<DVec3>; EVIDENCE_JOINTS],
+    to: &[Option<DVec3>; EVIDENCE_JOINTS],
+) -> DVec3 {
+    let each = TRUNK.iter().filter_map(|&[r, l]| {
+        let middle = |at: &[Option<DVec3>; EVIDENCE_JOINTS]| Some(0.5 * (at[r]? + at[l]?));
+        Some(middle(to)? - middle(from)?)
+    });
+    let (sum, count) = each.fold((DVec3::ZERO, 0), |(s, n), way| (s + way, n + 1));
+    sum / f64::from(count.max(1))
 }
 
 fn one_by_one(count: usize, cost: impl Fn(u32) -> f64) -> u32 {

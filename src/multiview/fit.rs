@@ -3,7 +3,7 @@
 use super::fitted::Fitted;
 use super::moment::Moment;
 use super::over_frames::OverFrames;
-use super::people::{Detections, Track, track};
+use super::people::{Detections, Track, track_by};
 use super::points;
 use super::run::{Run, Step};
 use super::sight::distance;
@@ -70,16 +70,7 @@ pub fn fit(
     options: MultiviewOptions,
     run: Run<'_>,
 ) -> MultiviewFit {
-    let chosen: Vec<Vec<Detections>> = frames
-        .iter()
-        .map(|f| {
-            f.iter()
-                .zip(used)
-                .map(|(d, u)| if *u { d.clone() } else { Vec::new() })
-                .collect()
-        })
-        .collect();
-    let tracks = track(views, &chosen, options.rate);
+    let tracks = track_by(views, used, frames, options.rate);
     let weights: Vec<f64> = used.iter().map(|u| f64::from(u8::from(*u))).collect();
     fit_tracks(body, views, weights, tracks, options, run)
 }

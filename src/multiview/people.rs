@@ -4,7 +4,7 @@
 //! Known people take the detections whose rays pass near their joints; what is left is grouped so that within a group
 //! every view agrees with every other. Somebody new must persist and be built like a body: two views alone see ghosts.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
@@ -14,12 +14,22 @@ use super::sight::{LIMB_PAIRS, Ray, Sight, between, distance};
 use super::triangulate::{Joints3d, triangulate};
 use crate::assignment::Matcher;
 use crate::camera::View;
-use crate::joints::EVIDENCE_JOINTS;
+use crate::joints::{EVIDENCE_JOINTS, MIRROR};
 
 /// Mean distance of a person's rays from their joints beyond which they are somebody else's, metres.
 pub const REACH: f64 = 0.35;
 /// How much further a person may have gone for every second that two views have missed them, metres, and at most.
 const ROAM: [f64; 2] = [1.5, 0.4];
+/// Seconds between frames in which somebody goes no farther than `REACH`, and the most beyond them that count as if
+/// they had been missed: what is farther apart, motion must tell.
+const STEP: [f64; 2] = [1.0 / 30.0, 0.2];
+/// By how much, a second, somebody's velocity is learnt; the fastest that anybody goes, metres a second, and for how
+/// long they are expected to go on, seconds.
+const SPEED_LEARNT: f64 = 10.0;
+const FASTEST: f64 = 10.0;
+const GOES_ON: f64 = 1.0;
+/// Bodies whose joints are so near on average are one person's, metres.
+const ONE_BODY: f64 = 0.12;
 /// Median distance between the rays of two views' joints of one person, metres.
 const AGREE: f64 = 0.15;
 /// Shared joints under which two detections cannot be compared.
@@ -48,6 +58,12 @@ const BONES: [(usize, usize, f64); 8] = [
 /// Everyone one view sees in one frame.
 pub type Detections = Vec<Sight>;
 
+/// Joints of one person in space, world axes, metres; `None` where they are not known.
+type Joints = [Option<DVec3>; EVIDENCE_JOINTS];
+
+/// Everyone in one frame, by view.
+type Frame<'a> = [&'a [Sight]];
+
 /// One person over time.
 #[derive(Debug, Clone)]
 pub struct Track {
@@ -61,7 +77,10 @@ struct Live {
     moments: Vec<(usize, Moment)>,
     /// Exchanged limbs of every moment.
     states: Vec<exchange::States>,
-    joints: [Option<DVec3>; EVIDENCE_JOINTS],
+    joints: Joints,
+    /// Frame of the joints, and how fast they went there, metres a second.
+    at: usize,
+    velocity: DVec3,
     /// How far away they are, as a part of what one view alone takes them to be.
     farther: f64,
     /// Last frame in which two views saw them, and one did.
@@ -76,6 +95,99 @@ impl Live {
     fn away(&self, f: usize) -> usize {
         (f - self.met).saturating_sub(1)
     }
+
+    /// How far from their joints rays may pass in a frame, metres.
+    fn reach(&self, f: usize, rate: f64) -> f64 {
+        let beyond = (1.0 / rate - STEP[0]).clamp(0.0, STEP[1]);
+        reach(self.away(f) as f64 / rate + beyond)
+    }
+
+    /// Where their joints are in a frame if they go on as they went.
+    fn ahead(&self, f: usize, rate: f64) -> Joints {
+        let seconds = ((f - self.at) as f64 / rate).min(GOES_ON);
+        self.joints.map(|p| p.map(|p| p + seconds * self.velocity))
+    }
+
+    /// Takes joints for theirs; those that are not known go along with the others. How fast that was is learnt.
+    fn go(&mut self, f: usize, now: &Joints, rate: f64) {
+        let each = self.joints.iter().zip(now);
+        let ways: Vec<DVec3> = each
+            .filter_map(|(was, now)| Some((*now)? - (*was)?))
+            .collect();
+        let mut by = DVec3::ZERO;
+        if ways.len() >= LEAST_SHARED && f > self.at {
+            by = median(&ways);
+            let seconds = (f - self.at) as f64 / rate;
+            let now = (by / seconds).clamp_length_max(FASTEST);
+            self.velocity += (SPEED_LEARNT * seconds).min(1.0) * (now - self.velocity);
+        }
+        for (was, now) in self.joints.iter_mut().zip(now) {
+            *was = now.or(was.map(|p| p + by));
+        }
+        self.at = f;
+    }
+
+    /// Goes on as one with somebody who was the same: of every frame what more views saw stays.
+    fn join(&mut self, other: Self) {
+        let views = |moment: &Moment| moment.sights.iter().flatten().count();
+        for ((f, moment), states) in other.moments.into_iter().zip(other.states) {
+            match self.moments.binary_search_by_key(&f, |(own, _)| *own) {
+                Ok(k) if views(&moment) > views(&self.moments[k].1) => {
+                    (self.moments[k].1, self.states[k]) = (moment, states);
+                }
+                Ok(_) => {}
+                Err(k) => {
+                    self.moments.insert(k, (f, moment));
+                    self.states.insert(k, states);
+                }
+            }
+        }
+        for (own, other) in self.proof.iter_mut().zip(other.proof) {
+            *own = (*own).max(other);
+        }
+    }
+
+    /// Adds a frame.
+    fn add(&mut self, views: &[View], f: usize, look: Look, rate: f64) {
+        let known = look.joints.iter().flatten().count();
+        self.seen = f;
+        if look.is_met() {
+            self.met = f;
+            self.go(f, &look.joints, rate);
+            if is_body(&look.joints) {
+                self.proof[usize::from(look.count() < 3)] += 1;
+                for (view, sight) in views.iter().zip(&look.sights) {
+                    self.measure(view, sight.as_ref(), DISTANCE_LEARNT / rate);
+                }
+            }
+        } else if let Some((view, sight)) = only(views, &look.sights) {
+            let now = self.followed(view, sight, DISTANCE_TAKEN / rate);
+            self.go(f, &now, rate);
+        }
+        let joints = match known >= LEAST_SHARED {
+            true => look.joints,
+            false => [None; EVIDENCE_JOINTS],
+        };
+        let moment = Moment {
+            sights: look.sights,
+            joints,
+            healed: 0,
+            lifted: None,
+            contours: Vec::new(),
+        };
+        self.moments.push((f, moment));
+        self.states.push(look.states);
+    }
+}
+
+/// Of each coordinate the median, of one place at least.
+fn median(places: &[DVec3]) -> DVec3 {
+    let of = |axis: usize| {
+        let mut each: Vec<f64> = places.iter().map(|p| p[axis]).collect();
+        each.sort_by(f64::total_cmp);
+        each[each.len() / 2]
+    };
+    DVec3::new(of(0), of(1), of(2))
 }
 
 /// By how much, a second, what a view says of distance is learnt from where two meet, and believed where it is alone.
@@ -91,7 +203,7 @@ impl Live {
     }
 
     /// Whether what several views see may be a body, about where one of them has followed this person to.
-    fn goes_on(&self, views: &[View], frame: &[Detections], chosen: &[Option<usize>]) -> bool {
+    fn goes_on(&self, views: &[View], frame: &Frame<'_>, chosen: &[Option<usize>]) -> bool {
         let each = chosen.iter().enumerate();
         let mut sights: Vec<Option<Sight>> =
             each.map(|(v, d)| Some(frame[v][(*d)?].clone())).collect();
@@ -121,10 +233,10 @@ impl Live {
         }
     }
 
-    /// Goes along with the one view that sees them: to its rays, and nearer or farther as it says.
-    fn follow(&mut self, view: &View, sight: &Sight, share: f64) {
+    /// Where their joints are by the one view that sees them: on its rays, and nearer or farther as it says.
+    fn followed(&self, view: &View, sight: &Sight, share: f64) -> Joints {
         let Some(depth) = depth(view, &self.joints) else {
-            return;
+            return [None; EVIDENCE_JOINTS];
         };
         let told = sight.depth().map_or(depth, |told| self.farther * told);
         let scale = (told / depth).powf(share.min(1.0));
@@ -136,19 +248,20 @@ impl Live {
         let moved = each.filter_map(|(p, ray)| Some(now((*p)?, ray.as_ref()?) - (*p)?));
         let (sum, count) = moved.fold((DVec3::ZERO, 0), |(s, n), by| (s + by, n + 1));
         if count == 0 {
-            return;
+            return [None; EVIDENCE_JOINTS];
         }
-        for (joint, ray) in self.joints.iter_mut().zip(&sight.rays) {
-            *joint = joint.map(|p| match ray {
-                Some(ray) => now(p, ray),
-                None => p + sum / f64::from(count),
-            });
-        }
+        std::array::from_fn(|j| {
+            let own = self.joints[j]?;
+            Some(match &sight.rays[j] {
+                Some(ray) => now(own, ray),
+                None => own + sum / f64::from(count),
+            })
+        })
     }
 }
 
 /// How far from a view joints are on average, metres.
-fn depth(view: &View, joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<f64> {
+fn depth(view: &View, joints: &Joints) -> Option<f64> {
     let each = joints.iter().flatten();
     let (sum, count) = each.fold((0.0, 0), |(s, n), p| (s + view.to_camera(*p).z, n + 1));
     let depth = sum / f64::from(count);
@@ -166,7 +279,7 @@ fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View,
 /// meet, or not about where it has followed them to; the other is free again.
 fn doubt(
     views: &[View],
-    frame: &[Detections],
+    frame: &Frame<'_>,
     t: &Live,
     chosen: &mut [Option<usize>],
     free: &mut [Vec<bool>],
@@ -204,14 +317,135 @@ fn frames_needed(frames: usize, rate: f64) -> [usize; 2] {
     PROOF.map(|seconds| (1.0 + (seconds * rate).ceil()).min(frames as f64) as usize)
 }
 
+/// What detections of one frame, one a view, are of somebody.
+struct Look {
+    chosen: Vec<Option<usize>>,
+    /// Exchanged limbs healed, a view that is about somebody else left out.
+    sights: Vec<Option<Sight>>,
+    states: exchange::States,
+    joints: Joints,
+}
+
+impl Look {
+    /// `None` where no view sees them.
+    fn new(views: &[View], frame: &Frame<'_>, chosen: Vec<Option<usize>>) -> Option<Self> {
+        let each = chosen.iter().enumerate();
+        let mut sights: Vec<Option<Sight>> =
+            each.map(|(v, d)| Some(frame[v][(*d)?].clone())).collect();
+        let count = sights.iter().flatten().count();
+        if count == 0 {
+            return None;
+        }
+        let mut states = exchange::agree(views, &mut sights);
+        let mut joints = solve(views, &sights);
+        if count > 2 {
+            let off = |v: usize| {
+                sights[v].as_ref().map_or(0.0, |s| {
+                    mean_distance(&views[v], s, &joints.points).unwrap_or(0.0)
+                })
+            };
+            let worst = (0..views.len())
+                .map(|v| (v, off(v)))
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((v, _)) = worst.filter(|(_, off)| *off > REACH) {
+                sights[v] = None;
+                states.iter_mut().for_each(|state| *state &= !(1 << v));
+                joints = solve(views, &sights);
+            }
+        }
+        Some(Self {
+            chosen,
+            sights,
+            states,
+            joints: joints.points,
+        })
+    }
+
+    /// Views that see them.
+    fn count(&self) -> usize {
+        self.sights.iter().flatten().count()
+    }
+
+    /// Whether two views tell where they are.
+    fn is_met(&self) -> bool {
+        self.count() >= 2 && self.joints.iter().flatten().count() >= LEAST_SHARED
+    }
+
+    /// Whether another look is of the same body, all sides exchanged or not.
+    fn is_of_one(&self, other: &Self) -> bool {
+        let near = |swapped: bool| {
+            let to = |j: usize| if swapped { MIRROR[j] } else { j };
+            let each = 0..EVIDENCE_JOINTS;
+            let pairs = each.filter_map(|j| Some((self.joints[j]?, other.joints[to(j)]?)));
+            is_one_body(pairs)
+        };
+        self.is_met() && other.is_met() && (near(false) || near(true))
+    }
+}
+
+/// Whether joints of two bodies, pair by pair, lie so near that they are one person's; too few pairs tell nothing.
+pub(super) fn is_one_body(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> bool {
+    let (sum, count) = pairs.fold((0.0, 0), |(s, n), (p, q)| (s + p.distance(q), n + 1));
+    count >= LEAST_SHARED && sum < ONE_BODY * count as f64
+}
+
+/// Of two looks that are of one body one person gets what both show: who is proven, else who was there first. Somebody
+/// proven whose look was taken has a past of their own and goes on alone; anybody else was the same person all along.
+fn merge(
+    views: &[View],
+    frame: &Frame<'_>,
+    looks: &mut [Option<Look>],
+    live: &mut [Live],
+    needed: [usize; 2],
+) {
+    for k in 1..looks.len() {
+        let (before, rest) = looks.split_at(k);
+        let Some(own) = &rest[0] else {
+            continue;
+        };
+        let is_same = |l: &Option<Look>| l.as_ref().is_some_and(|l| l.is_of_one(own));
+        let Some(first) = before.iter().position(is_same) else {
+            continue;
+        };
+        let [is_first, is_own] = [first, k].map(|k| is_proven(live[k].proof, needed));
+        let (one, double) = match is_own && !is_first {
+            true => (k, first),
+            false => (first, k),
+        };
+        let Some((own, other)) = looks[double].take().zip(looks[one].take()) else {
+            continue;
+        };
+        let both = other.chosen.iter().zip(&own.chosen);
+        let both = both.map(|(one, other)| one.or(*other)).collect();
+        looks[one] = Look::new(views, frame, both);
+        if !(is_first && is_own) {
+            let double = std::mem::replace(&mut live[double], empty());
+            live[one].join(double);
+        }
+    }
+}
+
 /// Finds everyone in `frames`: per frame, per view, who is seen there. `rate` is frames a second.
 pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track> {
+    track_by(views, &vec![true; views.len()], frames, rate)
+}
+
+/// The same by some of the views: of those that are not `used` nobody is taken.
+pub(super) fn track_by(
+    views: &[View],
+    used: &[bool],
+    frames: &[Vec<Detections>],
+    rate: f64,
+) -> Vec<Track> {
     let frames_in = |seconds: f64| (seconds * rate).round().max(1.0) as usize;
     let (patience, alone) = (frames_in(MEMORY), frames_in(ONE_VIEW));
     let needed = frames_needed(frames.len(), rate);
     let (mut live, mut done): (Vec<Live>, Vec<Live>) = (Vec::new(), Vec::new());
     let mut matcher = Matcher::default();
     for (f, frame) in frames.iter().enumerate() {
+        let seen = frame.iter().zip(used);
+        let seen = seen.map(|(d, used)| if *used { &d[..] } else { &[] });
+        let frame: &Frame<'_> = &seen.collect::<Vec<_>>();
         let mut gone = Vec::new();
         live.retain_mut(|t| {
             let stays = match is_proven(t.proof, needed) {
@@ -224,9 +458,12 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
             stays
         });
         done.extend(gone);
-        let reach = |t: &Live| reach(t.away(f) as f64 / rate);
-        let standing = live.iter().map(|t| (is_proven(t.proof, needed), reach(t)));
-        let standing: Vec<(bool, f64)> = standing.collect();
+        let standing = live.iter().map(|t| Standing {
+            is_proven: is_proven(t.proof, needed),
+            reach: t.reach(f, rate),
+            ahead: t.ahead(f, rate),
+        });
+        let standing: Vec<Standing> = standing.collect();
         let (mut taken, mut free) = take(views, frame, &live, &standing, &mut matcher);
         // Where one view has followed somebody, the distance is not known well: another one's detection may be theirs
         // that is further off than others', and one that is not too far may be somebody else's.
@@ -266,23 +503,29 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
                 _ => {}
             }
         }
-        for (t, chosen) in live.iter_mut().zip(&taken) {
-            advance(views, frame, f, chosen, rate, t);
-        }
-        for chosen in new {
-            let mut t = empty();
-            advance(views, frame, f, &chosen, rate, &mut t);
-            if is_body(&t.joints) {
-                live.push(t);
+        let each = taken.into_iter().chain(new);
+        let looks = each.map(|chosen| Look::new(views, frame, chosen));
+        let mut looks: Vec<Option<Look>> = looks.collect();
+        live.resize_with(looks.len(), empty);
+        merge(views, frame, &mut looks, &mut live, needed);
+        for (t, look) in live.iter_mut().zip(looks) {
+            if let Some(look) = look {
+                t.add(views, f, look, rate);
             }
         }
+        // Somebody new must be built like a body; of two who are one there is nothing left.
+        live.retain(|t| match t.moments.len() {
+            0 => false,
+            1 => is_body(&t.joints),
+            _ => true,
+        });
     }
     done.extend(live);
     done.retain(|t| is_proven(t.proof, needed));
     done.sort_by_key(|t| t.moments[0].0);
     let number = |(k, t): (usize, Live)| Track {
         id: k as u32 + 1,
-        moments: settled(t),
+        moments: settled(t, rate),
     };
     done.into_iter().enumerate().map(number).collect()
 }
@@ -290,25 +533,36 @@ pub fn track(views: &[View], frames: &[Vec<Detections>], rate: f64) -> Vec<Track
 /// Detections as `[view][detection]`, of everybody known as `[person][view]`.
 type Taken = Vec<Vec<Option<usize>>>;
 
-/// What everybody known takes of a frame, and whether each detection, by view, is left. `standing`: who of them is
-/// proven, and how far rays may pass. Who is proven takes first: a ghost lies on a real person's rays and would go on
-/// living from them.
+/// What is asked of everybody known before they take detections.
+struct Standing {
+    is_proven: bool,
+    /// How far from their joints rays may pass, metres.
+    reach: f64,
+    /// Where their joints are if they go on as they went.
+    ahead: Joints,
+}
+
+/// What everybody known takes of a frame, and whether each detection, by view, is left. Who is proven takes first: a
+/// ghost lies on a real person's rays and would go on living from them. Nobody knows who stops and who goes on: rays
+/// may pass near where they were as well as near where they were going.
 fn take(
     views: &[View],
-    frame: &[Detections],
+    frame: &Frame<'_>,
     live: &[Live],
-    standing: &[(bool, f64)],
+    standing: &[Standing],
     matcher: &mut Matcher,
 ) -> (Taken, Vec<Vec<bool>>) {
     let mut taken: Taken = vec![vec![None; views.len()]; live.len()];
     let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
     for proven in [true, false] {
         let people: Vec<usize> = (0..live.len())
-            .filter(|&t| standing[t].0 == proven)
+            .filter(|&t| standing[t].is_proven == proven)
             .collect();
         for (v, (view, detections)) in views.iter().zip(frame).enumerate() {
             let near = |t: usize, d: usize| {
-                closeness(view, &detections[d], &live[t].joints, standing[t].1)
+                let (own, sight) = (&standing[t], &detections[d]);
+                let to = |joints: &Joints| closeness(view, sight, joints, own.reach);
+                to(&live[t].joints).max(to(&own.ahead))
             };
             let left: Vec<usize> = (0..detections.len()).filter(|&d| free[v][d]).collect();
             let scores: Vec<f32> = people
@@ -328,9 +582,10 @@ fn take(
 }
 
 /// A person's frames with left and right as they are.
-fn settled(mut t: Live) -> Vec<(usize, Moment)> {
+fn settled(mut t: Live, rate: f64) -> Vec<(usize, Moment)> {
+    let times: Vec<f64> = t.moments.iter().map(|(f, _)| *f as f64 / rate).collect();
     let mut moments: Vec<&mut Moment> = t.moments.iter_mut().map(|(_, m)| m).collect();
-    exchange::settle(&mut moments, &mut t.states);
+    exchange::settle(&times, &mut moments, &mut t.states);
     for (moment, states) in moments.into_iter().zip(&t.states) {
         moment.healed = states.iter().map(|s| s.count_ones() as usize).sum();
     }
@@ -342,82 +597,13 @@ fn empty() -> Live {
         moments: Vec::new(),
         states: Vec::new(),
         joints: [None; EVIDENCE_JOINTS],
+        at: 0,
+        velocity: DVec3::ZERO,
         farther: 1.0,
         met: 0,
         seen: 0,
         proof: [0; 2],
     }
-}
-
-/// Adds a frame to somebody: joints from all views, exchanged limbs healed, a view that is about somebody else left
-/// out.
-fn advance(
-    views: &[View],
-    frame: &[Detections],
-    f: usize,
-    chosen: &[Option<usize>],
-    rate: f64,
-    t: &mut Live,
-) {
-    let mut sights: Vec<Option<Sight>> = chosen
-        .iter()
-        .enumerate()
-        .map(|(v, d)| Some(frame[v][(*d)?].clone()))
-        .collect();
-    let mut count = sights.iter().flatten().count();
-    if count == 0 {
-        return;
-    }
-    t.seen = f;
-    let mut states = exchange::agree(views, &mut sights);
-    let mut joints = solve(views, &sights);
-    if count > 2 {
-        let off = |v: usize| {
-            sights[v].as_ref().map_or(0.0, |s| {
-                mean_distance(&views[v], s, &joints.points).unwrap_or(0.0)
-            })
-        };
-        let worst = (0..views.len())
-            .map(|v| (v, off(v)))
-            .max_by(|a, b| a.1.total_cmp(&b.1));
-        if let Some((v, _)) = worst.filter(|(_, off)| *off > REACH) {
-            sights[v] = None;
-            count -= 1;
-            states.iter_mut().for_each(|state| *state &= !(1 << v));
-            joints = solve(views, &sights);
-        }
-    }
-    let known = joints.points.iter().flatten().count();
-    if count >= 2 && known >= LEAST_SHARED {
-        t.met = f;
-        for (was, now) in t.joints.iter_mut().zip(joints.points) {
-            *was = now.or(*was);
-        }
-        if is_body(&joints.points) {
-            t.proof[usize::from(count < 3)] += 1;
-            for (view, sight) in views.iter().zip(&sights) {
-                t.measure(view, sight.as_ref(), DISTANCE_LEARNT / rate);
-            }
-        }
-    } else if let Some((view, sight)) = only(views, &sights) {
-        t.follow(view, sight, DISTANCE_TAKEN / rate);
-    }
-    let points = if known >= LEAST_SHARED {
-        joints.points
-    } else {
-        [None; EVIDENCE_JOINTS]
-    };
-    t.moments.push((
-        f,
-        Moment {
-            sights,
-            joints: points,
-            healed: 0,
-            lifted: None,
-            contours: Vec::new(),
-        },
-    ));
-    t.states.push(states);
 }
 
 fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
@@ -427,12 +613,7 @@ fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
 
 /// How well a detection goes with somebody whose joints are known, above 0; 0 where its rays are farther than `reach`
 /// from them, metres.
-pub fn closeness(
-    view: &View,
-    sight: &Sight,
-    joints: &[Option<DVec3>; EVIDENCE_JOINTS],
-    reach: f64,
-) -> f32 {
+pub fn closeness(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> f32 {
     // A detector may have exchanged all sides.
     let readings = [
         mean_distance(view, sight, joints),
@@ -447,11 +628,7 @@ fn mirrored(sight: &Sight) -> Sight {
 }
 
 /// Mean distance of a view's rays from joints; `None` where too few are shared.
-fn mean_distance(
-    view: &View,
-    sight: &Sight,
-    joints: &[Option<DVec3>; EVIDENCE_JOINTS],
-) -> Option<f64> {
+fn mean_distance(view: &View, sight: &Sight, joints: &Joints) -> Option<f64> {
     let each: Vec<f64> = sight
         .rays
         .iter()
@@ -481,11 +658,8 @@ pub fn groups(views: &[View], all: &[(usize, usize, &Sight)]) -> Vec<Vec<Option<
         }
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let linked = |i: usize, j: usize| {
-        pairs
-            .iter()
-            .any(|&(_, a, b)| (a, b) == (i.max(j), i.min(j)))
-    };
+    let links: HashSet<(usize, usize)> = pairs.iter().map(|&(_, i, j)| (i, j)).collect();
+    let linked = |i: usize, j: usize| links.contains(&(i.max(j), i.min(j)));
     let mut group: Vec<usize> = (0..all.len()).collect();
     for &(_, i, j) in &pairs {
         let (a, b) = (group[i], group[j]);
@@ -549,7 +723,7 @@ fn ray_distance((va, a): (&View, &Sight), (vb, b): (&View, &Sight)) -> Option<f6
 }
 
 /// Whether joints are as far from each other as a body's.
-pub fn is_body(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> bool {
+pub fn is_body(joints: &Joints) -> bool {
     let (Some(neck), Some(r), Some(l)) = (joints[1], joints[8], joints[11]) else {
         return false;
     };

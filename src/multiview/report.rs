@@ -40,6 +40,9 @@ pub struct ViewReport {
     pub sights: usize,
     /// People and frames that its detector told of, whoever they are; as many where nobody counted.
     pub told: usize,
+    /// Of the people and frames it saw, those whose outline a mask showed; `None` without masks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contours: Option<usize>,
     /// Joints.
     pub joints: usize,
     /// Median distance, pixels.
@@ -126,6 +129,17 @@ pub fn report(
             }
         }
     }
+    let all = || {
+        by_frame
+            .iter()
+            .flatten()
+            .map(|(_, f, _)| &f.moment.contours)
+    };
+    let is_masked = all().any(|contours| !contours.is_empty());
+    let outlined = |v: usize| {
+        let has = |contours: &&Vec<_>| contours.get(v).is_some_and(Option::is_some);
+        is_masked.then(|| all().filter(has).count())
+    };
     let view = |(v, view): (usize, &View)| {
         let (mut residuals, mut sights): (Vec<Residual>, usize) = (Vec::new(), 0);
         for (frame, all) in by_frame.iter().enumerate() {
@@ -157,6 +171,7 @@ pub fn report(
             offset_s: None,
             sights,
             told: sights,
+            contours: outlined(v),
             joints: residuals.len(),
             median_px: px.map(|p| p[0]),
             mean_px: px.map(|p| p[1]),

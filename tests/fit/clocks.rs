@@ -172,6 +172,60 @@ fn cameras_that_start_one_after_the_other_go_by_their_clock() {
     assert_right(&[usual.clone(), other, usual], Times::Machine, "auto");
 }
 
+/// Gives rows of a record other times, nanoseconds, by their numbers and their own.
+fn retime(file: &str, time: &dyn Fn(usize, u64) -> u64) {
+    let text = std::fs::read_to_string(file).unwrap();
+    let each = text.lines().enumerate().map(|(k, line)| {
+        let mut row: serde_json::Value = serde_json::from_str(line).unwrap();
+        row["time_ns"] = time(k, row["time_ns"].as_u64().unwrap()).into();
+        format!("{row}\n")
+    });
+    let text: String = each.collect();
+    std::fs::write(file, text).unwrap();
+}
+
+#[test]
+fn a_time_that_is_there_twice_shifts_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [camera(30.0, 0.0..8.0), camera(30.0, 0.7..8.0)];
+    let files = record(folder.path(), &cameras, Times::Machine, &|_| vec![walker()]);
+    retime(&files[1], &|k, t| if k == 50 { t - 34_000_000 } else { t });
+    let said = run(folder.path(), &files, &[]);
+    assert!(
+        said.contains("camera cam1: 1 frame is not later than those before; left out"),
+        "{said}"
+    );
+    let rows = rows(folder.path());
+    let [first, last] = [1.0..2.0, 6.5..7.8].map(|s| off(&rows, BEGIN, s));
+    assert!(first < 0.04 && last < 0.04, "{first} m, {last} m");
+}
+
+#[test]
+fn times_that_tell_nothing_are_named() {
+    let third = |k: usize, t: u64| if k % 3 == 2 { t - 34_000_000 } else { t };
+    let folder = tempfile::tempdir().unwrap();
+    let apart = [camera(30.0, 0.0..3.0), camera(30.0, 0.7..3.0)];
+    let files = record(folder.path(), &apart, Times::Machine, &|_| vec![walker()]);
+    retime(&files[1], &third);
+    let [calibration, out] = ["Calib.toml", "run"].map(|n| folder.path().join(n));
+    let [calibration, out] = [calibration, out].map(|path| path.display().to_string());
+    let args = ["multiview", "--calibration", &calibration, "--out", &out];
+    let views = ["--view", &files[0], "--view", &files[1]];
+    let words = ["camera cam1", "23 of 69", "0.7 s apart", "--sync none"];
+    assert_fails(&[&args[..], &views].concat(), 65, &words);
+    // Films may have started together.
+    let folder = tempfile::tempdir().unwrap();
+    let together = [camera(30.0, 0.0..3.0), camera(30.0, 0.0..3.0)];
+    let files = record(folder.path(), &together, Times::Film, &|_| vec![walker()]);
+    retime(&files[1], &|_, _| 7);
+    let said = run(folder.path(), &files, &[]);
+    assert!(
+        said.contains("camera cam1: its times do not tell") && !said.contains("camera cam0: its"),
+        "{said}"
+    );
+    assert_eq!(rows(folder.path()).len(), 90);
+}
+
 #[test]
 fn what_a_camera_that_died_cuts_off_is_said() {
     let folder = tempfile::tempdir().unwrap();

@@ -119,6 +119,10 @@ fn the_verb_reads_masks_and_refuses_others() {
         &folder.path().join("nowhere"),
         &["folder of masks", "nowhere"],
     );
+    let misnamed = folder.path().join("misnamed");
+    std::fs::create_dir_all(misnamed.join("0")).unwrap();
+    std::fs::copy(masks.join("0/000000.png"), misnamed.join("0/frame0.png")).unwrap();
+    refused(&misnamed, &["000000.png", "none of 6 frames", "misnamed"]);
     let first = masks.join("0/000000.png");
     let whole = std::fs::read(&first).unwrap();
     std::fs::write(&first, &whole[..40]).unwrap();
@@ -139,4 +143,30 @@ fn the_verb_reads_masks_and_refuses_others() {
     let out = output(&all);
     assert!(out.status.success(), "{}", stderr(&out));
     assert!(bodies.exists());
+    let table = String::from_utf8(out.stdout).unwrap();
+    assert!(
+        table.lines().next().unwrap().ends_with("contours"),
+        "{table}"
+    );
+    let report = || -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(at("run/report.json")).unwrap()).unwrap()
+    };
+    let whole = report();
+    for view in whole["views"].as_array().unwrap() {
+        assert!(view["contours"].as_u64().unwrap() > 0, "{view}");
+    }
+    // Masks of nobody.
+    std::fs::remove_dir_all(&run).unwrap();
+    for k in 0..6 {
+        let empty = image::GrayImage::new(1080, 1080);
+        empty.save(masks.join(format!("120/{k:06}.png"))).unwrap();
+    }
+    let out = output(&all);
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    assert!(
+        said.contains("no mask of camera 120 is of anybody"),
+        "{said}"
+    );
+    assert_eq!(report()["views"][1]["contours"], 0);
 }

@@ -82,13 +82,17 @@ fn found(
         .zip(clocks)
         .map(|(view, clock)| record(view, *clock, people, seconds, spoil, frozen))
         .collect();
+    told(&views, &records)
+}
+
+fn told(views: &[View], records: &[Vec<ObservationFrame>]) -> Vec<Offset> {
     let times: Vec<Vec<f64>> = records
         .iter()
         .map(|r| r.iter().map(|f| f.capture_ns as f64 * 1e-9).collect())
         .collect();
     let people: Vec<Vec<Vec<Sight>>> = records
         .iter()
-        .zip(&views)
+        .zip(views)
         .map(|(r, view)| {
             let frame =
                 |f: &ObservationFrame| f.people().iter().map(|o| Sight::new(view, o)).collect();
@@ -133,6 +137,46 @@ fn offsets_of_up_to_two_seconds_are_found_within_half_a_frame() {
             assert!((seconds - ahead).abs() < 0.5 / 30.0, "{clocks:?}: {told:?}");
         }
     }
+}
+
+#[test]
+fn views_that_started_together_are_told_so_whatever_the_noise() {
+    for count in [2, 3, 4] {
+        let clocks = vec![(30.0, 0.0); count];
+        let told = found(&clocks, &walkers(2), 8.0, NOISY, false);
+        assert_eq!(told, vec![Offset::Told(0.0); count]);
+    }
+    // Two that did are so as well beside one that did not.
+    let told = found(
+        &[(30.0, 0.0), (30.0, 0.0), (30.0, 1.4)],
+        &walkers(2),
+        8.0,
+        NOISY,
+        false,
+    );
+    assert_eq!(told[..2], [Offset::Told(0.0); 2]);
+    assert!((told[2].seconds() - 1.4).abs() < 0.5 / 30.0, "{told:?}");
+}
+
+#[test]
+fn clocks_that_jump_by_years_are_told() {
+    const YEARS: u64 = 1_000_000_000_000_000_000;
+    let (views, people) = (views(2), walkers(1));
+    let clocks = [(30.0, 0.0), (30.0, 0.217)];
+    let record = |(view, clock): (&View, &Clock)| {
+        let mut frames = record(view, *clock, &people, 8.0, Spoil::default(), false);
+        for frame in &mut frames {
+            if frame.capture_ns as f64 * 1e-9 - clock.1 >= 4.0 {
+                frame.capture_ns += YEARS;
+            }
+        }
+        frames
+    };
+    let records: Vec<_> = views.iter().zip(&clocks).map(record).collect();
+    let Offset::Told(seconds) = told(&views, &records)[1] else {
+        panic!("cannot tell");
+    };
+    assert!((seconds - 0.217).abs() < 0.5 / 30.0, "{seconds}");
 }
 
 #[test]

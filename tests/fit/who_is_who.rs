@@ -150,6 +150,67 @@ fn limbs_of_a_view_that_is_left_out_are_not_healed() {
     }
 }
 
+/// What all views see of somebody who goes sideways through the middle, 3 m at so many metres a second.
+fn sideways(views: &[View], speed: f64, rate: f64) -> Vec<Vec<Detections>> {
+    let frames = (3.0 / speed * rate) as usize;
+    let joints = |f: usize| {
+        let gone = DVec3::X * (speed * f as f64 / rate - 1.5);
+        hovering(0.0).map(|p| p + gone)
+    };
+    let one = |f: usize, view: &View| vec![sight(view, &joints(f))];
+    let all = (0..frames).map(|f| views.iter().map(|view| one(f, view)).collect());
+    all.collect()
+}
+
+#[test]
+fn whoever_goes_far_from_frame_to_frame_is_one_person() {
+    let views = views(4);
+    // Metres and frames a second.
+    for (speed, rate) in [(2.0, 5.0), (1.5, 5.0), (1.0, 2.0), (4.0, 15.0)] {
+        let frames = sideways(&views, speed, rate);
+        let tracks = track(&views, &frames, rate);
+        assert_eq!(tracks.len(), 1, "{speed} m/s at {rate}");
+        let moments = tracks[0].moments.iter();
+        let sights = |m: &edgecap::multiview::Moment| m.sights.iter().flatten().count();
+        let by_all = moments.filter(|(_, m)| sights(m) == views.len()).count();
+        assert_eq!(by_all, frames.len(), "{speed} m/s at {rate}");
+    }
+}
+
+/// Arms and legs come to where the other side's were.
+#[test]
+fn whoever_goes_sideways_keeps_left_and_right() {
+    for count in [2, 4] {
+        let views = views(count);
+        for (speed, rate) in [(1.5, 5.0), (4.0, 15.0)] {
+            let tracks = track(&views, &sideways(&views, speed, rate), rate);
+            assert_eq!(tracks.len(), 1, "{count} views, {speed} m/s at {rate}");
+            let moments = tracks.iter().flat_map(|t| &t.moments);
+            let healed: usize = moments.map(|(_, m)| m.healed).sum();
+            assert_eq!(healed, 0, "{count} views, {speed} m/s at {rate}");
+        }
+    }
+}
+
+/// Two views see them go by so much less that they follow, the others find somebody new in the same place.
+#[test]
+fn two_who_are_in_one_place_are_one_person() {
+    let views = views(4);
+    let aside = |f: usize| if f < 15 { DVec3::ZERO } else { 0.6 * DVec3::X };
+    let one = |f: usize, view: &View| {
+        let joints = hovering(0.0).map(|p| p + aside(f));
+        vec![sight(view, &joints)]
+    };
+    let all = (0..30).map(|f| views.iter().map(|view| one(f, view)).collect());
+    let frames: Vec<Vec<Detections>> = all.collect();
+    let tracks = track(&views, &frames, RATE);
+    assert_eq!(tracks.len(), 1);
+    assert_eq!(tracks[0].moments.len(), 30);
+    for (frame, moment) in &tracks[0].moments {
+        assert_eq!(moment.sights.iter().flatten().count(), 4, "frame {frame}");
+    }
+}
+
 /// Frames a second of [`walk`].
 const RATE: f64 = 30.0;
 /// Frames that both views see at the beginning and at the end, and that one alone sees between.

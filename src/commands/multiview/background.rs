@@ -62,7 +62,9 @@ pub fn masks(
         Ok(())
     })?;
     bar.finish_and_clear();
-    Ok(MaskFolder::made(&store.all_masks(), scene, UNKNOWN))
+    let wanted = films.iter().map(Option::is_some).collect();
+    let made = store.all_masks();
+    Ok(MaskFolder::made(&made, scene, wanted, UNKNOWN))
 }
 
 /// The film of every view, as given or as its own file.

@@ -6,7 +6,8 @@ use std::sync::Mutex;
 use super::read::Scene;
 use crate::bounded;
 use crate::commands::exit::Failure;
-use crate::multiview::Mask;
+use crate::counted::counted;
+use crate::multiview::{Mask, MultiviewReport};
 
 /// Largest file of a mask, bytes.
 const LARGEST: u64 = 64 << 20;
@@ -25,11 +26,18 @@ pub fn expect_in_step(scene: &Scene) -> anyhow::Result<()> {
     .into())
 }
 
+/// The mask of a frame in a camera's folder.
+fn of_frame(folder: &Path, frame: usize) -> PathBuf {
+    folder.join(format!("{frame:06}.png"))
+}
+
 /// A folder with a folder of numbered masks a camera.
 pub struct MaskFolder {
     /// By view.
     folders: Vec<PathBuf>,
     sizes: Vec<[u32; 2]>,
+    /// By view, whether there are to be masks of it.
+    wanted: Vec<bool>,
     /// The value of pixels of which it is not known whose they are.
     unknown: Option<u8>,
     /// What was wrong with the first mask that could not be read.
@@ -40,7 +48,7 @@ impl MaskFolder {
     /// Finds the masks of the scene's cameras.
     ///
     /// # Errors
-    /// When there are none of any camera, or the views' frames are not the masks'.
+    /// When there are none of any frame of any camera, or the views' frames are not the masks'.
     pub fn open(path: &Path, scene: &Scene) -> anyhow::Result<Self> {
         expect_in_step(scene)?;
         let views = &scene.views;
@@ -54,9 +62,22 @@ impl MaskFolder {
             ))
             .into());
         }
+        let has_any =
+            |folder: &PathBuf| (0..scene.frames.len()).any(|k| of_frame(folder, k).exists());
+        let wanted: Vec<bool> = folders.iter().map(has_any).collect();
+        if !wanted.contains(&true) {
+            return Err(Failure::data(format!(
+                "expected masks called like {}, one a frame, found none of {} of any camera in {}",
+                of_frame(Path::new(&views[0].name), 0).display(),
+                counted(scene.frames.len() as u64, "frame", "frames"),
+                path.display()
+            ))
+            .into());
+        }
         let found = Self {
             folders,
             sizes: views.iter().map(|v| v.size).collect(),
+            wanted,
             unknown: None,
             failed: Mutex::new(None),
         };
@@ -66,14 +87,15 @@ impl MaskFolder {
         Ok(found)
     }
 
-    /// Masks that were made for the scene's cameras, as many as could be, in folders that are called by the views'
-    /// numbers; `unknown` is the value of pixels of which it is not known whose they are.
-    pub fn made(path: &Path, scene: &Scene, unknown: u8) -> Self {
+    /// Masks that were made for the `wanted` of the scene's cameras, as many as could be, in folders that are called by
+    /// the views' numbers; `unknown` is the value of pixels of which it is not known whose they are.
+    pub fn made(path: &Path, scene: &Scene, wanted: Vec<bool>, unknown: u8) -> Self {
         Self {
             folders: (0..scene.views.len())
                 .map(|v| path.join(v.to_string()))
                 .collect(),
             sizes: scene.views.iter().map(|v| v.size).collect(),
+            wanted,
             unknown: Some(unknown),
             failed: Mutex::new(None),
         }
@@ -81,7 +103,7 @@ impl MaskFolder {
 
     /// The mask of a frame; none where there is no file, or it is none.
     pub fn mask(&self, frame: usize, view: usize) -> Option<Mask> {
-        let path = self.folders[view].join(format!("{frame:06}.png"));
+        let path = of_frame(&self.folders[view], frame);
         if !path.exists() {
             return None;
         }
@@ -123,6 +145,23 @@ impl MaskFolder {
             owners: grey.into_raw(),
             unknown: self.unknown,
         })
+    }
+
+    /// What to say of cameras of which there were to be masks, and no outline counted in a fit.
+    pub fn without_use(&self, report: &MultiviewReport) -> Vec<String> {
+        let each = report.views.iter().zip(&self.wanted);
+        let idle = each.filter(|(v, wanted)| **wanted && v.weight > 0.0 && v.contours == Some(0));
+        let said = idle.map(|(view, _)| {
+            let why = match self.unknown {
+                Some(_) => format!(
+                    "no mask could be made of camera {}: who is in its film stays in one place, or its light changes",
+                    view.name
+                ),
+                None => format!("no mask of camera {} is of anybody whom it saw", view.name),
+            };
+            format!("{why}; joints alone count")
+        });
+        said.collect()
     }
 
     /// Whether every mask that was there could be read.

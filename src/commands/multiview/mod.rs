@@ -207,7 +207,12 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     }
     let other = |v: usize, f: usize, all: &[_]| matched(&views[v], &frames[f][v], all);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
-    report.notes = scene.notes.clone();
+    let unused = folder.iter().flat_map(|f| f.without_use(&report));
+    let late: Vec<String> = unused.chain(write::crowded(&fitted)).collect();
+    for note in &late {
+        say::err(note);
+    }
+    report.notes = [&scene.notes[..], &late[..]].concat();
     for (line, offset) in report.views.iter_mut().zip(&scene.offsets) {
         line.offset_s = *offset;
     }

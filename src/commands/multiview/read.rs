@@ -12,8 +12,8 @@ use crate::commands::common_time::Common;
 use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{ViewFile, is_film};
-use crate::message::Observation;
-use crate::multiview::{Agreement, Detections, MOST_VIEWS, Sight, agreement};
+use crate::message::Intrinsics;
+use crate::multiview::{Agreement, Detections, MOST_VIEWS, Sight, agreement, to_view};
 use crate::record::CameraSource;
 
 /// By how much one reading of the lenses must be better than the other to be told apart.
@@ -100,6 +100,7 @@ pub fn scene(
     };
     let every = (0..files.len()).map(|k| one_pictured(&views, k));
     let every = every.collect::<anyhow::Result<Vec<View>>>()?;
+    let lenses: Vec<Intrinsics> = seen.iter().map(|s| s.intrinsics).collect();
     let how = (args.sync, args.fps);
     let Together {
         used,
@@ -114,13 +115,19 @@ pub fn scene(
     } = common;
     let mut views: Vec<View> = used.iter().map(|k| every[*k].clone()).collect();
     expect_two_measured(&args.hold_out, &views)?;
+    // Joints in space are in axes by the lens that each record tells: its view's may be another.
+    let lenses: Vec<Intrinsics> = used.iter().map(|k| lenses[*k]).collect();
     let frames = |views: &[View]| -> Vec<Vec<Detections>> {
-        let one = |k: usize, (view, people): (&View, &Vec<Vec<Observation>>)| {
-            people[k].iter().map(|o| Sight::new(view, o)).collect()
+        let one = |k: usize, v: usize, view: &View| -> Detections {
+            let mut people = people[v][k].clone();
+            to_view(view, &lenses[v], &mut people);
+            people.iter().map(|o| Sight::new(view, o)).collect()
         };
-        (0..times.len())
-            .map(|k| views.iter().zip(&people).map(|pair| one(k, pair)).collect())
-            .collect()
+        let all = |k: usize| {
+            let each = views.iter().enumerate();
+            each.map(|(v, view)| one(k, v, view)).collect()
+        };
+        (0..times.len()).map(all).collect()
     };
     let mut sights = frames(&views);
     if let Some((other, what)) = alternative {
@@ -384,4 +391,108 @@ pub fn pictured(view: &View, size: [u32; 2], source: &str) -> anyhow::Result<Vie
         ))
         .into()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+
+    use super::*;
+    use crate::body::skeleton::{Pose, Posed, Skeleton};
+    use crate::camera::Brown;
+    use crate::camera::calibration::{self, write_pose2sim};
+    use crate::commands::multiview::Sync;
+    use crate::joints::{EVIDENCE_JOINTS, PELVIS};
+    use crate::message::{Observation, ObservationFrame};
+    use crate::record::{Format, ObservationsRow, RecordWriter};
+
+    /// What a view sees of somebody at these joints.
+    fn seen(view: &View, joints: &[DVec3]) -> Observation {
+        let mut seen = Observation::default();
+        for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
+            let pixel = view.project(*joint).expect("in front");
+            *out = [pixel.x as f32, pixel.y as f32, 0.9];
+        }
+        for (out, joint) in seen.joints3d.iter_mut().zip(joints) {
+            let about = view.rotation * (*joint - joints[PELVIS]);
+            *out = about.as_vec3().to_array();
+        }
+        seen
+    }
+
+    /// Somebody beside the middle of one view, recorded by its own lens and by the one that a usual webcam has.
+    #[test]
+    fn joints_in_space_are_those_of_the_calibrated_lens() {
+        let views = [0.0, 90.0].map(View::around);
+        let mut pose = Pose::facing_camera(0.0);
+        pose.position = DVec3::new(0.6, 0.0, 0.0);
+        let (skeleton, mut posed) = (Skeleton::builtin(), Posed::default());
+        skeleton.pose(&pose, skeleton.lengths(), &mut posed);
+        let [own, usual] = [false, true].map(|by_usual| {
+            let folder = tempfile::tempdir().unwrap();
+            let at = |name: &str| folder.path().join(name);
+            std::fs::write(at("Calib.toml"), write_pose2sim(&views)).unwrap();
+            let view = views.iter().map(|view| {
+                let path = at(&view.name).with_extension("jsonl");
+                let mut file =
+                    RecordWriter::<ObservationsRow>::create(&path, Format::Jsonl).unwrap();
+                let [width, height] = view.size;
+                let mut intrinsics = view.intrinsics();
+                let mut people = [seen(view, &posed.joints)];
+                if by_usual {
+                    let own = intrinsics;
+                    intrinsics = Intrinsics::from_horizontal_fov(width, height, 60.0);
+                    let [fx, fy, cx, cy] =
+                        [intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy].map(f64::from);
+                    let lens = View {
+                        focal: DVec2::new(fx, fy),
+                        centre: DVec2::new(cx, cy),
+                        distortion: Brown::default(),
+                        ..view.clone()
+                    };
+                    to_view(&lens, &own, &mut people);
+                }
+                for k in 0..12 {
+                    let mut frame = ObservationFrame {
+                        sequence: k,
+                        capture_ns: k * 33_333_333,
+                        width,
+                        height,
+                        intrinsics,
+                        count: 1,
+                        ..ObservationFrame::default()
+                    };
+                    frame.people[0] = people[0];
+                    file.write(&frame, "").unwrap();
+                }
+                file.finish().unwrap();
+                format!("{}={}", view.name, path.display())
+            });
+            let args = MultiviewArgs {
+                calibration: Some(at("Calib.toml")),
+                view: view.collect(),
+                body: None,
+                no_dct: true,
+                masks: None,
+                film: Vec::new(),
+                hold_out: Vec::new(),
+                obj: None,
+                fps: None,
+                sync: Sync::None,
+                export: Vec::new(),
+                out: at("run"),
+            };
+            let store = Store::open(&args.out, String::new()).unwrap();
+            let calibration = calibration::read(&at("Calib.toml")).unwrap();
+            let scene = scene(&args, calibration, &store).unwrap();
+            assert_eq!(scene.frames.len(), 12);
+            scene.frames[0].clone()
+        });
+        for (own, usual) in own.iter().zip(&usual) {
+            let [own, usual] = [own, usual].map(|seen| seen[0].lifted.unwrap());
+            let off = (0..EVIDENCE_JOINTS).map(|j| own[j].distance(usual[j]));
+            let most = off.fold(0.0, f64::max);
+            assert!(most < 1e-3, "{most} m");
+        }
+    }
 }

@@ -50,10 +50,16 @@ pub fn bring_together(
             s.at_rate(fps);
         }
     }
-    let timed = seen.iter().all(ViewFile::tells_times);
     let one_clock = fps.is_none() && seen.iter().all(|s| s.of_machine);
+    let mut is_whole = true;
+    if sync != Sync::None {
+        for view in &mut seen {
+            is_whole &= !view.leave_out_disorder(notes);
+        }
+    }
+    let timed = seen.iter().all(ViewFile::tells_times);
     let everyone: Vec<usize> = (0..seen.len()).collect();
-    match sync {
+    let together = match sync {
         Sync::Times | Sync::Auto if timed && (one_clock || sync == Sync::Times) => {
             let shifts = common_time::by_clock(&seen);
             Ok(Together {
@@ -63,16 +69,53 @@ pub fn bring_together(
             })
         }
         Sync::Auto | Sync::Motion if timed => in_motion(sync, views, seen, notes),
-        Sync::None | Sync::Auto => Ok(Together {
-            offsets: vec![None; seen.len()],
-            used: everyone,
-            common: common_time::by_number(fps, seen, notes)?,
-        }),
+        Sync::None | Sync::Auto => {
+            if sync == Sync::Auto {
+                expect_no_other_start(one_clock, &seen)?;
+                notes.extend(seen.iter().filter(|s| !s.is_in_order()).map(ViewFile::by_number));
+            }
+            Ok(Together {
+                offsets: vec![None; seen.len()],
+                used: everyone,
+                common: common_time::by_number(fps, seen, notes)?,
+            })
+        }
         Sync::Motion | Sync::Times => Err(Failure::data(
             "expected files that tell when each frame was taken, found none or unordered times; give --fps, or --sync none",
         )
         .into()),
+    };
+    let mut together = together?;
+    // Masks and films are numbered by the file's own frames.
+    together.common.in_step &= is_whole;
+    Ok(together)
+}
+
+/// Refuses to go by number where cameras of one machine's clock were not started together.
+///
+/// # Errors
+/// Naming the first whose times tell nothing, and how far starts are apart.
+fn expect_no_other_start(one_clock: bool, seen: &[ViewFile]) -> anyhow::Result<()> {
+    let Some(bad) = seen.iter().find(|s| !s.is_in_order()) else {
+        return Ok(());
+    };
+    let starts = common_time::by_clock(seen);
+    let [least, most] = [
+        starts.iter().copied().fold(f64::INFINITY, f64::min),
+        starts.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    let rate = seen.iter().find_map(ViewFile::rate).unwrap_or(1.0);
+    if !one_clock || most - least < IN_STEP / rate {
+        return Ok(());
     }
+    Err(Failure::data(format!(
+        "expected times of camera {} that rise from frame to frame, found {} of {} that do not, and cameras that started up to {:.1} s apart; record it again, or give --sync none if frames belong together by number",
+        bad.name,
+        bad.disorder(),
+        bad.times.len(),
+        most - least
+    ))
+    .into())
 }
 
 /// Brings views to one time by what moves in them.

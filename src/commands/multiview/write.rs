@@ -1,7 +1,9 @@
 //! What a run leaves: bodies as arrays, as lines, as joints over time, as meshes, and the report.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs::{DirEntry, File};
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 
 use super::read::Scene;
@@ -10,6 +12,7 @@ use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
+use crate::counted::counted;
 use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
@@ -19,6 +22,8 @@ use crate::record::{BodiesRow, Row};
 
 /// The file of the report.
 const REPORT: &str = "report.json";
+/// The file of the bodies as lines.
+const LINES: &str = "bodies.jsonl";
 
 /// Which frames get meshes.
 pub enum Chosen {
@@ -112,9 +117,15 @@ pub fn run(
         std::fs::write(&path, bytes).map_err(|e| Failure::output(&out.join(name), &e).into())
     };
     put("bodies.npz", &arrays(fit)?)?;
-    let lines = lines(body, scene, fit, report)?;
-    put("bodies.jsonl", &lines)?;
-    let take = Take::read(&lines[..], "bodies.jsonl")?;
+    let path = folder.beside().join(LINES);
+    let written = File::create(&path).map(BufWriter::new);
+    let written = written.and_then(|mut to| {
+        lines(&mut to, body, scene, fit, report)?;
+        to.flush()?;
+        File::open(&path)
+    });
+    let written = written.map_err(|e| Failure::output(&out.join(LINES), &e))?;
+    let take = Take::read(BufReader::new(written), LINES)?;
     for file in encode(&take, Format::Trc, Path::new("joints.trc"))? {
         let mut bytes = Vec::new();
         file.write(&mut bytes)?;
@@ -179,12 +190,28 @@ fn arrays(fit: &MultiviewFit) -> std::io::Result<Vec<u8>> {
     ])
 }
 
+/// What lines of bodies have no room for, in words.
+pub fn crowded(fit: &MultiviewFit) -> Option<String> {
+    let mut people: HashMap<usize, usize> = HashMap::new();
+    for f in fit.people.iter().flat_map(|p| &p.frames) {
+        *people.entry(f.frame).or_default() += 1;
+    }
+    let crowded = people.values().filter(|n| **n > MAX_PEOPLE).count();
+    (crowded > 0).then(|| {
+        format!(
+            "more than {MAX_PEOPLE} people in {}: {LINES}, joints.trc and exports hold the first {MAX_PEOPLE} of each, bodies.npz and meshes.glb all",
+            counted(crowded as u64, "frame", "frames")
+        )
+    })
+}
+
 fn lines(
+    to: &mut impl Write,
     body: &MeshBody,
     scene: &Scene,
     fit: &MultiviewFit,
     report: &MultiviewReport,
-) -> anyhow::Result<Vec<u8>> {
+) -> io::Result<()> {
     let mut by_frame: Vec<Vec<Body>> = vec![Vec::new(); scene.frames.len()];
     for (person, line) in fit.people.iter().zip(&report.people) {
         for (frame, b) in bodies(body, person, line.stature_m, scene.rate) {
@@ -195,7 +222,6 @@ fn lines(
         true => world(&scene.views),
         false => World::default(),
     };
-    let mut out = Vec::new();
     for (k, people) in by_frame.iter().enumerate() {
         let mut frame = BodyFrame {
             sequence: k as u64,
@@ -220,10 +246,10 @@ fn lines(
                 }
             }
         }
-        serde_json::to_writer(&mut out, &BodiesRow::new(&frame, ""))?;
-        out.push(b'\n');
+        serde_json::to_writer(&mut *to, &BodiesRow::new(&frame, ""))?;
+        to.write_all(b"\n")?;
     }
-    Ok(out)
+    Ok(())
 }
 
 /// Everybody's mesh on SMPL's tree, moving.
@@ -269,13 +295,15 @@ const FEW: usize = 10;
 
 /// The report for people.
 pub fn table(report: &MultiviewReport) -> String {
+    let is_masked = report.views.iter().any(|v| v.contours.is_some());
     let mut text =
-        "camera              weight  sights  median px  mean px  median %  mean %\n".to_owned();
+        "camera              weight  sights  median px  mean px  median %  mean %".to_owned();
+    text.push_str(if is_masked { "  contours\n" } else { "\n" });
     let number = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
     for v in &report.views {
         let _ = writeln!(
             text,
-            "{:<18}  {:>6.2}  {:>6}  {:>9}  {:>7}  {:>8}  {:>6}{}",
+            "{:<18}  {:>6.2}  {:>6}  {:>9}  {:>7}  {:>8}  {:>6}{}{}",
             v.name,
             v.weight,
             v.sights,
@@ -283,6 +311,7 @@ pub fn table(report: &MultiviewReport) -> String {
             number(v.mean_px),
             number(v.median_percent),
             number(v.mean_percent),
+            v.contours.map_or_else(String::new, |n| format!("  {n:>8}")),
             match v.weight {
                 0.0 => "  held out",
                 w if w < 1.0 => "  disagrees with the others and counts less",
@@ -300,4 +329,48 @@ pub fn table(report: &MultiviewReport) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::body::mesh::{JOINTS, MeshPose};
+    use crate::joints::EVIDENCE_JOINTS;
+    use crate::multiview::{Fitted, Moment, PersonFit, PersonFrame};
+
+    #[test]
+    fn people_for_whom_lines_have_no_room_are_said() {
+        let pose = MeshPose {
+            pelvis: DVec3::ZERO,
+            rotations: [DQuat::IDENTITY; JOINTS],
+        };
+        let frame = |frame: usize| PersonFrame {
+            frame,
+            body: Fitted::new(MeshBody::shipped(), pose, &[0.0; 10]),
+            moment: Moment {
+                sights: Vec::new(),
+                joints: [None; EVIDENCE_JOINTS],
+                healed: 0,
+                lifted: None,
+                contours: Vec::new(),
+            },
+        };
+        let person = |k: usize| PersonFit {
+            id: k as u32 + 1,
+            betas: vec![0.0; 10],
+            // The last of them leaves after a frame.
+            frames: (0..if k == MAX_PEOPLE { 1 } else { 2 })
+                .map(frame)
+                .collect(),
+        };
+        let of = |count: usize| MultiviewFit {
+            people: (0..count).map(person).collect(),
+            weights: Vec::new(),
+        };
+        assert_eq!(crowded(&of(MAX_PEOPLE)), None);
+        let said = crowded(&of(MAX_PEOPLE + 1)).unwrap();
+        assert!(said.contains("more than 32 people in 1 frame:"), "{said}");
+    }
 }

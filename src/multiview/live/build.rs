@@ -18,8 +18,10 @@ const FRAME_ERROR: f64 = 0.04;
 const PRIOR_SPREAD: f64 = 0.05;
 /// What a length may be, as a share of the average adult's.
 const BELIEVED: [f64; 2] = [0.4, 1.5];
-/// Looks of their own after which builds tell people apart: half a second, and a little less, so that rounding decides
-/// nothing.
+/// By how much of itself a length may differ from what is known of it.
+const UNLIKE: f64 = 0.35;
+/// Looks of their own after which builds tell people apart, and lengths unlike what is known are not believed: half a
+/// second, and a little less, so that rounding decides nothing.
 const TELLING: f64 = 2.9;
 
 /// What is measured between evidence joints, and the bones that follow it.
@@ -152,7 +154,9 @@ impl Build {
                 continue;
             }
             let share = sum / count;
-            if (share / *mean - 1.0).abs() > 0.35 || !(BELIEVED[0]..BELIEVED[1]).contains(&share) {
+            // A first sight alone may be all wrong.
+            let is_unlike = *looks >= TELLING && (share / *mean - 1.0).abs() > UNLIKE;
+            if is_unlike || !(BELIEVED[0]..BELIEVED[1]).contains(&share) {
                 continue;
             }
             *looks = (*looks + look).min(MEMORY);
@@ -230,6 +234,28 @@ mod tests {
             let [early, late] = [0.3, 0.6].map(|s| learned(fps, s));
             let telling = |b: &Build| b.difference(b).is_some();
             assert!(!telling(&early) && telling(&late), "{fps} fps");
+        }
+    }
+
+    /// Two views that stand beside each other may take somebody for a giant, or for a dwarf, at first sight.
+    #[test]
+    fn a_wrong_first_sight_is_forgotten() {
+        let s = Skeleton::builtin();
+        let pose = Pose::facing_camera(3.0);
+        for (size, first) in [(0.75, 1.6), (1.0, 1.6), (1.0, 0.5)] {
+            let truth = s.lengths().map(|l| size * l);
+            let mut posed = Posed::default();
+            s.pose(&pose, &truth, &mut posed);
+            let joints: [Option<DVec3>; EVIDENCE_JOINTS] =
+                std::array::from_fn(|j| Some(posed.joints[j]));
+            let sight = joints.map(|p| p.map(|p| first * p));
+            let mut build = Build::new(s, &sight, None);
+            for _ in 0..300 {
+                s.pose(&pose, build.lengths(), &mut posed);
+                build.update(s, &joints, &posed, 1.0 / 30.0);
+            }
+            let found = build.stature() / s.stature(&truth);
+            assert!((found - 1.0).abs() < 0.03, "{size}, {first}: {found}");
         }
     }
 

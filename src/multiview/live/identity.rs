@@ -3,7 +3,7 @@
 use super::person::Person;
 use crate::assignment::assign;
 use crate::fit::FitConfig;
-use crate::multiview::people::{ONE_VIEW, PROOF, is_proven};
+use crate::multiview::people::{ONE_VIEW, PROOF, is_one_body, is_proven};
 
 /// Seconds without two views after which somebody without identity whom one view still sees is let go.
 const UNPROVEN: f64 = 0.4;
@@ -11,8 +11,6 @@ const UNPROVEN: f64 = 0.4;
 const MISSED: f64 = 0.1;
 /// Difference of statures, natural logarithm, that one person has from time to time.
 const STATURE_NOISE: f64 = 0.03;
-/// Bodies whose joints are so near on average are one person, metres.
-const ONE_BODY: f64 = 0.12;
 /// Most people remembered after they left.
 const MOST_REMEMBERED: usize = 64;
 
@@ -193,9 +191,7 @@ impl Identities {
 }
 
 fn is_same_body(a: &Person, b: &Person) -> bool {
-    let each = a.posed.joints.iter().zip(&b.posed.joints);
-    let sum: f64 = each.map(|(p, q)| p.distance(*q)).sum();
-    sum < ONE_BODY * a.posed.joints.len() as f64
+    is_one_body(a.posed.joints.into_iter().zip(b.posed.joints))
 }
 
 /// How unlike somebody new and somebody who has been gone for some seconds are; up to 1 they may be the same person,

@@ -104,7 +104,7 @@ pub fn offsets(views: &[Watched<'_>]) -> Vec<Offset> {
             Seen {
                 view: w.view,
                 speeds: Speeds::new(&trails, ends[0], ends[1]),
-                interval: (ends[1] - ends[0]) / w.times.len().saturating_sub(1).max(1) as f64,
+                interval: interval(w.times),
                 trails,
             }
         })
@@ -113,6 +113,8 @@ pub fn offsets(views: &[Watched<'_>]) -> Vec<Offset> {
     if let Some(first) = found.first_mut() {
         *first = Some(Offset::Told(0.0));
     }
+    // Which view each started together with, itself where with none that was told before.
+    let mut beside: Vec<usize> = (0..seen.len()).collect();
     // From view to view: two may share nobody, and both share somebody with a third.
     loop {
         let known: Vec<usize> = (0..seen.len())
@@ -121,21 +123,18 @@ pub fn offsets(views: &[Watched<'_>]) -> Vec<Offset> {
         let next = (0..seen.len())
             .filter(|&k| found[k].is_none())
             .find_map(|k| {
-                let each = known.iter().filter_map(|&from| {
+                known.iter().find_map(|&from| {
                     let to = pair(&seen[from], &seen[k])?;
                     let base = found[from].map_or(0.0, Offset::seconds);
-                    Some((k, to.shifted(base)))
-                });
-                each.fold(None, |best: Option<(usize, Offset)>, now| match best {
-                    Some((_, Offset::Told(_))) => best,
-                    _ => Some(now),
+                    let with = if to == Offset::Told(0.0) { from } else { k };
+                    matches!(to, Offset::Told(_)).then(|| (k, with, to.shifted(base)))
                 })
-                .filter(|(_, o)| matches!(o, Offset::Told(_)))
             });
-        let Some((k, offset)) = next else {
+        let Some((k, with, offset)) = next else {
             break;
         };
         found[k] = Some(offset);
+        beside[k] = beside[with];
     }
     // What only an ambiguous pair tells.
     for k in 0..seen.len() {
@@ -149,9 +148,16 @@ pub fn offsets(views: &[Watched<'_>]) -> Vec<Offset> {
         .map(|o| o.unwrap_or(Offset::CannotTell))
         .collect();
     if found.len() > 2 {
-        together(&seen, &mut found);
+        together(&seen, &beside, &mut found);
     }
     found
+}
+
+/// Typical time between frames, seconds; pauses do not count.
+fn interval(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
 impl Offset {
@@ -288,29 +294,36 @@ fn golden(mut low: f64, mut high: f64, cost: &dyn Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Refines all offsets that are told, each so that its view agrees best with all others.
-fn together(seen: &[Seen<'_>], found: &mut [Offset]) {
+/// Refines all offsets that are told, each so that its view agrees best with all others. Views that started together
+/// (`beside` tells by number with which, a view that is beside none by its own) stay so and go along.
+fn together(seen: &[Seen<'_>], beside: &[usize], found: &mut [Offset]) {
     for _ in 0..ROUNDS {
         for k in 1..seen.len() {
             let Offset::Told(own) = found[k] else {
                 continue;
             };
-            let others: Vec<(usize, f64)> = (0..seen.len())
-                .filter(|&o| o != k)
-                .filter_map(|o| match found[o] {
-                    Offset::Told(s) => Some((o, s)),
-                    _ => None,
-                })
-                .collect();
+            if beside[k] != k {
+                continue;
+            }
+            let (alike, others): (Vec<usize>, Vec<usize>) = (0..seen.len())
+                .filter(|&v| matches!(found[v], Offset::Told(_)))
+                .partition(|&v| beside[v] == k);
             let cost = |at: f64| {
-                let each = others.iter().map(|&(o, s)| {
-                    agreement(&seen[o].followed(), &seen[k].followed(), at - s, FINE)
+                let pairs = alike
+                    .iter()
+                    .flat_map(|&v| others.iter().map(move |&o| (v, o)));
+                let each = pairs.map(|(v, o)| {
+                    let offset = at - found[o].seconds();
+                    agreement(&seen[o].followed(), &seen[v].followed(), offset, FINE)
                 });
                 let all = each.fold(Agreement::default(), |sum, a| sum.plus(&a));
                 all.mean().unwrap_or(f64::INFINITY)
             };
             let half = 0.5 * seen[k].interval;
-            found[k] = Offset::Told(golden(own - half, own + half, &cost));
+            let refined = Offset::Told(golden(own - half, own + half, &cost));
+            for v in alike {
+                found[v] = refined;
+            }
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use super::interval;
 use crate::assignment::Matcher;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
 use crate::multiview::sight::{LIMB_PAIRS, Sight};
@@ -12,6 +13,8 @@ const STRAY: f64 = 0.25;
 const LEAST_SHARED: usize = 4;
 /// Seconds for which somebody may be missed, and frames where that are more.
 const MISSED: (f64, usize) = (0.1, 3);
+/// Seconds between two frames after which nobody is followed any more, however few frames lie between.
+const HOLE: f64 = 5.0;
 /// Frames of the shortest path that tells anything.
 const SHORTEST: usize = 8;
 /// Standard deviation of the smoothing, frames. Both views are smoothed alike, else noise, which interpolation lessens,
@@ -98,10 +101,12 @@ struct Raw {
 
 /// Frames for which somebody may be missed.
 fn missed(times: &[f64]) -> usize {
-    let ends = times.first().zip(times.last());
-    let steps = times.len().saturating_sub(1) as f64;
-    let rate = ends.map_or(0.0, |(first, last)| steps / (last - first));
-    ((MISSED.0 * rate).round() as usize).max(MISSED.1)
+    let step = interval(times);
+    let frames = match step > 0.0 {
+        true => (MISSED.0 / step).round() as usize,
+        false => 0,
+    };
+    frames.max(MISSED.1)
 }
 
 /// Follows everybody; `times` in seconds, rising.
@@ -114,7 +119,10 @@ pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
             .iter()
             .map(|s| s.rays.map(|r| Some(r?.plane)))
             .collect();
-        let is_open = |raw: &Raw| raw.frames.last().is_some_and(|l| f - l <= missed);
+        let is_open = |raw: &Raw| {
+            let last = raw.frames.last();
+            last.is_some_and(|&l| f - l <= missed && times[f] - times[l] <= HOLE)
+        };
         let (still, over): (Vec<Raw>, Vec<Raw>) = open.into_iter().partition(is_open);
         open = still;
         done.extend(over);
