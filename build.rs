@@ -9,18 +9,20 @@ const MODEL: &str = "models/edgecap.ecm";
 /// What is embedded in its place with the feature `open-weights`.
 const OPEN_MODEL: &str = "models/open/edgecap-open.ecm";
 /// What the program is made of. `models` is a folder, so that a file that appears later is seen too.
-const SOURCES: [&str; 8] = [
+pub(crate) const SOURCES: [&str; 9] = [
     "build.rs",
     "models",
     "src",
     "kernels",
     "clients/rust",
+    "deploy",
     "vendor",
     "Cargo.toml",
     "Cargo.lock",
 ];
 
-/// Names the commit of a copy of the sources that has no repository, as `deploy/wheel` makes one.
+/// Names the commit of the sources, as `deploy/release` and `deploy/wheel` do: a copy of them has no repository, and
+/// what was built before a commit is not built again after it unless this changes.
 const COMMIT: &str = "EDGECAP_COMMIT";
 
 fn main() {

@@ -41,7 +41,7 @@ fn update(c: &mut Criterion) {
                 let k = if next < 300 { next } else { 599 - next };
                 next = (next + 1) % 600;
                 now += 33_333_333;
-                *frame = frames[if k < 300 { 299 - k } else { k - 300 }];
+                *frame = frames[299 - k];
                 frame.capture_ns = now;
                 frame.sequence = now;
                 fitter.update(&frame, &mut out);

@@ -222,6 +222,19 @@ fn unsafe_code_stays_where_it_is_known() {
     }
 }
 
+/// A driver may write to a camera's buffer at any time, and so may who feeds v4l2loopback: bytes are copied out of it.
+#[test]
+fn no_slice_leads_into_a_cameras_buffer() {
+    for file in files(&src().join("capture/camera/v4l2")) {
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(
+            !text.contains("from_raw_parts"),
+            "{} makes a slice of raw memory, which others may change under it: copy its bytes out",
+            file.display()
+        );
+    }
+}
+
 /// Lines of the log that hold no words of their own in the source, and words that they have.
 const MADE_ELSEWHERE: &[(&str, &str)] = &[
     ("{SCALAR_ONLY}", "only scalar kernels are left"),
@@ -428,4 +441,41 @@ fn packed_documents_link_to_what_is_packed() {
         }
     }
     assert!(followed > 50, "{followed} links were found");
+}
+
+/// A line that tells to run tests tells it so that Cargo finds them.
+#[test]
+fn every_test_target_that_is_named_exists() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut told = documents();
+    for folder in ["src", "tests", "benches", "kernels", "clients"] {
+        told.extend(files(&root.join(folder)));
+    }
+    told.extend(files_of(&root.join("tests/reference"), "py"));
+    let here = [
+        root.join("tests"),
+        root.join("kernels/tests"),
+        root.join("clients/rust/tests"),
+    ];
+    let mut found = 0;
+    for path in told {
+        let Ok(text) = fs::read_to_string(&path) else {
+            continue;
+        };
+        // Its own words below would count.
+        for rest in text.split(concat!("--te", "st ")).skip(1) {
+            let name: String = rest
+                .chars()
+                .take_while(|c| c.is_ascii_alphanumeric() || *c == '_')
+                .collect();
+            let is_target = |tests: &PathBuf| {
+                tests.join(&name).join("main.rs").exists()
+                    || tests.join(format!("{name}.rs")).exists()
+            };
+            let absent = format!("{}: no test target '{name}'", path.display());
+            assert!(name.is_empty() || here.iter().any(is_target), "{absent}");
+            found += usize::from(!name.is_empty());
+        }
+    }
+    assert!(found > 10, "{found}");
 }

@@ -113,6 +113,8 @@ each!(
     mjpeg,
     photo,
     observations,
+    bodies,
+    request,
     camera,
     calibration,
     fit_config,

@@ -4,9 +4,10 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 environment() {
     if ! cmp -s "$2" "$1/.complete"; then
-        "${PYTHON:-python3}" -m venv "$1"
-        "$1/bin/pip" install --quiet --disable-pip-version-check -r "$2"
-        cp "$2" "$1/.complete"
+        # `set -e` means nothing where the caller asks whether this succeeds.
+        "${PYTHON:-python3}" -m venv "$1" &&
+            "$1/bin/pip" install --quiet --disable-pip-version-check -r "$2" &&
+            cp "$2" "$1/.complete"
     fi
 }
 environment "$here/.venv" "$here/requirements.txt"

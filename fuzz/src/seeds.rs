@@ -8,7 +8,8 @@ use edgecap::engine::{Model, Network};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use edgecap::message::{Body, BodyFrame, Intrinsics, ObservationFrame};
 use edgecap::npz::{self, Array, Values};
-use edgecap::record::{Format, ObservationsRow, RecordWriter};
+use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, Row};
+use edgecap_client::Message;
 use serde_json::{Value, json};
 
 /// Every kind of layer that a model needs, as small as it can be.
@@ -88,7 +89,12 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "y4m" => vec![y4m("420jpeg", 24), y4m("444 XCOLORRANGE=FULL", 48)],
         "mjpeg" => vec![[jpeg(), exif_jpeg(), jpeg()].concat()],
         "photo" => vec![jpeg(), exif_jpeg(), png()],
-        "observations" => vec![observations(), binary_observations()],
+        "observations" => vec![
+            observations(),
+            binary_record::<ObservationsRow>(&observation_frame),
+        ],
+        "bodies" => vec![bodies(), binary_record::<BodiesRow>(&body_frame)],
+        "request" => vec![REQUEST.into()],
         "camera" => CAMERA.map(Into::into).to_vec(),
         "calibration" => CALIBRATIONS.map(Into::into).to_vec(),
         "fit_config" => vec![FIT_CONFIG.into()],
@@ -267,13 +273,21 @@ fn observations() -> Vec<u8> {
     lines.join("\n").into_bytes()
 }
 
-fn binary_observations() -> Vec<u8> {
+/// Bodies as JSON lines.
+fn bodies() -> Vec<u8> {
+    let rows = (0..3).map(|k| BodiesRow::new(&body_frame(k), ""));
+    let lines = rows.map(|row| serde_json::to_string(&row).expect("a row is JSON"));
+    lines.collect::<Vec<_>>().join("\n").into_bytes()
+}
+
+/// Three messages as a binary record.
+fn binary_record<T: Row>(message: &dyn Fn(u64) -> Box<T::Message>) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("there is room for a folder");
     let path = folder.path().join("seed.ecr");
-    let mut writer = RecordWriter::<ObservationsRow>::create(&path, Format::Binary)
-        .expect("the folder can be written");
+    let mut writer =
+        RecordWriter::<T>::create(&path, Format::Binary).expect("the folder can be written");
     for k in 0..3 {
-        let written = writer.write(&observation_frame(k), "a.mp4");
+        let written = writer.write(&message(k), "a.mp4");
         written.expect("the folder can be written");
     }
     writer.finish().expect("the folder can be written");
@@ -423,48 +437,47 @@ pub fn observation_frame(k: u64) -> Box<ObservationFrame> {
     frame
 }
 
-fn messages() -> Vec<Vec<u8>> {
-    let mut bodies = Box::new(BodyFrame {
+/// A frame of one body, 30 a second.
+fn body_frame(k: u64) -> Box<BodyFrame> {
+    let mut frame = Box::new(BodyFrame {
         count: 1,
+        sequence: k,
+        pose_ns: k * 33_333_333,
         ..BodyFrame::default()
     });
-    bodies.bodies[0] = Body {
+    frame.bodies[0] = Body {
         id: 1,
         state: edgecap::message::BodyState::TRACKED,
         score: 0.5,
         height: 1.7,
         ..Body::default()
     };
+    frame
+}
+
+fn messages() -> Vec<Vec<u8>> {
     // People after the first are zeros, which need not be written.
     let head = |bytes: &[u8], kind: u8| [&[kind], &bytes[..bytes.len().min(2048)]].concat();
     vec![
         head(&to_bytes(&*observation_frame(0)), 0),
-        head(&to_bytes(&*bodies), 1),
+        head(&to_bytes(&*body_frame(0)), 1),
     ]
 }
 
-/// Messages: structs of numbers without padding, valid for all bit patterns.
-pub trait Plain: Default + Copy {}
-impl Plain for ObservationFrame {}
-impl Plain for BodyFrame {}
+const REQUEST: &str = "GET /bodies?format=json&camera=hall HTTP/1.1\r\nHost: localhost:1\r\nOrigin: http://localhost:1\r\n\r\n";
 
 /// A message from the bytes of shared memory; what `bytes` lacks is zero.
 ///
 /// # Panics
 /// When there are more bytes than the message has.
-pub fn from_bytes<T: Plain>(bytes: &[u8]) -> Box<T> {
-    assert!(bytes.len() <= size_of::<T>());
+pub fn from_bytes<T: Message>(bytes: &[u8]) -> Box<T> {
     let mut message = Box::new(T::default());
-    // SAFETY: `message` is size_of::<T>() bytes long, `bytes` at most that, and every bit pattern is a `T` (`Plain`).
-    unsafe {
-        let to = (&raw mut *message).cast::<u8>();
-        to.write_bytes(0, size_of::<T>());
-        to.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
-    }
+    let (given, rest) = message.as_mut_bytes().split_at_mut(bytes.len());
+    given.copy_from_slice(bytes);
+    rest.fill(0);
     message
 }
 
-fn to_bytes<T: Plain>(message: &T) -> Vec<u8> {
-    // SAFETY: a `T` is size_of::<T>() initialised bytes: it has no padding (`Plain`).
-    unsafe { std::slice::from_raw_parts((&raw const *message).cast(), size_of::<T>()) }.to_vec()
+fn to_bytes<T: Message>(message: &T) -> Vec<u8> {
+    message.as_bytes().to_vec()
 }

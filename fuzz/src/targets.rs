@@ -18,11 +18,14 @@ use edgecap::engine::model::Calibration;
 use edgecap::engine::{
     Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, Maps, Model, Network, Precision,
 };
+use edgecap::events::{Detector, EventConfig};
+use edgecap::export::Take;
 use edgecap::fit::{FitConfig, Fitter};
+use edgecap::http::Request;
 use edgecap::joints::EVIDENCE_JOINTS;
 use edgecap::message::{Body, BodyFrame, ObservationFrame};
 use edgecap::overlay::{Glyphs, Person, Screen, characters, draw};
-use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row};
+use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row, RowReader};
 
 use crate::seeds;
 
@@ -42,6 +45,8 @@ pub const TARGETS: &[Target] = &[
     ("mjpeg", mjpeg),
     ("photo", photo),
     ("observations", observations),
+    ("bodies", bodies),
+    ("request", request),
     ("camera", camera),
     ("calibration", calibration),
     ("fit_config", fit_config),
@@ -252,6 +257,37 @@ pub fn observations(data: &[u8]) {
             Ok(false) => break,
             Err(_) => {}
         }
+    }
+}
+
+/// Recorded bodies: what happens in them, and what `export` makes of them before it writes.
+pub fn bodies(data: &[u8]) {
+    let mut rows = RowReader::<_, BodiesRow>::new(data, "fuzz");
+    let mut events = Detector::new(EventConfig::default());
+    for _ in 0..FRAMES {
+        match rows.read() {
+            Ok(Some(row)) => drop(events.look(&row.message())),
+            Ok(None) => break,
+            Err(_) => {}
+        }
+    }
+    if let Ok(take) = Take::read(data, "fuzz") {
+        assert!(take.start().is_finite() && take.rate() > 0.0);
+        assert!(
+            take.floor()
+                .is_none_or(|floor| floor.translation.iter().all(|v| v.is_finite()))
+        );
+    }
+}
+
+/// What a browser asks of the server.
+pub fn request(data: &[u8]) {
+    if let Some(request) = Request::parse(&String::from_utf8_lossy(data)) {
+        assert!(!request.path.contains('?'));
+        for name in ["host", "origin", "upgrade", "sec-websocket-key"] {
+            request.header(name);
+        }
+        request.parameter("camera");
     }
 }
 

@@ -56,7 +56,8 @@ impl Request {
         Ok(Self::parse(&text).filter(|_| is_whole))
     }
 
-    fn parse(text: &str) -> Option<Self> {
+    /// A head's text up to its empty line; `None` for one without a method and a target.
+    pub fn parse(text: &str) -> Option<Self> {
         let mut lines = text.split("\r\n");
         let mut words = lines.next()?.split(' ');
         let (method, target) = (words.next()?, words.next()?);

@@ -486,8 +486,10 @@ fn picture(frame: &Frame) -> Vec<u8> {
 fn people_of_a_pipe_that_stalls_are_gone_until_it_goes_on() {
     let (osc, to_osc) = listen();
     let name = stream("pipe-quiet");
+    let folder = tempfile::tempdir().unwrap();
     let mut child = edgecap()
         .args(["run", "--input", "-", "--name", &name, "--osc", &to_osc])
+        .current_dir(folder.path())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -568,7 +570,9 @@ fn the_last_minute_of_a_film_is_saved_when_asked() {
     let flight = folder.path().join("flight");
     let name = stream("film-flight");
     let args = ["run", "--input", "demo", "--name", &name, "--flight"];
-    let run = Running::start(&[&args[..], &[flight.to_str().unwrap()]].concat());
+    let kept = folder.path().join("bodies.jsonl");
+    let places = [flight.to_str().unwrap(), "--jsonl", kept.to_str().unwrap()];
+    let run = Running::start(&[&args[..], &places].concat());
     let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
     eventually("a frame", || {
         bodies.next(Duration::from_secs(1)).unwrap().map(drop)

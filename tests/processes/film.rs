@@ -73,10 +73,13 @@ fn a_run_exports_what_export_makes_of_its_record() {
 /// Films are looked at for verbs that read no stream, and say themselves what has come of it.
 #[test]
 fn views_are_looked_at_where_no_stream_can_be() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = crate::program::short_folder();
     let film = film(folder.path());
     let at = |name: &str| folder.path().join(name).display().to_string();
-    let [a, b] = ["a", "b"].map(|name| format!("--view={name}={}", film.display()));
+    let again = folder.path().join("again.avi");
+    std::fs::copy(&film, &again).unwrap();
+    let [a, b] = [("a", &film), ("b", &again)]
+        .map(|(name, film)| format!("--view={name}={}", film.display()));
     let (found, run) = (at("Calib.toml"), at("run"));
     for (args, code) in [
         // Four frames are looked at, and are too few.
@@ -100,7 +103,7 @@ fn a_terminal_is_told_how_long_a_film_takes_and_a_pipe_is_not() {
     if !tools::has("script") {
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
+    let folder = crate::program::short_folder();
     let film = film(folder.path());
     for verb in ["run", "infer"] {
         let arguments = format!(
@@ -108,10 +111,17 @@ fn a_terminal_is_told_how_long_a_film_takes_and_a_pipe_is_not() {
             film.display(),
             folder.path().join(verb).display()
         );
-        let program = edgecap().get_program().to_owned();
-        let typed = format!("stty cols 200; {} {arguments}", program.display());
+        let program = edgecap();
+        let typed = format!(
+            "stty cols 200; {} {arguments}",
+            program.get_program().display()
+        );
+        let settings = program
+            .get_envs()
+            .filter_map(|(key, value)| Some((key, value?)));
         let shown = Command::new("script")
             .args(["-qec", &typed, "/dev/null"])
+            .envs(settings)
             .env("EDGECAP_RUNTIME_DIR", folder.path().join("place"))
             .stdin(Stdio::null())
             .output()

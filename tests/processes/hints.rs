@@ -13,7 +13,7 @@ fn the_line_of_python_reads_the_run_that_printed_it() {
         eprintln!("skipped: no python3, or this machine has a camera");
         return;
     }
-    let place = tempfile::tempdir().unwrap();
+    let place = crate::program::short_folder();
     let mut child = program::edgecap()
         .env("EDGECAP_RUNTIME_DIR", place.path())
         .args(["--size", "256x160", "--threads", "1"])

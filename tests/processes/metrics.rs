@@ -186,7 +186,7 @@ fn status(folder: &Path) -> (Option<i32>, serde_json::Value, String) {
 
 #[test]
 fn two_cameras_of_one_run_are_counted_and_a_restart_is_seen() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = program::short_folder();
     let (code, nothing, _) = status(folder.path());
     assert_eq!((code, nothing.as_array().unwrap().len()), (Some(69), 0));
 
@@ -313,7 +313,7 @@ fn a_port_that_is_taken_is_said() {
 /// As containers are that share the folder of the shared memory: each has processes of the same numbers.
 #[test]
 fn runs_with_process_numbers_of_their_own_are_known() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = program::short_folder();
     let alone = [
         "--user",
         "--map-root-user",
@@ -364,7 +364,7 @@ fn a_folder_that_is_closed_to_this_user_is_said_and_how_it_opens() {
         eprintln!("skipped: only root becomes another user");
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
+    let folder = program::short_folder();
     // Whoever asks may pass to the program and to the folder, and is kept out by the folder itself.
     let place = folder.path().join("place");
     std::fs::create_dir(&place).unwrap();

@@ -595,7 +595,7 @@ fn a_film_that_is_not_seen_to_its_end_says_so() {
 fn a_film_is_seen_to_its_end_whatever_becomes_of_its_streams() {
     let clip = AviReader::new(std::io::Cursor::new(demo::CLIP), "demo").unwrap();
     for verb in ["run", "infer"] {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = crate::program::short_folder();
         let session = folder.path().join("session");
         std::fs::create_dir(&session).unwrap();
         let name = stream("streams-gone");
@@ -652,7 +652,7 @@ fn a_run_whose_name_is_taken_says_so_and_nothing_else() {
 /// Nobody has asked for a stream of it.
 #[test]
 fn a_file_without_a_name_needs_no_stream() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = crate::program::short_folder();
     let name = stream("name-taken");
     let input = folder.path().join(format!("{name}.jpg"));
     std::fs::write(&input, photo()).unwrap();

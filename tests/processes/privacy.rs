@@ -207,7 +207,7 @@ fn sockets(pid: u32) -> (Vec<String>, Vec<PathBuf>) {
 
 /// A film goes through `run` as a camera's pictures would, until bodies have come for a while.
 fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = crate::program::short_folder();
     let (input, place) = (folder.path().join(film_name), folder.path().join("place"));
     fs::write(&input, film).unwrap();
     let pictures = pictures_of(&input, film);

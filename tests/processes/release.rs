@@ -88,25 +88,40 @@ fn without_maturin_nothing_is_built_or_removed() {
     }
 }
 
+/// Makes a wheel into `out`, and returns its name and the commit that it was built as.
+fn wheel(working: &Path, features: &str) -> (String, String) {
+    let out = Command::new(script("wheel"))
+        .arg("out")
+        .current_dir(working)
+        .env("PATH", path_with_stand_ins(working))
+        .env("FEATURES", features)
+        .env_remove("EDGECAP_COMMIT")
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", stderr(&out));
+    let path = PathBuf::from(stdout(&out).trim());
+    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    (name, std::fs::read_to_string(path).unwrap())
+}
+
 /// What is built with other weights is built from a copy of the sources, which has no repository.
 #[test]
-fn a_wheel_with_open_weights_is_of_the_commit_that_it_is_made_of() {
+fn wheels_are_of_the_commit_that_they_are_made_of_and_named_by_their_weights() {
     let folder = tempfile::tempdir().unwrap();
     let git =
         "case $1 in ls-files) printf 'pyproject.toml\\0' ;; describe) echo 0123456789ab ;; esac";
     stand_in(folder.path(), "git", git);
     // Where the wheel goes is its last argument.
-    let maturin = "for out; do :; done\necho \"$EDGECAP_COMMIT\" >\"$out/edgecap-0.1.0.whl\"";
+    let maturin = r#"for out; do :; done
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+echo "$EDGECAP_COMMIT" >"$out/edgecap-${version:-0.1.0}-py3-none-any.whl""#;
     stand_in(folder.path(), "maturin", maturin);
-    let out = Command::new(script("wheel"))
-        .arg("out")
-        .current_dir(folder.path())
-        .env("PATH", path_with_stand_ins(folder.path()))
-        .env("FEATURES", "open-weights")
-        .env_remove("EDGECAP_COMMIT")
-        .output()
-        .unwrap();
-    assert!(out.status.success(), "{}", stderr(&out));
-    let wheel = std::fs::read_to_string(stdout(&out).trim()).unwrap();
-    assert_eq!(wheel, "0123456789ab\n");
+    let of_commit = |name: &str| (name.to_owned(), "0123456789ab\n".to_owned());
+    let academic = of_commit("edgecap-0.1.0-py3-none-any.whl");
+    let open = of_commit("edgecap-0.1.0+open-py3-none-any.whl");
+    for _ in 0..2 {
+        assert_eq!(wheel(folder.path(), ""), academic);
+        assert_eq!(wheel(folder.path(), "open-weights"), open);
+    }
+    assert!(folder.path().join("out").join(academic.0).exists());
 }

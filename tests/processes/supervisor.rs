@@ -166,7 +166,7 @@ fn without_arguments_and_camera_the_bundled_clip_plays_until_it_is_stopped() {
         eprintln!("skipped: this machine has a camera");
         return;
     }
-    let place = tempfile::tempdir().unwrap();
+    let place = crate::program::short_folder();
     let child = program::edgecap()
         .env("EDGECAP_RUNTIME_DIR", place.path())
         .args(["--size", "64x64", "--threads", "1"])

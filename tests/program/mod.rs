@@ -64,6 +64,11 @@ fn empty_settings() -> PathBuf {
     folder
 }
 
+/// A folder for shared memory, whose path may have few characters: it is short, whatever TMPDIR says.
+pub fn short_folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/tmp").expect("/tmp takes folders")
+}
+
 /// Runs it to its end.
 pub fn output(args: &[&str]) -> Output {
     edgecap().args(args).output().expect("the program starts")

@@ -18,7 +18,7 @@ pub fn own_place(test: &str) -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os(INSIDE) {
         return Some(folder.into());
     }
-    let folder = tempfile::tempdir().unwrap();
+    let folder = super::short_folder();
     let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", test, "--ignored", "--nocapture"])
         .env(VARIABLE, folder.path())

@@ -23,11 +23,15 @@ builtins.open = lambda name, mode="r", *more, **named: opened(name, mode.replace
 path, fps, *frames = sys.argv[sys.argv.index("--") + 1 :]
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
-scene.render.fps = int(fps)
 if path.endswith(".bvh"):
-    bpy.ops.import_anim.bvh(filepath=path, global_scale=0.01, frame_start=1)
+    # As docs/export.md says; the scene keeps time of its own otherwise.
+    bpy.ops.import_anim.bvh(
+        filepath=path, global_scale=0.01, frame_start=1, update_scene_fps=True, update_scene_duration=True
+    )
     first = 1
+    assert abs(scene.render.fps / scene.render.fps_base - float(fps)) < 0.01, scene.render.fps
 else:
+    scene.render.fps = int(fps)
     bpy.ops.import_scene.gltf(filepath=path)
     first = 0
 

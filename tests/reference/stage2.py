@@ -1,9 +1,10 @@
-"""PyTorch's answers for Stage II, for `tests/lift.rs`.
+"""PyTorch's answers for Stage II, for `tests/stages`.
 
     python stage2.py MODELS_TRAIN WEIGHTS.safetensors DATA/stage2-reference.safetensors
 
 Writes the folded layers, random detections (some joints missing, some without a neck), the network's view-aligned joints, and the same
-joints turned to camera axes for given camera-space necks.  Point EDGECAP_DATA at DATA and run `cargo test --test lift`.
+joints turned to camera axes for given camera-space necks.  Point EDGECAP_DATA at DATA and run
+`cargo test --test stages pytorch -- --show-output`.
 """
 
 from __future__ import annotations

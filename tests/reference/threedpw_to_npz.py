@@ -97,8 +97,8 @@ def projected(joints: np.ndarray, pose: np.ndarray, camera: np.ndarray) -> np.nd
 def convert(path: pathlib.Path) -> dict[str, np.ndarray]:
     """One sequence as arrays; what they mean is told in `src/lab/eval/truth/npz/mod.rs`."""
     found = load(path)
-    frames = shaped(path, "img_frame_ids", found["img_frame_ids"], None).astype(np.int64)
-    n = len(frames)
+    # These count poses at 60 Hz, of which every row has one; pictures are counted as rows are.
+    n = len(shaped(path, "img_frame_ids", found["img_frame_ids"], None))
     pose = shaped(path, "cam_poses", found["cam_poses"], n, 4, 4)
     camera = shaped(path, "cam_intrinsics", found["cam_intrinsics"], 3, 3)
     actors, right = found["jointPositions"], found["campose_valid"]
@@ -118,7 +118,7 @@ def convert(path: pathlib.Path) -> dict[str, np.ndarray]:
         "partial": np.ones(n, np.uint8),
         "camera_pose": pose[:, :3].astype(np.float32),
         "camera_matrix": np.broadcast_to(camera.astype(np.float32), (n, 3, 3)),
-        "imgname": np.array([f"{name}/image_{i:05d}.jpg" for i in frames]),
+        "imgname": np.array([f"{name}/image_{i:05d}.jpg" for i in range(n)]),
         "sequence": np.array([name] * n),
     }
 

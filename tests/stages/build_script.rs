@@ -4,7 +4,9 @@
 #[path = "../../build.rs"]
 mod build;
 
-use build::{checked, commit};
+use std::path::{Path, PathBuf};
+
+use build::{SOURCES, checked, commit};
 
 #[test]
 fn sources_without_a_repository_are_of_the_commit_that_is_named() {
@@ -34,4 +36,60 @@ fn a_model_that_cannot_be_read_is_not_called_absent() {
     std::fs::write(root.join("whole.blake3"), format!("{digest}  whole\n")).unwrap();
     let found = checked(root, "whole").unwrap();
     assert_eq!(found, (root.join("whole"), digest));
+}
+
+/// Rust files below a folder.
+fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let path = entry.path();
+        if path.is_dir() {
+            rust_files(&path, into);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push(path);
+        }
+    }
+}
+
+/// Else a changed one would leave the program of the commit before it.
+#[test]
+fn every_file_that_is_embedded_is_watched() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut sources = Vec::new();
+    rust_files(&root.join("src"), &mut sources);
+    let mut embedded = 0;
+    for source in sources {
+        let text = std::fs::read_to_string(&source).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        for call in [
+            "include_str!(\"",
+            "include_bytes!(\"",
+            "include_str!(\n",
+            "include_bytes!(\n",
+        ] {
+            for rest in code.split(call).skip(1) {
+                let name = rest
+                    .trim_start()
+                    .trim_start_matches('"')
+                    .split('"')
+                    .next()
+                    .unwrap();
+                let file = source.parent().unwrap().join(name);
+                // Made by the build itself.
+                let Ok(file) = file.canonicalize() else {
+                    continue;
+                };
+                let watched = SOURCES.iter().any(|it| file.starts_with(root.join(it)));
+                let in_tests =
+                    source.ends_with("tests.rs") || source.iter().any(|part| part == "tests");
+                assert!(
+                    watched || in_tests,
+                    "{} in {}",
+                    file.display(),
+                    source.display()
+                );
+                embedded += 1;
+            }
+        }
+    }
+    assert!(embedded > 20, "{embedded}");
 }

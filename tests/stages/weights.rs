@@ -646,6 +646,24 @@ fn checkpoints_are_answered_with_what_to_do() {
     }
 }
 
+/// `--model` takes them as they are; the verbs for model files say which one takes them.
+#[test]
+fn float_weights_are_not_called_a_damaged_model() {
+    let weights = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/models/weights/stage1.safetensors"
+    );
+    for verb in ["info", "verify"] {
+        let out = edgecap(&["model", verb, weights]);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(65), "{said}");
+        assert!(
+            said.contains("model import FILE --check") && !said.contains("damaged"),
+            "{said}"
+        );
+    }
+}
+
 /// The page names every key of both contracts, and files that it sends people to are there.
 #[test]
 fn the_page_on_weights_is_complete() {

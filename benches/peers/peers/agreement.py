@@ -43,6 +43,11 @@ def compare(reference: np.ndarray, maps: np.ndarray, trained: bool) -> dict:
     return result
 
 
+def strays(found: dict) -> bool:
+    """Whether these are our f32 maps, and further off than 10⁻³ of the largest value anywhere, or no numbers."""
+    return found["engine"] == "ours" and found["precision"] == "f32" and not found["relative_max"] <= 1e-3
+
+
 def _peaks(m: np.ndarray) -> list[tuple[int, int]]:
     """Inner cells above `PEAK` that nothing within `REACH` exceeds."""
     inner = [(y, x) for y, x in np.argwhere(m > PEAK) if 0 < y < m.shape[0] - 1 and 0 < x < m.shape[1] - 1]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent.parent
 OURS = HERE.parent.parent / "target/release/edgecap"
-MEDIAPIPE = HERE / ".venv-mediapipe/bin/python"
+MEDIAPIPE = HERE / ".venv-mediapipe"
 APACHE = "Apache-2.0"
 # Whatever an engine might start helpers with.
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
@@ -39,15 +39,16 @@ class System:
         """What keeps it from running here, or nothing."""
         if not self.program:
             return "" if OURS.exists() else f"{OURS} is not built"
-        if self.program.startswith("mediapipe") and not MEDIAPIPE.exists():
-            return f"MediaPipe is not installed in {MEDIAPIPE.parent.parent}"
+        # `whole.sh` leaves this where everything was installed.
+        if self.program.startswith("mediapipe") and not (MEDIAPIPE / ".complete").exists():
+            return f"MediaPipe is not installed in {MEDIAPIPE}"
         absent = [f for f in self.files if not (models / f).exists()]
         return f"{', '.join(absent)} not in {models}" if absent else ""
 
     def run(self, models: Path, source: Path, out: Path) -> Run:
         """One process from start to end, its children's processor time included."""
         if self.program:
-            python = MEDIAPIPE if self.program.startswith("mediapipe") else sys.executable
+            python = MEDIAPIPE / "bin/python" if self.program.startswith("mediapipe") else sys.executable
             command = [python, HERE / "program.py", self.program, models, source, out]
         else:
             command = [OURS, "infer", "--input", source, "--jsonl", out, "--threads", "1"]

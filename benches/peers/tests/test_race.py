@@ -1,0 +1,72 @@
+"""The engines' race: what it refuses, and what it does where an engine cannot be installed."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(HERE))
+
+from peers import agreement  # noqa: E402
+from whole import systems  # noqa: E402
+
+
+class Agreement(unittest.TestCase):
+    """Our maps against ONNX Runtime's."""
+
+    def test_maps_that_are_no_numbers_stray_like_those_that_are_far_off(self):
+        ours = {"engine": "ours", "precision": "f32"}
+        self.assertFalse(agreement.strays(ours | {"relative_max": 1e-4}))
+        for off in (2e-3, float("inf"), float("nan")):
+            self.assertTrue(agreement.strays(ours | {"relative_max": off}), off)
+        self.assertFalse(agreement.strays({"engine": "ncnn", "precision": "f32", "relative_max": 1.0}))
+
+
+class Whole(unittest.TestCase):
+    """whole.sh, where pip cannot install MediaPipe; everything else that it calls is made up here."""
+
+    def test_what_cannot_be_installed_is_skipped_aloud_every_time(self):
+        with tempfile.TemporaryDirectory() as place:
+            peers = pathlib.Path(place) / "benches/peers"
+            peers.mkdir(parents=True)
+            for name in ("whole.sh", "requirements.txt", "requirements-mediapipe.txt"):
+                shutil.copy(HERE / name, peers)
+            tools = pathlib.Path(place) / "tools"
+            tools.mkdir()
+            # The environment comes after `-m venv`; its pip and python are programs of this test.
+            made = 'mkdir -p "$3/bin"; for p in pip python; do cp "$(dirname "$0")/$p" "$3/bin"; done'
+            for name, text in {
+                "venv": made,
+                "pip": 'case "$*" in *mediapipe*) exit 1 ;; esac',
+                "python": ":",
+                "cargo": ":",
+            }.items():
+                (tools / name).write_text(f"#!/bin/sh\n{text}\n")
+                (tools / name).chmod(0o755)
+            environment = os.environ | {"PYTHON": str(tools / "venv"), "PATH": f"{tools}:{os.environ['PATH']}"}
+            for _ in range(2):
+                done = subprocess.run(["sh", peers / "whole.sh"], env=environment, capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertIn("SKIPPED: MediaPipe", done.stderr)
+                self.assertTrue((peers / ".venv/.complete").exists())
+                self.assertFalse((peers / ".venv-mediapipe/.complete").exists())
+
+    def test_what_is_half_installed_is_lacking(self):
+        with tempfile.TemporaryDirectory() as place:
+            folder = pathlib.Path(place)
+            (folder / "bin").mkdir()
+            (folder / "bin/python").touch()
+            before, systems.MEDIAPIPE = systems.MEDIAPIPE, folder
+            self.addCleanup(setattr, systems, "MEDIAPIPE", before)
+            pose = systems.System("MediaPipe", "", program="mediapipe one")
+            self.assertIn("not installed", pose.lacks(folder))
+            (folder / ".complete").touch()
+            self.assertEqual(pose.lacks(folder), "")
+
+
+if __name__ == "__main__":
+    unittest.main()
