@@ -33,7 +33,9 @@ def main(checkpoint: pathlib.Path, contract: pathlib.Path, out: pathlib.Path) ->
     if not (tensors := state_dict(checkpoint)):
         raise SystemExit(f"{checkpoint}: expected a state dict, found no tensors by name; save model.state_dict() with torch.save")
     weights.write(out, {k: v.float() for k, v in tensors.items()}, {"format": "pt", "contract": json.dumps(about)})
-    print(f"{out} {out.stat().st_size / 2**20:.1f} MiB, {len(tensors)} tensors: edgecap model import {out} --arch ARCH --check (ARCH as in 'model contract --arch')")
+    # Stage II's contract names what comes out of it; those weights are checked beside Stage I's.
+    check = f"STAGE1 --stage2 {out} --check" if "output" in about else f"{out} --arch ARCH --check (ARCH as in 'model contract --arch')"
+    print(f"{out} {out.stat().st_size / 2**20:.1f} MiB, {len(tensors)} tensors: edgecap model import {check}")
 
 
 if __name__ == "__main__":

@@ -55,9 +55,13 @@ class Foreign(unittest.TestCase):
         (self.folder / "contract.json").write_text(json.dumps({"stride": 8}))
         out = self.folder / "out.safetensors"
         said = self.quietly(convert.main, self.folder / "best.pth", self.folder / "contract.json", out)
-        self.assertIn("model import", said)
+        self.assertIn(f"model import {out} --arch", said)
         meta = weights.load_into(SelecSLSNet(), out)
         self.assertEqual(json.loads(meta["contract"]), {"stride": 8})
+        # Stage II's contract tells what comes out.
+        (self.folder / "stage2.json").write_text(json.dumps({"output": "63"}))
+        said = self.quietly(convert.main, self.folder / "best.pth", self.folder / "stage2.json", out)
+        self.assertIn(f"model import STAGE1 --stage2 {out} --check", said)
         torch.save([1, 2], self.folder / "list.pt")
         with self.assertRaisesRegex(SystemExit, "found no tensors by name"):
             convert.main(self.folder / "list.pt", self.folder / "contract.json", out)

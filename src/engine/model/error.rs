@@ -21,6 +21,11 @@ pub enum ModelError {
     /// Not the safetensors layout, or cut short.
     #[error("{0}; the file is damaged or no model: fetch or import it again")]
     Damaged(String),
+    /// Float weights in a model file's place.
+    #[error(
+        "expected a model file (.ecm), found float weights: `edgecap model import FILE --check` looks at these, without --check it makes a model file of them"
+    )]
+    Floats,
     /// The digest in the file is not that of its content.
     #[error(
         "the model's content has digest {found}, its header says {expected}: the file is damaged, fetch or import it again"

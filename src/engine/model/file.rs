@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::contract::{ACTIVATION_LEVELS, Contract, Stage2Contract};
 use super::tensors::Tensors;
-use super::{ModelError, QuantConv, Scale, Stage2, Weights};
+use super::{CONTRACT, ModelError, QuantConv, Scale, Stage2, Weights};
 use crate::engine::Model;
 use crate::engine::network::{Graph, Network, Node, Op};
 use crate::output::AtomicFile;
@@ -132,9 +132,10 @@ pub(crate) fn write(model: &Model) -> Result<Vec<u8>, ModelError> {
 /// Reads a model file and checks digest, shapes and ranges.
 pub(crate) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let mut t = Tensors::parse(bytes)?;
-    let json = t
-        .metadata(KEY)
-        .ok_or_else(|| ModelError::Damaged("the file has no `edgecap` metadata".into()))?;
+    let json = t.metadata(KEY).ok_or_else(|| match t.metadata(CONTRACT) {
+        Some(_) => ModelError::Floats,
+        None => ModelError::Damaged("the file has no `edgecap` metadata".into()),
+    })?;
     let kind: Kind = serde_json::from_str(json).map_err(ModelError::damaged)?;
     let known = |key: &str, expected: String, found: String| {
         if expected == found {

@@ -82,9 +82,12 @@ fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
     })
 }
 
+/// The metadata that says what float weights mean.
+const CONTRACT: &str = "contract";
+
 fn contract_of<'a>(t: &'a Tensors<'_>) -> Result<&'a str, ModelError> {
-    t.metadata("contract").ok_or_else(|| ModelError::Contract {
-        key: "contract".into(),
+    t.metadata(CONTRACT).ok_or_else(|| ModelError::Contract {
+        key: CONTRACT.into(),
         expected: "metadata that says what the weights mean (`edgecap model contract` prints it, models/train/convert.py puts it there)".into(),
         found: "none".into(),
     })
