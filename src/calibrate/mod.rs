@@ -15,7 +15,7 @@ mod rig;
 mod turn;
 mod world;
 
-use glam::DMat3;
+use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::View;
 use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS};
@@ -25,7 +25,7 @@ use pose::Pose;
 
 /// Of so many stretches of frames one is kept apart, to measure by: a frame beside one that is used tells nothing new.
 const HELD_OUT: usize = 5;
-/// Such a stretch, seconds: whoever walks is somewhere else, and was forgotten, behind it.
+/// Such a stretch at most, seconds: whoever walks is somewhere else, and was forgotten, behind it.
 const STRETCH: f64 = 2.0;
 /// How far a view may be off before it counts little, metres at the person, from round to round.
 const SIGMAS: [f64; 4] = [0.15, 0.1, 0.06, 0.06];
@@ -56,11 +56,12 @@ pub struct ViewQuality {
     pub sights: usize,
     /// Root mean square of what joints are off, pixels; frames that were used.
     pub rms_px: f64,
-    /// The same in the fifth of the frames by which cameras were not placed to each other.
-    pub held_out_rms_px: f64,
+    /// The same in the fifth of the frames by which cameras were not placed to each other; `None` where the view took
+    /// part in none of these.
+    pub held_out_rms_px: Option<f64>,
     /// Joints left out of both because they were further off than 0.2 m at the person, %.
     pub far_percent: f64,
-    /// Sights of people while another view saw as many, and that went with no other view's, %.
+    /// Sights of people whom another view could have seen as well, and that went with no other view's, %.
     pub alone_percent: f64,
     /// Height of the camera above the floor, metres.
     pub height_m: f64,
@@ -140,7 +141,12 @@ pub fn calibrate(
     if shared < LEAST_FRAMES {
         return Err(CalibrateError::Nobody(shared));
     }
-    let used = without_held_out(frames, rate);
+    let held_out = held_out(frames, rate);
+    let used = without(frames, &held_out);
+    let of_all = |e: CalibrateError| match e {
+        CalibrateError::Untracked { seen, .. } => CalibrateError::Untracked { seen, shared },
+        other => other,
+    };
     let settle = |mut cameras: Vec<Pose>| {
         for sigma in SIGMAS {
             let tracks = people(lenses, &cameras, &used, rate)?;
@@ -157,17 +163,17 @@ pub fn calibrate(
     };
     let mut failure = None;
     let mut answers = Vec::new();
-    for start in rig::assemble(lenses, &used, rate)? {
+    for start in rig::assemble(lenses, &used, rate).map_err(of_all)? {
         match settle(start) {
             Ok(answer) => answers.push(answer),
-            Err(e) => failure = Some(e),
+            Err(e) => failure = Some(of_all(e)),
         }
     }
     answers.sort_by(|a, b| b.0.total_cmp(&a.0));
     // An answer that stands on its head is none, however well rays meet.
     let mut first = failure;
     for (k, (_, cameras)) in answers.into_iter().enumerate() {
-        match stand(lenses, cameras, frames, rate, scale) {
+        match stand(lenses, cameras, frames, &held_out, rate, scale) {
             Ok(room) => return Ok(room),
             Err(e) if k == 0 => first = Some(e),
             Err(_) => {}
@@ -178,23 +184,40 @@ pub fn calibrate(
 
 /// Frames in which two views or more saw somebody.
 fn shared(frames: &[Vec<Detections>]) -> usize {
-    let see = |f: &Vec<Detections>| f.iter().filter(|all| !all.is_empty()).count();
-    frames.iter().filter(|f| see(f) > 1).count()
+    frames.iter().filter(|frame| is_shared(frame)).count()
 }
 
-/// Whether a frame is kept apart: the middle one of every five stretches, which are shorter where all is short.
-fn is_held_out(frame: usize, frames: usize, rate: f64) -> bool {
-    let stretch = ((STRETCH * rate) as usize).min(frames / HELD_OUT).max(1);
-    frame / stretch % HELD_OUT == HELD_OUT / 2
+fn is_shared(frame: &[Detections]) -> bool {
+    frame.iter().filter(|all| !all.is_empty()).count() > 1
+}
+
+/// Which frames are kept apart: the middle one of every five stretches of the frames that views share, which alone
+/// place cameras. Stretches are so short that every view that shares enough keeps most of it.
+fn held_out(frames: &[Vec<Detections>], rate: f64) -> Vec<bool> {
+    let views = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let of_view = |v: usize| {
+        let seen =
+            |f: &&Vec<Detections>| is_shared(f) && f.get(v).is_some_and(|all| !all.is_empty());
+        frames.iter().filter(seen).count()
+    };
+    let enough = (0..views).map(of_view).filter(|n| *n >= LEAST_FRAMES);
+    let least = enough.min().unwrap_or_else(|| shared(frames));
+    let stretch = ((STRETCH * rate) as usize).min(least / HELD_OUT).max(1);
+    let mut number = 0;
+    let each = frames.iter().map(|frame| {
+        let is_shared = is_shared(frame);
+        let is_held_out = is_shared && number / stretch % HELD_OUT == HELD_OUT / 2;
+        number += usize::from(is_shared);
+        is_held_out
+    });
+    each.collect()
 }
 
 /// Frames of which those that are kept apart are empty, so that times stay what they are.
-fn without_held_out(frames: &[Vec<Detections>], rate: f64) -> Vec<Vec<Detections>> {
+fn without(frames: &[Vec<Detections>], held_out: &[bool]) -> Vec<Vec<Detections>> {
     let mut used = frames.to_vec();
-    for (k, frame) in used.iter_mut().enumerate() {
-        if is_held_out(k, frames.len(), rate) {
-            frame.iter_mut().for_each(Vec::clear);
-        }
+    for (frame, _) in used.iter_mut().zip(held_out).filter(|f| *f.1) {
+        frame.iter_mut().for_each(Vec::clear);
     }
     used
 }
@@ -205,6 +228,7 @@ fn stand(
     lenses: &[View],
     mut cameras: Vec<Pose>,
     frames: &[Vec<Detections>],
+    held_out: &[bool],
     rate: f64,
     scale: Scale,
 ) -> Result<Room, CalibrateError> {
@@ -230,7 +254,7 @@ fn stand(
         return Err(CalibrateError::UnderFloor(v.name.clone(), -v.position.z));
     }
     Ok(Room {
-        quality: quality(&views, &tracks, frames, rate),
+        quality: quality(&views, &tracks, frames, held_out, stature),
         views,
         stature,
         floor_by_feet: floor.by_feet,
@@ -376,11 +400,14 @@ fn alike(views: &[View], tracks: &[Track]) -> f64 {
     if count > 0.0 { sum / count } else { 1.0 }
 }
 
+/// How well views agree; `held_out` says of every frame whether it placed no camera, `stature` how tall people are,
+/// metres.
 fn quality(
     views: &[View],
     tracks: &[Track],
     frames: &[Vec<Detections>],
-    rate: f64,
+    held_out: &[bool],
+    stature: f64,
 ) -> Vec<ViewQuality> {
     let mut sums = vec![[(0.0, 0.0); 2]; views.len()];
     let (mut far, mut sights) = (vec![0.0; views.len()], vec![0; views.len()]);
@@ -404,8 +431,7 @@ fn quality(
                 if off * view.to_camera(point).z / view.focal.y > FAR {
                     far[v] += 1.0;
                 } else {
-                    let (sum, count) =
-                        &mut sums[v][usize::from(is_held_out(*frame, frames.len(), rate))];
+                    let (sum, count) = &mut sums[v][usize::from(held_out[*frame])];
                     *sum += off * off;
                     *count += 1.0;
                 }
@@ -413,31 +439,61 @@ fn quality(
         }
     }
     let one = |(v, view): (usize, &View)| {
-        let [used, held] = sums[v].map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt());
+        let rms = |(sum, count): (f64, f64)| (count > 0.0).then(|| (sum / count).sqrt());
+        let [used, held] = sums[v].map(rms);
         let count = sums[v].iter().map(|s| s.1).sum::<f64>() + far[v];
         ViewQuality {
             name: view.name.clone(),
             sights: sights[v],
-            rms_px: used,
+            rms_px: used.unwrap_or(0.0),
             held_out_rms_px: held,
             far_percent: 100.0 * far[v] / count.max(1.0),
-            alone_percent: alone_percent(frames, v, met[v]),
+            alone_percent: alone_percent(views, frames, stature, v, met[v]),
             height_m: view.position.z,
         }
     };
     views.iter().enumerate().map(one).collect()
 }
 
-/// Share of a view's sights that went with no other view's, %, of those at a time when another saw as many people;
-/// `met`: how many went with others.
-fn alone_percent(frames: &[Vec<Detections>], view: usize, met: usize) -> f64 {
+/// Share of a view's sights that went with no other view's, %, of those that could have: at that time another view saw
+/// somebody who may be in this one's picture as well, and the other way round. `met`: how many went with others.
+fn alone_percent(
+    views: &[View],
+    frames: &[Vec<Detections>],
+    stature: f64,
+    view: usize,
+    met: usize,
+) -> f64 {
+    // Sights of one camera that may be in the other's picture.
+    let within = |frame: &[Detections], of: usize, other: usize| {
+        let may_be = |s: &&Sight| {
+            about(&views[of], s, stature).is_none_or(|place| is_in_picture(&views[other], place))
+        };
+        frame[of].iter().filter(may_be).count()
+    };
     let confirmable = |frame: &Vec<Detections>| {
-        let others = frame.iter().enumerate().filter(|(v, _)| *v != view);
-        let most = others.map(|(_, all)| all.len()).max().unwrap_or(0);
-        frame[view].len().min(most)
+        let others = (0..views.len()).filter(|v| *v != view && !frame[*v].is_empty());
+        let with = others.map(|v| within(frame, view, v).min(within(frame, v, view)));
+        with.max().unwrap_or(0)
     };
     let could: usize = frames.iter().map(confirmable).sum();
     100.0 * could.saturating_sub(met) as f64 / could.max(1) as f64
+}
+
+/// Whether a world point is in a view's picture.
+fn is_in_picture(view: &View, point: DVec3) -> bool {
+    let [width, height] = view.likely_size().map(f64::from);
+    let is_within = |p: DVec2| p.x >= 0.0 && p.y >= 0.0 && p.x < width && p.y < height;
+    view.project(point).is_some_and(is_within)
+}
+
+/// About where somebody of `stature` metres is whom a view saw so, world; `None` where nobody has lifted them.
+fn about(view: &View, sight: &Sight, stature: f64) -> Option<DVec3> {
+    let depth = sight.depth()? * stature / f64::from(CANONICAL_STATURE);
+    let seen = sight.rays.iter().flatten();
+    let (sum, count) = seen.fold((DVec2::ZERO, 0.0), |(s, n), ray| (s + ray.plane, n + 1.0));
+    let place = depth * (sum / count).extend(1.0);
+    (depth > 0.0).then(|| view.position + view.rotation.transpose() * place)
 }
 
 #[cfg(test)]

@@ -38,6 +38,19 @@ pub struct Common {
     pub in_step: bool,
 }
 
+impl Common {
+    /// Every so many-th instant of it.
+    pub fn thinned(self, stride: usize) -> Self {
+        let of_view = |p: Vec<Vec<Observation>>| p.into_iter().step_by(stride).collect();
+        Self {
+            people: self.people.into_iter().map(of_view).collect(),
+            times: self.times.into_iter().step_by(stride).collect(),
+            rate: self.rate / stride as f64,
+            in_step: self.in_step,
+        }
+    }
+}
+
 /// By how many seconds each view started before the first one, where all times are of one clock.
 pub fn by_clock(seen: &[ViewFile]) -> Vec<f64> {
     let start = |s: &ViewFile| s.times.first().copied().unwrap_or(0);

@@ -23,6 +23,7 @@ const MOST_RATE: f64 = 10_000.0;
 const DISORDER: f64 = 0.1;
 
 /// One view over time.
+#[derive(Clone)]
 pub struct ViewFile {
     /// The camera.
     pub name: String,
@@ -134,12 +135,11 @@ impl ViewFile {
         late(&self.times).iter().filter(|is_late| **is_late).count()
     }
 
-    /// Leaves out rows that are not later than those before them, where these are few, and says so; tells whether it
-    /// did.
-    pub fn leave_out_disorder(&mut self, notes: &mut Vec<String>) -> bool {
+    /// Leaves out rows that are not later than those before them, and says so; tells whether there were any.
+    fn leave_out_disorder(&mut self, notes: &mut Vec<String>) -> bool {
         let out = late(&self.times);
         let count = self.disorder();
-        if count == 0 || count as f64 > DISORDER * out.len() as f64 {
+        if count == 0 {
             return false;
         }
         let mut kept = out.iter().map(|is_out| !is_out);
@@ -152,6 +152,21 @@ impl ViewFile {
             counted(count as u64, "frame is", "frames are")
         ));
         true
+    }
+
+    /// Puts the times of views in order where in every one few rows are out of it: these are left out, which is said.
+    /// Tells whether there were any. Where times of one view tell nothing all stay as they are: frames then go by
+    /// number.
+    pub fn put_in_order(views: &mut [Self], notes: &mut Vec<String>) -> bool {
+        let tells = |v: &Self| v.disorder() as f64 <= DISORDER * v.times.len() as f64;
+        if !views.iter().all(tells) {
+            return false;
+        }
+        let mut any = false;
+        for view in views {
+            any |= view.leave_out_disorder(notes);
+        }
+        any
     }
 
     /// Why frames of views go by number where those of this one are in no order.

@@ -5,7 +5,7 @@
 
 use crate::assignment::assign;
 use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
-use crate::fit::config::{ConfigError, FitConfig, IdentityConfig};
+use crate::fit::config::{ConfigError, FitConfig};
 use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
 use crate::fit::evidence::Evidence;
@@ -37,10 +37,6 @@ const NEWCOMER: f64 = 0.5;
 const WAIT_FOR_LOOKS: f64 = 2.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
-/// Seconds that one look at clothes stands for, and looks that the first memory of them is the mean of. A little less
-/// than a thirtieth, so that rounding decides nothing.
-const LOOK: f64 = 0.033;
-const FIRST_LOOKS: f64 = 30.0;
 
 /// Counters of a fitter's life, for status displays.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -381,7 +377,7 @@ impl Fitter {
                 Some(person) => {
                     let (evidence, looks) = &seen[person];
                     let alone = is_alone(seen, person);
-                    remember_looks(track, looks.as_ref(), alone, dt, &self.config.identity);
+                    remember_looks(track, looks.as_ref(), alone, self.config.identity.refresh);
                     track.observe(evidence.clone(), dt, &mut cx);
                 }
                 None => track.coast(dt, &mut cx),
@@ -397,12 +393,12 @@ impl Fitter {
             model: &self.model,
             solver: &mut self.solver,
         };
-        for (person, ((evidence, looks), owner)) in seen.iter().zip(matches).enumerate() {
+        for ((evidence, looks), owner) in seen.iter().zip(matches) {
             if owner.is_some() || self.present.len() >= 2 * MAX_PEOPLE {
                 continue;
             }
             if let Some(mut track) = Track::start(evidence, &mut cx) {
-                first_looks(&mut track, looks.as_ref(), is_alone(seen, person));
+                track.appearance = *looks;
                 self.present.push(track);
             }
         }
@@ -611,33 +607,19 @@ fn is_alone(seen: &[PersonEvidence], person: usize) -> bool {
     !others.any(|(_, (other, _))| overlap(evidence, other))
 }
 
-/// Learns the looks of somebody of whom none are known: what is seen while somebody else stands before them counts for
-/// nothing beside what is seen later.
-fn first_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool) {
-    track.appearance = looks.copied();
-    track.appearance_age = 0.0;
-    track.looks = if looks.is_some() && alone { 1.0 } else { 0.0 };
-}
-
-/// Learns the looks of new people over the first second, and refreshes those of others now and then, while nobody
-/// stands before them. `dt`: seconds since the last frame.
-fn remember_looks(
-    track: &mut Track,
-    looks: Option<&Appearance>,
-    alone: bool,
-    dt: f64,
-    config: &IdentityConfig,
-) {
+/// Learns the looks of new people at once and refreshes those of others now and then, while nobody stands before them.
+fn remember_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool, refresh: f64) {
     let Some(looks) = looks else { return };
     match &mut track.appearance {
-        None => first_looks(track, Some(looks), alone),
-        Some(known) if track.looks < FIRST_LOOKS && alone => {
-            let look = (dt / LOOK).min(1.0);
-            track.looks += look;
-            known.blend(looks, (look / track.looks) as f32);
+        None => {
+            track.appearance = Some(*looks);
             track.appearance_age = 0.0;
         }
-        Some(known) if track.appearance_age > config.refresh && alone => {
+        Some(known) if track.hits < 30 && alone => {
+            known.blend(looks, 1.0 / (track.hits + 1) as f32);
+            track.appearance_age = 0.0;
+        }
+        Some(known) if track.appearance_age > refresh && alone => {
             known.blend(looks, 0.5);
             track.appearance_age = 0.0;
         }

@@ -49,11 +49,13 @@ impl Sight {
     /// An observation in `view`; joints beyond the fold of its lens are not seen.
     pub fn new(view: &View, seen: &Observation) -> Self {
         let ray = |[u, v, confidence]: [f32; 3]| {
+            let is_seen = confidence >= LEAST_CONFIDENCE;
+            if !is_seen {
+                return None;
+            }
             let pixel = DVec2::new(u.into(), v.into());
             // Where the lens shows nothing, no direction is the joint's.
-            let plane = view
-                .shown(pixel)
-                .filter(|_| confidence >= LEAST_CONFIDENCE)?;
+            let plane = view.shown(pixel)?;
             Some(Ray {
                 pixel,
                 plane,

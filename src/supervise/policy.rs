@@ -4,10 +4,10 @@
 //! |---|---|
 //! | is stopped (SIGSTOP) | 1 s |
 //! | works and neither computes nor shows a step (a deadlock) | 1 s |
-//! | works, computes and shows no step | 5 s, or 8 times its longest step of the last 10 minutes |
+//! | works, computes and shows no step | 5 s, or 8 times its longest step of the last 5 to 10 minutes |
 //! | opens its input, or starts, and computes nothing | 10 s |
 //! | opens its input, or starts, and computes | 30 s |
-//! | has made no step in these 10 minutes whose length is known, and computes | 30 s |
+//! | has made no step in these minutes whose length is known, and computes | 30 s |
 
 use std::time::{Duration, Instant};
 

@@ -1024,55 +1024,6 @@ fn without_colour_somebody_else_is_not_who_left() {
     }
 }
 
-/// Seconds for which somebody has no looks at all, or stands beside another one, before they show their own.
-#[derive(Debug, Clone, Copy)]
-enum Spoilt {
-    Hidden(f64),
-    Beside(f64),
-}
-
-#[test]
-fn looks_that_are_spoilt_at_first_do_not_stay() {
-    // So unlike that whoever comes back in them is somebody else, and not so that whoever is in view is.
-    const OWN: usize = 10;
-    const OTHER: usize = 12;
-    for fps in [30.0, 240.0] {
-        for spoilt in [Spoilt::Hidden(0.8), Spoilt::Beside(1.3)] {
-            let cast = vec![standing(3, 0.0, 4.0), standing(4, 0.25, 4.2)];
-            let mut stage = Stage::at(fps, cast);
-            // For so many seconds, whom, and in which clothes the first one is.
-            let mut show = |seconds: f64, shows: [bool; 2], hue: Option<usize>| {
-                let mut last = Vec::new();
-                for _ in 0..(seconds * fps).round() as usize {
-                    last = stage.frame(|k, seen| {
-                        match (k, hue) {
-                            (0, None) => undress(seen),
-                            (0, hue) => dress(seen, hue, 20),
-                            _ => dress(seen, Some(20), 20),
-                        }
-                        shows[k]
-                    });
-                }
-                (last.first().copied().flatten(), stage.fitter.counters())
-            };
-            match spoilt {
-                Spoilt::Hidden(seconds) => {
-                    show(seconds, [true, false], None);
-                    show(0.1, [true, false], Some(OTHER));
-                }
-                Spoilt::Beside(seconds) => {
-                    show(seconds, [true, true], Some(OTHER));
-                }
-            }
-            let (id, _) = show(2.0, [true, false], Some(OWN));
-            show(4.0, [false, false], None);
-            let (back, counters) = show(1.0, [true, false], Some(OWN));
-            assert_eq!((id, back), (Some(1), Some(1)), "{fps} fps, {spoilt:?}");
-            assert_eq!(counters.returns, 1, "{fps} fps, {spoilt:?}");
-        }
-    }
-}
-
 #[test]
 fn looks_are_waited_for_only_where_they_may_tell() {
     // Somebody of that saturation is away, and then the camera, for so long, seconds, when a newcomer who shows no hips

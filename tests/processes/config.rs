@@ -1,5 +1,6 @@
 //! `edgecap.toml`: mistakes with their places, where the file is found, what overrides what.
 
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Output, Stdio};
@@ -377,6 +378,7 @@ fn a_run_says_of_the_file_what_a_check_says() {
     };
     let bridges = "[bridges]\nvmc = \"127.0.0.1:39539\"\n";
     let vmc = ["--vmc", "127.0.0.1:39539"];
+    let figures = format!("{camera}[metrics]\naddress = \"127.0.0.1:19746\"\n");
     for (text, typed) in [
         (camera.repeat(2) + bridges, Some((camera.repeat(2), vmc))),
         (film.repeat(2), None),
@@ -393,6 +395,11 @@ fn a_run_says_of_the_file_what_a_check_says() {
             Some((film.to_owned(), ["--fit-config", "none.toml"])),
         ),
         (format!("{film}jsonl = \"a\"\nrecord = \"a\"\n"), None),
+        (
+            format!("{figures}[bridges]\nview = \"127.0.0.1:19746\"\n"),
+            Some((figures.clone(), ["--view", "127.0.0.1:19746"])),
+        ),
+        ("[[camera]]\ninput = \"/dev/video97\"\n".repeat(2), None),
     ] {
         std::fs::write(&file, &text).unwrap();
         let checked = said(&["config", "check"], &[]);
@@ -591,6 +598,64 @@ fn what_settings_name_and_nobody_can_have_ends_a_run_for_good() {
     assert_eq!(code, Some(66), "{said}");
     let (code, said) = run(&camera, &["--name", &name, "--record", &record]);
     assert_eq!(code, Some(73), "{said}");
+}
+
+/// A service would be told of what it does not need, and not be started again where it could be.
+#[test]
+fn a_run_that_ends_over_something_else_does_not_blame_the_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, "").unwrap();
+    let record = blocked.join("a.bin");
+    let record = record.to_str().unwrap();
+    let file = folder.path().join("edgecap.toml");
+    let room = "[multiview]\ncalibration = \"gone.toml\"\nroom = \"a b\"\n";
+    let model = "[network]\nmodel = \"gone.ecm\"\n";
+    let name = program::stream("other-mistake");
+    let lens = ["--input", "demo", "--camera", "away.toml"];
+    for (text, typed, code, word) in [
+        (room, &["--input", "away.avi"][..], 66, "away.avi"),
+        (room, &["--input", "demo", "--record", record], 73, "a.bin"),
+        (room, &lens, 66, "away.toml"),
+        (room, &[&lens[..], &["--live"]].concat(), 66, "away.toml"),
+        (model, &lens, 66, "away.toml"),
+        (model, &["--input", "away.avi"], 66, "away.avi"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let mut run = edgecap();
+        run.args(["run", "--size", "64x64", "--threads", "1", "--name", &name]);
+        let run = run.arg("--config").arg(&file).args(typed);
+        let out = run.current_dir(folder.path()).output().unwrap();
+        let said = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(code), "{text}{typed:?}: {said}");
+        assert!(said.contains(word), "{text}{typed:?}: {said}");
+        assert!(!said.contains("gone."), "{text}{typed:?}: {said}");
+    }
+}
+
+/// Whoever mends the folder starts the service again without a change of its settings.
+#[test]
+fn a_runtime_folder_that_others_may_write_is_no_mistake_of_the_settings() {
+    let place = program::short_folder();
+    let runtime = place.path().join("run");
+    std::fs::create_dir(&runtime).unwrap();
+    std::fs::set_permissions(&runtime, std::fs::Permissions::from_mode(0o777)).unwrap();
+    let file = place.path().join("edgecap.toml");
+    let camera = "[[camera]]\ninput = \"demo\"\nlive = true\n";
+    let small = "[network]\nsize = \"64x64\"\nthreads = 1\n";
+    for name in ["", "name = \"hall\"\n"] {
+        std::fs::write(&file, format!("{camera}{name}{small}")).unwrap();
+        for verb in [&["config", "check"][..], &["run"]] {
+            let mut command = edgecap();
+            command.args(verb).arg("--config").arg(&file);
+            command.env("EDGECAP_RUNTIME_DIR", &runtime);
+            let out = command.output().unwrap();
+            let said = program::stderr(&out);
+            assert_eq!(out.status.code(), Some(77), "{verb:?}: {said}");
+            assert!(said.contains("runtime folder "), "{verb:?}: {said}");
+            assert!(!said.contains("edgecap.toml:"), "{verb:?}: {said}");
+        }
+    }
 }
 
 /// The tasks of children hold paths as text.

@@ -239,7 +239,6 @@ impl V4l2Port {
             layout: decoder.layout(),
             needed: decoder.needed_bytes(),
             fps,
-            copied: Vec::new(),
             damaged: 0,
         }))
     }
@@ -259,8 +258,6 @@ struct V4l2Stream {
     /// Bytes of a whole picture.
     needed: usize,
     fps: Option<f64>,
-    /// A picture that is being looked at, before it takes the place of an older one.
-    copied: Vec<u8>,
     /// Pictures left out because they were damaged.
     damaged: u64,
 }
@@ -280,33 +277,34 @@ impl V4l2Stream {
             && (self.layout.format != PixelFormat::Mjpeg || bytes.starts_with(&JPEG_START))
     }
 
-    /// Takes every picture that is ready and hands its buffer back at once; `bytes` are the newest one's, which is
+    /// Takes every picture that is ready and hands its buffer back; `bytes` are those of the newest whole one, which is
     /// returned. After `None` they hold nothing useful.
     fn take_newest(&mut self, bytes: &mut Vec<u8>) -> io::Result<Option<Taken>> {
-        // Where all buffers were full the camera had nowhere to put what came after: these pictures are old.
-        let full = self.stream.buffers().max(ENOUGH_BUFFERS);
-        let mut newest = None;
-        for _ in 0..full {
-            let Some(filled) = self.stream.dequeue()? else {
-                return Ok(newest);
-            };
-            let taken = Taken {
-                sequence: filled.sequence,
-                time_ns: filled.time_ns,
-            };
-            let is_damaged = filled.damaged;
-            self.stream.copy(&filled, &mut self.copied);
-            self.stream.queue(filled)?;
-            // Looked at once they are copied: in the buffer they may change.
-            if is_damaged || !self.is_whole(&self.copied) {
-                self.damaged += 1;
-                tracing::debug!("damaged picture left out, {} so far", self.damaged);
-            } else {
-                std::mem::swap(&mut self.copied, bytes);
-                newest = Some(taken);
-            }
+        let mut ready = Vec::new();
+        while let Some(filled) = self.stream.dequeue()? {
+            ready.push(filled);
         }
-        Ok(None)
+        // Where all buffers were full the camera had nowhere to put what came after: these pictures are old.
+        let mut is_wanted = ready.len() < self.stream.buffers().max(ENOUGH_BUFFERS);
+        let mut newest = None;
+        for filled in ready.into_iter().rev() {
+            if is_wanted {
+                // Looked at once they are copied: in the buffer they may change.
+                self.stream.copy(&filled, bytes);
+                if !filled.damaged && self.is_whole(bytes) {
+                    is_wanted = false;
+                    newest = Some(Taken {
+                        sequence: filled.sequence,
+                        time_ns: filled.time_ns,
+                    });
+                } else {
+                    self.damaged += 1;
+                    tracing::debug!("damaged picture left out, {} so far", self.damaged);
+                }
+            }
+            self.stream.queue(filled)?;
+        }
+        Ok(newest)
     }
 }
 

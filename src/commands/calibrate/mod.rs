@@ -132,7 +132,8 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     Ok(all)
 }
 
-/// Writes a calibration, if it is one that is read again; it tells that `lenses` were measured where they are certain.
+/// Writes a calibration, if it is one that is read again; unless a given lens file can be read two ways, the file says
+/// that edgecap wrote it.
 ///
 /// # Errors
 /// When `multiview` would refuse the cameras, or the file cannot be written.

@@ -22,15 +22,23 @@ use crate::record::CameraSource;
 const FAR: f64 = 16.0;
 /// Sights of a view, %, that may go with no other view's.
 const ALONE: f64 = 10.0;
-/// So often films are brought to another time by the places that were found: those of films out of time hide a part
-/// of what these are apart.
-const ROUNDS: usize = 3;
-/// Seconds by which the time of a film is tried first; then by a frame.
-const FIRST_STEP: f64 = 0.1;
+/// Joints of a view may be so many times farther off than those of the others: a camera that turned to follow a film
+/// out of time hides most of what its joints would be off.
+const SEVERAL: f64 = 3.0;
+/// Joints that are off by less are so by a detector's noise, pixels.
+const NOISE: f64 = 3.0;
+/// Seconds by which the time of a film is tried first, and then; at last by a frame.
+const STEPS: [f64; 2] = [0.4, 0.1];
 /// Farthest that films are looked for apart, seconds.
 const MOST_APART: f64 = 1.0;
 /// Rays must meet so many times better at another time.
 const BETTER: f64 = 1.02;
+/// Calibrations by which the time of films is looked for, at most.
+const MOST_TRIED: usize = 40;
+/// Instants a second by which it is looked for, about: fewer, and nobody can be followed.
+const LOOKED_RATE: f64 = 10.0;
+/// Instants by which it is looked for where there are as many, and at most.
+const LOOKED: [usize; 2] = [60, 120];
 /// What to do where views never ran together.
 const OTHERWISE: &str = "give files of one time, or --fps if frames belong together by number";
 
@@ -84,9 +92,7 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     notes.extend(guessed(&unknown, names.len()));
     notes.extend(views.iter().filter_map(folded));
     if args.fps.is_none() {
-        for view in &mut seen {
-            view.leave_out_disorder(&mut notes);
-        }
+        ViewFile::put_in_order(&mut seen, &mut notes);
         notes.extend(
             seen.iter()
                 .filter(|s| !s.is_in_order())
@@ -94,13 +100,13 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         );
     }
     let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
-    let is_of_films = timed && !seen.iter().all(|s| s.of_machine);
+    let is_by_clock = timed && seen.iter().all(|s| s.of_machine);
+    let is_of_films = timed && !is_by_clock;
     let mut said = Vec::new();
     let found = if is_of_films {
         // Places are not known yet by which what moves would tell the time between films.
-        let common = as_if_together(copies(&seen), OTHERWISE, &mut said)?;
-        let found = Found::new(&views, common, scale, said).map_err(refused)?;
-        found.in_time(&seen, &views, scale, &mut notes)
+        let common = as_if_together(seen.clone(), OTHERWISE, &mut said)?;
+        Found::of_films(&seen, &views, (common, said), scale, &mut notes).map_err(refused)?
     } else {
         let common = if timed {
             let shifts = by_clock(&seen);
@@ -117,7 +123,8 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
             "feet were in one place: the floor is level as people hold themselves; walk about for a slope".into(),
         );
     }
-    notes.extend(room.quality.iter().filter_map(doubt));
+    let doubts = (0..room.quality.len()).filter_map(|v| doubt(&room.quality, v, is_by_clock));
+    notes.extend(doubts);
     for note in &notes {
         say::err(note);
     }
@@ -149,30 +156,29 @@ impl Found {
     }
 
     /// The cameras by films at the time at which rays meet best, where that is better than as if they had started
-    /// together.
-    fn in_time(
-        mut self,
+    /// together, which `together` is, with what was said of it.
+    fn of_films(
         seen: &[ViewFile],
         lenses: &[View],
+        together: (Common, Vec<String>),
         scale: Scale,
         notes: &mut Vec<String>,
-    ) -> Self {
-        let mut shifts = vec![0.0; seen.len()];
-        for _ in 0..ROUNDS {
-            let now = shifted(&self.room.views, seen, &shifts, self.common.rate);
-            let is_same = |(a, b): (&f64, &f64)| (a - b).abs() * self.common.rate < 0.5;
-            if now.iter().zip(&shifts).all(is_same) {
-                break;
-            }
-            let mut said = Vec::new();
-            let common = by_times(copies(seen), &now, OTHERWISE, &mut said);
-            let other = common.ok().map(|c| Self::new(lenses, c, scale, said));
-            match other {
-                Some(Ok(other)) if other.worth() > BETTER * self.worth() => {
-                    (self, shifts) = (other, now);
-                }
-                _ => break,
-            }
+    ) -> Result<Self, CalibrateError> {
+        let shifts = Search::new(seen, lenses, &together.0, scale).shifts();
+        let together = Self::new(lenses, together.0, scale, together.1);
+        if shifts.iter().all(|s| *s == 0.0) {
+            return together;
+        }
+        let mut said = Vec::new();
+        let common = by_times(seen.to_vec(), &shifts, OTHERWISE, &mut said);
+        let other = common.ok().map(|c| Self::new(lenses, c, scale, said));
+        let Some(Ok(other)) = other else {
+            return together;
+        };
+        if let Ok(now) = &together
+            && other.worth() <= BETTER * now.worth()
+        {
+            return together;
         }
         for (view, seconds) in seen.iter().zip(&shifts).filter(|s| *s.1 != 0.0) {
             let way = if *seconds < 0.0 { "after" } else { "before" };
@@ -183,7 +189,7 @@ impl Found {
                 seen[0].name
             ));
         }
-        self
+        Ok(other)
     }
 }
 
@@ -193,41 +199,126 @@ fn worth(views: &[View], common: &Common) -> f64 {
     met.map_or(0.0, |a| a.confirmed / a.apart.max(1e-6))
 }
 
-/// By how many seconds films started before the first one where the rays of these cameras meet best, near `from`; by
-/// whole frames of `rate` a second, as joints between two frames have less noise and meet better at any time.
-fn shifted(views: &[View], seen: &[ViewFile], from: &[f64], rate: f64) -> Vec<f64> {
-    let worth = |shifts: &[f64]| {
-        let common = by_times(copies(seen), shifts, OTHERWISE, &mut Vec::new());
-        common.map_or(0.0, |common| worth(views, &common))
-    };
-    let (mut best, mut most) = (from.to_vec(), worth(from));
-    // Of two it does not matter which one is moved; of more the first one may be out of time.
-    let movable = usize::from(seen.len() == 2)..seen.len();
-    for frames in [(FIRST_STEP * rate).round(), 1.0] {
-        let step = frames.max(1.0) / rate;
-        for k in movable.clone() {
-            for way in [step, -step] {
-                let before = best[k];
-                loop {
-                    let mut other = best.clone();
-                    other[k] += way;
-                    if other[k].abs() > MOST_APART {
-                        break;
-                    }
-                    let now = worth(&other);
-                    if now <= most {
-                        break;
-                    }
-                    (best, most) = (other, now);
+/// Looks for the time of films at which cameras that are found anew go together best: those that were found at another
+/// time have turned to follow it, and prefer it. By whole frames, as joints between two frames have less noise and meet
+/// better at any time.
+struct Search<'a> {
+    /// The films; nobody is seen beyond the part that is looked at.
+    seen: Vec<ViewFile>,
+    lenses: &'a [View],
+    scale: Scale,
+    /// Frames a second of the fastest film.
+    rate: f64,
+    /// Of so many instants one is looked at.
+    stride: usize,
+    /// By how many frames every film started before the first one, and how well rays met then.
+    tried: Vec<(Vec<i64>, f64)>,
+}
+
+impl<'a> Search<'a> {
+    /// `common` is what films saw if they started together.
+    fn new(seen: &[ViewFile], lenses: &'a [View], common: &Common, scale: Scale) -> Self {
+        let instants = 0..common.times.len();
+        let views = |k: usize| common.people.iter().filter(|p| !p[k].is_empty()).count();
+        // How many of the instants before each one at least two views saw somebody in.
+        let mut shared = vec![0];
+        shared.extend(instants.scan(0, |sum, k| {
+            *sum += usize::from(views(k) > 1);
+            Some(*sum)
+        }));
+        let [least, most] = LOOKED;
+        let stride = (common.rate / LOOKED_RATE) as usize;
+        let stride = stride.min(shared[shared.len() - 1] / least).max(1);
+        // The part in which most is shared.
+        let length = (most * stride).min(common.times.len());
+        let starts = 0..=common.times.len() - length;
+        let begin = starts.rev().max_by_key(|k| shared[k + length] - shared[*k]);
+        let begin = begin.unwrap_or(0);
+        let since = |k: usize| common.times[k].saturating_sub(seen[0].times[0]);
+        let (first, last) = (since(begin), since((begin + length).max(1) - 1));
+        let part = |view: &ViewFile| {
+            let each = view.times.iter().zip(&view.frames).map(|(time, people)| {
+                let is_looked_at = (first..=last).contains(&(time - view.times[0]));
+                if is_looked_at {
+                    people.clone()
+                } else {
+                    Vec::new()
                 }
-                if best[k] != before {
+            });
+            ViewFile {
+                name: view.name.clone(),
+                frames: each.collect(),
+                times: view.times.clone(),
+                ..*view
+            }
+        };
+        Self {
+            seen: seen.iter().map(part).collect(),
+            lenses,
+            scale,
+            rate: common.rate,
+            stride,
+            tried: Vec::new(),
+        }
+    }
+
+    /// By how many seconds films started before the first one where rays meet best.
+    fn shifts(mut self) -> Vec<f64> {
+        let mut best = vec![0; self.seen.len()];
+        let mut most = self.worth(&best);
+        // Of two it does not matter which one is moved; of more the first one may be out of time.
+        let movable = usize::from(best.len() == 2)..best.len();
+        let moved = |all: &[i64], k: usize, way: i64| {
+            let mut other = all.to_vec();
+            other[k] += way;
+            other
+        };
+        let steps = STEPS.map(|seconds| (seconds * self.rate).round().max(1.0) as i64);
+        for step in steps.into_iter().chain([1]) {
+            loop {
+                let mut next: Option<(usize, i64, f64)> = None;
+                for (k, way) in movable.clone().flat_map(|k| [(k, step), (k, -step)]) {
+                    let now = self.worth(&moved(&best, k, way));
+                    if now > next.map_or(BETTER * most, |(_, _, worth)| worth) {
+                        next = Some((k, way, now));
+                    }
+                }
+                let Some((k, way, mut now)) = next else {
                     break;
+                };
+                while now > BETTER * most {
+                    (best, most) = (moved(&best, k, way), now);
+                    now = self.worth(&moved(&best, k, way));
                 }
             }
         }
+        let seconds = |frames: &i64| (frames - best[0]) as f64 / self.rate;
+        best.iter().map(seconds).collect()
     }
-    let first = best[0];
-    best.iter().map(|seconds| seconds - first).collect()
+
+    /// How well rays meet where films started so many frames before the first one; 0 where that is not known.
+    fn worth(&mut self, frames: &[i64]) -> f64 {
+        let frames: Vec<i64> = frames.iter().map(|f| f - frames[0]).collect();
+        if let Some((_, worth)) = self.tried.iter().find(|t| t.0 == frames) {
+            return *worth;
+        }
+        let shifts: Vec<f64> = frames.iter().map(|f| *f as f64 / self.rate).collect();
+        let is_far = shifts.iter().any(|seconds| seconds.abs() > MOST_APART);
+        if is_far || self.tried.len() >= MOST_TRIED {
+            return 0.0;
+        }
+        let common = by_times(self.seen.clone(), &shifts, OTHERWISE, &mut Vec::new());
+        let found = common.ok().map(|common| {
+            let common = common.thinned(self.stride);
+            Found::new(self.lenses, common, self.scale, Vec::new())
+        });
+        let worth = match found {
+            Some(Ok(found)) => found.worth(),
+            _ => 0.0,
+        };
+        self.tried.push((frames, worth));
+        worth
+    }
 }
 
 /// What every view saw, instant by instant.
@@ -244,19 +335,6 @@ fn sights(views: &[View], common: &Common) -> Vec<Vec<Detections>> {
     (0..common.times.len()).map(|k| all(k).collect()).collect()
 }
 
-/// The views once more, to be brought to another time.
-fn copies(seen: &[ViewFile]) -> Vec<ViewFile> {
-    let copy = |s: &ViewFile| ViewFile {
-        name: s.name.clone(),
-        size: s.size,
-        intrinsics: s.intrinsics,
-        frames: s.frames.clone(),
-        times: s.times.clone(),
-        of_machine: s.of_machine,
-    };
-    seen.iter().map(copy).collect()
-}
-
 /// What to say of cameras whose lens nobody told, of so many.
 fn guessed(unknown: &[&str], cameras: usize) -> Option<String> {
     let whose = match unknown.len() {
@@ -269,8 +347,11 @@ fn guessed(unknown: &[&str], cameras: usize) -> Option<String> {
     ))
 }
 
-/// What to say of a view that contradicts the others.
-fn doubt(view: &ViewQuality) -> Option<String> {
+/// What to say of a view that contradicts the others; `is_by_clock` where one clock told the times of all.
+fn doubt(all: &[ViewQuality], view: usize, is_by_clock: bool) -> Option<String> {
+    let others = all.iter().enumerate().filter(|(v, _)| *v != view);
+    let others = others.map(|(_, q)| q.rms_px).sum::<f64>() / (all.len() as f64 - 1.0).max(1.0);
+    let view = &all[view];
     let found = if view.far_percent > FAR {
         format!(
             "its joints where the other views have them, found {:.0} % far off",
@@ -281,11 +362,20 @@ fn doubt(view: &ViewQuality) -> Option<String> {
             "people that it sees to be seen by the other views, found {:.0} % that go with nobody",
             view.alone_percent
         )
+    } else if all.len() > 2 && view.rms_px > NOISE.max(SEVERAL * others) {
+        format!(
+            "its joints about as near as those of the other views, found {:.1} px off, and {others:.1} px there",
+            view.rms_px
+        )
     } else {
         return None;
     };
+    let films = match is_by_clock {
+        true => "",
+        false => "films may not have started together: cut them to one moment; else ",
+    };
     Some(format!(
-        "camera {}: expected {found}: the places may be wrong; films may not have started together: cut them to one moment; else let somebody walk about, or add a view",
+        "camera {}: expected {found}: the places may be wrong; {films}let somebody walk about, or add a view",
         view.name
     ))
 }
@@ -336,10 +426,13 @@ fn scale(args: &CalibrateArgs, names: &[&str], notes: &mut Vec<String>) -> anyho
 fn table(room: &Room) -> String {
     let mut text = "camera              sights  rms px  held out px  far %  height m\n".to_owned();
     for q in &room.quality {
+        let held_out = q
+            .held_out_rms_px
+            .map_or("-".into(), |px| format!("{px:.1}"));
         let _ = writeln!(
             text,
-            "{:<18}  {:>6}  {:>6.1}  {:>11.1}  {:>5.1}  {:>8.2}",
-            q.name, q.sights, q.rms_px, q.held_out_rms_px, q.far_percent, q.height_m
+            "{:<18}  {:>6}  {:>6.1}  {:>11}  {:>5.1}  {:>8.2}",
+            q.name, q.sights, q.rms_px, held_out, q.far_percent, q.height_m
         );
     }
     let _ = writeln!(text, "tallest person {:.2} m", room.stature);
@@ -381,20 +474,28 @@ mod tests {
 
     #[test]
     fn a_view_that_contradicts_the_others_is_doubted() {
-        let view = |far_percent, alone_percent| ViewQuality {
+        let view = |rms_px, far_percent, alone_percent| ViewQuality {
             name: "door".into(),
             sights: 100,
-            rms_px: 12.0,
-            held_out_rms_px: 12.0,
+            rms_px,
+            held_out_rms_px: None,
             far_percent,
             alone_percent,
             height_m: 2.0,
         };
-        assert_eq!(doubt(&view(13.0, 9.0)), None);
-        for (far, alone) in [(20.0, 0.0), (5.0, 20.0)] {
-            let said = doubt(&view(far, alone)).unwrap();
-            assert!(said.contains("door") && said.contains("20 %"), "{said}");
+        let other = || view(2.5, 0.0, 0.0);
+        let doubt = |of, is_by_clock| doubt(&[other(), of, other()], 1, is_by_clock);
+        assert_eq!(doubt(view(7.0, 13.0, 9.0), false), None);
+        for (rms, far, alone, word) in [
+            (7.0, 20.0, 0.0, "20 %"),
+            (7.0, 5.0, 20.0, "20 %"),
+            (9.9, 3.5, 0.0, "9.9 px"),
+        ] {
+            let said = doubt(view(rms, far, alone), false).unwrap();
+            assert!(said.contains("door") && said.contains(word), "{said}");
             assert!(said.contains("may not have started together"), "{said}");
+            let said = doubt(view(rms, far, alone), true).unwrap();
+            assert!(!said.contains("films"), "{said}");
         }
     }
 

@@ -261,7 +261,7 @@ fn advised(error: anyhow::Error, view: &View, frame: &ObservationFrame) -> anyho
     }
     let told = told(&error);
     Failure::data(format!(
-        "{told}, or ask the camera for the calibration's by --capture-size"
+        "{told}; --capture-size asks the camera for the calibration's, where it has that"
     ))
     .into()
 }
@@ -444,7 +444,7 @@ mod tests {
         };
         let small = refused([540, 960], 0);
         assert!(small.starts_with("hall: expected pictures of 1080x1920 pixels"));
-        assert!(small.ends_with("--capture-size"), "{small}");
+        assert!(small.contains("--capture-size asks"), "{small}");
         for (size, flags) in [([540, 960], FLAG_FILE_TIME), ([1920, 1080], 0)] {
             let other = refused(size, flags);
             assert!(!other.contains("--capture-size"), "{other}");

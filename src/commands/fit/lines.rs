@@ -2,12 +2,12 @@
 //! be quiet for as long as it likes.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::os::fd::AsFd;
-use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags, open};
 use rustix::io::Errno;
 
 use super::STEP;
@@ -21,7 +21,7 @@ const BUFFER: usize = 1 << 16;
 pub struct Lines {
     /// Their bytes.
     pub from: Box<dyn BufRead>,
-    /// Whether they end by themselves. Of a pipe nobody knows.
+    /// Whether they end by themselves, as a file does. Of a pipe nobody knows.
     pub has_end: bool,
 }
 
@@ -36,14 +36,17 @@ impl Lines {
         // A handle of its own: what the shared one has taken into its buffer no wait would see.
         let file = match is_stdin {
             true => io::stdin().as_fd().try_clone_to_owned().map(File::from),
-            false => File::open(input),
+            // Whoever is to write to a pipe may not have come yet, and opening would wait for that.
+            false => open(input, OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())
+                .map(File::from)
+                .map_err(io::Error::from),
         };
         let file = file.map_err(no_input)?;
-        let kind = file.metadata().map_err(no_input)?.file_type();
+        let has_end = file.metadata().map_err(no_input)?.is_file();
         let stop = stop.clone();
         Ok(Self {
             from: Box::new(BufReader::with_capacity(BUFFER, UntilStop { file, stop })),
-            has_end: !(is_stdin || kind.is_fifo() || kind.is_socket()),
+            has_end,
         })
     }
 }
@@ -61,8 +64,11 @@ impl Read for UntilStop {
             let mut polled = [PollFd::new(&self.file, PollFlags::IN)];
             match poll(&mut polled, Some(&patience)) {
                 Ok(0) | Err(Errno::INTR) => {}
-                // Its end, or an error, shows when it is read.
-                Ok(_) => return self.file.read(into),
+                // Its end, or an error, shows when it is read; others may have read it empty.
+                Ok(_) => match self.file.read(into) {
+                    Err(e) if e.kind() == ErrorKind::WouldBlock => {}
+                    read => return read,
+                },
                 Err(e) => return Err(e.into()),
             }
         }

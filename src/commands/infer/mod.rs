@@ -15,7 +15,7 @@ mod zoom;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::ObservationFrame;
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,8 @@ pub(super) use pipelines::Pipelines;
 
 /// How often the supervisor hears that a film is being opened.
 const OPENING: Duration = Duration::from_millis(250);
+/// How long that goes on: a disk that has gone away never answers.
+const LONGEST_OPENING: Duration = Duration::from_secs(600);
 
 /// Options of `edgecap infer`. Without a place for a file's observations they go to
 /// edgecap-out/<name>.observations.jsonl.
@@ -226,7 +228,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
 }
 
 /// Opens the input. All packets of a film are listed before its first picture, which takes minutes for a large one: the
-/// supervisor hears meanwhile that there is no picture yet. Opening a camera says nothing, and one that does not answer
+/// supervisor hears for a while that there is no picture yet. Opening a camera says nothing, and one that does not answer
 /// is noticed.
 ///
 /// # Errors
@@ -251,10 +253,14 @@ fn open(
         std::thread::Builder::new()
             .name("open".into())
             .spawn_scoped(threads, work)?;
+        let began = Instant::now();
         loop {
             match opened.recv_timeout(OPENING) {
                 Ok(opened) => return opened,
-                Err(RecvTimeoutError::Timeout) => heart.beat(Beat::Waiting),
+                Err(RecvTimeoutError::Timeout) if began.elapsed() < LONGEST_OPENING => {
+                    heart.beat(Beat::Waiting);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
                     anyhow::bail!("the thread that opens the film ended unexpectedly")
                 }

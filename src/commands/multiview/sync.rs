@@ -51,12 +51,7 @@ pub fn bring_together(
         }
     }
     let one_clock = fps.is_none() && seen.iter().all(|s| s.of_machine);
-    let mut is_whole = true;
-    if sync != Sync::None {
-        for view in &mut seen {
-            is_whole &= !view.leave_out_disorder(notes);
-        }
-    }
+    let is_whole = sync == Sync::None || !ViewFile::put_in_order(&mut seen, notes);
     let timed = seen.iter().all(ViewFile::tells_times);
     let everyone: Vec<usize> = (0..seen.len()).collect();
     let together = match sync {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::RunArgs;
 use super::live::{self, Plan};
+use super::own::expect_each_its_own;
 use super::pulse::Pulse;
 use super::taken;
 use crate::bridge::websocket::Access;
@@ -31,6 +32,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         .map(checked)
         .collect::<anyhow::Result<Vec<_>>>()?;
     expect_one_for_vmc(runs)?;
+    expect_each_its_own(runs, &chosen)?;
     if let [only] = &chosen[..] {
         taken::expect_free_camera(&only.name)?;
     }

@@ -11,6 +11,7 @@ mod hints;
 mod infers;
 mod live;
 mod mend;
+mod own;
 mod pulse;
 mod room;
 mod taken;
@@ -21,6 +22,7 @@ use super::settings::{self, Effective, Settings};
 use super::stop::Stop;
 pub use args::RunArgs;
 pub use cameras::{checked as expect_camera, expect_one_for_vmc};
+pub use own::{Devices, expect_addresses};
 
 /// Runs the whole system: on the input that the user named, else on every camera of the settings, else on the first
 /// camera.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::RunArgs;
 use super::cameras::{PROCESSES, checked, figures};
 use super::live::{self, Plan};
+use super::own::expect_each_its_own;
 use super::pulse::Pulse;
 use super::taken;
 use crate::camera::{CameraFile, View};
@@ -36,6 +37,7 @@ pub fn run(
         .iter()
         .map(checked)
         .collect::<anyhow::Result<Vec<_>>>()?;
+    expect_each_its_own(runs, &chosen)?;
     let names: Vec<String> = chosen.iter().map(|c| c.name.clone()).collect();
     let views = choose_cameras(&names, calibration)?.views;
     let mut args = runs[0].clone();

@@ -1,5 +1,6 @@
 //! Whose mistake an error about options is: of who typed them, or of the file, and there at which line and column.
 
+use std::fmt::Display;
 use std::ops::Range;
 
 use clap::Args;
@@ -9,7 +10,82 @@ use crate::commands::exit::{self, Failure};
 use crate::commands::run::RunArgs;
 use crate::config::{FILE_NAME, Mistake, Origin, Place};
 
+/// Something that is wrong with options of a camera, or of all of them.
+#[derive(Debug)]
+pub struct Fault<'a> {
+    camera: &'a Camera,
+    /// As [`Effective::blame`] takes them.
+    keys: &'static [&'static str],
+    /// The file or name that every message about it holds; `None` where its words are always the same.
+    subject: Option<String>,
+    error: anyhow::Error,
+}
+
+impl<'a> Fault<'a> {
+    /// Of the values of these keys, which [`Effective::blame`] takes; the words of `error` are always the same.
+    pub fn new(
+        camera: &'a Camera,
+        keys: &'static [&'static str],
+        error: impl Into<anyhow::Error>,
+    ) -> Self {
+        Self {
+            camera,
+            keys,
+            subject: None,
+            error: error.into(),
+        }
+    }
+
+    /// The same of this file or name, whatever the words.
+    pub fn about(self, subject: impl Display) -> Self {
+        Self {
+            subject: Some(subject.to_string()),
+            ..self
+        }
+    }
+
+    /// Whether a run ended over it with `error`. Of a process that has told the user itself the code is all there is.
+    pub fn is(&self, error: &anyhow::Error) -> bool {
+        // Who looks whether a file can be opened need not tell why it cannot.
+        let code = |error| match exit::code(error) {
+            exit::NO_PERMISSION => exit::NO_INPUT,
+            code => code,
+        };
+        let said = exit::told(error);
+        let is_named = |subject: &String| holds(&said, subject);
+        code(&self.error) == code(error)
+            && (exit::is_silent(error)
+                || exit::told(&self.error) == said
+                || self.subject.as_ref().is_some_and(is_named))
+    }
+}
+
+/// Whether a file or name stands in a text, as a whole or as the folder of what stands there.
+fn holds(text: &str, subject: &str) -> bool {
+    let is_more = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+    !subject.is_empty()
+        && text.match_indices(subject).any(|(start, found)| {
+            let before = text[..start].chars().next_back();
+            let after = text[start + found.len()..].chars().next();
+            !before.is_some_and(|c| is_more(c) || c == '/') && !after.is_some_and(is_more)
+        })
+}
+
 impl Effective {
+    /// Refuses settings with which something is wrong.
+    ///
+    /// # Errors
+    /// The first fault, as [`blame`](Self::blame) tells it.
+    pub(super) fn expect_none(&self, faults: Vec<Fault<'_>>) -> anyhow::Result<()> {
+        let first = faults.into_iter().next();
+        first.map_or(Ok(()), |fault| Err(self.blame_for(fault)))
+    }
+
+    /// A fault as an error, as [`blame`](Self::blame) tells it.
+    pub(super) fn blame_for(&self, fault: Fault<'_>) -> anyhow::Error {
+        self.blame(fault.camera, fault.keys, fault.error)
+    }
+
     /// An error about options of `camera`, or of all of them, with its place in the file: where the first of these
     /// `keys` stands that the file holds, else the first of those that the error names by their flags. It calls them as
     /// the file does.
@@ -210,5 +286,27 @@ mod tests {
             (code, &*told),
             (exit::DATA, "edgecap.toml:3:1: jsonl: a: damaged")
         );
+    }
+
+    #[test]
+    fn a_fault_is_known_by_its_code_and_its_words_or_its_file() {
+        let settings = Settings::parse("edgecap.toml", TWO).unwrap();
+        let effective = effective(&RunArgs::default(), &settings).unwrap();
+        let fault = |error| Fault::new(&effective.cameras[0], &["jsonl"], error);
+        let is = |fault: &Fault<'_>, error: Failure| fault.is(&error.into());
+        let usage = fault(Failure::usage("--vmc wants one"));
+        assert!(is(&usage, Failure::usage("--vmc wants one")));
+        assert!(!is(&usage, Failure::config("--vmc wants one")));
+        assert!(!is(&usage, Failure::usage("--max-fps leaves none")));
+        let file = fault(Failure::exists("b.bin: a file")).about("a/b.bin");
+        for said in ["cannot write a/b.bin: full", "a/b.bin/c", "'a/b.bin'"] {
+            assert!(is(&file, Failure::exists(said)), "{said}");
+        }
+        for said in ["cannot write /a/b.bin", "a/b.bin.1", "xa/b.bin", "c"] {
+            assert!(!is(&file, Failure::exists(said)), "{said}");
+        }
+        // Its process has said which.
+        assert!(is(&file, Failure::silent(exit::CANNOT_CREATE)));
+        assert!(!is(&file, Failure::silent(exit::NO_INPUT)));
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::blame::Fault;
 use super::{
     CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
 };
@@ -45,8 +46,8 @@ impl Effective {
     /// The first that is wrong or cannot be read.
     pub fn check(&self) -> anyhow::Result<()> {
         self.apart()?;
-        self.expect_readable()?;
-        self.expect_inputs(&self.runs()?)?;
+        self.expect_none(self.unreadable())?;
+        self.expect_none(self.doubled_inputs(&self.runs()?))?;
         if let Some(calibration) = self.calibration()? {
             let chosen = choose_cameras(&self.names(), calibration);
             chosen.map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?;
@@ -54,23 +55,14 @@ impl Effective {
         Ok(())
     }
 
-    /// Whether the network's input is asked for in one way.
-    fn expect_inputs(&self, runs: &[RunArgs]) -> anyhow::Result<()> {
-        self.cameras.iter().zip(runs).try_for_each(|(camera, run)| {
-            let inputs = run.engine.inputs(true);
-            inputs.map_err(|e| self.blame(camera, &["quality", "size"], e))?;
-            Ok(())
-        })
-    }
-
-    /// Options that exclude each other, and inputs that are not there.
-    ///
-    /// # Errors
-    /// The first mistake.
-    pub(super) fn expect_options(&self) -> anyhow::Result<()> {
-        let runs = self.runs()?;
-        self.expect_inputs(&runs)?;
-        together::check(self, &runs)
+    /// The cameras whose network's input is asked for in more than one way.
+    pub(super) fn doubled_inputs(&self, runs: &[RunArgs]) -> Vec<Fault<'_>> {
+        let each = self.cameras.iter().zip(runs);
+        let doubled = each.filter_map(|(camera, run)| {
+            let error = run.engine.inputs(true).err()?;
+            Some(Fault::new(camera, &["quality", "size"], error))
+        });
+        doubled.collect()
     }
 
     /// Holds apart what the runs read and write.
@@ -86,7 +78,7 @@ impl Effective {
     /// # Errors
     /// The first mistake.
     pub fn expect_start(&self) -> anyhow::Result<()> {
-        together::check(self, &self.runs()?)?;
+        self.expect_none(together::faults(self, &self.runs()?))?;
         together::expect_places(self)?;
         // One for all cameras, and slow to read.
         let camera = &self.cameras[0];

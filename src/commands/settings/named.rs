@@ -2,82 +2,104 @@
 
 use std::fs::{self, File};
 use std::io::Read;
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
-use super::blame::{is_of_who_asks, told_as};
+use super::blame::{Fault, is_of_who_asks, told_as};
 use super::effective::{Effective, Origins};
+use super::together;
 use crate::camera::{CameraFile, calibration};
 use crate::capture::InputSpec;
-use crate::commands::exit::Failure;
+use crate::commands::exit::{self, Failure};
 use crate::commands::multiview::names;
 use crate::config::{Mistake, Origin, Setting};
 use crate::output;
 
 impl Effective {
-    /// The failure of a run, as a mistake in the settings where it is one: started again, it would come again.
+    /// The failure of a run, as the mistake in the settings over which it ended, where that is one: started again, it
+    /// would come again. What else is wrong with them says nothing of this run.
     pub fn blamed(&self, error: anyhow::Error) -> anyhow::Error {
-        if !is_of_who_asks(&error) {
+        if error.is::<Mistake>() || !is_of_who_asks(&error) {
             return error;
         }
-        let looked = self
-            .expect_readable()
-            .and_then(|()| self.expect_options())
-            .and_then(|()| self.expect_films_and_places());
-        match looked.map_err(|e| e.downcast::<Mistake>()) {
-            Err(Ok(mistake)) => told_as(&error, mistake),
+        let Ok(runs) = self.runs() else {
+            return error;
+        };
+        let mut faults = self.unreadable();
+        faults.extend(self.doubled_inputs(&runs));
+        faults.extend(self.films_and_places());
+        // These a run finds itself, and no process of it.
+        if !exit::is_silent(&error) {
+            faults.extend(together::faults(self, &runs));
+        }
+        let same = faults.into_iter().find(|fault| fault.is(&error));
+        match same.map(|fault| self.blame_for(fault).downcast::<Mistake>()) {
+            Some(Ok(mistake)) => told_as(&error, mistake),
             _ => error,
         }
     }
 
-    /// Reads lenses and the calibration that are named, and begins to read models.
-    ///
-    /// # Errors
-    /// The first mistake; exit code 78 where there is no such file, or this user may not read it.
-    pub(super) fn expect_readable(&self) -> anyhow::Result<()> {
+    /// Lenses and a calibration that are named and cannot be read or are wrong, and models that cannot be opened.
+    pub(super) fn unreadable(&self) -> Vec<Fault<'_>> {
+        let mut found = Vec::new();
         for camera in &self.cameras {
-            if let Some(Setting::File(lens)) = &camera.args.input.lens
-                && is_named(&camera.origins, "lens")
-            {
-                CameraFile::read(lens).map_err(|e| self.blame(camera, &["lens"], e))?;
+            if let Some(Setting::File(lens)) = &camera.args.input.lens {
+                let read = match is_named(&camera.origins, "lens") {
+                    true => CameraFile::read(lens)
+                        .map(drop)
+                        .map_err(anyhow::Error::from),
+                    false => expect_file(lens).map_err(anyhow::Error::from),
+                };
+                let fault = |e| Fault::new(camera, &["lens"], e).about(lens.display());
+                found.extend(read.err().map(fault));
             }
             let engine = &camera.args.engine;
-            for (key, file) in [("model", &engine.model), ("stage2", &engine.stage2)] {
-                if let Some(file) = file.as_ref().filter(|_| is_named(&self.network, key)) {
-                    expect_file(file).map_err(|e| self.blame(camera, &[key], e))?;
+            let models: [(&'static [_], _); 2] =
+                [(&["model"], &engine.model), (&["stage2"], &engine.stage2)];
+            for (keys, file) in models {
+                let tried = file.as_ref().map(|file| (file, expect_file(file)));
+                if let Some((file, Err(e))) = tried {
+                    found.push(Fault::new(camera, keys, e).about(file.display()));
                 }
             }
         }
         let (multiview, origins) = &self.multiview;
-        match &multiview.calibration {
-            Some(file) if self.cameras.len() > 1 && is_named(origins, "calibration") => {
-                self.expect_calibrated(file)
-            }
-            _ => Ok(()),
+        if let Some(file) = &multiview.calibration
+            && self.cameras.len() > 1
+            && is_named(origins, "calibration")
+        {
+            found.extend(self.uncalibrated(file));
         }
+        found
     }
 
-    /// Looks for every camera in the calibration.
-    fn expect_calibrated(&self, file: &Path) -> anyhow::Result<()> {
-        let read = calibration::read(file);
-        let views = read
-            .map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?
-            .views;
-        for camera in &self.cameras {
+    /// The cameras that the calibration does not know, or that it cannot be read.
+    fn uncalibrated(&self, file: &Path) -> Vec<Fault<'_>> {
+        let views = match calibration::read(file) {
+            Ok(read) => read.views,
+            Err(e) => {
+                let fault = Fault::new(&self.cameras[0], &["calibration"], e);
+                return vec![fault.about(file.display())];
+            }
+        };
+        let unknown = self.cameras.iter().filter_map(|camera| {
             let name = camera.args.input.name.as_deref().unwrap_or_default();
-            if !views.iter().any(|view| view.name == name) {
-                let what = format!(
-                    "expected one of the cameras {} of {}, found {name}; call it as the calibration does",
-                    names(&views),
-                    file.display()
-                );
-                return Err(self.blame(camera, &["name", "calibration"], Failure::usage(what)));
+            if views.iter().any(|view| view.name == name) {
+                return None;
             }
-        }
-        Ok(())
+            let error = Failure::usage(format!(
+                "expected one of the cameras {} of {}, found {name}; call it as the calibration does",
+                names(&views),
+                file.display()
+            ));
+            Some(Fault::new(camera, &["name", "calibration"], error).about(file.display()))
+        });
+        unknown.collect()
     }
 
-    /// Begins to read films, and files where results are to go.
-    fn expect_films_and_places(&self) -> anyhow::Result<()> {
+    /// Films that are named and cannot be opened, and places of results where no file can be made.
+    fn films_and_places(&self) -> Vec<Fault<'_>> {
+        let mut found = Vec::new();
         for camera in &self.cameras {
             let (args, is_named) = (&camera.args, |key| is_named(&camera.origins, key));
             if let Some(Ok(InputSpec::Path(path))) = args.input.input.as_deref().map(str::parse)
@@ -85,26 +107,30 @@ impl Effective {
                 // A camera may come later, and a pipe waits for whoever reads it.
                 && !path.starts_with("/dev")
                 && !fs::metadata(&path).is_ok_and(|there| !there.is_file())
+                && let Err(e) = expect_file(&path)
             {
-                expect_file(&path).map_err(|e| self.blame(camera, &["input"], e))?;
+                found.push(Fault::new(camera, &["input"], e).about(path.display()));
             }
             let record = &args.record;
-            for (key, path) in [("jsonl", &record.jsonl), ("record", &record.record)] {
-                if let Some(path) = path.as_ref().filter(|_| is_named(key)) {
-                    expect_place(path).map_err(|e| self.blame(camera, &[key], e))?;
+            let places: [(&'static [_], _, _); 2] = [
+                (&["jsonl"], is_named("jsonl"), &record.jsonl),
+                (&["record"], is_named("record"), &record.record),
+            ];
+            for (keys, is_named, path) in places {
+                let tried = path.as_ref().filter(|_| is_named);
+                if let Some((path, Err(e))) = tried.map(|path| (path, expect_place(path))) {
+                    found.push(Fault::new(camera, keys, e).about(path.display()));
                 }
             }
         }
         let (bridges, origins) = &self.bridges;
-        if let Some(folder) = bridges
-            .flight
-            .as_ref()
-            .filter(|_| is_named(origins, "flight"))
+        if let Some(folder) = &bridges.flight
+            && is_named(origins, "flight")
+            && let Err(e) = expect_place(&folder.join("file"))
         {
-            let expected = expect_place(&folder.join("file"));
-            expected.map_err(|e| self.blame(&self.cameras[0], &["flight"], e))?;
+            found.push(Fault::new(&self.cameras[0], &["flight"], e).about(folder.display()));
         }
-        Ok(())
+        found
     }
 }
 
@@ -112,8 +138,11 @@ fn is_named(origins: &Origins, key: &str) -> bool {
     matches!(origins.get(key), Some(Origin::File(_)))
 }
 
-/// Begins to read a file.
+/// Begins to read a file. A pipe waits for whoever writes, and what is read of it nobody else reads.
 fn expect_file(path: &Path) -> Result<(), Failure> {
+    if fs::metadata(path).is_ok_and(|there| there.file_type().is_fifo()) {
+        return Ok(());
+    }
     let begun = File::open(path).and_then(|mut file| file.read(&mut [0]));
     begun.map(drop).map_err(|e| Failure::no_input(path, &e))
 }

@@ -1,84 +1,78 @@
 //! Cameras whose settings are right each and with which a run cannot start, alone or together.
 
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use edgecap_client::message::BodyFrame;
 use edgecap_client::{LinkError, Subscriber};
 
-use super::effective::Effective;
+use super::blame::Fault;
+use super::effective::{Camera, Effective};
 use super::multiview_args::MultiviewArgs;
 use crate::capture::InputSpec;
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::input;
 use crate::commands::outputs::RecordArgs;
-use crate::commands::run::{RunArgs, expect_camera, expect_one_for_vmc};
+use crate::commands::run::{Devices, RunArgs, expect_addresses, expect_camera, expect_one_for_vmc};
 
-/// Looks at what the runs would find wrong when they start. A camera may be plugged in later.
-///
-/// # Errors
-/// The first mistake; exit code 78 where it is one of the file.
-pub fn check(effective: &Effective, runs: &[RunArgs]) -> anyhow::Result<()> {
+/// What the runs would find wrong when they start. A camera may be plugged in later.
+pub fn faults<'a>(effective: &'a Effective, runs: &[RunArgs]) -> Vec<Fault<'a>> {
     let first = &effective.cameras[0];
+    let mut found = Vec::new();
     let MultiviewArgs { calibration, room } = &effective.multiview.0;
     if let Some(path) = calibration.as_ref().filter(|path| !path.exists()) {
-        let what = format!(
+        let error = Failure::config(format!(
             "expected a file or folder, found no {}; 'edgecap calibrate' makes one",
             path.display()
-        );
-        return Err(effective.blame(first, &["calibration"], Failure::config(what)));
+        ));
+        found.push(Fault::new(first, &["calibration"], error));
     }
     if let Some(room) = room {
-        expect_name(room, "--room").map_err(|e| effective.blame(first, &["room"], e))?;
+        found.extend(fault_of_name(first, &["room"], room, "--room"));
     }
-    let mut devices: Vec<(PathBuf, String)> = Vec::new();
+    // As they are named, and where that leads now.
+    let (mut named, mut real) = (Devices::default(), Devices::default());
     for (camera, run) in effective.cameras.iter().zip(runs) {
-        let blame = |keys: &[&str], e: anyhow::Error| effective.blame(camera, keys, e);
-        let chosen = input::choose(&run.input).map_err(|e| blame(&["input", "live"], e))?;
-        expect_name(&chosen.name, "--name").map_err(|e| blame(&["name"], e.into()))?;
+        let chosen = match input::choose(&run.input) {
+            Ok(chosen) => chosen,
+            Err(e) => {
+                found.push(Fault::new(camera, &["input", "live"], e));
+                continue;
+            }
+        };
+        found.extend(fault_of_name(camera, &["name"], &chosen.name, "--name"));
         if let InputSpec::Path(path) = &chosen.spec
             && !path.starts_with("/dev")
             && !path.exists()
         {
-            let what = format!(
+            let error = Failure::config(format!(
                 "expected a camera or a film, found no {}; check the path",
                 path.display()
-            );
-            return Err(blame(&["input"], Failure::config(what).into()));
+            ));
+            found.push(Fault::new(camera, &["input"], error));
         }
-        let limits = run.pace.limits(&chosen, false);
-        limits.map_err(|e| blame(&["max_fps"], e))?;
+        let limits = run.pace.limits(&chosen, false).err();
+        found.extend(limits.map(|e| Fault::new(camera, &["max_fps"], e)));
         if chosen.is_live() {
-            expect_addresses(run).map_err(|e| blame(&["view"], e.into()))?;
+            let addresses = expect_addresses(run).err();
+            found.extend(addresses.map(|e| Fault::new(camera, &["view"], e)));
         }
         if runs.len() == 1 {
             continue;
         }
-        expect_camera(run).map_err(|e| blame(&["input"], e))?;
-        let path = match &chosen.spec {
-            // A film is played for each.
-            _ if run.input.live => continue,
-            InputSpec::Path(path) | InputSpec::StandIn(path) => path.clone(),
-            InputSpec::FirstCamera => "camera".into(),
-            InputSpec::Stdin | InputSpec::Demo => continue,
-        };
-        let device = path.canonicalize().unwrap_or(path);
-        if let Some((_, other)) = devices.iter().find(|(d, _)| *d == device) {
-            let what = format!(
-                "{other} and {}: expected a device for each, found {} for both; 'ls /dev/v4l/by-id /dev/v4l/by-path' names each camera",
-                chosen.name,
-                device.display()
-            );
-            return Err(blame(&["input"], Failure::config(what).into()));
-        }
-        devices.push((device, chosen.name));
+        let several = expect_camera(run).err();
+        found.extend(several.map(|e| Fault::new(camera, &["input"], e)));
+        let follow = |path: PathBuf| path.canonicalize().unwrap_or(path);
+        let own = named.take(run, &chosen, |path| path);
+        let own = own.and_then(|()| real.take(run, &chosen, follow)).err();
+        found.extend(own.map(|e| Fault::new(camera, &["input"], e)));
     }
     // Of a room there is one stream of bodies.
     if calibration.is_none() {
-        expect_one_for_vmc(runs).map_err(|e| effective.blame(first, &["vmc"], e))?;
+        let vmc = expect_one_for_vmc(runs).err();
+        found.extend(vmc.map(|e| Fault::new(first, &["vmc"], e)));
     }
-    Ok(())
+    found
 }
 
 /// Looks whether the records that are wanted could be made.
@@ -100,32 +94,21 @@ pub fn expect_places(effective: &Effective) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses one address for figures and the page: whichever begins to listen later could not.
-fn expect_addresses(run: &RunArgs) -> Result<(), Failure> {
-    match (run.metrics.address, run.bridges.view) {
-        (Some(figures), Some(page)) if collide(figures.0, page) => Err(Failure::usage(format!(
-            "--view {page} and --metrics {figures}: expected an address for each, found that only one can listen; choose another port for one"
-        ))),
-        _ => Ok(()),
-    }
-}
-
-/// Whether only one can listen at these addresses.
-fn collide(one: SocketAddr, other: SocketAddr) -> bool {
-    let is_any = |a: SocketAddr| a.ip().is_unspecified();
-    let is_same_machine = one.is_ipv4() == other.is_ipv4() && (is_any(one) || is_any(other));
-    // At port 0 each gets one of its own.
-    one.port() != 0 && one.port() == other.port() && (one.ip() == other.ip() || is_same_machine)
-}
-
-/// Whether a stream can have this name, which the flag gives.
-fn expect_name(name: &str, flag: &str) -> Result<(), Failure> {
+/// Why no stream can have this name, which the flag gives. Where streams cannot be at all no other name would do.
+fn fault_of_name<'a>(
+    camera: &'a Camera,
+    keys: &'static [&'static str],
+    name: &str,
+    flag: &str,
+) -> Option<Fault<'a>> {
     // Opening a stream to read makes nothing.
-    let opened = Subscriber::<BodyFrame>::open(name).map(drop);
-    opened.map_err(|e| match e {
-        LinkError::Name(_) => Failure::usage(e.to_string().replace("--name", flag)),
-        e => Failure::config(e.to_string()),
-    })
+    match Subscriber::<BodyFrame>::open(name).err()? {
+        e @ LinkError::Name(_) => {
+            let error = Failure::usage(e.to_string().replace("--name", flag));
+            Some(Fault::new(camera, keys, error).about(name))
+        }
+        e => Some(Fault::new(camera, &[], e)),
+    }
 }
 
 /// Holds apart what the runs read and write. Of cameras that see the same people, the first record is all that there

@@ -98,8 +98,6 @@ pub struct Track {
     pub appearance: Option<Appearance>,
     /// Seconds since the appearance was refreshed.
     pub appearance_age: f64,
-    /// Looks that it is the mean of, a thirtieth of a second each; 0 where somebody else stood before the person.
-    pub looks: f64,
     /// Height.
     pub stature: Stature,
     /// Standing feet.
@@ -137,7 +135,6 @@ impl Track {
             bones: Bones::new(cx.skeleton),
             appearance: None,
             appearance_age: 0.0,
-            looks: 0.0,
             stature: Stature::default(),
             feet: Feet::default(),
             states: [JointState::PREDICTED; BODY_JOINTS],
@@ -269,13 +266,9 @@ impl Track {
         self.bones = old.bones;
         self.stature = old.stature;
         self.appearance_age = 0.0;
-        match (self.appearance.as_mut(), old.appearance) {
+        match (&mut self.appearance, old.appearance) {
             (Some(now), Some(before)) => now.blend(&before, 0.5),
-            (Some(_), None) => {}
-            (None, before) => {
-                self.appearance = before;
-                self.looks = old.looks;
-            }
+            (now, before) => *now = now.or(before),
         }
     }
 
@@ -317,7 +310,6 @@ impl Track {
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
         fresh.appearance_age = self.appearance_age + dt;
-        fresh.looks = self.looks;
         fresh.stature = self.stature;
         cx.skeleton
             .pose(&fresh.pose, fresh.bones.lengths(), &mut fresh.posed);

@@ -113,7 +113,7 @@ pub fn offsets(views: &[Watched<'_>]) -> Vec<Offset> {
     if let Some(first) = found.first_mut() {
         *first = Some(Offset::Told(0.0));
     }
-    // Which view each started together with, itself where with none that was told before.
+    // Which view each started together with, or its own number, where it started with none that is told already.
     let mut beside: Vec<usize> = (0..seen.len()).collect();
     // From view to view: two may share nobody, and both share somebody with a third.
     loop {

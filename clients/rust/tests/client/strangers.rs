@@ -486,7 +486,7 @@ fn memory_that_is_full_is_told_and_kills_nobody() {
             "{ROLE}=writer $PROGRAM --exact strangers::role --nocapture > $HERE/said & writer=$!; \
              while ! grep -q publishes $HERE/said; do sleep 0.05; done; \
              mkfifo $HERE/heard; \
-             for left in 0 4 8 12 16 20 24 28 32; do \
+             for left in 0 8 12 32; do \
                  dd if=/dev/zero of=$HERE/fill bs=4k 2> /dev/null || true; \
                  truncate -s -${{left}}K $HERE/fill; \
                  {ROLE}=reader $PROGRAM --exact strangers::role --nocapture > $HERE/heard & reader=$!; \
@@ -500,7 +500,7 @@ fn memory_that_is_full_is_told_and_kills_nobody() {
         ),
     );
     assert!(status.success(), "{status} {said}");
-    assert_eq!(said.matches("reads").count(), 9, "{said}");
+    assert_eq!(said.matches("reads").count(), 4, "{said}");
 }
 
 #[test]
