@@ -46,8 +46,8 @@ struct Boxed {
 }
 
 impl Walk {
-    /// Walks through the file. Its last box may end behind the file, which is cut off then: neither we nor the library look
-    /// into it, unless it is `moov`.
+    /// Walks through the file. Its last box may end behind the file, which is cut off then: neither we nor the library
+    /// look into it, unless it is `moov`.
     ///
     /// # Errors
     /// Why these cannot be the boxes of a film, and what reading fails with.
