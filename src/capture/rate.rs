@@ -10,7 +10,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Pictures a second, where that is known by now, or the highest number that is looked at, where only that is known.
+    /// Pictures a second, where that is known by now, or the highest number that is looked at, where only that is
+    /// known.
     pub fn get(&self) -> Option<f64> {
         let known = self.known.get().copied();
         known.into_iter().chain(self.most).reduce(f64::min)
