@@ -228,8 +228,8 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
 }
 
 /// Opens the input. All packets of a film are listed before its first picture, which takes minutes for a large one: the
-/// supervisor hears for a while that there is no picture yet. Opening a camera says nothing, and one that does not answer
-/// is noticed.
+/// supervisor hears for a while that there is no picture yet. Opening a camera says nothing, and one that does not
+/// answer is noticed.
 ///
 /// # Errors
 /// As [`NamedInput::open`], and if no thread can be started.
