@@ -38,11 +38,7 @@ pub struct PipelineOptions<'a> {
 /// The input nearest to a `size`, pixels across and down, whose sides are multiples of all of these, and whose maps
 /// have whole cells.
 pub(super) fn nearest(size: (usize, usize), multiples: &[usize]) -> (usize, usize) {
-    let step = multiples.iter().fold(Maps::STRIDE, |step, &multiple| {
-        let mut common = (1..=multiple).map(|k| k * step);
-        let common = common.find(|n| n.is_multiple_of(multiple));
-        common.unwrap_or(step)
-    });
+    let step = Maps::step(multiples);
     let side = |n: usize| ((n + step / 2) / step).max(1) * step;
     (side(size.0), side(size.1))
 }
@@ -109,8 +105,9 @@ impl Pipeline {
         tracing::info!(
             isa = isa.name(),
             ?precision,
-            width,
-            height,
+            // Without --size inputs follow the pictures' shape: this one may never be used.
+            width = (!options.nearest).then_some(width),
+            height = (!options.nearest).then_some(height),
             threads = options.threads,
             "stages built"
         );

@@ -5,7 +5,7 @@
 //! some are slow, or other programs and other cameras use them, half as many may be faster: a picture waits for its
 //! slowest thread.
 
-use super::zoom::INPUTS;
+use super::zoom::SHARES;
 
 /// Pictures before the first trial: caches, clocks and the input's size settle.
 const FIRST: u32 = 30;
@@ -25,8 +25,8 @@ const GAIN: f32 = 0.93;
 pub struct Crew {
     /// Numbers of threads, from all of them down.
     sizes: Vec<usize>,
-    /// Counted as [`INPUTS`]: times of different inputs cannot be compared.
-    levels: [Level; INPUTS.len()],
+    /// Counted as [`SHARES`]: times of different inputs cannot be compared.
+    levels: [Level; SHARES.len()],
 }
 
 /// The choice for an input. A trial goes on with the next picture of that input, whatever came between.

@@ -21,8 +21,8 @@ pub struct EngineArgs {
     /// Weights of Stage II (safetensors) in place of the model's own
     #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub stage2: Option<PathBuf>,
-    /// Network input, multiples of 16, or 'auto', for films and cameras: 512x320 or as much smaller as suits those in
-    /// view, which sees people close to the camera better in less time, turned for upright pictures [default: as
+    /// Network input, multiples of 16, or 'auto', for films and cameras: what 512x320 is in the pictures' shape, or as
+    /// much smaller as suits those in view, which sees people close to the camera better in less time [default: as
     /// --quality says]
     #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,

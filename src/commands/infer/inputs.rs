@@ -3,15 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::engine_args::InputSize;
-use super::zoom::INPUTS;
 
 /// How much time a picture may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
-    /// One look at 384x240
+    /// One look at 384x240, or as large in the picture's shape
     Fast,
-    /// One look at 512x320
+    /// One look at 512x320, or as large in the picture's shape
     Balanced,
     /// Two looks, at 384x240 and 768x480: those near and those far
     Best,
@@ -22,11 +21,18 @@ pub enum Quality {
 pub enum Inputs {
     /// This one, pixels across and down.
     Fixed((usize, usize)),
-    /// One of [`INPUTS`] from this one on, as small as suits the people in view.
+    /// One of [`super::zoom::SHARES`] from this one on, as small as suits the people in view.
     Following(usize),
-    /// One or two, shares of 512×320 in the shape of the picture: of landscape pictures, and of upright ones.
+    /// One or two, shares of the whole size in the picture's shape: first those of pictures that are not upright, then
+    /// of upright ones.
     Looks([&'static [f32]; 2]),
 }
+
+/// The whole size: what a picture fits into, by its shape. A square one that fitted into 512×320 would have less than
+/// two thirds of the pixels that others have, and who is small in it would be missed.
+const LANDSCAPE: (usize, usize) = (512, 320);
+const SQUARE: (usize, usize) = (368, 368);
+const UPRIGHT: (usize, usize) = (LANDSCAPE.1, LANDSCAPE.0);
 
 /// Near and far: what other pairs found is in models/train/RUNS.md.
 const TWO_LOOKS: &[f32] = &[0.75, 1.5];
@@ -46,7 +52,8 @@ impl Inputs {
     }
 }
 
-/// The shares at which a photo is looked at: a landscape one, and an upright one.
+/// The shares at which a photo is looked at: one that is not upright, and one that is (more than 1.15 times as high as
+/// wide).
 fn shares(quality: Quality) -> [&'static [f32]; 2] {
     match quality {
         Quality::Fast => QUICK_LOOK,
@@ -62,23 +69,27 @@ pub fn photo_inputs(photo: (usize, usize), quality: Quality) -> Vec<(usize, usiz
 
 /// The inputs of the looks at a `picture` by [`Inputs::Looks`], all pixels across and down.
 pub fn inputs_of(picture: (usize, usize), shares: [&[f32]; 2]) -> Vec<(usize, usize)> {
-    let shares = shares[usize::from(picture.1 > picture.0)];
+    let is_upright = scale_into(picture, UPRIGHT) > scale_into(picture, SQUARE);
+    let shares = shares[usize::from(is_upright)];
     shares.iter().map(|&s| fitted(picture, s)).collect()
 }
 
-/// The input that shows a `picture` (pixels across and down) at this `share` of the size at which it fits into 512×320,
-/// or 320×512 if it is upright: multiples of 16.
+/// The input that shows a `picture` (pixels across and down) at this `share` of the whole size: multiples of 16.
 pub fn fitted(picture: (usize, usize), share: f32) -> (usize, usize) {
-    let (w, h) = (picture.0.max(1) as f32, picture.1.max(1) as f32);
-    let (across, down) = turned(INPUTS[0], h > w);
-    let scale = share * (across as f32 / w).min(down as f32 / h);
-    let side = |pixels: f32| ((pixels * scale / 16.0).round() as usize * 16).max(64);
-    (side(w), side(h))
+    let scale = share * whole_scale(picture);
+    let side = |pixels: usize| ((pixels as f32 * scale / 16.0).round() as usize * 16).max(64);
+    (side(picture.0), side(picture.1))
 }
 
-/// A size for landscape pictures, turned for portrait ones if `upright`.
-pub fn turned((w, h): (usize, usize), upright: bool) -> (usize, usize) {
-    if upright { (h, w) } else { (w, h) }
+/// Pixels of the input for a pixel of the `picture` (pixels across and down) at the whole size.
+pub fn whole_scale(picture: (usize, usize)) -> f32 {
+    let scales = [LANDSCAPE, SQUARE, UPRIGHT].map(|whole| scale_into(picture, whole));
+    scales.into_iter().fold(0.0, f32::max)
+}
+
+fn scale_into(picture: (usize, usize), (across, down): (usize, usize)) -> f32 {
+    let (w, h) = (picture.0.max(1) as f32, picture.1.max(1) as f32);
+    (across as f32 / w).min(down as f32 / h)
 }
 
 #[cfg(test)]
@@ -108,6 +119,8 @@ mod tests {
         assert_eq!(inputs(640, 480, Quality::Balanced), [(432, 320)]);
         assert_eq!(inputs(480, 720, Quality::Balanced), [(256, 384)]);
         assert_eq!(inputs(480, 720, Quality::Best), [(240, 368), (480, 720)]);
+        assert_eq!(inputs(720, 720, Quality::Balanced), [(368, 368)]);
+        assert_eq!(inputs(700, 720, Quality::Balanced), [(352, 368)]);
     }
 
     #[test]
@@ -115,9 +128,10 @@ mod tests {
         assert_eq!(fitted((1920, 1080), 1.0), (512, 288));
         assert_eq!(fitted((640, 480), 1.0), (432, 320));
         assert_eq!(fitted((640, 480), 0.75), (320, 240));
-        assert_eq!(fitted((416, 416), 1.5), (480, 480));
+        assert_eq!(fitted((416, 416), 1.0), (368, 368));
+        assert_eq!(fitted((416, 416), 1.5), (560, 560));
         assert_eq!(fitted((480, 720), 0.8), (256, 384));
         assert_eq!(fitted((5000, 10), 1.5), (768, 64));
-        assert_eq!(fitted((0, 0), 1.0), (320, 320));
+        assert_eq!(fitted((0, 0), 1.0), (64, 64));
     }
 }

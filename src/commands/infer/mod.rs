@@ -10,6 +10,7 @@ mod observer;
 mod pace;
 mod pace_args;
 mod pipelines;
+mod shapes;
 mod speed;
 mod zoom;
 

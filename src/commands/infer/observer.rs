@@ -12,6 +12,7 @@ use crate::camera::{CameraFile, monotonic_ns};
 use crate::capture::{Brightness, CaptureError, Frame, Mounting, Source};
 use crate::commands::exit::Failure;
 use crate::commands::pipeline::FrameObservations;
+use crate::supervise::has_worked_before;
 
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.2;
@@ -38,7 +39,7 @@ pub struct Observer {
     picture: Frame,
     /// Whether `picture` is the one that was observed last.
     has_picture: bool,
-    /// Whether the lens has fitted a picture.
+    /// Whether the lens has fitted a picture, of a camera also before this process was started in another's place.
     has_fitted: bool,
     /// Whether it was said that pictures of another shape are left out.
     has_told_of_shape: bool,
@@ -56,7 +57,7 @@ pub enum Step {
     Observed,
     /// None at the moment: the next one has not come yet, or what came was damaged.
     Nothing,
-    /// None: the source is away, and looked for.
+    /// None: the source is away, and looked for, or sends pictures that the lens does not fit.
     Away,
     /// None is wanted yet.
     Idle,
@@ -84,6 +85,7 @@ impl Observer {
         Ok(Self {
             pipelines: Pipelines::new(engine, !source.is_stills(), target)?,
             is_live: source.is_live(),
+            has_fitted: source.is_live() && has_worked_before(),
             is_stills: source.is_stills(),
             picture_name: source.picture(),
             feed: Feed::start(source, mounting)?,
@@ -96,7 +98,6 @@ impl Observer {
             busy: 0.0,
             picture: Frame::default(),
             has_picture: false,
-            has_fitted: false,
             has_told_of_shape: false,
             damage: None,
             misfits: 0,
@@ -213,7 +214,7 @@ impl Observer {
                     tracing::warn!("pictures of another shape are left out: {reason}");
                 }
                 self.has_picture = false;
-                return Ok(Step::Nothing);
+                return Ok(Step::Away);
             }
             // Photos have nothing to do with each other.
             Err(reason) if self.is_stills && picture.total.is_some_and(|n| n > 1) => {

@@ -6,10 +6,11 @@ use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::crew::{Change, Crew};
 use super::engine_args::EngineArgs;
-use super::inputs::{Inputs, inputs_of, turned};
+use super::inputs::{Inputs, fitted, inputs_of, whole_scale};
 use super::looks::{Looks, sum};
+use super::shapes::Shapes;
 use super::speed::Speed;
-use super::zoom::{INPUTS, Zoom, stature};
+use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::pipeline::{FrameObservations, Pipeline};
@@ -29,10 +30,9 @@ enum Stages {
 
 /// The input that follows the people in view.
 struct Following {
-    /// By orientation (upright second: people in an upright picture would be small in an input that lies), of each of
-    /// [`INPUTS`].
-    built: [Vec<Pipeline>; 2],
-    /// The largest of [`INPUTS`] that is wanted.
+    /// Of the pictures' shape, for each of [`SHARES`].
+    shapes: Shapes,
+    /// The largest of [`SHARES`] that is wanted.
     largest: usize,
     zoom: Zoom,
     /// How tall people are by the present input and by another, pixels of the largest one.
@@ -42,14 +42,8 @@ struct Following {
 
 impl Following {
     fn new(engine: &EngineArgs, largest: usize) -> anyhow::Result<Self> {
-        let first = engine.build_near(INPUTS[0])?;
-        let rest = INPUTS[1..].iter().map(|&(w, h)| first.resized(w, h));
-        let rest: Vec<_> = rest.collect::<Result<_, _>>()?;
-        let upright = INPUTS.iter().map(|&(w, h)| first.resized(h, w));
-        let upright = upright.collect::<Result<_, _>>()?;
-        let landscape = std::iter::once(first).chain(rest).collect();
         Ok(Self {
-            built: [landscape, upright],
+            shapes: Shapes::new(engine)?,
             largest,
             zoom: Zoom::default(),
             here: Vec::new(),
@@ -110,15 +104,15 @@ impl Pipelines {
             Stages::Following(following) => following,
         };
         let Following {
-            built,
+            shapes,
             largest,
             zoom,
             here,
             elsewhere,
         } = &mut **following;
-        let upright = frame.height > frame.width;
-        let built = &mut built[usize::from(upright)];
-        let heights = heights_in(frame, upright);
+        let picture = size_of(frame);
+        let built = shapes.of(sizes_of(picture))?;
+        let heights = heights_in(picture);
         zoom.limit(speed.limit().max(*largest));
         let level = zoom.level();
         let other = zoom.look_elsewhere(frame.time_ns);
@@ -139,12 +133,12 @@ impl Pipelines {
                 tracing::warn!("{}", slower.line());
             }
         }
-        let input = turned(INPUTS[level], upright);
+        let input = fitted(picture, SHARES[level]);
         log(crew.took(now, level, network_seconds(&seen)), Some(input));
         heights(seen.people, here);
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
-            tracing::debug!(?here, ?elsewhere, input = ?INPUTS[zoom.level()], "another input");
+            tracing::debug!(?here, ?elsewhere, input = ?fitted(picture, SHARES[zoom.level()]), "another input");
         }
         Ok(FrameObservations {
             times: sum(beside, seen.times),
@@ -180,14 +174,14 @@ impl Pipelines {
             Stages::Following(following) => following,
         };
         let Following {
-            built,
+            shapes,
             largest,
             zoom,
             elsewhere,
             ..
         } = &mut **following;
-        let upright = frame.height > frame.width;
-        let built = &mut built[usize::from(upright)];
+        let picture = size_of(frame);
+        let built = shapes.of(sizes_of(picture))?;
         let smallest = built.len() - 1;
         built[smallest].use_threads(crew.usual(smallest));
         let seen = built[smallest].process(frame, intrinsics)?;
@@ -201,7 +195,7 @@ impl Pipelines {
                 ..seen
             });
         }
-        heights_in(frame, upright)(seen.people, elsewhere);
+        heights_in(picture)(seen.people, elsewhere);
         zoom.entered(None);
         zoom.seen(frame.time_ns, &[], Some(elsewhere));
         Ok(built[smallest].seen())
@@ -226,10 +220,14 @@ fn log(change: Option<Change>, input: Option<(usize, usize)>) {
     }
 }
 
-/// How tall people are, pixels of the largest input.
-fn heights_in(frame: &Frame, upright: bool) -> impl Fn(&[Observation], &mut Vec<f32>) {
-    let (w, h) = turned(INPUTS[0], upright);
-    let scale = (w as f32 / frame.width as f32).min(h as f32 / frame.height as f32);
+/// The inputs of a picture (all pixels across and down) that follow the people in view, for each of [`SHARES`].
+fn sizes_of(picture: (usize, usize)) -> Vec<(usize, usize)> {
+    SHARES.map(|share| fitted(picture, share)).to_vec()
+}
+
+/// How tall people in a picture (pixels across and down) are, pixels of the largest input.
+fn heights_in(picture: (usize, usize)) -> impl Fn(&[Observation], &mut Vec<f32>) {
+    let scale = whole_scale(picture);
     move |people, out| {
         out.clear();
         out.extend(people.iter().filter_map(stature).map(|s| s * scale));
@@ -242,6 +240,7 @@ mod tests {
     use crate::capture::{demo, open_bytes};
 
     const SECOND: u64 = 1_000_000_000;
+    const WALL: (usize, usize) = (512, 320);
 
     /// For a film with the input that follows the people in view.
     fn following(target: Option<f32>) -> Pipelines {
@@ -253,7 +252,7 @@ mod tests {
     }
 
     fn wall() -> Frame {
-        let (w, h) = INPUTS[0];
+        let (w, h) = WALL;
         Frame {
             width: w as u32,
             height: h as u32,
@@ -263,7 +262,7 @@ mod tests {
     }
 
     fn lens() -> Intrinsics {
-        let (w, h) = INPUTS[0];
+        let (w, h) = WALL;
         Intrinsics::from_horizontal_fov(w as u32, h as u32, 60.0)
     }
 
@@ -289,17 +288,71 @@ mod tests {
         pipelines.process(&picture, &lens).unwrap();
         picture.time_ns = SECOND;
         let both = pipelines.process(&picture, &lens).unwrap().times;
-        let of = |pipelines: &Pipelines| match &pipelines.stages {
-            Stages::Following(f) => [0, 1, 2].map(|level| f.built[0][level].seen().times),
+        let of = |pipelines: &mut Pipelines| match &mut pipelines.stages {
+            Stages::Following(f) => {
+                let built = f.shapes.of(sizes_of(WALL)).unwrap();
+                [0, 1, 2].map(|level| built[level].seen().times)
+            }
             _ => panic!("expected the input that follows people"),
         };
-        let [large, middle, _] = of(&pipelines);
+        let [large, middle, _] = of(&mut pipelines);
         assert!(middle.stage1_us > 0, "no other input was looked at");
         assert_eq!(both, sum(large, middle));
         let both = pipelines.look(&picture, &lens, true).unwrap().times;
-        let [large, _, small] = of(&pipelines);
+        let [large, _, small] = of(&mut pipelines);
         assert!(small.stage1_us > 0);
         assert_eq!(both, sum(small, large));
+    }
+
+    fn grey((w, h): (usize, usize)) -> Frame {
+        Frame {
+            width: w as u32,
+            height: h as u32,
+            rgb: vec![128; 3 * w * h],
+            ..Frame::default()
+        }
+    }
+
+    #[test]
+    fn inputs_have_the_shape_of_the_pictures_as_they_come() {
+        let mut pipelines = following(None);
+        let shapes = [(640, 480), (720, 720), (360, 640), (640, 480)];
+        let inputs = [
+            [(432, 320), (320, 240), (208, 160)],
+            [(368, 368), (272, 272), (192, 192)],
+            [(288, 512), (208, 384), (144, 256)],
+            [(432, 320), (320, 240), (208, 160)],
+        ];
+        for (picture, inputs) in shapes.into_iter().zip(inputs) {
+            let (w, h) = picture;
+            let lens = Intrinsics::from_horizontal_fov(w as u32, h as u32, 60.0);
+            pipelines.process(&grey(picture), &lens).unwrap();
+            assert_eq!(sizes_of(picture), inputs);
+            let Stages::Following(following) = &pipelines.stages else {
+                panic!("expected the input that follows people");
+            };
+            assert_eq!(following.shapes.last(), Some(&inputs[..]));
+        }
+    }
+
+    #[test]
+    fn heights_are_pixels_of_the_largest_input_of_any_shape() {
+        let mut clip = open_bytes("demo", demo::CLIP).unwrap();
+        let mut frame = Frame::default();
+        assert!(clip.next_into(&mut frame).unwrap());
+        let mut pipelines = following(None);
+        let people = pipelines.process(&frame, &lens()).unwrap().people.to_vec();
+        let statures: Vec<f32> = people.iter().filter_map(stature).collect();
+        assert!(!statures.is_empty());
+        for picture in [(512, 320), (640, 480), (720, 720), (360, 640), (1280, 720)] {
+            let (mut heights, input) = (Vec::new(), sizes_of(picture)[0]);
+            heights_in(picture)(&people, &mut heights);
+            let scale = (input.0 as f32 / picture.0 as f32).min(input.1 as f32 / picture.1 as f32);
+            for (height, stature) in heights.iter().zip(&statures) {
+                let error = height / (stature * scale) - 1.0;
+                assert!(error.abs() < 0.03, "{picture:?}: {error}");
+            }
+        }
     }
 
     #[test]
@@ -309,7 +362,7 @@ mod tests {
         for k in 0..20 {
             speed.took(k * SECOND, speed.limit(), 1.0);
         }
-        assert_eq!(speed.limit(), INPUTS.len() - 1);
+        assert_eq!(speed.limit(), SHARES.len() - 1);
         let (far, empty) = (far_away(), wall());
         let mut sees = |picture, large: Option<bool>| {
             let seen = match large {

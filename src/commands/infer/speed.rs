@@ -1,7 +1,7 @@
 //! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes
 //! slower than it was. Times go in, verdicts come out.
 
-use super::zoom::INPUTS;
+use super::zoom::SHARES;
 
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.1;
@@ -25,7 +25,7 @@ const SLOWER_NS: u64 = 30_000_000_000;
 pub struct Speed {
     /// What a picture may take, seconds; `None` where nobody waits for it.
     target: Option<f32>,
-    levels: [Level; INPUTS.len()],
+    levels: [Level; SHARES.len()],
     /// The largest input that keeps up.
     limit: usize,
     /// Since when another limit would be right.
@@ -66,7 +66,7 @@ impl Speed {
         }
     }
 
-    /// The largest input that keeps up, counted as [`INPUTS`].
+    /// The largest input that keeps up, counted as [`SHARES`].
     pub fn limit(&self) -> usize {
         self.limit
     }
@@ -97,9 +97,9 @@ impl Speed {
 
     /// Takes another limit where the present one has been wrong for long enough.
     fn choose(&mut self, now: u64, level: usize, takes: f32, target: f32) {
-        let pixels = |l: usize| (INPUTS[l].0 * INPUTS[l].1) as f32;
+        let pixels = |l: usize| SHARES[l].powi(2);
         let wanted = if takes > target && level >= self.limit {
-            (level + 1).min(INPUTS.len() - 1)
+            (level + 1).min(SHARES.len() - 1)
         } else if self.limit > 0 && takes * pixels(self.limit - 1) / pixels(level) < ROOM * target {
             self.limit - 1
         } else {
@@ -204,7 +204,7 @@ mod tests {
         let mut told = Vec::new();
         while *clock < end {
             let level = speed.limit();
-            let share = (INPUTS[level].0 * INPUTS[level].1) as f32 / (512.0 * 320.0);
+            let share = SHARES[level].powi(2);
             let takes = seconds * share;
             *clock += FRAME.max((takes * 1e9) as u64);
             told.extend(speed.took(*clock, level, takes));

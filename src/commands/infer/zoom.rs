@@ -11,8 +11,9 @@
 
 use edgecap_client::message::Observation;
 
-/// Network inputs for landscape pictures, from the largest to the smallest.
-pub const INPUTS: [(usize, usize); 3] = [(512, 320), (384, 240), (256, 160)];
+/// Network inputs, from the largest to the smallest, as shares of the whole size: 512x320, 384x240 and 256x160 for
+/// pictures of that shape.
+pub const SHARES: [f32; 3] = [1.0, 0.75, 0.5];
 /// Somebody taller than this, network pixels, is better seen by a smaller input.
 const TALL: f32 = 320.0;
 /// Somebody smaller than this is not to become smaller.
@@ -68,7 +69,7 @@ struct Lifted {
 }
 
 impl Zoom {
-    /// Which of [`INPUTS`] the next picture takes.
+    /// Which of [`SHARES`] the next picture takes.
     pub fn level(&self) -> usize {
         self.level.max(self.largest())
     }
@@ -101,8 +102,8 @@ impl Zoom {
             return None;
         }
         self.looked_ns = Some(now);
-        for _ in 0..INPUTS.len() {
-            self.looked_at = (self.looked_at + 1) % INPUTS.len();
+        for _ in 0..SHARES.len() {
+            self.looked_at = (self.looked_at + 1) % SHARES.len();
             if self.looked_at >= self.largest() && self.looked_at != self.level() {
                 return Some(self.looked_at);
             }
@@ -181,12 +182,13 @@ fn wanted_at(level: usize, statures: impl Iterator<Item = f32> + Clone) -> usize
 /// The input for people of these statures, pixels of the largest input; the largest for nobody.
 fn wanted(statures: impl Iterator<Item = f32>) -> usize {
     let (least, most) = statures.fold((f32::INFINITY, 0.0f32), |(a, b), s| (a.min(s), b.max(s)));
-    let share = |level: usize| INPUTS[level].0 as f32 / INPUTS[0].0 as f32;
-    let last = INPUTS.len() - 1;
-    let low_enough = (0..last).find(|&k| most * share(k) <= TALL).unwrap_or(last);
+    let last = SHARES.len() - 1;
+    let low_enough = (0..last)
+        .find(|&k| most * SHARES[k] <= TALL)
+        .unwrap_or(last);
     let large_enough = (0..=last)
         .rev()
-        .find(|&k| least * share(k) >= SMALL)
+        .find(|&k| least * SHARES[k] >= SMALL)
         .unwrap_or(0);
     low_enough.min(large_enough)
 }
@@ -247,7 +249,7 @@ mod tests {
     /// Those of these people whom an input sees: 60 to 400 of its pixels.
     fn seen_by(people: &[f32]) -> impl Fn(usize) -> Vec<f32> {
         move |level| {
-            let share = INPUTS[level].0 as f32 / INPUTS[0].0 as f32;
+            let share = SHARES[level];
             let sees = |s: &&f32| (60.0..400.0).contains(&(**s * share));
             people.iter().filter(sees).copied().collect()
         }
