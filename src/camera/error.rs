@@ -39,10 +39,9 @@ impl CameraError {
     /// 78 configuration.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Self::Read { source, .. } if is_nowhere(source) => 66,
             Self::Read { source, .. } => match source.kind() {
-                io::ErrorKind::NotFound
-                | io::ErrorKind::NotADirectory
-                | io::ErrorKind::IsADirectory => 66,
+                io::ErrorKind::IsADirectory => 66,
                 io::ErrorKind::PermissionDenied => 77,
                 io::ErrorKind::InvalidData | io::ErrorKind::FileTooLarge => 65,
                 _ => 74,
@@ -61,8 +60,21 @@ impl CameraError {
     }
 }
 
+/// Whether the system says that a path leads to no file: nothing is there, or can be (a file as a folder, links in a
+/// circle, a name that is too long), or a socket or a device without hardware is.
+pub(crate) fn is_nowhere(error: &io::Error) -> bool {
+    let code = error.raw_os_error();
+    error.kind() == io::ErrorKind::NotFound
+        || matches!(
+            code,
+            Some(libc::ENOTDIR | libc::ELOOP | libc::ENAMETOOLONG | libc::ENXIO)
+        )
+}
+
 #[cfg(test)]
 mod tests {
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
     use super::*;
 
     /// A failure on the way is tried again and again.
@@ -71,9 +83,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "").unwrap();
+        let circle = folder.path().join("circle");
+        std::os::unix::fs::symlink(&circle, &circle).unwrap();
+        let socket = folder.path().join("socket");
+        mknodat(CWD, &socket, FileType::Socket, Mode::RWXU, 0).unwrap();
         for (path, code) in [
             (folder.path().join("none.toml"), 66),
             (file.join("lens.toml"), 66),
+            (circle, 66),
+            (socket, 66),
+            (folder.path().join("a".repeat(300)), 66),
             (folder.path().to_owned(), 66),
             (Path::new("/dev/zero").to_owned(), 65),
         ] {

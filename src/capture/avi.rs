@@ -27,6 +27,9 @@ const FLAG_KEY_FRAME: u32 = 0x10;
 /// Deepest nesting of LIST chunks that is followed; real files need 3.
 const MAX_DEPTH: u32 = 8;
 
+/// Bytes behind the last chunk that are no mere note of some program.
+const LONG_REST_BYTES: u64 = 1 << 31;
+
 /// Where one picture lies in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Entry {
@@ -40,7 +43,7 @@ pub struct AviReader<R> {
     name: String,
     entries: Vec<Entry>,
     position: usize,
-    /// The file ends before its last chunk does.
+    /// The file ends before its last chunk does, or goes on for long behind it.
     truncated: bool,
     /// Duration of one frame as a fraction of a second.
     scale: u32,
@@ -213,6 +216,12 @@ fn walk<R: Read + Seek>(
             (b"RIFF" | b"LIST", 0) => end - body,
             (_, length) => length,
         };
+        // What follows the RIFF chunks is no part of the film, as notes of some program are none.
+        if depth == 0 && !belongs_outside(code) {
+            // But so much of it is the rest of a film for which lengths of 32 bits were too short.
+            layout.truncated |= end - at >= LONG_REST_BYTES;
+            break;
+        }
         let stop = (body + length).min(end);
         let whole = body + length <= end;
         match &code {
@@ -277,6 +286,16 @@ fn walk<R: Read + Seek>(
     Ok(())
 }
 
+/// Whether a chunk of a film may lie outside its RIFF chunks: padding between them, and all that follows the headers
+/// where the length of the first covers only those.
+fn belongs_outside(code: [u8; 4]) -> bool {
+    match &code {
+        b"RIFF" | b"LIST" | b"JUNK" | b"idx1" => true,
+        [tens, ones, b'd' | b'w', b'b' | b'c'] => tens.is_ascii_digit() && ones.is_ascii_digit(),
+        _ => false,
+    }
+}
+
 /// Whether two digits name the stream whose pictures are wanted.
 fn is_stream(tens: u8, ones: u8, wanted: Option<u32>) -> bool {
     let (tens, ones) = (
@@ -313,7 +332,7 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
                     return Err(CaptureError::data(
                         self.name.clone(),
                         format!(
-                            "the file ends inside frame {}; the frames before it were read, copy the file again for the rest",
+                            "the file ends inside frame {} or is damaged there; the frames before it were read, copy the file again for the rest",
                             self.position
                         ),
                     ));

@@ -20,6 +20,8 @@ pub struct AwaitedSource<O, C> {
     clock: C,
     source: Option<Box<dyn Source>>,
     next_try: Instant,
+    /// What it is asked for has suited it.
+    has_suited: bool,
     /// What was said of its absence.
     said: Option<String>,
 }
@@ -37,7 +39,26 @@ where
             next_try: clock.now(),
             clock,
             source: None,
+            has_suited: false,
             said: None,
+        }
+    }
+
+    /// One that also waits where the camera lacks what it is asked for, if that `has_suited` the camera before: another
+    /// one may be there in its place.
+    #[must_use]
+    pub fn knowing(mut self, has_suited: bool) -> Self {
+        self.has_suited = has_suited;
+        self
+    }
+
+    /// Whether to wait after this.
+    fn may_pass(&self, error: &CaptureError) -> bool {
+        match error {
+            // A device that has just come is root's alone for a moment.
+            CaptureError::Permission { .. } => true,
+            CaptureError::Config { .. } => self.has_suited,
+            other => other.may_pass(),
         }
     }
 
@@ -50,8 +71,7 @@ where
                 self.source = Some(source);
                 Ok(())
             }
-            // A device that has just come is root's alone for a moment.
-            Err(e) if e.may_pass() || matches!(e, CaptureError::Permission { .. }) => {
+            Err(e) if self.may_pass(&e) => {
                 let reason = e.to_string();
                 if self.said.as_ref() != Some(&reason) {
                     tracing::warn!("waiting for the camera: {reason}; --no-wait ends instead");
@@ -190,16 +210,19 @@ mod tests {
 
     #[test]
     fn what_does_not_pass_ends_it() {
-        let open = || {
-            Err(CaptureError::Config {
-                setting: "camera".into(),
-                reason: "no such control".into(),
-            })
-        };
-        let clock = Turned(Arc::new(Mutex::new(Instant::now())));
-        let mut source = AwaitedSource::new("camera", open, clock);
-        let refused = source.next_into(&mut Frame::default());
-        assert!(refused.is_err_and(|e| !e.is_skippable()));
+        for has_suited in [false, true] {
+            let open = || {
+                Err(CaptureError::Config {
+                    setting: "camera".into(),
+                    reason: "no such control".into(),
+                })
+            };
+            let clock = Turned(Arc::new(Mutex::new(Instant::now())));
+            let mut source = AwaitedSource::new("camera", open, clock).knowing(has_suited);
+            let refused = source.next_into(&mut Frame::default()).unwrap_err();
+            // Where it had that control, another camera is there, and it may come back.
+            assert_eq!(refused.is_skippable(), has_suited, "{refused}");
+        }
     }
 
     #[test]

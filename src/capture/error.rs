@@ -3,10 +3,12 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::camera::is_nowhere;
+
 /// Why no (further) picture comes. Every message names the input, says what was found, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// Nothing is there: a missing file, an empty folder.
+    /// Nothing is there, or can be: a missing file, an empty folder, a file taken for a folder, a socket.
     #[error("{input}: {reason}")]
     NoInput {
         /// What the user pointed at.
@@ -128,6 +130,10 @@ impl CaptureError {
             io::ErrorKind::NotFound => Self::NoInput {
                 input,
                 reason: "no such file or folder; check the path".into(),
+            },
+            _ if is_nowhere(&source) => Self::NoInput {
+                input,
+                reason: format!("expected a file or folder, found none ({source}); check the path"),
             },
             io::ErrorKind::PermissionDenied => Self::Permission {
                 input,

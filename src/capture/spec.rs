@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::fs::{File, FileType};
+use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use super::pipe::PipeSource;
 use super::source::Source;
 use super::square::square;
 use super::stand_in::StandIn;
-use super::stored::open_stored;
+use super::stored::{is_film, open_stored};
 use super::y4m::Y4mReader;
 use crate::camera::SystemClock;
 
@@ -24,6 +24,8 @@ const BUFFER_BYTES: usize = 1 << 18;
 const STDIN: &str = "standard input";
 /// How the name of a camera's stand-in begins.
 const STAND_IN: &str = "stand-in:";
+/// Folders of /dev in which no devices lie, but what people and programs put there.
+const HOLD_FILES: [&str; 4] = ["shm", "mqueue", "hugepages", "fd"];
 /// Major number of V4L2 device files on Linux.
 const VIDEO_MAJOR: u32 = 81;
 
@@ -111,7 +113,7 @@ pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, 
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
     let meta = match std::fs::metadata(path) {
-        Err(e) if e.kind() == ErrorKind::NotFound && path.starts_with("/dev") => {
+        Err(e) if e.kind() == ErrorKind::NotFound && is_camera_place(path) => {
             return Err(no_such_camera(path));
         }
         other => other.map_err(io)?,
@@ -126,7 +128,14 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         }
         return open_camera(Some(path), options);
     }
-    if is_pipe(kind) {
+    if kind.is_socket() {
+        return Err(CaptureError::NoInput {
+            input: name_of(path),
+            reason: "expected a file, a pipe or a camera, found a socket; check the path, or hand its bytes on through a pipe (mkfifo)".into(),
+        });
+    }
+    // It can be read once, from front to back: it carries YUV4MPEG2, like standard input.
+    if kind.is_fifo() {
         let name = name_of(path);
         let path = path.to_owned();
         let open = move || {
@@ -140,6 +149,14 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
         return Ok(Box::new(PipeSource::start(name, open)));
     }
     open_stored(path, options.fps)
+}
+
+/// Whether a camera may come where nothing is: its device file, or a link to it in a folder of udev's.
+pub fn is_camera_place(path: &Path) -> bool {
+    path.strip_prefix("/dev").is_ok_and(|below| {
+        let holds_files = HOLD_FILES.iter().any(|folder| below.starts_with(folder));
+        !holds_files && !is_film(path)
+    })
 }
 
 /// A device file that is not there, with those that are.
@@ -160,14 +177,33 @@ fn no_such_camera(path: &Path) -> CaptureError {
     }
 }
 
-/// A named pipe can be read once, from front to back: it carries YUV4MPEG2, like standard input.
-fn is_pipe(kind: FileType) -> bool {
-    kind.is_fifo() || kind.is_socket()
-}
-
 fn open_camera(
     path: Option<&Path>,
     options: &OpenOptions,
 ) -> Result<Box<dyn Source>, CaptureError> {
     Ok(Box::new(CameraSource::open(path, options)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_come_where_devices_lie_and_files_do_not() {
+        for (path, may_come) in [
+            ("/dev/video0", true),
+            ("/dev/v4l/by-id/usb-hall-video-index0", true),
+            ("/dev/hall", true),
+            ("/dev/cameras/hall", true),
+            ("/dev/none.avi", false),
+            ("/dev/shm/none.avi", false),
+            ("/dev/shm/photos", false),
+            ("/dev/mqueue/hall", false),
+            ("/dev/fd/9", false),
+            ("/home/video0", false),
+            ("video0", false),
+        ] {
+            assert_eq!(is_camera_place(Path::new(path)), may_come, "{path}");
+        }
+    }
 }

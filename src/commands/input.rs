@@ -20,7 +20,7 @@ use crate::capture::{
     self, AwaitedSource, CaptureError, InputSpec, Mounting, OpenOptions, PacedSource, Source,
 };
 use crate::config::Setting;
-use crate::supervise::is_service;
+use crate::supervise::{has_worked_before, is_service};
 
 /// Stream name of a camera or pipe when the user gives none.
 pub const DEFAULT_NAME: &str = "camera0";
@@ -218,7 +218,7 @@ impl NamedInput {
     /// Opens it, a camera as soon as it is there.
     ///
     /// # Errors
-    /// As [`capture::open`], except that a camera may be missing or in use.
+    /// As [`capture::open`], except that a camera may be missing or in use, and lack what one in its place had.
     pub fn open_when_there(&self, args: &InputArgs) -> anyhow::Result<Box<dyn Source>> {
         if !self.is_camera {
             return self.open(args);
@@ -226,7 +226,7 @@ impl NamedInput {
         let (spec, options) = (self.spec.clone(), args.wishes());
         let open = move || capture::open(&spec, &options);
         let source = AwaitedSource::new(self.spec.to_string(), open, SystemClock);
-        Ok(Box::new(source))
+        Ok(Box::new(source.knowing(has_worked_before())))
     }
 
     /// Opens it.
@@ -249,10 +249,7 @@ impl NamedInput {
 
 /// Whether pictures can be read there once, from front to back.
 fn is_pipe(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|m| {
-        let kind = m.file_type();
-        kind.is_fifo() || kind.is_socket()
-    })
+    std::fs::metadata(path).is_ok_and(|m| m.file_type().is_fifo())
 }
 
 /// Whether an input is a stream of the network, whose name is no path.
@@ -285,7 +282,7 @@ pub fn choose(args: &InputArgs) -> anyhow::Result<NamedInput> {
     let is_camera = match &spec {
         InputSpec::FirstCamera | InputSpec::StandIn(_) => true,
         InputSpec::Path(path) => std::fs::metadata(path).map_or_else(
-            |_| path.starts_with("/dev"),
+            |_| capture::is_camera_place(path),
             |m| m.file_type().is_char_device(),
         ),
         InputSpec::Demo | InputSpec::Stdin => false,

@@ -19,6 +19,8 @@ use super::tie::tie;
 
 /// The program that runs, even after an update has replaced its file.
 const PROGRAM: &str = "/proc/self/exe";
+/// Set for a child in whose place another one has worked.
+const WORKED_VARIABLE: &str = "EDGECAP_HAS_WORKED";
 /// Time to end after SIGTERM.
 const GRACE: Duration = Duration::from_secs(3);
 /// Time to end after SIGKILL: whoever supervises has others to look after.
@@ -47,6 +49,7 @@ pub struct Child {
     /// The newest kind of sign of life that came since the look before the last.
     heard: Option<Beat>,
     has_lived: bool,
+    has_worked: bool,
     starts: u64,
 }
 
@@ -70,6 +73,7 @@ impl Child {
             beats: None,
             heard: None,
             has_lived: false,
+            has_worked: false,
             starts: 0,
         })
     }
@@ -98,6 +102,11 @@ impl Child {
         self.has_lived
     }
 
+    /// Whether it has ever published a result.
+    pub fn has_worked(&self) -> bool {
+        self.has_worked
+    }
+
     /// The newest sign of life, if one came between the last two calls of [`tend`](Self::tend).
     pub fn heard(&self) -> Option<Beat> {
         self.heard
@@ -115,7 +124,6 @@ impl Child {
         if let Some(beat) = self.newest_beat() {
             self.policy.beat(now, beat);
             self.heard = Some(beat);
-            self.has_lived |= beat != Beat::Waiting;
         }
         if let Some(process) = &mut self.process
             && let Some(ended) = process.try_wait()?
@@ -169,6 +177,10 @@ impl Child {
         for variable in systemd::VARIABLES {
             command.env_remove(variable);
         }
+        match self.has_worked {
+            true => command.env(WORKED_VARIABLE, "1"),
+            false => command.env_remove(WORKED_VARIABLE),
+        };
         tie(&mut command);
         let mut process = command.spawn()?;
         self.beats = process.stdout.take();
@@ -182,10 +194,15 @@ impl Child {
     /// The newest sign of life since the last call.
     fn newest_beat(&mut self) -> Option<Beat> {
         let mut some = [0; 4096];
-        match self.beats.as_mut().map(|b| b.read(&mut some)) {
-            Some(Ok(n)) => some[..n].last().copied().and_then(Beat::of),
-            _ => None,
+        let n = self.beats.as_mut()?.read(&mut some).ok()?;
+        let mut newest = None;
+        for beat in some[..n].iter().filter_map(|byte| Beat::of(*byte)) {
+            // Others may follow a result at once.
+            self.has_lived |= beat != Beat::Waiting;
+            self.has_worked |= beat == Beat::Step;
+            newest = Some(beat);
         }
+        newest
     }
 
     fn terminate(&self) {
@@ -206,6 +223,12 @@ impl Child {
         }
         self.policy.ended();
     }
+}
+
+/// Whether this process takes the place of one that worked, with the same options and under the same supervisor: where
+/// its input does not suit them, that may pass.
+pub fn has_worked_before() -> bool {
+    std::env::var_os(WORKED_VARIABLE).is_some()
 }
 
 /// Ends all of them: politely, then by force.

@@ -18,7 +18,7 @@ pub enum Beat {
     Idle,
     /// No picture has come yet, or a damaged one; to ask a device again may take a while.
     Waiting,
-    /// The input is away; it is looked for, which may take a while.
+    /// The input is away, and looked for, which may take a while; or nothing that it sends is of use.
     Away,
 }
 

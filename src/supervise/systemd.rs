@@ -23,9 +23,9 @@ pub fn is_service() -> bool {
 pub enum Progress {
     /// Bodies are published.
     Bodies,
-    /// The camera is away, and looked for.
+    /// The camera is away, and looked for; or what it sends is of no use.
     Waiting,
-    /// Its next picture has not come yet: what was said before still holds.
+    /// Its next picture has not come yet, or was damaged: what was said before still holds.
     Still,
 }
 

@@ -1,6 +1,6 @@
 //! Motion-JPEG AVI: what is written can be read, and nothing that is read can harm.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 
 use edgecap::capture::{
     AviReader, AviWriter, Brightness, CaptureError, Frame, InputSpec, OpenOptions, RawDecoder,
@@ -117,6 +117,77 @@ fn sizes_in_the_headers_add_up() {
         assert_eq!(at(chunk + 4), at(index + 8 + 16 * k + 12));
         assert_eq!(bytes[chunk + 8..chunk + 10], [0xFF, 0xD8]);
     }
+}
+
+/// Pictures of a film that ends without an error.
+fn count_whole(bytes: Vec<u8>) -> u64 {
+    let mut reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
+    let (mut frame, mut count) = (Frame::default(), 0);
+    while reader.next_into(&mut frame).unwrap() {
+        count += 1;
+    }
+    count
+}
+
+#[test]
+fn what_follows_a_whole_film_does_not_make_it_one_that_is_cut_off() {
+    let padding = b"JUNK\x03\0\0\0abc\0";
+    for tail in [
+        &b"made by a camera in the hall"[..],
+        b"abc",
+        &[0; 4096],
+        padding,
+    ] {
+        assert_eq!(count_whole([&clip(3)[..], tail].concat()), 3, "{tail:?}");
+    }
+    // A second part (OpenDML) has its pictures, also behind padding.
+    let first = clip(3);
+    let movi = first.windows(4).position(|w| w == b"movi").unwrap() - 8;
+    let index = first.windows(4).position(|w| w == b"idx1").unwrap();
+    let pictures = &first[movi..index];
+    let length = (4 + pictures.len() as u32).to_le_bytes();
+    let second = [&b"RIFF"[..], &length, b"AVIX", pictures].concat();
+    for between in [&b""[..], padding] {
+        let both = [&first[..], between, &second, b"the end of it all"].concat();
+        assert_eq!(count_whole(both), 6, "{between:?}");
+    }
+}
+
+#[test]
+fn a_length_that_covers_less_than_the_film_hides_no_picture() {
+    let whole = clip(3);
+    let movi = whole.windows(4).position(|w| w == b"movi").unwrap() - 8;
+    let pictures = whole.windows(4).enumerate();
+    let pictures: Vec<usize> = pictures
+        .filter(|(_, w)| *w == b"00dc")
+        .map(|p| p.0)
+        .take(3)
+        .collect();
+    // The headers alone, which the pictures follow.
+    let mut headers_only = whole.clone();
+    headers_only[4..8].copy_from_slice(&(movi as u32 - 8).to_le_bytes());
+    assert_eq!(count_whole(headers_only), 3);
+    // Written while the film grew, up to its second picture, and not again.
+    let mut grown = whole;
+    let until = pictures[1] as u32;
+    grown[4..8].copy_from_slice(&(until - 8).to_le_bytes());
+    grown[movi + 4..movi + 8].copy_from_slice(&(until - 8 - movi as u32).to_le_bytes());
+    assert_eq!(count_whole(grown), 3);
+}
+
+#[test]
+fn a_long_rest_that_cannot_be_read_is_told() {
+    let mut file = tempfile::tempfile().unwrap();
+    let film = clip(3);
+    file.write_all(&film).unwrap();
+    file.set_len(film.len() as u64 + (1 << 31)).unwrap();
+    let mut reader = AviReader::new(file, "long.avi").unwrap();
+    let mut frame = Frame::default();
+    for _ in 0..3 {
+        assert!(reader.next_into(&mut frame).unwrap());
+    }
+    assert_eq!(reader.next_into(&mut frame).unwrap_err().exit_code(), 65);
+    assert!(!reader.next_into(&mut frame).unwrap());
 }
 
 #[test]

@@ -60,6 +60,8 @@ impl Clock for FakeClock {
 
 struct FakePort {
     openings: VecDeque<Opening>,
+    /// Pictures a second that it promises.
+    fps: f64,
     clock: FakeClock,
     /// When each opening was tried, and how many streams are open.
     log: Arc<Mutex<Vec<Instant>>>,
@@ -68,6 +70,7 @@ struct FakePort {
 
 struct FakeStream {
     acts: VecDeque<Act>,
+    fps: f64,
     clock: FakeClock,
     alive: Arc<Mutex<i32>>,
 }
@@ -87,6 +90,7 @@ impl CameraPort for FakePort {
                 *self.alive.lock().unwrap() += 1;
                 Ok(Box::new(FakeStream {
                     acts: acts.into(),
+                    fps: self.fps,
                     clock: self.clock.clone(),
                     alive: self.alive.clone(),
                 }))
@@ -135,7 +139,7 @@ impl CameraStream for FakeStream {
     }
 
     fn fps(&self) -> Option<f64> {
-        Some(30.0)
+        Some(self.fps)
     }
 }
 
@@ -147,10 +151,23 @@ fn live(
     FakeClock,
     Arc<Mutex<Vec<Instant>>>,
 ) {
+    live_at(30.0, openings)
+}
+
+/// The same of a camera that promises so many pictures a second.
+fn live_at(
+    fps: f64,
+    openings: Vec<Opening>,
+) -> (
+    Live<FakePort, FakeClock>,
+    FakeClock,
+    Arc<Mutex<Vec<Instant>>>,
+) {
     let clock = FakeClock::new();
     let log = Arc::new(Mutex::new(Vec::new()));
     let port = FakePort {
         openings: openings.into(),
+        fps,
         clock: clock.clone(),
         log: log.clone(),
         alive: Arc::default(),
@@ -322,6 +339,66 @@ fn a_silent_camera_is_opened_again() {
     );
 }
 
+/// Silence for 5 s, as steps of a quarter of a second find it.
+fn five_seconds() -> impl Iterator<Item = Act> {
+    (0..20).map(|_| Act::Silence)
+}
+
+#[test]
+fn a_slow_camera_is_not_silent_between_its_pictures() {
+    let acts = (0..4).flat_map(|n| [Act::Picture(n)].into_iter().chain(five_seconds()));
+    let again = Opening::Works(vec![Act::Picture(0)]);
+    let (mut live, clock, log) = live_at(0.2, vec![Opening::Works(acts.collect()), again]);
+    for n in 0..4 {
+        assert_eq!(next_picture(&mut live).0, n);
+    }
+    assert_eq!(log.lock().unwrap().len(), 1, "never opened again");
+    let before = clock.now();
+    next_picture(&mut live);
+    let waited = (clock.now() - before).as_secs_f64();
+    assert!((12.5..13.5).contains(&waited), "2.5 intervals: {waited}");
+}
+
+#[test]
+fn rates_that_are_none_leave_the_usual_patience() {
+    for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let again = Opening::Works(vec![Act::Picture(0)]);
+        let (mut live, clock, _) = live_at(fps, vec![Opening::Works(vec![]), again]);
+        let before = clock.now();
+        next_picture(&mut live);
+        let waited = (clock.now() - before).as_secs_f64();
+        assert!((3.0..4.0).contains(&waited), "{fps}: {waited}");
+    }
+}
+
+#[test]
+fn a_few_damaged_pictures_of_a_slow_camera_do_not_close_it() {
+    let acts = (0..9).flat_map(|n| {
+        let act = match n % 3 {
+            2 => Act::Picture(n),
+            _ => Act::Damaged(n),
+        };
+        [act].into_iter().chain(five_seconds())
+    });
+    let (live, _, log) = live_at(0.2, vec![Opening::Works(acts.collect())]);
+    take_good(&mut CameraSource::new(live), 3);
+    assert_eq!(log.lock().unwrap().len(), 1, "never opened again");
+}
+
+/// With a small `--max-fps` few pictures are asked for, however many come.
+#[test]
+fn two_damaged_pictures_close_no_camera_that_is_seldom_asked() {
+    let acts = vec![Act::Damaged(0), Act::Damaged(1), Act::Picture(2)];
+    let (live, clock, log) = live(vec![Opening::Works(acts)]);
+    let mut source = CameraSource::new(live);
+    for _ in 0..2 {
+        assert!(source.next_into(&mut Frame::default()).is_err());
+        clock.sleep(Duration::from_secs(10));
+    }
+    take_good(&mut source, 1);
+    assert_eq!(log.lock().unwrap().len(), 1, "never opened again");
+}
+
 /// With a small `--max-fps` nobody asks for seconds, and buffers that have been full for long are no news.
 #[test]
 fn a_camera_that_nobody_asks_is_not_silent() {
@@ -405,6 +482,7 @@ fn a_camera_that_is_absent_at_first_is_an_error() {
     let clock = FakeClock::new();
     let port = FakePort {
         openings: VecDeque::new(),
+        fps: 30.0,
         clock: clock.clone(),
         log: Arc::default(),
         alive: Arc::default(),

@@ -13,6 +13,7 @@ use edgecap::capture::{
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use proptest::prelude::*;
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::tools;
 
@@ -353,6 +354,22 @@ fn jpegs_back_to_back_are_a_film_by_their_name_and_a_photo_without() {
     );
     assert_eq!(damaged.next().unwrap().unwrap().sequence, 2);
     assert!(damaged.next().unwrap().is_none());
+}
+
+#[test]
+fn paths_that_lead_to_no_file_are_no_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("file"), "").unwrap();
+    std::os::unix::fs::symlink(at("circle"), at("circle")).unwrap();
+    mknodat(CWD, at("socket"), FileType::Socket, Mode::RWXU, 0).unwrap();
+    let long = "a".repeat(300);
+    for name in ["none.avi", "file/clip.avi", "circle", "socket", &long] {
+        let spec = InputSpec::Path(at(name));
+        let error = open(&spec, &OpenOptions::default()).err().unwrap();
+        assert_eq!(error.exit_code(), 66, "{error}");
+        assert!(error.to_string().contains("check the path"), "{error}");
+    }
 }
 
 #[test]

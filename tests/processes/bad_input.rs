@@ -34,6 +34,11 @@ fn inputs_that_are_not_there() {
         }
         assert_fails(&args, 69, &["/dev/video97"]);
     }
+    // No camera comes below /dev/shm, nor under the name of a film.
+    for film in ["/dev/shm/none.avi", "/dev/shm/none", "/dev/none.avi"] {
+        let args = ["run", "--input", film, "--name", &stream("no-film")];
+        assert_fails(&args, 66, &[film, "no such file"]);
+    }
     let here = tempfile::tempdir().unwrap();
     let out = crate::program::edgecap()
         .current_dir(here.path())
@@ -49,6 +54,25 @@ fn inputs_that_are_not_there() {
     assert_eq!(out.status.code(), Some(66));
     let left = std::fs::read_dir(here.path()).unwrap().count();
     assert_eq!(left, 0, "a failed run leaves no folder");
+}
+
+/// Tried again, it would lead nowhere again.
+#[test]
+fn an_input_that_cannot_exist_ends_a_film_that_would_play_without_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let below = file.join("clip.y4m");
+    let below = below.to_str().unwrap();
+    let args = ["--input", below, "--name", &stream("nowhere")];
+    for verb in [
+        &["run"][..],
+        &["infer"],
+        &["run", "--live"],
+        &["infer", "--live"],
+    ] {
+        assert_fails(&[verb, &args].concat(), 66, &[below, "check the path"]);
+    }
 }
 
 #[test]

@@ -197,27 +197,39 @@ fn damaged_pictures_are_no_camera_that_is_away() {
     assert!(watched.stop().status.success());
 }
 
-/// At the start it would end the run: the lens is a mistake then.
-#[test]
-fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
+/// `edgecap run` on a camera with a lens that is calibrated for its pictures.
+fn with_lens(test: &str, camera: &StandIn) -> (Watched, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let lens = folder.path().join("lens.toml");
     let text = "fx = 90.0\ncx = 47.5\ncy = 31.5\nwidth = 96\nheight = 64\n";
     std::fs::write(&lens, text).unwrap();
-    let camera = StandIn::new(30.0);
     let lens = lens.to_str().unwrap();
-    let watched = Watched::start("shape", &camera, &["--no-idle", "--camera", lens]);
+    let watched = Watched::start(test, camera, &["--no-idle", "--camera", lens]);
+    (watched, folder)
+}
+
+/// At the start it would end the run: the lens is a mistake then.
+#[test]
+fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
+    let camera = StandIn::new(30.0);
+    let (watched, _lens) = with_lens("shape", &camera);
     let bodies = watched.listen::<BodyFrame>();
     fresh_body(&bodies);
     let infer = eventually("infer", || watched.run.child("infer"));
     for _ in 0..2 {
         camera.changes_size((64, 64));
-        std::thread::sleep(Duration::from_millis(1500));
+        eventually("no bodies in the status", || {
+            (told(&watched.name)?["healthy"] == false).then_some(())
+        });
         assert!(!watched.run.has_ended(), "it goes on");
         camera.plug_in();
         fresh_body(&bodies);
     }
     assert_eq!(watched.run.child("infer"), Some(infer));
+    // What it sent was of no use, as if it were away.
+    eventually("it came back twice in the status", || {
+        counted(&watched.name).filter(|(_, reconnects)| *reconnects == 2)
+    });
     drop(bodies);
     let out = watched.stop();
     assert!(out.status.success());
@@ -227,6 +239,27 @@ fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
         1,
         "{said}"
     );
+}
+
+#[test]
+fn an_infer_that_is_killed_while_its_camera_sends_another_shape_does_not_end_the_run() {
+    let camera = StandIn::new(30.0);
+    let (mut watched, _lens) = with_lens("shape-killed", &camera);
+    let bodies = watched.listen::<BodyFrame>();
+    fresh_body(&bodies);
+    camera.changes_size((64, 64));
+    watched.run.says("another shape are left out");
+    let infer = eventually("infer", || watched.run.child("infer"));
+    signal(infer, "KILL");
+    let another = eventually("another infer", || {
+        watched.run.child("infer").filter(|p| *p != infer)
+    });
+    watched.run.says("another shape are left out");
+    camera.plug_in();
+    fresh_body(&bodies);
+    assert_eq!(watched.run.child("infer"), Some(another), "it waited");
+    drop(bodies);
+    assert!(watched.stop().status.success());
 }
 
 #[test]

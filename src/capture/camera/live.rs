@@ -2,13 +2,14 @@
 //! way of failing can be tested.
 //!
 //! ```text
-//! Streaming ──error, or silent for 3 s──▶ Reconnecting ──opened again──▶ Streaming
-//!                                          │    ▲ waits 0.25 s, then twice as long each time, at most 2 s
-//!                                          └────┘ opening failed
+//! Streaming ──error, or silence──▶ Reconnecting ──opened again──▶ Streaming
+//!                                   │    ▲ waits 0.25 s, then twice as long each time, at most 2 s
+//!                                   └────┘ opening failed
 //! ```
 //!
-//! A camera is back with its first picture: one that opens and sends nothing waits as one that does not open. One that
-//! sends for 3 s nothing that can be decoded is as good as silent, and back with its first picture that can be.
+//! Silence is 3 s without a picture, of a slow camera 2.5 of its intervals. A camera is back with its first picture:
+//! one that opens and sends nothing waits as one that does not open. One that sends for as long nothing that can be
+//! decoded is as good as silent, and back with its first picture that can be.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -19,8 +20,12 @@ use crate::capture::raw::RawPicture;
 
 /// Longest that one step takes while no picture comes: callers look at their stop signal that often.
 pub const STEP_LIMIT: Duration = Duration::from_millis(250);
-/// A camera that sends nothing for so long is closed and opened again.
-pub const SILENCE_LIMIT: Duration = Duration::from_secs(3);
+/// A camera that sends nothing for so long is closed and opened again, …
+const SILENCE_LIMIT: Duration = Duration::from_secs(3);
+/// … or for so many times the interval that it promised, where that is longer.
+const SILENT_INTERVALS: f64 = 2.5;
+/// Fewer pictures that cannot be decoded tell nothing of the next ones, however seldom they are asked for.
+const LEAST_UNDECODABLE: u32 = 3;
 /// First wait before opening again; doubles with every failure.
 const FIRST_DELAY: Duration = Duration::from_millis(250);
 /// Longest wait before opening again.
@@ -73,8 +78,8 @@ pub struct Live<P, C> {
     counter: Option<u32>,
     /// Why it could not be opened again, the last time, since it went away.
     refusal: Option<String>,
-    /// Since when none of its pictures could be decoded.
-    undecodable_since: Option<Instant>,
+    /// Since when none of its pictures could be decoded, and how many.
+    undecodable: Option<(Instant, u32)>,
     /// It was closed because of that: only one that can be decoded shows that it is back.
     is_doubted: bool,
 }
@@ -113,7 +118,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
             sequence: None,
             counter: None,
             refusal: None,
-            undecodable_since: None,
+            undecodable: None,
             is_doubted: false,
         })
     }
@@ -134,7 +139,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                     }
                     Ok(None) => {
                         *silent += self.clock.now().duration_since(asked);
-                        if *silent < SILENCE_LIMIT {
+                        if *silent < silence_limit(stream.fps()) {
                             return Step::Waiting("no picture yet".into());
                         }
                         let reason = format!("no picture for {} s", silent.as_secs());
@@ -178,14 +183,17 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
     /// Hears whether the last picture could be decoded, or why not. A camera that sends nothing else is opened again.
     pub fn judged(&mut self, failure: Option<&str>) {
         let Some(why) = failure else {
-            self.undecodable_since = None;
+            self.undecodable = None;
             self.is_doubted = false;
             self.came_back();
             return;
         };
         let now = self.clock.now();
-        let since = *self.undecodable_since.get_or_insert(now);
-        if self.is_streaming() && now - since >= SILENCE_LIMIT {
+        let (since, count) = self.undecodable.get_or_insert((now, 0));
+        *count += 1;
+        let are_enough = *count >= LEAST_UNDECODABLE;
+        let lasted = now - *since;
+        if self.is_streaming() && are_enough && lasted >= silence_limit(self.fps()) {
             self.is_doubted = true;
             // What follows says what to do about a file.
             let what = why.split("; ").next().unwrap_or(why);
@@ -261,7 +269,7 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
                 (delay * 2).min(LAST_DELAY)
             }
         };
-        self.undecodable_since = None;
+        self.undecodable = None;
         self.state = State::Reconnecting {
             reason: reason.clone(),
             next_try: self.clock.now() + delay,
@@ -284,6 +292,13 @@ impl<P: CameraPort, C: Clock> Live<P, C> {
         self.sequence = Some(sequence);
         sequence
     }
+}
+
+/// How long a camera of so many pictures a second may be silent.
+fn silence_limit(fps: Option<f64>) -> Duration {
+    let interval = fps.map_or(0.0, |fps| SILENT_INTERVALS / fps);
+    // A rate of 0 is none.
+    Duration::try_from_secs_f64(interval).map_or(SILENCE_LIMIT, |slow| slow.max(SILENCE_LIMIT))
 }
 
 /// The system's words, with the one that users meet explained.

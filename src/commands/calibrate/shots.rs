@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::board::{Board, Corner, Finder};
-use crate::capture::{self, Frame, InputSpec, OpenOptions, Source};
+use crate::capture::{self, CaptureError, Frame, InputSpec, OpenOptions, Source};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
 
@@ -44,7 +44,7 @@ impl Pictures {
     /// When there are no pictures, they have several sizes, or none shows the board.
     pub fn read(camera: &str, path: &Path, board: &Board) -> anyhow::Result<Self> {
         let finder = Finder::new(board).map_err(Failure::usage)?;
-        let mut source = capture::open(&InputSpec::Path(path.into()), &OpenOptions::default())?;
+        let source = capture::open(&InputSpec::Path(path.into()), &OpenOptions::default())?;
         if source.is_live() {
             return Err(Failure::usage(format!(
                 "expected photos or a film of camera {camera}, found the camera {}; record it first",
@@ -52,8 +52,16 @@ impl Pictures {
             ))
             .into());
         }
-        let fps = source.fps().filter(|_| !source.is_stills());
-        let mut film = fps.map(Moments::new);
+        Self::of(camera, source, board, &finder)
+    }
+
+    fn of(
+        camera: &str,
+        mut source: Box<dyn Source>,
+        board: &Board,
+        finder: &Finder,
+    ) -> anyhow::Result<Self> {
+        let mut film = None;
         let bar = progress::bar(source.frame_count().unwrap_or(0), camera);
         let mut read = Self {
             size: [0; 2],
@@ -63,16 +71,19 @@ impl Pictures {
         };
         let mut frame = Frame::default();
         for number in 0_u64.. {
-            match source.next_into(&mut frame) {
+            let next = next_into(&mut *source, &mut frame);
+            // A pipe's rate comes before its first picture.
+            let film = film.get_or_insert_with(|| Moments::of(&*source));
+            match next {
                 Ok(false) => break,
                 Ok(true) => {
                     let time_ns = Some(frame.time_ns);
-                    if let Some(moment) = moment(&mut film, &*source, number, time_ns) {
-                        read.look(camera, &frame, moment, &finder)?;
+                    if let Some(moment) = moment(film, &*source, number, time_ns) {
+                        read.look(camera, &frame, moment, finder)?;
                     }
                 }
                 Err(e) if e.is_skippable() => {
-                    if let Some(moment) = moment(&mut film, &*source, number, None) {
+                    if let Some(moment) = moment(film, &*source, number, None) {
                         read.count += 1;
                         read.refused.push((moment, "cannot be read".into()));
                     }
@@ -147,6 +158,16 @@ impl Pictures {
     }
 }
 
+/// The next picture, as [`Source::next_into`], however long the writer of a pipe takes for it.
+fn next_into(source: &mut dyn Source, frame: &mut Frame) -> Result<bool, CaptureError> {
+    loop {
+        match source.next_into(frame) {
+            Err(CaptureError::NoPictureYet { .. }) => {}
+            next => return next,
+        }
+    }
+}
+
 /// What the source's newest picture is called: pictures of one moment have one name. `None` between the moments of a
 /// film.
 fn moment(
@@ -176,6 +197,12 @@ struct Moments {
 }
 
 impl Moments {
+    /// `None` of photos, which have no rate.
+    fn of(source: &dyn Source) -> Option<Self> {
+        let fps = source.fps().filter(|_| !source.is_stills());
+        fps.map(Self::new)
+    }
+
     fn new(fps: f64) -> Self {
         Self {
             step: 1.0 / fps,
@@ -207,6 +234,60 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Six grey pictures, four a second.
+    struct Film {
+        /// How often the next picture is waited for before it comes.
+        waits: usize,
+        waited: usize,
+        pictures: u64,
+    }
+
+    impl Source for Film {
+        fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
+            if self.waited < self.waits {
+                self.waited += 1;
+                return Err(CaptureError::NoPictureYet {
+                    device: self.name().into(),
+                    reason: "nothing has come yet".into(),
+                    is_away: false,
+                });
+            }
+            self.waited = 0;
+            (frame.width, frame.height) = (64, 48);
+            frame.rgb = vec![90; 3 * 64 * 48];
+            frame.time_ns = 250_000_000 * self.pictures;
+            self.pictures += 1;
+            Ok(self.pictures <= 6)
+        }
+
+        /// As a pipe's, it comes with the first picture.
+        fn fps(&self) -> Option<f64> {
+            (self.waits == 0 || self.pictures > 0).then_some(4.0)
+        }
+
+        fn name(&self) -> &str {
+            "film"
+        }
+    }
+
+    #[test]
+    fn a_pipe_that_is_waited_for_shows_what_a_file_shows() {
+        let board = "9x6".parse().unwrap();
+        let finder = Finder::new(&board).unwrap();
+        let shown = |waits| {
+            let film = Film {
+                waits,
+                waited: 0,
+                pictures: 0,
+            };
+            let failed = Pictures::of("hall", Box::new(film), &board, &finder);
+            failed.expect_err("no board is in them").to_string()
+        };
+        let of_file = shown(0);
+        assert!(of_file.contains("in none of 3 "), "{of_file}");
+        assert_eq!(shown(2), of_file);
+    }
 
     /// Names of the pictures at these times, seconds.
     fn names(fps: f64, seconds: impl Iterator<Item = f64>) -> Vec<Option<String>> {

@@ -18,7 +18,7 @@ struct Infer {
     ended: bool,
     /// It failed of what may pass.
     failed: bool,
-    /// It looks for its camera.
+    /// It looks for its camera, or its pictures are of no use.
     away: bool,
 }
 

@@ -29,7 +29,8 @@ pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Res
         child.leave();
         return Ok(true);
     }
-    if let Some(code) = permanent(status, child.has_lived()) {
+    let has_seen = child.verb() == "infer" && child.has_worked();
+    if let Some(code) = permanent(status, child.has_lived(), has_seen) {
         return Err(Failure::silent(code).into());
     }
     let what = format!("{} ended with {}", child.verb(), describe(status));
@@ -39,13 +40,15 @@ pub fn look_after(child: &mut Child, camera: &str, meter: &Meter) -> anyhow::Res
     Ok(false)
 }
 
-/// The exit code of a failure that would come again. A camera or stream that worked before may come back.
-fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
+/// The exit code of a failure that would come again. A camera or stream that was there before may come back, and so may
+/// the camera that the settings suited, where pictures were seen with them.
+fn permanent(status: ExitStatus, has_lived: bool, has_seen: bool) -> Option<u8> {
     let code = status.code()? as u8;
     let passes = match code {
         // Who was ended by another than its supervisor is missed.
         0 | exit::INTERRUPTED | exit::SOFTWARE | exit::PANICKED | exit::IO => true,
         exit::UNAVAILABLE | exit::TRY_LATER | exit::NO_INPUT => has_lived,
+        exit::CONFIG => has_seen,
         _ => false,
     };
     (!passes).then_some(code)
@@ -55,17 +58,28 @@ fn permanent(status: ExitStatus, has_lived: bool) -> Option<u8> {
 mod tests {
     use std::os::unix::fs::symlink;
     use std::os::unix::process::ExitStatusExt;
-    use std::time::Duration;
+    use std::time::{Duration, Instant};
 
     use super::*;
 
+    /// A busy machine takes its time; a child that is never started again would be waited for without end.
+    const PATIENCE: Duration = Duration::from_secs(60);
+
     #[test]
     fn a_panic_is_mended_as_any_crash_and_bad_data_is_not() {
-        let ended = |code: u8| permanent(ExitStatus::from_raw(i32::from(code) << 8), true);
+        let ended = |code: u8| permanent(ExitStatus::from_raw(i32::from(code) << 8), true, true);
         assert_eq!(ended(exit::PANICKED), None);
         assert_eq!(ended(exit::DATA), Some(exit::DATA));
         let killed = ExitStatus::from_raw(9);
-        assert_eq!(permanent(killed, false), None);
+        assert_eq!(permanent(killed, false, false), None);
+    }
+
+    /// A camera that was waited for shows nothing of them.
+    #[test]
+    fn settings_are_wrong_until_a_picture_was_seen_with_them() {
+        let wrong = ExitStatus::from_raw(i32::from(exit::CONFIG) << 8);
+        assert_eq!(permanent(wrong, true, false), Some(exit::CONFIG));
+        assert_eq!(permanent(wrong, true, true), None);
     }
 
     #[test]
@@ -78,8 +92,10 @@ mod tests {
         let mut child = Child::new(verb, ()).unwrap().of(&program);
         let meter = Meter::new("hall", "camera", &[]);
         let mut until = |starts| {
+            let since = Instant::now();
             while child.starts() < starts {
                 assert!(!look_after(&mut child, "hall", &meter).unwrap());
+                assert!(since.elapsed() < PATIENCE, "{} starts", child.starts());
                 std::thread::sleep(Duration::from_millis(1));
             }
         };

@@ -9,7 +9,7 @@ use super::blame::{Fault, is_of_who_asks, told_as};
 use super::effective::{Effective, Origins};
 use super::together;
 use crate::camera::{CameraFile, calibration};
-use crate::capture::InputSpec;
+use crate::capture::{self, InputSpec};
 use crate::commands::exit::{self, Failure};
 use crate::commands::multiview::names;
 use crate::config::{Mistake, Origin, Setting};
@@ -105,7 +105,7 @@ impl Effective {
             if let Some(Ok(InputSpec::Path(path))) = args.input.input.as_deref().map(str::parse)
                 && is_named("input")
                 // A camera may come later, and a pipe waits for whoever reads it.
-                && !path.starts_with("/dev")
+                && !capture::is_camera_place(&path)
                 && !fs::metadata(&path).is_ok_and(|there| !there.is_file())
                 && let Err(e) = expect_file(&path)
             {

@@ -8,7 +8,7 @@ use edgecap_client::{LinkError, Subscriber};
 use super::blame::Fault;
 use super::effective::{Camera, Effective};
 use super::multiview_args::MultiviewArgs;
-use crate::capture::InputSpec;
+use crate::capture::{self, InputSpec};
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
 use crate::commands::input;
@@ -42,7 +42,7 @@ pub fn faults<'a>(effective: &'a Effective, runs: &[RunArgs]) -> Vec<Fault<'a>> 
         };
         found.extend(fault_of_name(camera, &["name"], &chosen.name, "--name"));
         if let InputSpec::Path(path) = &chosen.spec
-            && !path.starts_with("/dev")
+            && !capture::is_camera_place(path)
             && !path.exists()
         {
             let error = Failure::config(format!(
