@@ -3,14 +3,13 @@
 use crate::tensor::Expected;
 use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Scratch};
 
-/// Refuses what cannot be packed: a tier that the CPU lacks, an algorithm that is none for the shape, arrays of the
+/// Refuses what cannot be packed: a tier that the CPU lacks, an algorithm that is none for the shape, weights of the
 /// wrong length.
 pub(crate) fn check_params(
     isa: Isa,
     algorithm: Algorithm,
     shape: &ConvShape,
     weights: usize,
-    bias: usize,
 ) -> Result<(), KernelError> {
     if !isa.is_available() {
         return Err(KernelError::Unsupported(isa));
@@ -20,8 +19,7 @@ pub(crate) fn check_params(
             "expected a 3x3 convolution of stride 1 for {algorithm:?}, found {shape:?}; take one of Algorithm::candidates()"
         )));
     }
-    check_length("weights", shape.weight_len(), weights)?;
-    check_length("biases", shape.out_channels(), bias)
+    check_length("weights", shape.weight_len(), weights)
 }
 
 /// Refuses a scratch with less than `needed` bytes.

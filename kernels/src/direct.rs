@@ -28,6 +28,8 @@ pub(crate) struct Job<'a, P> {
     panels: &'a P,
     /// Accumulators' initial values, 4 bytes per padded output channel.
     bias: *const u8,
+    /// Bytes from a phase's initial values to the next one's; 0 where all have the same.
+    phase_bytes: usize,
     /// Pixel (0, 0), channel 0.
     input: *const u8,
     /// Bytes from a row to the next.
@@ -41,7 +43,7 @@ pub(crate) struct Job<'a, P> {
 }
 
 impl<'a, P: Panels> Job<'a, P> {
-    /// `bias` holds 4 bytes per padded output channel.
+    /// `bias` holds 4 bytes per padded output channel, or as many for each phase in turn.
     ///
     /// # Safety
     /// `input` is the start of the buffer that `layout` was checked for.
@@ -56,14 +58,13 @@ impl<'a, P: Panels> Job<'a, P> {
         let size = size_of::<T>();
         const { assert!(size_of::<A>() == 4, "an accumulator is 32 bits") };
         let packed = panels.packed();
-        assert_eq!(
-            bias.len(),
-            packed.groups() * packed.vectors() * packed.lanes(),
-            "initial values"
-        );
+        let lanes = packed.padded();
+        let of_each_phase = bias.len() == lanes * packed.phases().len();
+        assert!(bias.len() == lanes || of_each_phase, "initial values");
         Self {
             panels,
             bias: bias.as_ptr().cast(),
+            phase_bytes: if of_each_phase { lanes * 4 } else { 0 },
             // SAFETY: origin < buffer_len <= the buffer's length (checked layout).
             input: unsafe { input.add(in_layout.origin()) }.cast(),
             // A layout's strides are at most isize::MAX / 8 elements, and elements at most 4 bytes.
@@ -73,6 +74,17 @@ impl<'a, P: Panels> Job<'a, P> {
             out_layout,
             part,
         }
+    }
+
+    /// The initial values of a phase from padded output channel `lane` on.
+    ///
+    /// # Safety
+    /// `phase` is one of the panels', and `lane <= padded()`.
+    #[inline(always)]
+    unsafe fn bias(&self, phase: usize, lane: usize) -> *const u8 {
+        // SAFETY: `new` asserted padded() values of 4 bytes, as many for each phase where phase_bytes is not 0: with
+        // phase < phases and lane <= padded() (caller) phase · phase_bytes + 4 · lane <= 4 · bias.len().
+        unsafe { self.bias.add(phase * self.phase_bytes + lane * 4) }
     }
 
     /// The part's groups, each in bands of rows that touch about `bytes` of its input and output (whose numbers are
@@ -350,8 +362,8 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
                 let lane = (group * packed.vectors() + block.first) * lanes;
                 let first = block.first * lanes;
                 // SAFETY: group < groups (the part lies within the shape's, caller), so that 4 · group · depth <
-                // in_channels · 4 / pack bytes of a pixel, and lane + count · lanes <= bias.len() (asserted in
-                // `Job::new`).
+                // in_channels · 4 / pack bytes of a pixel, and lane + count · lanes <= padded(), of which each phase
+                // has an initial value (asserted in `Job::new`).
                 unsafe {
                     let strip = Strip::<C, W> {
                         job,
@@ -366,7 +378,7 @@ pub(crate) unsafe fn run<C: Chain, W: Write<Vectors<C>, Acc<C>>>(job: &Job<C::Pa
                             weights: packed.weights(panel).as_ptr(),
                             segments: job.panels.segments(panel),
                         },
-                        bias: job.bias.add(lane * 4),
+                        bias: job.bias(p, lane),
                         lane,
                         channel: group * packed.outs() + first,
                         outs: (packed.outs() - first).min(block.count * lanes),

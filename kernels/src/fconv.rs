@@ -6,7 +6,7 @@ mod reference;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod winograd;
 
-use crate::conv_check::{check_params, check_scratch, check_tensors};
+use crate::conv_check::{check_length, check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
 use crate::winograd::float::{Points, transform_weights};
 use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
@@ -105,7 +105,8 @@ impl FConv {
             bias,
             ..
         } = params;
-        check_params(isa, params.algorithm, shape, weights.len(), bias.len())?;
+        check_params(isa, params.algorithm, shape, weights.len())?;
+        check_length("biases", shape.out_channels(), bias.len())?;
         Ok(Self {
             shape: *shape,
             isa,

@@ -14,7 +14,8 @@ pub(crate) struct Walk<'a> {
 }
 
 /// Sums every output element of the part with `add(sum, input, weight)`, starting at its bias, in the order of taps and
-/// channels, and hands it to `finish(row, column, channel, sum)`.
+/// channels, and hands it to `finish(row, column, channel, sum)`. `bias` has one per output channel, or as many for
+/// each phase in turn.
 ///
 /// # Safety
 /// `input` is the start of a buffer that holds `in_layout` with a halo of `shape.input_halo()`; nobody writes it
@@ -38,7 +39,8 @@ pub(crate) unsafe fn convolve<X: Copy, W: Copy, S: Copy>(
     let depth = shape.group_in();
     let out_per_group = shape.group_out();
     let channels = part.groups.start * out_per_group..part.groups.end * out_per_group;
-    for phase in phases {
+    for (p, phase) in phases.iter().enumerate() {
+        let bias = &bias[p * shape.out_channels() % bias.len()..];
         let rows = part.rows.clone();
         for oy in rows.filter(|row| row % phase.out_step == phase.first_row) {
             let y = (oy / phase.out_step * phase.in_step) as isize;

@@ -296,13 +296,21 @@ impl Packed {
         &bytes[self.panels[panel]..end.unwrap_or(bytes.len())]
     }
 
-    /// One value per output channel, in the order of lanes, padded with zeros to whole vectors.
+    /// Padded lanes of all groups.
+    pub fn padded(&self) -> usize {
+        self.groups * self.vectors() * self.lanes()
+    }
+
+    /// One value per output channel, or as many for each phase in turn, in the order of lanes, padded with zeros to
+    /// whole vectors.
     pub fn per_channel<T: Copy + Default>(&self, values: &[T]) -> Vec<T> {
         let padded = self.vectors() * self.lanes();
-        let mut all = vec![T::default(); self.groups * padded];
-        for group in 0..self.groups {
-            all[group * padded..][..self.outs]
-                .copy_from_slice(&values[group * self.outs..][..self.outs]);
+        let mut all = vec![T::default(); values.len() / self.outs * padded];
+        for (to, from) in all
+            .chunks_exact_mut(padded)
+            .zip(values.chunks_exact(self.outs))
+        {
+            to[..self.outs].copy_from_slice(from);
         }
         all
     }
@@ -353,6 +361,9 @@ mod tests {
             packed.per_channel(&(0..10).collect::<Vec<i32>>()),
             [0, 1, 2, 3, 4, 0, 0, 0, 5, 6, 7, 8, 9, 0, 0, 0]
         );
+        let of_phases = packed.per_channel(&(0..20).collect::<Vec<i32>>());
+        assert_eq!(of_phases.len(), 2 * packed.padded());
+        assert_eq!(of_phases[24..], [15, 16, 17, 18, 19, 0, 0, 0]);
     }
 
     #[test]

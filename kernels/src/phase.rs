@@ -79,6 +79,36 @@ mod tests {
     use crate::ConvDims;
 
     #[test]
+    fn every_tap_is_in_the_phase_that_its_shape_names() {
+        for (kernel, stride, padding, transposed) in [
+            (4, 2, 1, true),
+            (5, 3, 1, true),
+            (3, 3, 0, true),
+            (3, 1, 1, true),
+            (7, 4, 3, true),
+            (3, 2, 1, false),
+        ] {
+            let shape = ConvShape::new(ConvDims {
+                kernel,
+                stride,
+                padding,
+                transposed,
+                ..ConvDims::default()
+            })
+            .unwrap();
+            let phases = Phase::of(&shape);
+            assert_eq!(phases.len(), shape.phases());
+            let taps = phases.iter().map(|phase| phase.taps.len());
+            assert_eq!(taps.sum::<usize>(), kernel * kernel);
+            for (p, phase) in phases.iter().enumerate() {
+                for tap in &phase.taps {
+                    assert_eq!(shape.phase_of(tap.ky, tap.kx), p, "{shape:?} {tap:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn transposed_4x4_has_four_phases_of_four_taps() {
         let shape = ConvShape::new(ConvDims {
             kernel: 4,

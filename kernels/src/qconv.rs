@@ -9,7 +9,7 @@ mod vector;
 
 pub use epilogue::{Epilogue, OutElement};
 
-use crate::conv_check::{check_params, check_scratch, check_tensors};
+use crate::conv_check::{check_length, check_params, check_scratch, check_tensors};
 use crate::phase::Phase;
 use crate::{Algorithm, ConvShape, Isa, KernelError, Layout, Part, Scratch, Tensor, TensorMut};
 use kernel::Kernel;
@@ -22,7 +22,8 @@ pub struct QConvParams<'a> {
     pub shape: ConvShape,
     /// `[out_channels, in_channels / groups, kernel, kernel]`, each in −127..=127.
     pub weights: &'a [i8],
-    /// One per output channel, in units of the accumulator.
+    /// In units of the accumulator, one per output channel; or as many for each of [`ConvShape::phases`] in turn: what
+    /// is folded in may depend on the kernel elements that a phase sums.
     pub bias: &'a [i32],
     /// Largest activation the input can hold: 127 behind a layer of ours, 255 for a picture.
     pub input_max: u8,
@@ -34,8 +35,8 @@ pub struct QConvParams<'a> {
 
 /// A packed int8 convolution for one instruction set.
 ///
-/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, exact or by [`Algorithm::Winograd`]; then the [`Epilogue`].
-/// Every tier gives the same bits.
+/// `acc[oc] = bias[oc] + Σ weight · activation` in i32, `bias` being the phase's, exact or by [`Algorithm::Winograd`];
+/// then the [`Epilogue`]. Every tier gives the same bits.
 #[derive(Debug, Clone)]
 pub struct QConv {
     shape: ConvShape,
@@ -60,7 +61,13 @@ impl QConv {
             epilogue,
             algorithm,
         } = params;
-        check_params(isa, *algorithm, shape, weights.len(), bias.len())?;
+        check_params(isa, *algorithm, shape, weights.len())?;
+        let channels = shape.out_channels();
+        let biases = match bias.len() > channels {
+            true => channels * shape.phases(),
+            false => channels,
+        };
+        check_length("biases", biases, bias.len())?;
         epilogue.check(shape.out_channels())?;
         check_range(shape, weights, bias, *input_max)?;
         let (kernel, epilogue) = Kernel::new(isa, params)?;
@@ -198,24 +205,26 @@ impl QConv {
     }
 }
 
-/// Refuses weights of −128 and sums that could leave i32: `|bias| + input_max · Σ|w| ≤ i32::MAX` makes every partial
-/// sum exact.
+/// Refuses weights of −128 and sums that could leave i32: `|bias| + input_max · Σ|w| ≤ i32::MAX`, of the greatest bias
+/// of a channel, makes every partial sum exact.
 fn check_range(
     shape: &ConvShape,
     weights: &[i8],
     bias: &[i32],
     input_max: u8,
 ) -> Result<(), KernelError> {
-    let per_output = shape.weight_len() / shape.out_channels().max(1);
-    for (oc, &bias) in bias.iter().enumerate() {
-        let weights = &weights[oc * per_output..(oc + 1) * per_output];
+    let channels = shape.out_channels();
+    let per_output = shape.weight_len() / channels;
+    for (oc, weights) in weights.chunks_exact(per_output).enumerate() {
+        let biases = bias.iter().skip(oc).step_by(channels);
+        let bias = biases.map(|&b| i64::from(b).abs()).max().unwrap_or(0);
         if weights.contains(&i8::MIN) {
             return Err(KernelError::Value(format!(
                 "expected weights in -127..=127, found -128 in output channel {oc}; quantise symmetrically"
             )));
         }
         let sum: i64 = weights.iter().map(|&w| i64::from(w).abs()).sum();
-        let worst = i64::from(bias).abs() + sum * i64::from(input_max);
+        let worst = bias + sum * i64::from(input_max);
         if worst > i64::from(i32::MAX) {
             return Err(KernelError::Value(format!(
                 "expected accumulators within i32, found up to {worst} in output channel {oc}; use smaller weights or bias"

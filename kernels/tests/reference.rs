@@ -134,45 +134,52 @@ fn int8_equals_scattered_definition() {
         let weights = numbers(shape.weight_len(), 255, 127);
         let expected = scatter(&shape, height, width, &input, &weights);
         let weights: Vec<i8> = weights.iter().map(|&w| w as i8).collect();
-        let bias: Vec<i32> = (0..shape.out_channels() as i32)
-            .map(|i| i * 100 - 300)
-            .collect();
-        let conv = QConv::new(
-            Isa::Scalar,
-            &QConvParams {
-                shape,
-                weights: &weights,
-                bias: &bias,
-                input_max: 127,
-                epilogue: Epilogue::F32 {
-                    scale: vec![1.0; shape.out_channels()],
-                },
-                algorithm: Algorithm::Direct,
-            },
-        )
-        .unwrap();
+        let channels = shape.out_channels();
+        let bytes: Vec<u8> = input.iter().map(|&v| v as u8).collect();
         let in_layout =
             Layout::dense(height, width, shape.in_channels(), shape.input_halo()).unwrap();
-        let bytes: Vec<u8> = input.iter().map(|&v| v as u8).collect();
         let data = place(&in_layout, &bytes);
-        let out_layout = Layout::dense(
-            shape.output_len(height),
-            shape.output_len(width),
-            shape.out_channels(),
-            0,
-        )
-        .unwrap();
-        let mut output = vec![0.0f32; out_layout.buffer_len()];
-        conv.run(
-            Tensor::new(&data, in_layout),
-            None,
-            TensorMut::new(&mut output, out_layout),
-            &mut Scratch::new(conv.scratch_bytes()),
-        )
-        .unwrap();
-        for (i, &value) in output.iter().enumerate() {
-            let wanted = expected[i] + i64::from(bias[i % shape.out_channels()]);
-            assert_eq!(value, wanted as f32, "{shape:?} at {i}");
+        let (rows, columns) = (shape.output_len(height), shape.output_len(width));
+        let out_layout = Layout::dense(rows, columns, channels, 0).unwrap();
+        // The same in all phases, and one of its own in each.
+        for phases in [1, shape.phases()] {
+            let bias: Vec<i32> = (0..(phases * channels) as i32)
+                .map(|i| i * 100 - 300)
+                .collect();
+            let conv = QConv::new(
+                Isa::Scalar,
+                &QConvParams {
+                    shape,
+                    weights: &weights,
+                    bias: &bias,
+                    input_max: 127,
+                    epilogue: Epilogue::F32 {
+                        scale: vec![1.0; channels],
+                    },
+                    algorithm: Algorithm::Direct,
+                },
+            )
+            .unwrap();
+            let mut output = vec![0.0f32; out_layout.buffer_len()];
+            conv.run(
+                Tensor::new(&data, in_layout),
+                None,
+                TensorMut::new(&mut output, out_layout),
+                &mut Scratch::new(conv.scratch_bytes()),
+            )
+            .unwrap();
+            let phase = |pixel: usize| match phases {
+                1 => 0,
+                _ => {
+                    let stride = shape.stride();
+                    pixel / columns % stride * stride + pixel % columns % stride
+                }
+            };
+            for (i, &value) in output.iter().enumerate() {
+                let bias = bias[phase(i / channels) * channels + i % channels];
+                let wanted = expected[i] + i64::from(bias);
+                assert_eq!(value, wanted as f32, "{shape:?} at {i}, {phases} phases");
+            }
         }
     }
 }
@@ -321,6 +328,34 @@ fn wrong_parameters_are_refused() {
     assert!(refused(&QConvParams {
         weights: &huge,
         bias: &edge,
+        ..params.clone()
+    }));
+
+    // Neither one bias per channel nor one per phase and channel.
+    let up = shapes()[5];
+    let epilogue = Epilogue::F32 {
+        scale: vec![1.0; up.out_channels()],
+    };
+    for (count, is_refused) in [(1, false), (2, true), (4, false), (5, true)] {
+        let up = QConvParams {
+            shape: up,
+            weights: &vec![0; up.weight_len()],
+            bias: &vec![0; count * up.out_channels()],
+            epilogue: epilogue.clone(),
+            ..params.clone()
+        };
+        assert_eq!(refused(&up), is_refused, "{count} biases per channel");
+    }
+    // A sum that leaves i32 in the last phase alone.
+    let mut edges = vec![0; 4 * up.out_channels()];
+    edges[3 * up.out_channels()] = i32::MAX;
+    let mut one = vec![0; up.weight_len()];
+    one[0] = 1;
+    assert!(refused(&QConvParams {
+        shape: up,
+        weights: &one,
+        bias: &edges,
+        epilogue,
         ..params.clone()
     }));
 

@@ -87,7 +87,12 @@ fn run_q(isa: Isa, algorithm: Algorithm, case: &Case) -> (Vec<u8>, Vec<f32>) {
             Values::Ends => numbers.within(0, 1) as i8 * -127 + numbers.within(0, 1) as i8 * 127,
         })
         .collect();
-    let bias: Vec<i32> = (0..shape.out_channels())
+    // One per channel, or one per phase and channel.
+    let phases = match case.seed % 2 {
+        0 => shape.phases(),
+        _ => 1,
+    };
+    let bias: Vec<i32> = (0..phases * shape.out_channels())
         .map(|_| numbers.within(-100_000, 100_000) as i32)
         .collect();
     let depth = (shape.weight_len() / shape.out_channels().max(1)) as f32;

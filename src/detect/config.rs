@@ -60,12 +60,12 @@ impl AssociationConfig {
     /// Reads settings in the form of `models/association.toml`.
     ///
     /// # Errors
-    /// Keys that are unknown or missing, numbers that are not finite, counts that nothing here can hold, thresholds
-    /// outside 0 to 1.
+    /// Keys that are unknown or missing, numbers that are not finite in 32 bits, counts that nothing here can hold,
+    /// thresholds and scores outside 0 to 1, lengths and distances below 0.
     pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
         let refused = |what: String| Err(toml::de::Error::custom(what));
         if let Some(key) = not_finite(&text.parse::<toml::Table>()?) {
-            return refused(format!("expected a finite number for '{key}'"));
+            return refused(format!("expected a finite number of 32 bits for '{key}'"));
         }
         let read: Self = toml::from_str(text)?;
         for (key, found, most) in [
@@ -82,9 +82,21 @@ impl AssociationConfig {
             ("joint_threshold", read.joint_threshold),
             ("limb_threshold", read.limb_threshold),
             ("pass_ratio", read.pass_ratio),
+            ("min_score", read.min_score),
+            ("lone_score", read.lone_score),
         ] {
             if !(0.0..=1.0).contains(&found) {
                 return refused(format!("expected '{key}' of 0 to 1, found {found}"));
+            }
+        }
+        for (key, found) in [
+            ("length_weight", read.length_weight),
+            ("absurd_length", read.absurd_length),
+            ("merge_distance", read.merge_distance),
+            ("min_stature", read.min_stature),
+        ] {
+            if found < 0.0 {
+                return refused(format!("expected '{key}' of 0 or more, found {found}"));
             }
         }
         Ok(read)
@@ -101,11 +113,11 @@ impl AssociationConfig {
     }
 }
 
-/// The first key whose number, or one of whose numbers, is infinite or none.
+/// The first key whose number, or one of whose numbers, is infinite or none as the f32 that it becomes.
 fn not_finite(table: &toml::Table) -> Option<&str> {
     fn is_finite(value: &toml::Value) -> bool {
         match value {
-            toml::Value::Float(x) => x.is_finite(),
+            toml::Value::Float(x) => (*x as f32).is_finite(),
             toml::Value::Array(all) => all.iter().all(is_finite),
             toml::Value::Table(inner) => not_finite(inner).is_none(),
             _ => true,
@@ -161,10 +173,23 @@ mod tests {
             ("joint_threshold", "joint_threshold = -0.01 #"),
             ("limb_threshold", "limb_threshold = 1.5 #"),
             ("pass_ratio", "pass_ratio = 1.01 #"),
+            ("min_score", "min_score = 7.0 #"),
+            ("lone_score", "lone_score = 3.0 #"),
         ] {
             let said = with(&format!("{key} = "), least);
             assert!(said.contains(&format!("'{key}' of 0 to 1")), "{said}");
         }
+        for (key, below) in [
+            ("length_weight", "length_weight = -0.2 #"),
+            ("absurd_length", "absurd_length = -2.5 #"),
+            ("min_stature", "min_stature = -5.0 #"),
+        ] {
+            let said = with(&format!("{key} = "), below);
+            assert!(said.contains(&format!("'{key}' of 0 or more")), "{said}");
+        }
+        // Numbers that f64 holds, and f32 does not.
+        assert!(with("merge_distance = ", "merge_distance = 1e39 #").contains("'merge_distance'"));
+        assert!(with("clearest = ", "clearest = -1e300 #").contains("'clearest'"));
         assert!(with("found = ", "found = inf #").contains("'found'"));
         assert!(with("joint_squared = [", "joint_squared = [nan, ").contains("'joint_squared'"));
         assert!(with("bias = ", "biass = ").contains("biass"));

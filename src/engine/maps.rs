@@ -26,6 +26,17 @@ pub struct Maps {
 impl Maps {
     /// Input pixels per cell.
     pub const STRIDE: usize = 8;
+    /// Most pixels of an input's side.
+    pub const MOST_SIDE: usize = 8192;
+
+    /// What an input's sides are multiples of: the least common multiple of a cell's pixels and of each of these.
+    pub fn step(multiples: &[usize]) -> usize {
+        multiples.iter().fold(Self::STRIDE, |step, &multiple| {
+            let mut common = (1..=multiple).map(|k| k * step);
+            let common = common.find(|n| n.is_multiple_of(multiple));
+            common.unwrap_or(step)
+        })
+    }
 
     /// Zeroed maps.
     pub fn new(width: usize, height: usize) -> Self {

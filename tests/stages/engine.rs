@@ -331,6 +331,87 @@ fn a_picture_that_is_added_keeps_its_channels() {
     }
 }
 
+/// Every phase of a transposed convolution sums taps of its own, and takes off their zero points.
+#[test]
+fn transposed_convolutions_of_what_can_be_negative_are_near_f32() {
+    let heads = r#"
+      { kind = "conv", name = "head3d.out", from = ["c"], out = 63, kernel = 1, norm = false, relu = false },
+    "#;
+    for layers in [
+        r#"
+      { kind = "conv", name = "a", out = 8, kernel = 3, stride = 4 },
+      { kind = "conv", name = "b", out = 16, kernel = 3, stride = 4, relu = false },
+      { kind = "deconv", name = "c", out = 16, kernel = 4, stride = 2 },
+    "#,
+        r#"
+      { kind = "deconv", name = "up", out = 8, kernel = 4, stride = 2 },
+      { kind = "conv", name = "a", out = 8, kernel = 3, stride = 4 },
+      { kind = "conv", name = "c", out = 16, kernel = 3, stride = 4 },
+    "#,
+        // Groups of 1 and of 2 channels have no vector kernels.
+        r#"
+      { kind = "deconv", name = "up", out = 6, kernel = 5, stride = 3, groups = 3 },
+      { kind = "conv", name = "a", out = 8, kernel = 3, stride = 3 },
+      { kind = "conv", name = "b", out = 8, kernel = 3, stride = 4, relu = false },
+      { kind = "deconv", name = "up2", out = 12, kernel = 4, stride = 4, groups = 4, relu = false },
+      { kind = "conv", name = "c", out = 16, kernel = 3, stride = 8 },
+    "#,
+    ] {
+        let model = Model::random(network(&[layers, heads].concat()), 5);
+        let Weights::Float(weights) = model.weights() else {
+            panic!("random weights are floats");
+        };
+        let picture = picture(SIZE, 4);
+        let expected = naive(model.network().graph(), weights, &picture, SIZE);
+        let int8 = quantised(&model);
+        let scalar = by(Algorithms::Direct, &int8, 1, Isa::Scalar)
+            .run(&picture)
+            .clone();
+        let e = error(&expected, &scalar);
+        assert!(e < 0.1, "{layers}: {e}");
+        for isa in Isa::available() {
+            let mut engine = by(Algorithms::Direct, &int8, 2, isa);
+            assert!(*engine.run(&picture) == scalar, "{isa}: {layers}");
+        }
+    }
+}
+
+#[test]
+fn a_pool_that_is_added_is_near_f32() {
+    for pools in [
+        r#"{ kind = "maxpool", name = "pool", kernel = 3, stride = 2 },"#,
+        r#"
+      { kind = "maxpool", name = "first", kernel = 3, stride = 1 },
+      { kind = "maxpool", name = "pool", kernel = 3, stride = 2 },
+    "#,
+    ] {
+        let layers = format!(
+            r#"
+      {{ kind = "conv", name = "a", out = 16, kernel = 3, stride = 2 }},
+      {pools}
+      {{ kind = "bottlenecks", name = "res", width = 8, out = 16, blocks = 1, stride = 1 }},
+      {{ kind = "conv", name = "c", out = 16, kernel = 3, stride = 2 }},
+      {{ kind = "conv", name = "head3d.out", out = 63, kernel = 1, norm = false, relu = false }},
+    "#
+        );
+        let model = Model::random(network(&layers), 5);
+        let options = CalibrationOptions {
+            size: SIZE,
+            ..CalibrationOptions::default()
+        };
+        let pictures = (0..4).map(|seed| picture(SIZE, seed));
+        let calibration = Calibration::observe(&model, pictures, options).unwrap();
+        let int8 = model.clone().quantise(Some(&calibration)).unwrap();
+        let picture = picture(SIZE, 4);
+        let expected = engine(&model, Precision::F32, 1, None)
+            .run(&picture)
+            .clone();
+        let mut engine = engine(&int8, Precision::Int8, 1, None);
+        let e = error(&expected, engine.run(&picture));
+        assert!(e < 0.1, "{pools}: {e}");
+    }
+}
+
 #[test]
 fn profile_names_every_layer_and_counts_its_work() {
     let model = quantised(&Model::random(tiny(), 3));

@@ -135,6 +135,26 @@ fn every_mismatch_is_told_at_once() {
 }
 
 #[test]
+fn sizes_that_no_input_has_are_told() {
+    let network = Network::shipped("selecsls42").unwrap();
+    for (size, is_taken) in [
+        (json!([1, 8192]), true),
+        (json!([0, 0]), false),
+        (json!([512, 0]), false),
+        (json!([512, 8193]), false),
+        (json!([1_u64 << 63, 320]), false),
+    ] {
+        let mut contract = template(&network);
+        contract["input"]["reference_size"] = size.clone();
+        let read = Contract::parse(&contract.to_string(), &network);
+        let said = read.err().map(|e| e.to_string()).unwrap_or_default();
+        assert_eq!(said.is_empty(), is_taken, "{size}: {said}");
+        let wanted = "`input.reference_size`: expected a width and a height of 1 to 8192 pixels";
+        assert!(is_taken || said.contains(wanted), "{size}: {said}");
+    }
+}
+
+#[test]
 fn a_word_before_every_name_is_told_once() {
     let network = Network::shipped("selecsls42").unwrap();
     let names = shapes(&network);
@@ -458,6 +478,103 @@ fn numbers_that_an_import_cannot_take_are_refused() {
         assert!(said.contains("1..=256"), "{said}");
     }
     assert!(!maps.exists());
+}
+
+/// A network of its own in a folder, its file and weights of zeros for it.
+struct Own {
+    folder: tempfile::TempDir,
+    arch: String,
+    weights: String,
+}
+
+impl Own {
+    fn new(text: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let network = Network::parse(text).unwrap();
+        let (arch, weights) = (path("own.toml"), path("w"));
+        std::fs::write(&arch, text).unwrap();
+        let bytes = file(&shapes(&network), Some(&template(&network)));
+        std::fs::write(&weights, bytes).unwrap();
+        Self {
+            folder,
+            arch,
+            weights,
+        }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn import(&self, more: &[&str]) -> Output {
+        let own = ["model", "import", &self.weights, "--arch", &self.arch];
+        edgecap(&[&own[..], more].concat())
+    }
+}
+
+#[test]
+fn a_check_says_what_no_engine_runs() {
+    let head = r#"{ kind = "conv", name = "head3d.out", from = ["core"], out = 63, kernel = 1, norm = false, relu = false },"#;
+    let text = SMALL.replace(head, "");
+    let text = text.replace(r#", head3d = "head3d.out""#, "");
+    assert!(!text.contains("head3d"), "{text}");
+    let out = Own::new(&text).import(&["--check"]);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(65), "{said}");
+    assert!(out.stdout.is_empty(), "{out:?}");
+    let wanted = "expected outputs head2d [40] and head3d [63] at 1/8 of the input, found head2d";
+    assert!(said.contains(wanted), "{said}");
+    let out = Own::new(SMALL).import(&["--check"]);
+    assert!(out.status.success(), "{out:?}");
+}
+
+#[test]
+fn multiples_that_cells_of_maps_do_not_divide_are_imported() {
+    let own = Own::new(&SMALL.replace("multiple = 16", "multiple = 12"));
+    let (photos, to) = (own.path("photos"), own.path("m.ecm"));
+    std::fs::create_dir(&photos).unwrap();
+    std::fs::copy("docs/demo.jpg", own.path("photos/0.jpg")).unwrap();
+    let import = ["--calibrate", &photos, "-o", &to];
+    let out = own.import(&import);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{said}");
+    assert!(edgecap(&["model", "verify", &to]).status.success());
+    // Of a size that nobody can take it is the size that is wrong, and not the network.
+    let out = own.import(&[&import[..], &["--width", "132", "--height", "96"]].concat());
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(64), "{said}");
+    let wanted = "multiples of 24 pixels up to 8192, found 132x96; choose e.g. 528x336";
+    assert!(said.contains(wanted), "{said}");
+}
+
+#[test]
+fn a_model_without_a_place_is_told_before_the_calibration() {
+    let own = Own::new(SMALL);
+    let photos = own.path("photos");
+    std::fs::create_dir(&photos).unwrap();
+    std::fs::write(own.path("photos/0.jpg"), "no picture").unwrap();
+    let to = own.path("w/m.ecm");
+    let out = own.import(&["--calibrate", &photos, "-o", &to]);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(73), "{said}");
+    assert!(
+        said.contains("cannot write") && said.contains(&to),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_run_without_ranges_is_told_what_it_can_do() {
+    let own = Own::new(SMALL);
+    let (arch, to) = (&own.arch, own.path("maps.npz"));
+    let run = ["model", "run", &own.weights, "--arch", arch, "--npz", &to];
+    let out = edgecap(&[&run[..], &["--image", "docs/demo.jpg"]].concat());
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(64), "{said}");
+    for remedy in ["model import --calibrate DIR", "--precision f32"] {
+        assert!(said.contains(remedy), "{said}");
+    }
 }
 
 #[test]

@@ -79,7 +79,8 @@ pub(crate) unsafe fn run<W: Write<Avx512, __m512i>>(job: &Job<Packed>, writer: &
                 let lane = (group * packed.vectors() + block.first) * LANES;
                 let first = block.first * LANES;
                 // SAFETY: group < groups (the part lies within the shape's, caller), so that 4 · group · depth <
-                // in_channels bytes of a pixel, and lane + count · LANES <= bias.len() (asserted in `Job::new`).
+                // in_channels bytes of a pixel, and lane + count · LANES <= padded(), of which each phase has initial
+                // values (asserted in `Job::new`).
                 unsafe {
                     tiles.resize(strip.pixels, chunks.size);
                     let panel = Panel {
@@ -89,7 +90,7 @@ pub(crate) unsafe fn run<W: Write<Avx512, __m512i>>(job: &Job<Packed>, writer: &
                         input: job.input.add(group * packed.depth() * 4),
                         offsets: &offsets[..steps],
                         weights: packed.weights(packed.panel(group, b, p)).as_ptr(),
-                        bias: job.bias.add(lane * 4).cast(),
+                        bias: job.bias(p, lane).cast(),
                         lane,
                         channel: group * packed.outs() + first,
                         outs: (packed.outs() - first).min(block.count * LANES),

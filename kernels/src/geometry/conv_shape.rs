@@ -212,6 +212,31 @@ impl ConvShape {
         outs.saturating_mul(self.group_in()).saturating_mul(bytes)
     }
 
+    /// Phases: sets of output pixels that sum the same kernel elements. A transposed convolution has stride² of them,
+    /// by the remainders of row and column; every other one has one.
+    pub fn phases(&self) -> usize {
+        match self.dims.transposed {
+            true => self.dims.stride * self.dims.stride,
+            false => 1,
+        }
+    }
+
+    /// The phase, counted row by row, that sums kernel element (`ky`, `kx`).
+    pub fn phase_of(&self, ky: usize, kx: usize) -> usize {
+        let ConvDims {
+            stride,
+            padding,
+            transposed,
+            ..
+        } = self.dims;
+        // Output o takes input i through kernel element o + padding - i * stride.
+        let along = |k: usize| (k + padding * (stride - 1)) % stride;
+        match transposed {
+            true => along(ky) * stride + along(kx),
+            false => 0,
+        }
+    }
+
     /// Padding pixels the input must have readable on every side.
     pub fn input_halo(&self) -> usize {
         let ConvDims {

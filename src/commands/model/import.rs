@@ -12,8 +12,9 @@ use crate::commands::{picture, say};
 use crate::config::Mistake;
 use crate::counted::counted;
 use crate::detect::AssociationConfig;
-use crate::engine::model::{Calibration, RangeChoice};
-use crate::engine::{CalibrationOptions, Model, ModelError};
+use crate::engine::model::{Calibration, Observed, RangeChoice};
+use crate::engine::{CalibrationOptions, Maps, Model, ModelError};
+use crate::output;
 
 /// Pictures that ways of choosing ranges are tried on.
 const TRIAL_PICTURES: usize = 12;
@@ -94,6 +95,8 @@ pub fn import(a: &Import) -> Result<()> {
         .may_read("--calibrate", a.calibrate.as_deref())
         .writes("--output", output)
         .check()?;
+    // Before work that could not be kept.
+    output::try_place(output).map_err(|e| Failure::output(output, &e))?;
     let name = || a.weights.display().to_string();
     let mut model = Model::from_any(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
     if model.is_quantised() {
@@ -137,8 +140,8 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
     let (widths, heights): (Vec<u32>, Vec<u32>) =
         sizes.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     let reference = model.contract().input.reference_size;
-    let multiple = model.network().input().multiple;
-    let side = |sides, most| usual_side(sides, most, multiple);
+    let step = Maps::step(&[model.network().input().multiple]);
+    let side = |sides, most| usual_side(sides, most, step);
     let size = (
         a.width.unwrap_or_else(|| side(widths, reference[0])),
         a.height.unwrap_or_else(|| side(heights, reference[1])),
@@ -203,26 +206,41 @@ fn check(a: &Import) -> Result<()> {
     let name = || a.weights.display().to_string();
     let bytes = read(&a.weights)?;
     let mut wrong = Vec::new();
+    let mut model = None;
     let is_whole = Model::is_model_file(&bytes).with_context(name)?;
     if is_whole {
-        Model::from_bytes(&bytes).with_context(name)?;
+        model = Some(Model::from_bytes(&bytes).with_context(name)?);
         refuse_rounded(a)?;
     } else {
         let found = Model::mismatches(&bytes, &network).with_context(name)?;
         let arch = format!("--arch {}", a.arch);
         wrong.extend(listed(&a.weights, network.name(), &arch, &found));
+        if found.is_empty() {
+            model = Some(Model::from_safetensors(&bytes, network.clone()).with_context(name)?);
+        }
     }
+    let has_ranges = model
+        .as_ref()
+        .is_some_and(|m| m.clone().quantise(None).is_ok());
+    let runs = model.map(|model| {
+        let ranges = (!has_ranges).then(|| some_ranges(&model));
+        tried(&model.quantise(ranges.as_ref())?).map(drop)
+    });
+    let runs = runs.transpose();
+    let runs = runs.with_context(|| format!("{} cannot be run", a.weights.display()));
     if let Some(path) = &a.stage2 {
         let found = Model::stage2_mismatches(&read(path)?);
         let found = found.with_context(|| path.display().to_string())?;
         wrong.extend(listed(path, "Stage II", "--stage2", &found));
     }
     let association = a.association.as_ref().map(|path| association(path));
-    match association.transpose() {
-        Err(e) if wrong.is_empty() => return Err(e),
-        Err(e) => wrong.push(told(&e)),
-        Ok(_) => {}
+    let errors = [runs.err(), association.transpose().err()];
+    let mut errors: Vec<_> = errors.into_iter().flatten().collect();
+    // With the exit code that an import would have.
+    if wrong.is_empty() && errors.len() == 1 {
+        return Err(errors.remove(0));
     }
+    wrong.extend(errors.iter().map(told));
     if !wrong.is_empty() {
         return Err(Failure::data(wrong.join("; ")).into());
     }
@@ -233,9 +251,9 @@ fn check(a: &Import) -> Result<()> {
         ));
         return Ok(());
     }
-    let ranges = match Model::from_safetensors(&bytes, network.clone())?.quantise(None) {
-        Ok(_) => "activation ranges are in its metadata",
-        Err(_) => "activation ranges must be found on pictures (--calibrate DIR)",
+    let ranges = match has_ranges {
+        true => "activation ranges are in its metadata",
+        false => "activation ranges must be found on pictures (--calibrate DIR)",
     };
     say::out(&format!(
         "{} can be imported as {}; {ranges}",
@@ -243,6 +261,24 @@ fn check(a: &Import) -> Result<()> {
         network.name()
     ));
     Ok(())
+}
+
+/// Ranges as of activations up to 1, for an engine that shows no more than whether it can be built.
+fn some_ranges(model: &Model) -> Calibration {
+    let values = model.network().graph().values.iter();
+    let observed = values.map(|value| {
+        let mut observed = Observed::new(value.channels);
+        observed.add(&vec![1.0; value.channels]);
+        observed
+    });
+    Calibration {
+        observed: observed.collect(),
+        choice: RangeChoice::Max,
+        own_ranges: 0.0,
+        correct_bias: false,
+        pictures: 1,
+        left_out: 0,
+    }
 }
 
 /// Lists what keeps a file of weights from being imported: what to say of all of it, `None` where there is nothing.
@@ -261,11 +297,11 @@ fn listed(path: &Path, whose: &str, kind: &str, found: &[ModelError]) -> Option<
     })
 }
 
-/// The median of pictures' sides in multiples of `multiple`, at most `most` or, where that is none, the next one.
-fn usual_side(mut sides: Vec<u32>, most: usize, multiple: usize) -> usize {
+/// The median of pictures' sides in multiples of `step`, at most `most` or, where that is none, the next one.
+fn usual_side(mut sides: Vec<u32>, most: usize, step: usize) -> usize {
     sides.sort_unstable();
     let median = sides.get(sides.len() / 2).map_or(most, |&s| s as usize);
-    median.min(most).next_multiple_of(multiple.max(1))
+    median.min(most).next_multiple_of(step)
 }
 
 /// Settles how ranges are chosen by trial on some of the pictures, whole.

@@ -245,8 +245,8 @@ fn verify(path: Option<&Path>) -> Result<()> {
 
 /// The engine of a rounded model, which has taken it and given numbers.
 fn tried(model: &Model) -> Result<Engine> {
-    let multiple = model.network().input().multiple;
-    let [width, height] = [128_usize, 96].map(|side| side.next_multiple_of(multiple));
+    let step = Maps::step(&[model.network().input().multiple]);
+    let [width, height] = [128_usize, 96].map(|side| side.next_multiple_of(step));
     let options = EngineOptions {
         width,
         height,

@@ -101,7 +101,7 @@ pub struct Input {
     pub formula: String,
     /// Width and height are multiples of it.
     pub size_multiple: usize,
-    /// Width and height trained for.
+    /// Width and height trained for, pixels.
     pub reference_size: [usize; 2],
 }
 
@@ -232,11 +232,18 @@ impl Contract {
                 found: format!("{:?}", self.bones_at),
             }
         });
+        let is_side = |side: &usize| (1..=Maps::MOST_SIDE).contains(side);
+        let size = (!input.reference_size.iter().all(is_side)).then(|| ModelError::Contract {
+            key: "input.reference_size".into(),
+            expected: format!("a width and a height of 1 to {} pixels", Maps::MOST_SIDE),
+            found: format!("{:?}", input.reference_size),
+        });
         let all = [
             expect("input.layout", "NCHW".into(), &input.layout),
             expect("input.colour", "RGB".into(), &input.colour),
             expect("input.formula", FORMULA.into(), &input.formula),
             expect("input.size_multiple", multiple, &input.size_multiple),
+            size,
             expect("stride", Maps::STRIDE, &self.stride),
             expect("cell_centre", CELL_CENTRE.into(), &self.cell_centre),
             expect("limbs", LIMB_JOINTS.to_vec(), &self.limbs),

@@ -108,7 +108,9 @@ pub enum ModelError {
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// Activation ranges are needed and there are none.
-    #[error("no activation range is known for `{0}`: calibrate on pictures (--calibrate DIR)")]
+    #[error(
+        "no activation range is known for `{0}`: `edgecap model import --calibrate DIR` finds ranges on pictures, `edgecap model run --precision f32` needs none"
+    )]
     NoRange(String),
     /// A build without embedded weights.
     #[error(

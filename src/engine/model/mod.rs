@@ -24,7 +24,7 @@ pub(crate) use quant::{dequantise, input_scales};
 pub use ranges::{Observed, RangeChoice};
 pub use stage2::{Linear, Stage2};
 
-use super::network::{Graph, Network, Node, Op};
+use super::network::{Graph, Network, Op};
 use crate::bounded;
 use contract::ACTIVATION_LEVELS;
 use quant::SIGNED_LEVELS;
@@ -80,6 +80,23 @@ fn read_file(path: &Path) -> Result<Vec<u8>, ModelError> {
         path: path.into(),
         source,
     })
+}
+
+/// Which values have one range for all channels: those that a residual sum makes or adds, since it has one factor, and
+/// what pools make such a value of, since they store what they read.
+fn summed(graph: &Graph) -> Vec<bool> {
+    let mut summed = vec![false; graph.values.len()];
+    // What reads a value comes behind what writes it.
+    for node in graph.nodes.iter().rev() {
+        if let Some(added) = node.residual {
+            summed[added] = true;
+            summed[node.output] = true;
+        }
+        if matches!(node.op, Op::MaxPool { .. }) && summed[node.output] {
+            summed[node.inputs[0]] = true;
+        }
+    }
+    summed
 }
 
 /// The metadata that says what float weights mean.
@@ -188,11 +205,7 @@ impl Model {
         let mut scales: Vec<Option<Scale>> = vec![None; graph.values.len()];
         scales[Graph::INPUT] = Some(Scale::picture());
         let is_output = |v| graph.outputs.iter().any(|(_, o)| *o == v);
-        // A residual sum has one factor for all channels, so its values have one range.
-        let is_summed = |v| {
-            let sums = |n: &Node| n.residual.is_some_and(|r| r == v || n.output == v);
-            graph.nodes.iter().any(sums)
-        };
+        let is_summed = summed(graph);
         for node in &graph.nodes {
             if is_output(node.output) {
                 continue;
@@ -207,7 +220,7 @@ impl Model {
                     };
                     let ranges = match calibration {
                         Some(c) => {
-                            let own = if is_summed(node.output) {
+                            let own = if is_summed[node.output] {
                                 0.0
                             } else {
                                 c.own_ranges

@@ -172,13 +172,16 @@ impl Histogram {
     fn percentile(&self, share: f64) -> f32 {
         let total = self.zeros + self.bins.iter().map(|&n| u64::from(n)).sum::<u64>();
         let mut left = (total as f64 * (1.0 - share)) as u64;
-        for (i, &n) in self.bins.iter().enumerate().rev() {
+        let mut range = self.max;
+        // Where fewer values than may lie beyond it are not 0, the range is that of the smallest of them.
+        for (i, &n) in self.bins.iter().enumerate().rev().filter(|(_, n)| **n > 0) {
+            range = ((i + 1) as f32 * self.bin_width()).min(self.max);
             if u64::from(n) > left {
-                return ((i + 1) as f32 * self.bin_width()).min(self.max);
+                break;
             }
             left -= u64::from(n);
         }
-        self.max
+        range
     }
 
     fn least_error(&self, levels: u32) -> f32 {
@@ -231,6 +234,21 @@ mod tests {
         let p = o.range(RangeChoice::Percentile(0.9999), 127);
         assert!((p - 1.0).abs() < 0.03, "{p}");
         assert!(o.range(RangeChoice::Mse, 127) < 50.0);
+    }
+
+    #[test]
+    fn a_channel_that_hardly_fires_has_not_the_range_of_its_outlier() {
+        let zeros = || std::iter::repeat_n(0.0, 100_000);
+        // About as many values that are not 0 as may lie beyond the range, all but one of them small.
+        for small in [98, 99, 100, 101] {
+            let o = seen(zeros().chain(std::iter::repeat_n(0.2, small)).chain([50.0]));
+            let range = o.range(RangeChoice::Percentile(0.999), 127);
+            assert!((range - 0.2).abs() < 0.02, "{small}: {range}");
+        }
+        assert_eq!(
+            seen(zeros()).range(RangeChoice::Percentile(0.999), 127),
+            1e-6
+        );
     }
 
     #[test]

@@ -7,26 +7,27 @@ use edgecap_kernels::{ConvDims, ConvShape, PoolShape};
 use super::NetworkError;
 use super::graph::{Graph, Node, Op, ParamNames, Value, ValueId};
 use super::spec::{ConvSpec, LayerSpec, NetworkSpec};
+use crate::engine::Maps;
 
 /// Most operations of a network; the largest shipped one has some 70.
 const MAX_NODES: usize = 10_000;
 /// Channels of the input: red, green and blue.
 const RGB: usize = 3;
-/// Most pixels that the input's sides are multiples of.
-const MAX_MULTIPLE: usize = 8192;
 
 /// Expands every layer; checks that names exist once, that channels fit and that groups divide, and that all numbers
 /// are of a size that the kernels take.
 pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     let mut b = Builder::new(spec);
-    let multiples = 1..=MAX_MULTIPLE;
-    if spec.input.channels != RGB || !multiples.contains(&spec.input.multiple) {
+    let multiple = spec.input.multiple;
+    let has_sizes =
+        (1..=Maps::MOST_SIDE).contains(&multiple) && Maps::step(&[multiple]) <= Maps::MOST_SIDE;
+    if spec.input.channels != RGB || !has_sizes {
         return Err(b.error(
             format!(
                 "an input of {} channels in multiples of {} pixels",
-                spec.input.channels, spec.input.multiple
+                spec.input.channels, multiple
             ),
-            "give 3 channels, those of the picture, and multiples of 1 to 8192",
+            "give 3 channels, those of the picture, and multiples of 1 or more that go into 8192 together with 8",
         ));
     }
     for layer in &spec.layers {

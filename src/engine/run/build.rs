@@ -285,8 +285,9 @@ fn check_sum(graph: &Graph, node: &Node, scales: &[Option<Scale>]) -> Result<(),
 }
 
 /// Packs an int8 convolution. Every stored number q stands for `scale * (q - zero)`: zeros of inputs, of the residual
-/// and of the output are constants per output channel, so they are folded into the bias. `channels` of the input are
-/// stored, the last of which may be more than the network has: they get weight 0.
+/// and of the output are constants per output channel and phase (which sums taps of its own), so they are folded into
+/// the biases. `channels` of the input are stored, the last of which may be more than the network has: they get weight
+/// 0.
 fn int8(
     node: &Node,
     channels: usize,
@@ -301,24 +302,32 @@ fn int8(
     let residual = node.residual.and_then(|v| scales[v].as_ref());
     let output = scales[node.output].as_ref();
     let (gi, go) = (shape.group_in(), shape.group_out());
-    let taps = shape.kernel() * shape.kernel();
-    let mut bias = Vec::with_capacity(shape.out_channels());
+    let (kernel, outs) = (shape.kernel(), shape.out_channels());
+    let taps = kernel * kernel;
+    let mut bias = vec![0; shape.phases() * outs];
     for (o, row) in conv.weight.chunks_exact(gi * taps).enumerate() {
         let first = o / go * gi;
-        let of = |(i, &w): (usize, &i8)| f64::from(w) * f64::from(zeros[first + i / taps]);
-        let mut acc = f64::from(conv.bias[o]) / f64::from(conv.scale[o]);
-        acc -= row.iter().enumerate().map(of).sum::<f64>();
-        for (s, sign) in [(residual, -1.0), (output, 1.0)] {
-            let real = s.map_or(0.0, |s| f64::from(s.steps[o]) * f64::from(s.zero));
-            acc += sign * real / f64::from(conv.scale[o]);
+        let mut of_zeros = vec![0.0; shape.phases()];
+        for (i, &w) in row.iter().enumerate() {
+            let (channel, tap) = (first + i / taps, i % taps);
+            let phase = shape.phase_of(tap / kernel, tap % kernel);
+            of_zeros[phase] += f64::from(w) * f64::from(zeros[channel]);
         }
-        let acc = acc.round();
-        if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&acc) {
-            return Err(KernelError::Value(format!(
-                "expected a bias within i32, found {acc:.2e} steps of the weights of output channel {o}; quantise the weights again"
-            )));
+        for (phase, of_zeros) in of_zeros.into_iter().enumerate() {
+            let mut acc = f64::from(conv.bias[o]) / f64::from(conv.scale[o]);
+            acc -= of_zeros;
+            for (s, sign) in [(residual, -1.0), (output, 1.0)] {
+                let real = s.map_or(0.0, |s| f64::from(s.steps[o]) * f64::from(s.zero));
+                acc += sign * real / f64::from(conv.scale[o]);
+            }
+            let acc = acc.round();
+            if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&acc) {
+                return Err(KernelError::Value(format!(
+                    "expected a bias within i32, found {acc:.2e} steps of the weights of output channel {o}; quantise the weights again"
+                )));
+            }
+            bias[phase * outs + o] = acc as i32;
         }
-        bias.push(acc as i32);
     }
     let epilogue = match output {
         None => Epilogue::F32 {

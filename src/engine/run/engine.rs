@@ -111,7 +111,7 @@ impl Engine {
     pub fn new(model: &Model, options: EngineOptions) -> Result<Self, EngineError> {
         let network = model.network();
         let graph = network.graph().clone();
-        let multiple = network.input().multiple.max(1);
+        let multiple = Maps::step(&[network.input().multiple]);
         check_size(multiple, &options)?;
         let isa = match options.isa {
             Some(isa) => isa,
@@ -356,7 +356,7 @@ fn lock(team: &Mutex<Team>) -> MutexGuard<'_, Team> {
 /// Refuses an input size that the network does not take.
 fn check_size(multiple: usize, options: &EngineOptions) -> Result<(), EngineError> {
     let EngineOptions { width, height, .. } = *options;
-    let fits = |n: usize| n > 0 && n <= 8192 && n.is_multiple_of(multiple);
+    let fits = |n: usize| n > 0 && n <= Maps::MOST_SIDE && n.is_multiple_of(multiple);
     if fits(width) && fits(height) {
         return Ok(());
     }

@@ -2,9 +2,9 @@
 
 use edgecap_kernels::{AlgorithmsError, IsaError, KernelError};
 
-use crate::engine::WILD;
 use crate::engine::model::ModelError;
 use crate::engine::plan::PlanError;
+use crate::engine::{Maps, WILD};
 
 /// An engine cannot be built as asked.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +12,10 @@ use crate::engine::plan::PlanError;
 pub enum EngineError {
     /// The input size does not fit the network.
     #[error(
-        "expected a network input of multiples of {multiple} pixels up to 8192, found {width}x{height}; choose e.g. 512x320"
+        "expected a network input of multiples of {multiple} pixels up to {}, found {width}x{height}; choose e.g. {}x{}",
+        Maps::MOST_SIDE,
+        512_usize.next_multiple_of(*.multiple),
+        320_usize.next_multiple_of(*.multiple)
     )]
     Size {
         /// What sides are multiples of.
