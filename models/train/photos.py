@@ -56,7 +56,8 @@ def _coco(folder: pathlib.Path) -> list[Photo]:
 def _mpii(folder: pathlib.Path) -> list[Photo]:
     found: dict[str, list[Person]] = {}
     for a in json.loads((folder / "annotations.json").read_text()):
-        j = np.array(a["joints"], np.float32)[MPII]
+        # MATLAB's numbers: its first pixel is 1, ours 0
+        j = np.array(a["joints"], np.float32)[MPII] - 1
         v = np.array(a["joints_vis"], np.float32)[MPII]
         s = 200 * a["scale"]
         lo, hi = j[v > 0].min(0), j[v > 0].max(0)

@@ -63,7 +63,7 @@ pub struct EvalArgs {
     /// Fewest labelled joints of a person who is missed when not found
     #[arg(long, value_name = "N", default_value_t = 8, conflicts_with_all = WITHOUT_TRUTH)]
     pub min_joints: usize,
-    /// Least height of such a person, in pixels of the network's 512x320 input
+    /// Least height of such a person's box, in pixels of the network's 512x320 input
     #[arg(
         long,
         value_name = "PIXELS",

@@ -587,11 +587,75 @@ fn mpii_people_of_one_picture_come_together() {
     let short = text.replacen("[0.0,2.0],", "", 1);
     let said = TruthSet::parse(&short, "t", Format::Auto, None).unwrap_err();
     assert!(said.to_string().contains("15 and 16"), "{said}");
-    // Right ankle, left shoulder, right wrist, head top, neck (thorax).
+    // Right ankle, left shoulder, right wrist, head top, neck (thorax); the file's first pixel is 1.
     assert_eq!(
         [at(10), at(5), at(4), at(0), at(1)],
-        [Some(0.0), Some(13.0), Some(10.0), Some(9.0), Some(7.0)]
+        [Some(-1.0), Some(12.0), Some(9.0), Some(8.0), Some(6.0)]
     );
+    assert_eq!(people[0].bbox[1], 1.0);
+}
+
+#[test]
+fn keypoints_of_other_names_count_with_all_points_alone() {
+    let ours = [5, 2, 6, 3, 7, 4, 11, 8, 12, 9, 13, 10];
+    let mut names: Vec<String> = ["shoulder", "elbow", "wrist", "hip", "knee", "ankle"]
+        .iter()
+        .flat_map(|part| ["left", "right"].map(|side| format!("{side}_{part}")))
+        .collect();
+    names.push("left_big_toe".into());
+    let joints = ours.iter().map(|j| f64::from(*j));
+    let mut keypoints: Vec<f64> = joints.flat_map(|j| [10.0 * j, 5.0 * j, 2.0]).collect();
+    keypoints.extend([90.0, 9.0, 2.0]);
+    let person = serde_json::json!({
+        "image_id": 4, "category_id": 1, "keypoints": keypoints, "bbox": [0, 0, 130, 65], "area": 5000.0,
+    });
+    let hat = serde_json::json!({
+        "image_id": 4, "category_id": 2, "keypoints": [1, 1, 2, 5, 5, 2], "bbox": [0, 0, 9, 9], "area": 50.0,
+    });
+    let read = |annotations: &[&serde_json::Value]| {
+        let truth = serde_json::json!({
+            "images": [{"id": 4, "file_name": "a.jpg"}],
+            "categories": [{"id": 1, "keypoints": names}, {"id": 2, "keypoints": ["brim", "button"]}],
+            "annotations": annotations,
+        });
+        TruthSet::parse(&truth.to_string(), "t", Format::Auto, None)
+    };
+    let truth = read(&[&person]).unwrap();
+    let predictions = Predictions::parse(&line(0, "a.jpg", &observation(0.8, &exact())), "p");
+    let predictions = predictions.unwrap();
+    for (joints, expected) in [
+        (JointSet::Shared, 1.0),
+        (JointSet::Evidence, 1.0),
+        (JointSet::All, 12.0 / 13.0),
+    ] {
+        let options = EvalOptions {
+            joints,
+            ..EvalOptions::default()
+        };
+        let report = evaluate(&predictions, &truth, &options).unwrap();
+        near(report.finding[1].mean_oks.unwrap(), expected);
+    }
+    // What has none of our joints is nobody.
+    assert_eq!(read(&[&person, &hat]).unwrap(), truth);
+    let said = read(&[&hat]).unwrap_err().to_string();
+    assert!(said.contains("brim") && said.contains("COCO"), "{said}");
+}
+
+#[test]
+fn truth_of_another_version_is_refused() {
+    let parse = |text: &str| TruthSet::parse(text, "t", Format::Auto, None);
+    for (format, version) in [("edgecap-truth", 2), ("edgecap-world", 1)] {
+        let text = serde_json::json!({
+            "format": format, "version": version, "fps": 25.0, "frames": [{"of": "another layout"}],
+        });
+        let said = parse(&text.to_string()).unwrap_err().to_string();
+        let expected =
+            format!("t: expected edgecap-truth version 1, found {format} version {version};");
+        assert!(said.starts_with(&expected), "{said}");
+        let is_another_file = said.contains("calls truth.json");
+        assert_eq!(is_another_file, format == "edgecap-world", "{said}");
+    }
+    assert!(parse(r#"{"fps": 0.0, "frames": []}"#).is_ok());
 }
 
 #[test]
@@ -777,6 +841,54 @@ fn observations_and_the_truth_move_at_one_size() {
     near(report.pose3d.unwrap().mpjpe_mm, 0.0);
     assert!(report.jitter.unwrap() > 1.0, "{:?}", report.jitter);
     near(report.jitter.unwrap(), report.true_motion.unwrap());
+}
+
+/// A body of `run`, seen at the joints of [`exact`] and so far to the right of them, pixels.
+fn tracked(id: u64, right: f32, solid: &[[f64; 3]; BODY_JOINTS]) -> String {
+    let joints2d = exact().map(|[u, v, c]| [u + right, v, c]);
+    serde_json::json!({
+        "id": id, "position": [0.0, 0.0, 4.0], "joints2d": joints2d, "joints3d": solid.to_vec(), "height": 1.7,
+    })
+    .to_string()
+}
+
+#[test]
+fn whoever_is_beside_the_one_labelled_person_is_no_wrong_identity() {
+    let mut truth = synthetic(|_| ()).unwrap();
+    let people = [tracked(5, 0.0, &body()), tracked(6, 300.0, &body())].join(",");
+    let predictions = Predictions::parse(&line(0, "", &people), "p").unwrap();
+    assert!(predictions.bodies);
+    for (single, expected) in [(true, 1.0), (false, 2.0 / 3.0)] {
+        truth.single = single;
+        let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+        near(report.identity.unwrap().idf1, expected);
+    }
+}
+
+#[test]
+fn bodies_and_a_truth_without_a_place_are_compared_by_their_poses() {
+    let pelvis = body()[PELVIS];
+    let pose: [[f64; 3]; BODY_JOINTS] = body().map(|p| std::array::from_fn(|i| p[i] - pelvis[i]));
+    let mut truth = synthetic(|_| ()).unwrap();
+    let first = truth.frames.remove(0);
+    let mut lines = Vec::new();
+    for k in 0..4 {
+        let mut frame = first.clone();
+        frame.frame = Some(k);
+        frame.people[0].joints3d = Some(pose.map(Some));
+        truth.frames.push(frame);
+        // Faster and faster away from the camera, which such a truth does not tell.
+        let z = 4.0 + 0.01 * (k * k) as f64;
+        let solid = pose.map(|p| [p[0], p[1], p[2] + z]);
+        lines.push(line(k, "", &tracked(5, 0.0, &solid)));
+    }
+    let predictions = Predictions::parse(&lines.join("\n"), "p").unwrap();
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    near(report.jitter.unwrap(), 0.0);
+    near(report.true_motion.unwrap(), 0.0);
+    let pose = report.pose3d.unwrap();
+    near(pose.mpjpe_mm, 0.0);
+    assert_eq!(pose.root_mm, None);
 }
 
 /// As `edgecap synth` writes a folder: frames that follow each other, each a picture of its own.

@@ -89,6 +89,7 @@ fn heights_are_of_one_scale() {
     let tall = report([None; 2], 50.0);
     assert_eq!(tall.finding[1].people, 1);
     assert_eq!(counts(&tall.recall_by_company), [(1.0, 1, 1.0)]);
+    assert_eq!(counts(&tall.recall_by_joints), [(14.0, 1, 1.0)]);
     assert_eq!(report([Some(size); 2], 50.0).finding[1].people, 2);
     // Of nobody there is no share.
     let nobody = report([Some(size); 2], 1000.0);
@@ -98,6 +99,7 @@ fn heights_are_of_one_scale() {
         (0, None, None, None)
     );
     assert!(nobody.recall_by_company.is_empty() && nobody.recall_by_height.is_empty());
+    assert!(nobody.recall_by_joints.is_empty());
     let text = nobody.to_string();
     let said = "recall – of 0, precision –, 0 false, mean OKS –";
     assert!(text.contains(said), "{text}");

@@ -6,10 +6,12 @@ use std::path::Path;
 use edgecap::camera::calibration;
 use edgecap::capture::AviReader;
 use edgecap::commands::synth::{PictureFormat, SynthArgs, synth};
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::lab::eval::Jitter;
 use edgecap::lab::synth::Truth;
+use edgecap::lab::synth::studio::Studio;
 use edgecap::lab::synth::truth::{ABSENT, VISIBLE};
-use edgecap::lab::synth::world::WorldTruth;
+use edgecap::lab::synth::world::{WorldFrame, WorldTruth};
 use glam::{DVec2, DVec3};
 
 fn arguments(out: &Path) -> SynthArgs {
@@ -122,6 +124,65 @@ fn who_does_what_does_not_depend_on_the_cameras() {
             .fold(0.0, f64::max)
     };
     assert!((0..2).all(|k| moved(k) < 0.6), "nobody jumps");
+}
+
+/// Where three people are in their first six seconds.
+fn moving(fps: u32) -> Vec<WorldFrame> {
+    let frames = 6 * u64::from(fps);
+    let studio = Studio::new(9, (192, 120), 1, 3, frames, fps as f32);
+    (0..frames).map(|k| studio.world(k)).collect()
+}
+
+/// Mean acceleration of everybody's joints, m/s².
+fn acceleration(frames: &[WorldFrame], fps: u32) -> f64 {
+    let mut jitter = Jitter::default();
+    for frame in frames {
+        let seconds = frame.frame as f64 / f64::from(fps);
+        for p in &frame.people {
+            let joints = p.joints3d.map(|j| j.map(f64::from));
+            jitter.add(p.id, frame.frame, seconds, &joints);
+        }
+    }
+    jitter.mean().unwrap()
+}
+
+#[test]
+fn people_move_alike_at_every_frame_rate() {
+    let thirty = moving(30);
+    let expected = acceleration(&thirty, 30);
+    for fps in [50, 100, 240] {
+        let frames = moving(fps);
+        let found = acceleration(&frames, fps);
+        assert!(
+            (found / expected - 1.0).abs() < 0.3,
+            "{found:.2} m/s² at {fps} Hz, {expected:.2} at 30"
+        );
+        // Tenths of a second are frames at all of these rates, and the same ones.
+        let of_a_tenth = frames.iter().step_by(fps as usize / 10);
+        for (a, b) in of_a_tenth.zip(thirty.iter().step_by(3)) {
+            assert_eq!(a.people, b.people, "frame {} at {fps} Hz", a.frame);
+        }
+    }
+}
+
+#[test]
+fn whoever_walks_moves_in_every_frame() {
+    const FPS: u32 = 240;
+    let frames = moving(FPS);
+    let mut walking = 0;
+    for person in 0..3 {
+        let pelvis = |f: &WorldFrame| DVec3::from(f.people[person].joints3d[PELVIS].map(f64::from));
+        let places: Vec<DVec3> = frames.iter().map(pelvis).collect();
+        // A thirtieth of a second at 0.5 m/s or more.
+        let steps = places.windows(9);
+        for some in steps.filter(|w| w[0].distance(w[8]) > 0.5 / 30.0) {
+            walking += 1;
+            for pair in some.windows(2) {
+                assert!(pair[0].distance(pair[1]) > 5e-4, "{pair:?}");
+            }
+        }
+    }
+    assert!(walking > 200, "{walking}");
 }
 
 #[test]

@@ -408,6 +408,12 @@ fn spin_s_exports_are_read_in_spin_s_order() {
     assert_eq!((pose.people, pose.joints), (1, 16));
     near(pose.mpjpe_mm, 0.0);
     near(pose.pck150, 1.0);
+    // Its pelvis is the origin, which is no place in camera space.
+    let mut bodies = predicted(vec![("a.jpg", vec![observed(here, &here)])]);
+    bodies.bodies = true;
+    let pose = measure(&bodies, &truth).pose3d.unwrap();
+    near(pose.mpjpe_mm, 0.0);
+    assert_eq!(pose.root_mm, None);
 }
 
 #[test]
@@ -484,6 +490,27 @@ fn rows_of_one_picture_are_people_in_it() {
         .collect();
     assert_eq!(people, [("a.jpg", 2), ("b.jpg", 1)]);
     assert!(!truth.single);
+}
+
+#[test]
+fn pictures_of_one_name_in_two_sequences_are_two() {
+    let here = at(&FIGURE, [0.0, 0.0, 4.0]);
+    let archive = || toolbox(&[("a.jpg", here), ("a.jpg", here)]).texts("sequence", &["S1", "S2"]);
+    let sources = |truth: &TruthSet| -> Vec<String> {
+        let frames = truth.frames.iter();
+        frames.map(|f| f.source.clone()).collect()
+    };
+    let truth = archive().read(&h36m()).unwrap();
+    assert_eq!(sources(&truth), ["S1/a.jpg", "S2/a.jpg"]);
+    assert!(truth.single);
+    let predictions = predicted(vec![("photos/S2/a.jpg", vec![observed(FIGURE, &here)])]);
+    let report = measure(&predictions, &truth);
+    assert_eq!((report.frames, report.frames_without_prediction), (2, 1));
+    let second = ReadOptions {
+        split: Some("S2".into()),
+        ..h36m()
+    };
+    assert_eq!(sources(&archive().read(&second).unwrap()), ["a.jpg"]);
 }
 
 #[test]
@@ -574,6 +601,8 @@ fn what_is_wrong_with_an_archive_is_said() {
         split: Some("TS9".into()),
         ..h36m()
     };
+    let pose = |xx: f64, x: f64| [xx, 0.0, 0.0, x, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let matrix = |fx: f64, cx: f64| [fx, 0.0, cx, 0.0, 500.0, 160.0, 0.0, 0.0, 1.0];
     let cases: Vec<(Arrays, &ReadOptions, &[&str])> = vec![
         (
             without("S"),
@@ -683,6 +712,26 @@ fn what_is_wrong_with_an_archive_is_said() {
             good().array("camera_pose", &[3, 4], &[1.0; 12]),
             &mm,
             &["camera_pose", "rotation"],
+        ),
+        (
+            good().array("camera_pose", &[3, 4], &pose(-1.0, 0.0)),
+            &mm,
+            &["camera_pose", "mirror"],
+        ),
+        (
+            good().array("camera_pose", &[3, 4], &pose(1.0, f64::NAN)),
+            &mm,
+            &["camera_pose", "NaN"],
+        ),
+        (
+            good().array("camera_matrix", &[3, 3], &matrix(f64::NAN, 256.0)),
+            &mm,
+            &["camera_matrix", "NaN"],
+        ),
+        (
+            good().array("camera_matrix", &[3, 3], &matrix(500.0, f64::INFINITY)),
+            &mm,
+            &["camera_matrix", "inf"],
         ),
     ];
     for (arrays, options, words) in cases {

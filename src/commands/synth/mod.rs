@@ -3,19 +3,21 @@
 mod strip;
 mod views;
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use rayon::prelude::*;
 
-use self::strip::render;
+use self::strip::{Part, render};
 use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
+use crate::bounded::DATA;
 use crate::capture::{AviWriter, Frame};
+use crate::lab::synth::frames::FrameWriter;
 use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
@@ -157,8 +159,9 @@ fn stills(args: &SynthArgs) -> Stills {
     }
 }
 
-fn truth(args: &SynthArgs, clip: Option<&Path>, frames: Vec<TruthFrame>) -> Truth {
-    Truth {
+/// Begins the truth about stills or a clip, a file of at most as many bytes as programs read.
+fn truth<W: Write>(args: &SynthArgs, clip: Option<&Path>, out: W) -> io::Result<FrameWriter<W>> {
+    let about = Truth {
         format: FORMAT.to_owned(),
         version: VERSION,
         seed: args.seed,
@@ -166,8 +169,9 @@ fn truth(args: &SynthArgs, clip: Option<&Path>, frames: Vec<TruthFrame>) -> Trut
         height: args.height,
         fps: if args.stills { 0.0 } else { args.fps as f32 },
         clip: clip.map(name),
-        frames,
-    }
+        frames: Vec::new(),
+    };
+    FrameWriter::new(out, &about.head(), DATA)
 }
 
 /// Refuses a folder that holds files, before any work is done.
@@ -182,7 +186,7 @@ fn expect_empty(out: &Path) -> anyhow::Result<()> {
                 .into());
             }
         }
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {}
         Err(e) => {
             return Err(Failure::output(out, &e).into());
         }
@@ -192,51 +196,56 @@ fn expect_empty(out: &Path) -> anyhow::Result<()> {
 
 /// Writes numbered pictures and the truth into a folder that appears only when it is complete.
 fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
-    let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
-    let frames = (0..args.frames)
-        .into_par_iter()
-        .map(|k| -> anyhow::Result<TruthFrame> {
-            let mut shot = shot(k);
-            let (ending, bytes) = match args.format {
-                PictureFormat::Jpg => (
-                    "jpg",
-                    jpeg(&shot.frame, args.quality.unwrap_or(shot.quality))?,
-                ),
-                PictureFormat::Png => ("png", png(&shot.frame)?),
-            };
-            let name = format!("{k:06}.{ending}");
-            let path = album.beside().join(&name);
-            std::fs::write(&path, bytes).map_err(|e| Failure::output(&path, &e))?;
-            shot.truth.file = Some(name);
-            Ok(shot.truth)
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
-    known(args, album, out, frames)
+    let name = |k: u64| match args.format {
+        PictureFormat::Jpg => format!("{k:06}.jpg"),
+        PictureFormat::Png => format!("{k:06}.png"),
+    };
+    let one = |k: u64, folder: &Path| -> anyhow::Result<TruthFrame> {
+        let mut shot = shot(k);
+        let bytes = match args.format {
+            PictureFormat::Jpg => jpeg(&shot.frame, args.quality.unwrap_or(shot.quality))?,
+            PictureFormat::Png => png(&shot.frame)?,
+        };
+        let path = folder.join(name(k));
+        std::fs::write(&path, bytes).map_err(|e| Failure::output(&path, &e))?;
+        shot.truth.file = Some(name(k));
+        Ok(shot.truth)
+    };
+    known(args, out, one, Some(&name))
 }
 
 /// Writes the truth about stills that nobody renders.
 fn outlines(args: &SynthArgs, out: &Path) -> anyhow::Result<()> {
-    let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let stills = stills(args);
-    let frames = (0..args.frames)
-        .into_par_iter()
-        .map(|k| outline_still(&stills, k))
-        .collect();
-    known(args, album, out, frames)
+    known(args, out, |k, _| Ok(outline_still(&stills, k)), None)
 }
 
-/// Adds the truth to a folder and lets it appear.
+/// Makes frames with `one`, which may put a picture of the name `picture(k)` into the folder, and writes the truth about
+/// them; pictures beyond what the truth has room for are removed.
 fn known(
     args: &SynthArgs,
-    album: AtomicFolder,
     out: &Path,
-    frames: Vec<TruthFrame>,
+    one: impl Fn(u64, &Path) -> anyhow::Result<TruthFrame> + Sync,
+    picture: Option<&dyn Fn(u64) -> String>,
 ) -> anyhow::Result<()> {
-    let path = album.beside().join("truth.json");
-    std::fs::write(&path, truth(args, None, frames).to_text())
-        .map_err(|e| Failure::output(&path, &e))?;
+    let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
+    let folder = album.beside();
+    let path = folder.join("truth.json");
+    let failed = |_: Part, e: io::Error| Failure::output(&path, &e);
+    let no_truth = |e: io::Error| failed(Part::Truth, e);
+    let text = BufWriter::new(File::create(&path).map_err(no_truth)?);
+    let mut text = truth(args, None, text).map_err(no_truth)?;
+    let no_film = None::<&mut AviWriter<File>>;
+    let each = |k: u64| Ok((Vec::new(), one(k, folder)?));
+    let room = render(args.frames, no_film, &mut text, each, |_| Ok(()), failed)?;
+    text.finish().map_err(no_truth)?;
+    for name in picture.iter().flat_map(|name| room.beyond().map(name)) {
+        let path = folder.join(name);
+        std::fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
+    }
     album.finish().map_err(|e| Failure::output(out, &e))?;
-    Ok(())
+    let truth = out.join("truth.json");
+    room.ended(out, &truth)
 }
 
 fn name(clip: &Path) -> String {
@@ -281,23 +290,28 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         .writes("its truth", &truth_path)
         .check()?;
     expect_own(&truth_path, file)?;
-    let no_clip = |e: std::io::Error| Failure::output(file, &e);
-    let no_truth = |e: std::io::Error| Failure::output(&truth_path, &e);
+    let no_clip = |e: io::Error| Failure::output(file, &e);
+    let no_truth = |e: io::Error| Failure::output(&truth_path, &e);
     let mut clip = AtomicFile::create(file).map_err(no_clip)?;
     let mut text = AtomicFile::create(&truth_path).map_err(no_truth)?;
+    let mut about = truth(args, Some(file), &mut text).map_err(no_truth)?;
     let mut avi =
         AviWriter::new(&mut clip, args.width, args.height, (args.fps, 1)).map_err(no_clip)?;
     let one = |k: u64| {
         let shot = shot(k);
         Ok((jpeg(&shot.frame, args.quality.unwrap_or(60))?, shot.truth))
     };
-    let (frames, room) = render(args.frames, Some(&mut avi), one, no_clip)?;
+    let failed = |part: Part, e: io::Error| match part {
+        Part::Film => no_clip(e),
+        Part::Truth => no_truth(e),
+    };
+    let film = Some(&mut avi);
+    let room = render(args.frames, film, &mut about, one, |_| Ok(()), failed)?;
     avi.finish().map_err(no_clip)?;
-    text.write_all(truth(args, Some(file), frames).to_text().as_bytes())
-        .map_err(no_truth)?;
+    about.finish().map_err(no_truth)?;
     clip.finish().map_err(no_clip)?;
     text.finish().map_err(no_truth)?;
-    room.ended(file)
+    room.ended(file, &truth_path)
 }
 
 fn jpeg(frame: &Frame, quality: u8) -> anyhow::Result<Vec<u8>> {

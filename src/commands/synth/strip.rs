@@ -1,4 +1,4 @@
-//! Frames in order, rendered batch by batch on every core, up to where their film is full.
+//! Frames in order, made batch by batch on every core, up to where their film or their truth is full.
 
 use std::io::{self, Seek, Write};
 use std::ops::Range;
@@ -6,81 +6,113 @@ use std::path::Path;
 
 use anyhow::{Error, Result};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::capture::AviWriter;
 use crate::commands::exit::Failure;
 use crate::counted::counted;
-use crate::lab::synth::TruthFrame;
+use crate::lab::synth::frames::FrameWriter;
 
-/// Frames rendered before they are written: bounds memory, keeps every core busy.
+/// Fewest frames made before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;
+/// Fewest of them for each core, so that it seldom waits for the others' last ones.
+const BATCH_OF_A_CORE: u64 = 8;
 
-/// Renders frames 0 to `wanted`, each a JPEG and what is true about it, and appends them to the film, where there is
-/// one, as long as it has room: what is true about those that are in it. `failed` gives another failure its words.
+/// What frames are written into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Their pictures.
+    Film,
+    /// What is true about them.
+    Truth,
+}
+
+/// Makes frames 0 to `wanted`, each a JPEG and what is true about it, and appends them to the film, where there is one,
+/// and to the truth, as long as both have room; `taken` hears of each that has. `failed` gives another failure its
+/// words.
 ///
 /// # Errors
 /// When a frame cannot be made or written.
-pub(super) fn render<W: Write + Seek>(
+pub(super) fn render<W: Write + Seek, F: Serialize + Send>(
     wanted: u64,
     mut film: Option<&mut AviWriter<W>>,
-    one: impl Fn(u64) -> Result<(Vec<u8>, TruthFrame)> + Sync,
-    failed: impl Fn(io::Error) -> Failure,
-) -> Result<(Vec<TruthFrame>, Room)> {
-    let mut frames = Vec::with_capacity(wanted as usize);
+    truth: &mut FrameWriter<impl Write>,
+    one: impl Fn(u64) -> Result<(Vec<u8>, F)> + Sync,
+    mut taken: impl FnMut(&F) -> Result<()>,
+    failed: impl Fn(Part, io::Error) -> Failure,
+) -> Result<Room> {
+    let batch = BATCH.max(BATCH_OF_A_CORE * rayon::current_num_threads() as u64);
     let mut room = Room {
         taken: 0,
         rendered: 0,
         wanted,
         full: None,
     };
+    let mut append = |picture: &[u8], known: &F| {
+        let line = truth.line(known).map_err(|e| (Part::Truth, e))?;
+        if let Some(film) = &mut film {
+            film.write_jpeg(picture).map_err(|e| (Part::Film, e))?;
+        }
+        truth.add(&line).map_err(|e| (Part::Truth, e))
+    };
     while room.full.is_none() && room.rendered < wanted {
-        let batch = room.rendered..wanted.min(room.rendered + BATCH);
+        let batch = room.rendered..wanted.min(room.rendered + batch);
         room.rendered = batch.end;
         let batch: Vec<_> = batch.into_par_iter().map(&one).collect::<Result<_>>()?;
         for (picture, known) in batch {
-            let append = |film: &mut &mut AviWriter<W>| film.write_jpeg(&picture);
-            match film.as_mut().map_or(Ok(()), append) {
-                Ok(()) => frames.push(known),
-                Err(e) if e.kind() == io::ErrorKind::FileTooLarge => {
-                    room.full = Some(e);
+            match append(&picture, &known) {
+                Ok(()) => taken(&known)?,
+                Err((part, e)) if e.kind() == io::ErrorKind::FileTooLarge => {
+                    room.full = Some((part, e));
                     break;
                 }
-                Err(e) => return Err(failed(e).into()),
+                Err((part, e)) => return Err(failed(part, e).into()),
             }
+            room.taken += 1;
         }
-        room.taken = frames.len() as u64;
     }
-    Ok((frames, room))
+    Ok(room)
 }
 
-/// How many frames a film took, and why no more.
+/// How many frames a film and its truth took, and why no more.
 #[derive(Debug)]
 pub(super) struct Room {
     taken: u64,
     rendered: u64,
     wanted: u64,
-    full: Option<io::Error>,
+    full: Option<(Part, io::Error)>,
 }
 
 impl Room {
+    /// Frames that are there.
+    pub(super) fn taken(&self) -> u64 {
+        self.taken
+    }
+
     /// Frames that were rendered and found no room.
     pub(super) fn beyond(&self) -> Range<u64> {
         self.taken..self.rendered
     }
 
-    /// Says of a film that was full, once what there is of it is whole.
+    /// Says of a film or a truth that was full, once what there is of both is whole.
     ///
     /// # Errors
-    /// Where it was full.
-    pub(super) fn ended(self, film: &Path) -> Result<()> {
-        let Some(full) = self.full else {
+    /// Where one was full.
+    pub(super) fn ended(self, film: &Path, truth: &Path) -> Result<()> {
+        let Some((part, full)) = self.full else {
             return Ok(());
         };
         let taken = counted(self.taken, "frame", "frames");
+        let (path, less) = match part {
+            Part::Film => (
+                film,
+                "fewer --frames, smaller pictures or a lower --quality",
+            ),
+            Part::Truth => (truth, "fewer --frames or --people"),
+        };
         Err(Error::from(full).context(format!(
-            "{}: full after {taken} of {}, which are there with what is true about them; ask for fewer --frames, \
-             smaller pictures or a lower --quality",
-            film.display(),
+            "{}: full after {taken} of {}, which are there with what is true about them; ask for {less}",
+            path.display(),
             self.wanted
         )))
     }
@@ -90,7 +122,7 @@ impl Room {
 mod tests {
     use super::*;
     use crate::commands::exit;
-    use crate::lab::synth::demo;
+    use crate::lab::synth::{Truth, TruthFrame, demo};
 
     /// Knows how long it is, and nothing else.
     #[derive(Default)]
@@ -134,18 +166,37 @@ mod tests {
             Ok((vec![0; PICTURE], frame))
         };
         let path = Path::new("long.avi");
+        let beside = Path::new("long.truth.json");
+        let failed = |_: Part, e: io::Error| Failure::output(path, &e);
+        // Batches are as long as on two cores.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
+        let pool = pool.build().unwrap();
+        let head = Truth {
+            frames: Vec::new(),
+            ..demo::truth()
+        };
+        let head = head.head();
         let film = |wanted: u64| {
             let mut film = AviWriter::new(Nowhere::default(), 64, 48, (15, 1)).unwrap();
-            let failed = |e: io::Error| Failure::output(path, &e);
-            let (frames, room) = render(wanted, Some(&mut film), one, failed).unwrap();
-            (frames, room, film.finish().unwrap().end)
+            let mut truth = FrameWriter::new(Vec::new(), &head, u64::MAX).unwrap();
+            let mut heard = Vec::new();
+            let taken = |f: &TruthFrame| {
+                heard.push(f.frame);
+                Ok(())
+            };
+            let room =
+                pool.install(|| render(wanted, Some(&mut film), &mut truth, one, taken, failed));
+            let text = String::from_utf8(truth.finish().unwrap()).unwrap();
+            let frames = Truth::parse(&text, "t").unwrap().frames;
+            assert!(frames.iter().map(|f| f.frame).eq(heard));
+            (frames, room.unwrap(), film.finish().unwrap().end)
         };
         let (frames, room, bytes) = film(200);
         let numbers = frames.iter().map(|f| f.frame);
         assert!(numbers.eq(0..127), "in order, and none left out");
-        assert_eq!(room.beyond(), 127..128);
+        assert_eq!((room.taken(), room.beyond()), (127, 127..128));
         assert!(bytes > 127 * PICTURE as u64 && bytes < 1 << 30, "{bytes}");
-        let said = room.ended(path).unwrap_err();
+        let said = room.ended(path, beside).unwrap_err();
         let line = exit::told(&said);
         assert!(
             line.starts_with("long.avi: full after 127 frames of 200")
@@ -155,6 +206,34 @@ mod tests {
         assert_eq!(exit::code(&said), exit::IO);
         let (frames, room, _) = film(40);
         assert_eq!((frames.len(), room.beyond()), (40, 40..40));
-        room.ended(path).unwrap();
+        room.ended(path, beside).unwrap();
+    }
+
+    #[test]
+    fn a_film_has_no_more_frames_than_its_truth() {
+        let known = demo::truth();
+        let one = |k: u64| Ok((vec![0; 64], known.frames[k as usize].clone()));
+        let (path, beside) = (Path::new("a.avi"), Path::new("a.truth.json"));
+        let most = known.to_text().len() as u64 / 2;
+        let mut film = AviWriter::new(Nowhere::default(), 64, 48, (15, 1)).unwrap();
+        let mut truth = FrameWriter::new(Vec::new(), &known.head(), most).unwrap();
+        let wanted = known.frames.len() as u64;
+        let failed = |_: Part, e: io::Error| Failure::output(path, &e);
+        let room = render(wanted, Some(&mut film), &mut truth, one, |_| Ok(()), failed).unwrap();
+        let taken = room.taken();
+        assert!((wanted / 4..wanted).contains(&taken), "{taken} of {wanted}");
+        let text = String::from_utf8(truth.finish().unwrap()).unwrap();
+        let frames = Truth::parse(&text, "t").unwrap().frames;
+        assert_eq!(frames, known.frames[..taken as usize]);
+        // Headers, and for each picture its 64 bytes, 8 before them and 16 in the index.
+        assert_eq!(film.finish().unwrap().end, 232 + 88 * taken);
+        let said = room.ended(path, beside).unwrap_err();
+        let line = exit::told(&said);
+        let expected = format!("a.truth.json: full after {taken} frames of {wanted}");
+        assert!(
+            line.starts_with(&expected) && line.contains("--people"),
+            "{line}"
+        );
+        assert_eq!(exit::code(&said), exit::IO);
     }
 }

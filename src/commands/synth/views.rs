@@ -2,20 +2,21 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
-use rayon::prelude::*;
 
-use super::strip::{Room, render};
-use super::{SynthArgs, expect_empty, jpeg, truth};
+use super::strip::{Part, Room, render};
+use super::{SynthArgs, expect_empty, jpeg};
+use crate::bounded::DATA;
 use crate::camera::calibration::write_pose2sim;
 use crate::capture::AviWriter;
 use crate::commands::exit::Failure;
 use crate::lab::synth::TruthFrame;
 use crate::lab::synth::detector::{Detector, Flaws};
+use crate::lab::synth::frames::FrameWriter;
 use crate::lab::synth::shoot::Reel;
 use crate::lab::synth::studio::{Studio, name};
 use crate::lab::synth::survey::Survey;
@@ -23,7 +24,11 @@ use crate::lab::synth::world::{FORMAT, VERSION, WorldTruth};
 use crate::output::AtomicFolder;
 use crate::record::{Format, ObservationsRow, RecordWriter};
 
-/// Writes the folder, which appears only when it is complete: all views as far as the film of one before has room.
+/// What is true about all views.
+const WORLD: &str = "world.json";
+
+/// Writes the folder, which appears only when it is complete: all views as far as the film of one before, or its truth,
+/// has room.
 pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Result<()> {
     expect_empty(out)?;
     let size = (args.width, args.height);
@@ -31,96 +36,164 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
     let studio = Studio::new(args.seed, size, views, people, args.frames, fps);
     let folder = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let failed = |e: io::Error| Failure::output(out, &e);
-    let at = |name: &str| folder.beside().join(name);
-    std::fs::write(at("Calib.toml"), write_pose2sim(&studio.views())).map_err(failed)?;
-    let shown = args.masks || !args.truth_only;
-    if shown {
+    let calibration = folder.beside().join("Calib.toml");
+    std::fs::write(calibration, write_pose2sim(&studio.views())).map_err(failed)?;
+    if is_surveyed(args) {
         studio.prepare();
     }
     let bar = ProgressBar::new(args.frames * views as u64);
     let (mut wanted, mut longest) = (args.frames, 0);
     let mut ended = Ok(());
-    for view in 0..views {
-        let camera = name(view);
-        // Named also where it is not made: frame numbers of one camera's truth are no other one's.
-        let clip = format!("{camera}.avi");
-        let frames = if shown {
-            let reel = Reel::of(studio.seen_by(view));
-            let (frames, room) = film(args, folder.beside(), &camera, (&reel, wanted), &bar)?;
-            ended = ended.and(room.ended(&out.join(&clip)));
-            frames
-        } else {
-            let frames = (0..wanted).into_par_iter();
-            frames.map(|k| studio.outline(view, k)).collect()
+    for number in 0..views {
+        let view = Seen {
+            args,
+            studio: &studio,
+            number,
+            folder: folder.beside(),
+            bar: &bar,
         };
-        wanted = frames.len() as u64;
+        let room = view.write(wanted)?;
+        wanted = room.taken();
         longest = wanted.max(longest);
-        if args.observed {
-            let path = at(&format!("{camera}.jsonl"));
-            observe(args, &path, (view, &clip), &frames)?;
-        }
-        let text = truth(args, Some(Path::new(&clip)), frames).to_text();
-        std::fs::write(at(&format!("{camera}.truth.json")), text).map_err(failed)?;
+        ended = ended.and(room.ended(&out.join(view.film()), &out.join(view.truth())));
     }
-    let world = WorldTruth {
-        format: FORMAT.to_owned(),
-        version: VERSION,
-        seed: args.seed,
-        fps,
-        frames: (0..longest).map(|k| studio.world(k)).collect(),
-    };
-    std::fs::write(at("world.json"), serde_json::to_vec(&world)?).map_err(failed)?;
+    let room = world(args, &studio, longest, folder.beside())?;
+    ended = ended.and(room.ended(out, &out.join(WORLD)));
     bar.finish_and_clear();
     folder.finish().map_err(failed)?;
     ended
 }
 
-/// One camera's film and masks, so many frames and as far as they are wanted, and the truth about them.
-fn film(
-    args: &SynthArgs,
-    folder: &Path,
-    camera: &str,
-    (reel, wanted): (&Reel, u64),
-    bar: &ProgressBar,
-) -> anyhow::Result<(Vec<TruthFrame>, Room)> {
-    let path = folder.join(format!("{camera}.avi"));
-    let failed = |e: io::Error| Failure::output(&path, &e);
-    let mut avi = if args.truth_only {
-        None
-    } else {
-        let file = BufWriter::new(File::create(&path).map_err(failed)?);
-        let rate = (args.fps, 1);
-        Some(AviWriter::new(file, args.width, args.height, rate).map_err(failed)?)
+/// Whether anybody has to look which pixels show whom.
+fn is_surveyed(args: &SynthArgs) -> bool {
+    args.masks || !args.truth_only
+}
+
+/// Writes where everybody is in the world, so many frames.
+fn world(args: &SynthArgs, studio: &Studio, frames: u64, folder: &Path) -> anyhow::Result<Room> {
+    let path = folder.join(WORLD);
+    let failed = |_: Part, e: io::Error| Failure::output(&path, &e);
+    let no_world = |e: io::Error| failed(Part::Truth, e);
+    let about = WorldTruth {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        seed: args.seed,
+        fps: args.fps as f32,
+        frames: Vec::new(),
     };
-    let masks = folder.join("masks").join(camera);
-    if args.masks {
-        std::fs::create_dir_all(&masks).map_err(failed)?;
+    let text = BufWriter::new(File::create(&path).map_err(no_world)?);
+    let mut text = FrameWriter::new(text, &about.head(), DATA).map_err(no_world)?;
+    let no_film = None::<&mut AviWriter<File>>;
+    let one = |k: u64| Ok((Vec::new(), studio.world(k)));
+    let room = render(frames, no_film, &mut text, one, |_| Ok(()), failed)?;
+    text.finish().map_err(no_world)?;
+    Ok(room)
+}
+
+/// One camera of a studio, and where what it sees is written.
+struct Seen<'a> {
+    args: &'a SynthArgs,
+    studio: &'a Studio,
+    number: usize,
+    folder: &'a Path,
+    bar: &'a ProgressBar,
+}
+
+impl Seen<'_> {
+    /// The film's name, also where no film is made: frame numbers of one camera's truth are no other one's.
+    fn film(&self) -> String {
+        format!("{}.avi", name(self.number))
     }
-    let ids: Vec<u8> = (1..=args.people as u8).collect();
-    let mask_of = |k: u64| masks.join(format!("{k:06}.png"));
-    let one = |k: u64| {
-        let (picture, survey, known) = if args.truth_only {
-            let (survey, known) = reel.survey(k);
-            (Vec::new(), survey, known)
+
+    fn truth(&self) -> String {
+        format!("{}.truth.json", name(self.number))
+    }
+
+    /// Writes the camera's film, masks, truth and what a detector would tell, as many frames as are wanted and have
+    /// room.
+    fn write(&self, wanted: u64) -> anyhow::Result<Room> {
+        let (args, clip) = (self.args, self.film());
+        let (film, truth) = (self.folder.join(&clip), self.folder.join(self.truth()));
+        let no_film = |e: io::Error| Failure::output(&film, &e);
+        let no_truth = |e: io::Error| Failure::output(&truth, &e);
+        let mut avi = if args.truth_only {
+            None
         } else {
-            let shot = reel.shot(k);
-            let picture = jpeg(&shot.frame, args.quality.unwrap_or(60))?;
-            (picture, shot.picture.survey, shot.truth)
+            let file = BufWriter::new(File::create(&film).map_err(no_film)?);
+            let rate = (args.fps, 1);
+            Some(AviWriter::new(file, args.width, args.height, rate).map_err(no_film)?)
         };
+        let text = BufWriter::new(File::create(&truth).map_err(no_truth)?);
+        let mut text = super::truth(args, Some(Path::new(&clip)), text).map_err(no_truth)?;
+        let masks = self.folder.join("masks").join(name(self.number));
         if args.masks {
-            mask(args, &survey, &ids, &mask_of(k))?;
+            std::fs::create_dir_all(&masks).map_err(|e| Failure::output(&masks, &e))?;
         }
-        bar.inc(1);
-        Ok((picture, known))
-    };
-    let (frames, room) = render(wanted, avi.as_mut(), one, failed)?;
-    if let Some(avi) = avi {
-        avi.finish().map_err(failed)?;
+        let mask_of = |k: u64| masks.join(format!("{k:06}.png"));
+        let mut observed = args.observed.then(|| self.detector()).transpose()?;
+        let size = [args.width, args.height];
+        let taken = |frame: &TruthFrame| {
+            if let Some((detector, file)) = &mut observed {
+                file.write(&detector.observe(frame, size), &clip)?;
+            }
+            Ok(())
+        };
+        let failed = |part: Part, e: io::Error| match part {
+            Part::Film => no_film(e),
+            Part::Truth => no_truth(e),
+        };
+        let one = self.shooting(&mask_of);
+        let room = render(wanted, avi.as_mut(), &mut text, one, taken, failed)?;
+        if let Some(avi) = avi {
+            avi.finish().map_err(no_film)?;
+        }
+        text.finish().map_err(no_truth)?;
+        if let Some((_, file)) = observed {
+            file.finish()?;
+        }
+        for path in room.beyond().filter(|_| args.masks).map(mask_of) {
+            std::fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
+        }
+        Ok(room)
     }
-    for k in room.beyond().filter(|_| args.masks) {
-        std::fs::remove_file(mask_of(k)).map_err(failed)?;
+
+    /// Makes the picture of a frame, where there is to be one, its mask and the truth about it.
+    fn shooting(
+        &self,
+        mask_of: &(impl Fn(u64) -> PathBuf + Sync),
+    ) -> impl Fn(u64) -> anyhow::Result<(Vec<u8>, TruthFrame)> + Sync {
+        let args = self.args;
+        let reel = is_surveyed(args).then(|| Reel::of(self.studio.seen_by(self.number)));
+        let ids: Vec<u8> = (1..=args.people as u8).collect();
+        move |k: u64| {
+            let (picture, survey, known) = match &reel {
+                None => (Vec::new(), None, self.studio.outline(self.number, k)),
+                Some(reel) if args.truth_only => {
+                    let (survey, known) = reel.survey(k);
+                    (Vec::new(), Some(survey), known)
+                }
+                Some(reel) => {
+                    let shot = reel.shot(k);
+                    let picture = jpeg(&shot.frame, args.quality.unwrap_or(60))?;
+                    (picture, Some(shot.picture.survey), shot.truth)
+                }
+            };
+            if let Some(survey) = survey.filter(|_| args.masks) {
+                mask(args, &survey, &ids, &mask_of(k))?;
+            }
+            self.bar.inc(1);
+            Ok((picture, known))
+        }
     }
-    Ok((frames, room))
+
+    /// What tells of the view as a network would, and the record that it is told to.
+    fn detector(&self) -> anyhow::Result<(Detector, RecordWriter<ObservationsRow>)> {
+        let args = self.args;
+        let seed = args.seed.wrapping_mul(64).wrapping_add(self.number as u64);
+        let path = self.folder.join(format!("{}.jsonl", name(self.number)));
+        let file = RecordWriter::create(&path, Format::Jsonl)?;
+        Ok((Detector::new(Flaws::MEASURED, args.fps as f32, seed), file))
+    }
 }
 
 fn mask(args: &SynthArgs, survey: &Survey, ids: &[u8], path: &Path) -> anyhow::Result<()> {
@@ -133,22 +206,5 @@ fn mask(args: &SynthArgs, survey: &Survey, ids: &[u8], path: &Path) -> anyhow::R
         image::ExtendedColorType::L8,
     )?;
     file.flush().map_err(failed)?;
-    Ok(())
-}
-
-/// Writes what a detector tells of a view.
-fn observe(
-    args: &SynthArgs,
-    path: &Path,
-    (view, clip): (usize, &str),
-    frames: &[TruthFrame],
-) -> anyhow::Result<()> {
-    let seed = args.seed.wrapping_mul(64).wrapping_add(view as u64);
-    let mut detector = Detector::new(Flaws::MEASURED, args.fps as f32, seed);
-    let mut file = RecordWriter::<ObservationsRow>::create(path, Format::Jsonl)?;
-    for frame in frames {
-        file.write(&detector.observe(frame, [args.width, args.height]), clip)?;
-    }
-    file.finish()?;
     Ok(())
 }

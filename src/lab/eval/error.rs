@@ -61,6 +61,14 @@ pub enum EvalError {
         /// Two that go with it equally well.
         both: [String; 2],
     },
+    /// A picture is listed more than once.
+    #[error("expected every picture once, found {picture} twice in the {of}; give it once")]
+    Repeated {
+        /// The picture.
+        picture: String,
+        /// Truth or predictions.
+        of: &'static str,
+    },
     /// There is no picture to measure.
     #[error(
         "expected a picture to measure, found none in the {of}; give other files or another --split"

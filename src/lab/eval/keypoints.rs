@@ -5,7 +5,7 @@ use serde::Serialize;
 /// One labelled point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Keypoint {
-    /// The evidence joint it is; `None` for points that the detector does not know (eyes, ears, nose).
+    /// The evidence joint it is; `None` for points that the detector does not know (eyes, ears, nose, toes).
     pub joint: Option<usize>,
     /// Pixels of the original picture.
     pub u: f64,
@@ -13,19 +13,16 @@ pub struct Keypoint {
     pub v: f64,
     /// 0 not labelled, 1 labelled but hidden, 2 visible.
     pub visibility: u8,
-    /// COCO's per-joint constant k / 2: standard deviation of annotators over the root of the person's area.
-    pub sigma: f64,
 }
 
 impl Keypoint {
-    /// A point at an evidence joint, with that joint's constant.
+    /// A point at an evidence joint.
     pub fn at(joint: usize, u: f64, v: f64, visibility: u8) -> Self {
         Self {
             joint: Some(joint),
             u,
             v,
             visibility,
-            sigma: SIGMAS[joint],
         }
     }
 
@@ -35,7 +32,8 @@ impl Keypoint {
     }
 }
 
-/// COCO's constants for the evidence joints (head and neck: CrowdPose's).
+/// COCO's constants k / 2 of the evidence joints (head and neck: CrowdPose's): standard deviation of annotators over
+/// the root of the person's area.
 pub const SIGMAS: [f64; 14] = [
     0.079, 0.079, 0.079, 0.072, 0.062, 0.079, 0.072, 0.062, 0.107, 0.087, 0.089, 0.107, 0.087,
     0.089,

@@ -9,7 +9,7 @@ use super::EvalError;
 /// them apart: `img_000000.jpg` of another folder is another picture.
 ///
 /// # Errors
-/// When two are as good as each other.
+/// When two are as good as each other, or one is there twice.
 pub(super) fn claims(truth: &[&str], predicted: &[&str]) -> Result<Vec<Option<usize>>, EvalError> {
     let mut groups: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
     for (k, path) in truth.iter().enumerate().filter(|(_, p)| !p.is_empty()) {
@@ -37,13 +37,20 @@ pub(super) fn claims(truth: &[&str], predicted: &[&str]) -> Result<Vec<Option<us
             let free: Vec<(usize, usize)> = free.map(|&(_, t, p)| (t, p)).collect();
             for &(t, p) in &free {
                 if let Some((u, q)) = free.iter().find(|(u, q)| (*u == t) != (*q == p)) {
-                    let found = match *u == t {
-                        true => [predicted[p], predicted[*q], truth[t]],
-                        false => [truth[t], truth[*u], predicted[p]],
+                    let (of, both, one) = match *u == t {
+                        true => ("predictions", [predicted[p], predicted[*q]], truth[t]),
+                        false => ("truth", [truth[t], truth[*u]], predicted[p]),
                     };
-                    return Err(EvalError::Ambiguous {
-                        both: [found[0].to_owned(), found[1].to_owned()],
-                        one: found[2].to_owned(),
+                    // No folder tells what is the same.
+                    return Err(match parts(both[0]).eq(parts(both[1])) {
+                        true => EvalError::Repeated {
+                            picture: both[0].to_owned(),
+                            of,
+                        },
+                        false => EvalError::Ambiguous {
+                            both: both.map(str::to_owned),
+                            one: one.to_owned(),
+                        },
                     });
                 }
             }
@@ -108,13 +115,25 @@ mod tests {
     fn what_is_as_good_as_another_is_refused() {
         for (truth, predicted) in [
             (&["a.jpg"][..], &["x/a.jpg", "y/a.jpg"][..]),
-            (&["x/a.jpg", "x/a.jpg"], &["x/a.jpg"]),
+            (&["x/a.jpg"], &["y/x/a.jpg", "z/x/a.jpg"]),
         ] {
             let said = claims(truth, predicted).unwrap_err().to_string();
             assert!(
                 said.contains("x/a.jpg") && said.contains("folder"),
                 "{said}"
             );
+        }
+    }
+
+    #[test]
+    fn a_picture_that_is_there_twice_is_named_with_where_it_is() {
+        for (truth, predicted, of) in [
+            (&["x/a.jpg", "x/a.jpg"][..], &["x/a.jpg"][..], "the truth"),
+            (&["a.jpg"], &["x/a.jpg", "x/a.jpg"], "the predictions"),
+        ] {
+            let said = claims(truth, predicted).unwrap_err().to_string();
+            let expected = format!("found x/a.jpg twice in {of}; give it once");
+            assert!(said.contains(&expected), "{said}");
         }
     }
 }

@@ -3,6 +3,7 @@
 use edgecap_client::joints::EVIDENCE_JOINTS;
 use serde::Serialize;
 
+use super::keypoints::SIGMAS;
 use super::truth::AREA_OF_BOX;
 use super::{JointSet, Keypoint, TruthPerson, bounding_box};
 
@@ -37,7 +38,8 @@ pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
             continue;
         }
         n += 1.0;
-        let Some([u, v]) = k.joint.and_then(|j| predicted(prediction[j])) else {
+        let Some(j) = k.joint else { continue };
+        let Some([u, v]) = predicted(prediction[j]) else {
             continue;
         };
         let (dx, dy) = if labelled > 0 {
@@ -48,7 +50,7 @@ pub fn oks(truth: &TruthPerson, prediction: &Joints2d, set: JointSet) -> f64 {
             };
             (outside(u, x, w), outside(v, y, h))
         };
-        let variance = (2.0 * k.sigma).powi(2);
+        let variance = (2.0 * SIGMAS[j]).powi(2);
         sum += (-(dx * dx + dy * dy) / variance / area / 2.0).exp();
     }
     sum / n.max(1.0)

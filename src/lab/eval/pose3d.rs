@@ -142,7 +142,7 @@ pub struct Pose3d {
     pub pck150: f64,
     /// Mean of that share over thresholds 0:5:150 mm.
     pub auc: f64,
-    /// Mean distance of the pelvis in camera space, millimetres; only for predictions in camera space.
+    /// Mean distance of the pelvis in camera space, millimetres; only where predictions and truth are in camera space.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub root_mm: Option<f64>,
 }

@@ -52,10 +52,12 @@ pub(super) fn by_height(pictures: &[Picture], asked: Asked<'_>) -> Vec<RecallRow
     })
 }
 
-/// Rows of labelled evidence joints.
-pub(super) fn by_joints(pictures: &[Picture]) -> Vec<RecallRow> {
+/// Rows of labelled evidence joints, of people who are `tall` enough to be asked for.
+pub(super) fn by_joints(pictures: &[Picture], tall: Asked<'_>) -> Vec<RecallRow> {
     rows(&JOINTS, |from, to| {
-        let counts = |t: &TruthPerson, _| (from..to).contains(&(labelled(t) as f64));
+        let counts = |t: &TruthPerson, scale: Option<f64>| {
+            tall(t, scale) && (from..to).contains(&(labelled(t) as f64))
+        };
         find_people(pictures.iter().copied(), FOUND, &counts)
     })
 }

@@ -25,6 +25,9 @@ const PCK_FRACTION: f64 = 0.2;
 const SAME_PERSON: f64 = 0.1;
 /// OKS at which a predicted identity lies on a true one.
 const SAME_IDENTITY: f64 = 0.5;
+/// No pelvis comes nearer to a camera than this, metres: where it does, the truth is relative to the pelvis, and does not
+/// say where in camera space a body is.
+const NEAREST_PELVIS: f64 = 0.1;
 /// The network's reference input: heights are given in its pixels.
 const NETWORK_INPUT: [f64; 2] = [512.0, 320.0];
 
@@ -35,8 +38,8 @@ pub struct EvalOptions {
     pub joints: JointSet,
     /// People with fewer labelled evidence joints are not asked for in recall.
     pub min_joints: usize,
-    /// People lower than this, network input pixels, are not asked for in recall, nor those in pictures of unknown
-    /// size.
+    /// People whose boxes are lower than this, network input pixels, are not asked for in recall, nor those in pictures
+    /// of unknown size.
     pub min_height: f64,
 }
 
@@ -69,9 +72,9 @@ pub struct Report {
     pub coco: Option<AveragePrecision>,
     /// Recall and precision at OKS 0.3, 0.5 and 0.75 of people with enough joints.
     pub finding: Vec<Finding>,
-    /// Recall at OKS 0.5 by height, in pictures of known size.
+    /// Recall at OKS 0.5 by the box's height, in pictures of known size.
     pub recall_by_height: Vec<RecallRow>,
-    /// Recall at OKS 0.5 by labelled evidence joints, of everybody.
+    /// Recall at OKS 0.5 by labelled evidence joints, of everybody tall enough.
     pub recall_by_joints: Vec<RecallRow>,
     /// Recall at OKS 0.5 by people in the picture.
     pub recall_by_company: Vec<RecallRow>,
@@ -137,7 +140,10 @@ pub fn evaluate(
     let mut matcher = Matcher::default();
     let scenes: Vec<Scene> = pairs
         .into_iter()
-        .map(|(t, p)| scene(t, p, options.joints, &mut matcher))
+        .map(|(t, p)| {
+            let partial = truth.single || t.partial;
+            scene(t, p, partial, options.joints, &mut matcher)
+        })
         .collect();
     let mut report = Report {
         joints: options.joints,
@@ -167,7 +173,7 @@ pub fn evaluate(
             }
         }
         report.recall_by_height = recall::by_height(&pictures, &asked);
-        report.recall_by_joints = recall::by_joints(&pictures);
+        report.recall_by_joints = recall::by_joints(&pictures, &tall);
         report.recall_by_company = recall::by_company(&pictures, &asked);
     }
     points(&scenes, &mut report);
@@ -202,9 +208,11 @@ fn expect_somebody(truth: &TruthSet) -> Result<(), EvalError> {
     Ok(())
 }
 
+/// `partial`: others than the labelled may be in the picture.
 fn scene<'a>(
     truth: &'a TruthFrame,
     predicted: Option<&'a PredictedFrame>,
+    partial: bool,
     joints: JointSet,
     matcher: &mut Matcher,
 ) -> Scene<'a> {
@@ -212,7 +220,7 @@ fn scene<'a>(
     let flat: Vec<(f64, Joints2d)> = people.iter().map(|p| (p.score, p.joints2d)).collect();
     let compared = |set: JointSet| {
         let mut image = ImageOks::new(&truth.people, &flat, set);
-        if truth.partial {
+        if partial {
             image.excused.fill(true);
         }
         image
@@ -275,6 +283,11 @@ fn to_size(person: &TruthPerson, bodies: bool) -> f64 {
     }
 }
 
+/// Whether a true pelvis says where somebody is, and not only that joints are relative to it.
+fn is_in_camera_space(pelvis: [f64; 3]) -> bool {
+    norm(pelvis) > NEAREST_PELVIS
+}
+
 fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
     let (mut errors, mut canonical) = (Vec::new(), Vec::new());
     let (mut roots, mut people) = (Vec::new(), 0);
@@ -301,7 +314,7 @@ fn pose3d(scenes: &[Scene], bodies: bool) -> Option<Pose3d> {
                     &p.joints3d.map(|j| j.map(|x| x * seen)),
                 ));
             }
-            if let Some(root) = joints[PELVIS].filter(|_| bodies) {
+            if let Some(root) = joints[PELVIS].filter(|r| bodies && is_in_camera_space(*r)) {
                 roots.push(norm(minus(p.joints3d[PELVIS], root)));
             }
         }
@@ -397,7 +410,8 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
 
 /// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where
 /// the predictions have none, and the truth begins anew where the predicted track does. Observations are compared
-/// relative to the pelvis and at their size, bodies in camera space.
+/// relative to the pelvis and at their size, bodies in camera space where the truth is in it, else relative to the
+/// pelvis, too.
 fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
     let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
     for s in scenes {
@@ -408,11 +422,17 @@ fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
                 continue;
             };
             let track = if bodies { p.id.unwrap_or(id) } else { id };
-            predicted.add(track, frame.frame, seconds, &p.joints3d);
+            let pelvis = person.joints3d.and_then(|j| j[PELVIS]);
+            let is_relative = !bodies || pelvis.is_some_and(|r| !is_in_camera_space(r));
+            let seen = match bodies && is_relative {
+                true => p.joints3d.map(|j| minus(j, p.joints3d[PELVIS])),
+                false => p.joints3d,
+            };
+            predicted.add(track, frame.frame, seconds, &seen);
             let Some(joints) = person.joints3d else {
                 continue;
             };
-            let root = joints[PELVIS].filter(|_| !bodies).unwrap_or_default();
+            let root = pelvis.filter(|_| is_relative).unwrap_or_default();
             let scale = to_size(person, bodies);
             let moved = |j: [f64; 3]| minus(j, root).map(|x| x * scale);
             let whole: Option<Vec<[f64; 3]>> = joints.iter().map(|j| j.map(moved)).collect();

@@ -40,11 +40,14 @@ pub struct Actor {
     pub seed: u32,
 }
 
+/// Simulation steps per second.
+const RATE: f32 = 120.0;
 /// Simulation step, seconds.
-const STEP: f32 = 1.0 / 120.0;
+const STEP: f32 = 1.0 / RATE;
 /// Time to change from one act to another, seconds.
 const CHANGE: f32 = 0.55;
 
+#[derive(Clone)]
 struct State {
     at: Vec3,
     heading: f32,
@@ -59,6 +62,7 @@ struct State {
 }
 
 /// An act that fades in while `on`, then out.
+#[derive(Clone)]
 struct Doing {
     act: Act,
     age: f32,
@@ -243,14 +247,52 @@ fn ankles(person: &Person, pose: &Pose) -> Vec3 {
     Vec3::new(m.x, 0.0, m.z)
 }
 
-/// Stances of all actors (one per person, same order) in every frame.
+/// Where actor number `own` is after a step and how they hold themselves; `t` is the time in seconds that small
+/// movements are of.
+fn stance(own: usize, state: &State, actor: &Actor, person: &Person, t: f32) -> Stance {
+    let pose = state.pose(actor, person, t);
+    // On the spot the feet stay and the pelvis moves: sitting down, squatting, bowing.
+    let still = 1.0 - smoothstep(0.03, 0.4, state.velocity.length());
+    let shift = ankles(person, &pose) - ankles(person, &Pose::default());
+    let h = state.heading.to_radians();
+    let shift = Vec3::new(
+        shift.x * h.cos() + shift.z * h.sin(),
+        0.0,
+        shift.z * h.cos() - shift.x * h.sin(),
+    );
+    Stance {
+        person: own,
+        pose,
+        place: state.at - shift * still,
+        heading: state.heading,
+    }
+}
+
+/// Between two stances of one person; headings are those of one course, which does not jump by a turn.
+fn between(from: &Stance, to: &Stance, share: f32) -> Stance {
+    Stance {
+        person: to.person,
+        pose: from.pose.blend(&to.pose, share),
+        place: from.place.lerp(to.place, share),
+        heading: from.heading + (to.heading - from.heading) * share,
+    }
+}
+
+/// Stances of all actors (one per person, same order) in every frame. A frame that falls between two steps lies between
+/// their stances: else it would be off by part of a step, which a rate that does not divide the steps' turns into
+/// shaking.
 pub fn direct(people: &[Person], actors: &[Actor], frames: u64, fps: f32) -> Vec<Vec<Stance>> {
     let mut states: Vec<State> = actors.iter().map(State::new).collect();
+    // One step before.
+    let mut last = states.clone();
     let mut out = Vec::with_capacity(frames as usize);
     let mut steps = 0u64;
     for frame in 0..frames {
-        let until = (frame as f64 / fps as f64 / STEP as f64).round() as u64;
-        while steps < until {
+        // Exact where it is a whole number, so that such a frame is that step.
+        let due = frame as f64 * f64::from(RATE) / f64::from(fps);
+        let until = due.ceil();
+        while steps < until as u64 {
+            last.clone_from(&states);
             let places: Vec<(Vec3, Vec3)> = states.iter().map(|s| (s.at, s.velocity)).collect();
             for (k, s) in states.iter_mut().enumerate() {
                 s.step(&actors[k], &people[k], &places, k);
@@ -258,30 +300,17 @@ pub fn direct(people: &[Person], actors: &[Actor], frames: u64, fps: f32) -> Vec
             steps += 1;
         }
         let t = frame as f32 / fps;
-        out.push(
-            states
-                .iter()
-                .enumerate()
-                .map(|(k, s)| {
-                    let pose = s.pose(&actors[k], &people[k], t);
-                    // On the spot the feet stay and the pelvis moves: sitting down, squatting, bowing.
-                    let still = 1.0 - smoothstep(0.03, 0.4, s.velocity.length());
-                    let shift = ankles(&people[k], &pose) - ankles(&people[k], &Pose::default());
-                    let h = s.heading.to_radians();
-                    let shift = Vec3::new(
-                        shift.x * h.cos() + shift.z * h.sin(),
-                        0.0,
-                        shift.z * h.cos() - shift.x * h.sin(),
-                    );
-                    Stance {
-                        person: k,
-                        pose,
-                        place: s.at - shift * still,
-                        heading: s.heading,
-                    }
-                })
-                .collect(),
-        );
+        let share = (1.0 - (until - due)) as f32;
+        let cast = actors.iter().zip(people).enumerate();
+        let stances = cast.map(|(k, (actor, person))| {
+            let to = stance(k, &states[k], actor, person, t);
+            if share < 1.0 {
+                let from = stance(k, &last[k], actor, person, t);
+                return between(&from, &to, share);
+            }
+            to
+        });
+        out.push(stances.collect());
     }
     out
 }

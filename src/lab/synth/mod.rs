@@ -12,6 +12,7 @@ pub mod demo;
 pub mod detector;
 pub mod director;
 pub mod flesh;
+pub mod frames;
 pub mod gait;
 pub mod measure;
 pub mod mesh;

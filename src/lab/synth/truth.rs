@@ -2,12 +2,14 @@
 //!
 //! Frames of reference: camera space is x right, y down, z forward, metres; pixels have their centres on integers.
 //! Joint orders are [`JOINT_NAMES`](crate::joints::JOINT_NAMES); the first 14 are the evidence joints. Lengths are
-//! rounded to 0.1 mm, pixels to 0.1; `joints2d` is the projection of the rounded `joints3d`.
+//! rounded to 0.1 mm, pixels to 0.1; `joints2d` is the projection of the rounded `joints3d`. In accelerations
+//! computed from them the rounding is some 0.1 m/s² at 30 frames per second, and 6 m/s² at 240.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::frames::FrameWriter;
 use crate::joints::BODY_JOINTS;
 
 /// Value of [`Truth::format`].
@@ -159,23 +161,29 @@ impl Truth {
         Ok(truth)
     }
 
-    /// The file's text: one frame a line.
-    pub fn to_text(&self) -> String {
+    /// The file's text up to its first frame.
+    pub fn head(&self) -> String {
         let clip = match &self.clip {
             Some(clip) => format!("\"clip\":{},", serde_json::json!(clip)),
             None => String::new(),
         };
-        let mut out = format!(
+        format!(
             "{{\"format\":\"{}\",\"version\":{},\"seed\":{},\"width\":{},\"height\":{},\"fps\":{},{clip}\"frames\":[",
             self.format, self.version, self.seed, self.width, self.height, self.fps
-        );
-        for (k, frame) in self.frames.iter().enumerate() {
-            out.push_str(if k == 0 { "\n" } else { ",\n" });
-            out.push_str(
-                &serde_json::to_string(frame).expect("numbers and strings always serialise"),
-            );
-        }
-        out.push_str("\n]}\n");
-        out
+        )
+    }
+
+    /// The file's text: one frame a line.
+    pub fn to_text(&self) -> String {
+        let write = || {
+            let mut out = FrameWriter::new(Vec::new(), &self.head(), u64::MAX)?;
+            for frame in &self.frames {
+                let line = out.line(frame)?;
+                out.add(&line)?;
+            }
+            out.finish()
+        };
+        let bytes = write().expect("numbers and strings always serialise, and memory takes them");
+        String::from_utf8(bytes).expect("JSON is text")
     }
 }

@@ -52,6 +52,14 @@ pub struct WorldPerson {
 }
 
 impl WorldTruth {
+    /// The file's text up to its first frame.
+    pub fn head(&self) -> String {
+        format!(
+            "{{\"format\":\"{}\",\"version\":{},\"seed\":{},\"fps\":{},\"frames\":[",
+            self.format, self.version, self.seed, self.fps
+        )
+    }
+
     /// Reads a file.
     ///
     /// # Errors

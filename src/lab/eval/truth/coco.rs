@@ -1,6 +1,6 @@
 //! COCO keypoints, and sets in its format with other keypoints (CrowdPose, OCHuman).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use edgecap_client::joints::{EVIDENCE_JOINTS, JOINT_NAMES};
 use serde::Deserialize;
@@ -44,45 +44,55 @@ struct Annotation {
     iscrowd: u8,
 }
 
-/// Evidence joint (if it is one) and COCO's constant of a keypoint, by its name.
-fn meaning(name: &str) -> Option<(Option<usize>, f64)> {
-    let face = match name {
-        "nose" => Some(0.026),
-        "left_eye" | "right_eye" => Some(0.025),
-        "left_ear" | "right_ear" => Some(0.035),
-        _ => None,
-    };
-    if let Some(sigma) = face {
-        return Some((None, sigma));
-    }
+/// What COCO names beside joints.
+const FACE: [&str; 5] = ["nose", "left_eye", "right_eye", "left_ear", "right_ear"];
+
+/// The evidence joint that a name means, if it means one.
+fn meaning(name: &str) -> Option<usize> {
     let ours = match name {
         "head" | "top_head" => "head_top".into(),
         _ => name.replace("left_", "l_").replace("right_", "r_"),
     };
-    let joint = JOINT_NAMES[..EVIDENCE_JOINTS]
+    JOINT_NAMES[..EVIDENCE_JOINTS]
         .iter()
-        .position(|n| *n == ours)?;
-    Some((Some(joint), Keypoint::at(joint, 0.0, 0.0, 0).sigma))
+        .position(|n| *n == ours)
 }
 
 pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
-    let mut keypoints: BTreeMap<u64, Vec<(Option<usize>, f64)>> = BTreeMap::new();
-    for c in &file.categories {
-        let all: Option<Vec<_>> = c.keypoints.iter().map(|k| meaning(k)).collect();
-        let all = all.ok_or_else(|| {
-            EvalError::format(
-                name,
-                "keypoints named as in COCO or CrowdPose",
-                format!("{:?}", c.keypoints),
-            )
-        })?;
-        keypoints.insert(c.id, all);
+    // Categories may name keypoints of what no picture of the file shows.
+    let shown: BTreeSet<u64> = file.annotations.iter().map(|a| a.category_id).collect();
+    let mut keypoints: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
+    let mut unknown = Vec::new();
+    for c in file.categories.iter().filter(|c| shown.contains(&c.id)) {
+        let joints: Vec<_> = c.keypoints.iter().map(|k| meaning(k)).collect();
+        if joints.iter().any(Option::is_some) {
+            let of_none = joints.iter().zip(&c.keypoints);
+            let of_none =
+                of_none.filter(|(joint, k)| joint.is_none() && !FACE.contains(&k.as_str()));
+            let of_none: Vec<_> = of_none.map(|(_, k)| k).collect();
+            if !of_none.is_empty() {
+                tracing::warn!(
+                    "{name}: keypoints {of_none:?} are no joint of ours and count with --joints all alone"
+                );
+            }
+            keypoints.insert(c.id, joints);
+        } else {
+            unknown.extend(&c.keypoints);
+        }
+    }
+    if keypoints.is_empty() && !unknown.is_empty() {
+        return Err(EvalError::format(
+            name,
+            "keypoints of people, named as in COCO or CrowdPose",
+            format!("only {unknown:?}; rename those of people to COCO's names"),
+        ));
     }
     let mut people: BTreeMap<u64, Vec<TruthPerson>> = BTreeMap::new();
     for a in file.annotations {
-        // Things and animals have no keypoints.
-        let named = keypoints.get(&a.category_id).filter(|k| !k.is_empty());
-        let Some(names) = named else { continue };
+        // No keypoint of ours: no person.
+        let Some(names) = keypoints.get(&a.category_id) else {
+            continue;
+        };
         let at = || format!("{name}, image {}", a.image_id);
         // Who is not labelled at all may have none.
         if !a.keypoints.is_empty() && a.keypoints.len() != 3 * names.len() {
@@ -106,7 +116,7 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
         let points = names
             .iter()
             .enumerate()
-            .map(|(k, &(joint, sigma))| {
+            .map(|(k, &joint)| {
                 let p = a.keypoints.get(3 * k..).unwrap_or_default();
                 let of = |i: usize| p.get(i).copied().unwrap_or_default();
                 Keypoint {
@@ -114,7 +124,6 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
                     u: of(0),
                     v: of(1),
                     visibility: of(2) as u8,
-                    sigma,
                 }
             })
             .collect();

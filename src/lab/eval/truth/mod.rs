@@ -25,7 +25,8 @@ pub enum Format {
     /// Whichever of the others the file looks like.
     #[default]
     Auto,
-    /// COCO keypoints (`images`, `annotations`, `categories`), any keypoint names; also CrowdPose and OCHuman.
+    /// COCO keypoints (`images`, `annotations`, `categories`); also CrowdPose and OCHuman. Keypoints of other names
+    /// count with `--joints all` alone.
     Coco,
     /// A list of people with `image`, `joints` and `joints_vis` in MPII's 16 joints.
     Mpii,
@@ -256,6 +257,7 @@ impl TruthSet {
                 "text; name another --format",
             )),
             Format::Synth | Format::Auto => {
+                synth::expect_version(&value, name)?;
                 synth::read(serde_json::from_value(value).map_err(unread)?, name)
             }
         }

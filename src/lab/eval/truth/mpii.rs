@@ -8,6 +8,9 @@ use serde::Deserialize;
 use super::{TruthFrame, TruthPerson, TruthSet};
 use crate::lab::eval::{EvalError, Keypoint};
 
+/// Where MATLAB, whose numbers these files keep, has the middle of the first pixel; here it is 0.
+const FIRST_PIXEL: f64 = 1.0;
+
 /// Evidence joint of each of MPII's 16: ankles to hips, pelvis, thorax, upper neck, head top, then the arms. The
 /// evidence neck lies between MPII's thorax and upper neck, nearer the thorax.
 const JOINTS: [Option<usize>; 16] = [
@@ -51,7 +54,8 @@ pub(super) fn read(entries: Vec<Entry>, name: &str) -> Result<TruthSet, EvalErro
         let points = labels
             .filter_map(|(joint, (p, seen))| {
                 let visibility = if *seen > 0.0 { 2 } else { 0 };
-                joint.map(|j| Keypoint::at(j, p[0], p[1], visibility))
+                let [u, v] = p.map(|x| x - FIRST_PIXEL);
+                joint.map(|j| Keypoint::at(j, u, v, visibility))
             })
             .collect();
         people

@@ -5,6 +5,7 @@ use serde::Deserialize;
 
 use super::{TruthFrame, TruthPerson, TruthSet};
 use crate::lab::eval::{EvalError, Keypoint, bounding_box};
+use crate::lab::synth::truth::{FORMAT, VERSION};
 
 const VISIBLE: u8 = 1;
 /// Hidden by another part of the same body.
@@ -51,6 +52,30 @@ const LEAST_JOINTS: usize = 4;
 
 /// Joints nearer to the camera than this, metres, are seen anywhere.
 const NEAR: f64 = 0.1;
+
+/// Refuses another format or version, where the file says which it is: what is written otherwise may mean something
+/// else, too.
+pub(super) fn expect_version(file: &serde_json::Value, name: &str) -> Result<(), EvalError> {
+    let (format, version) = (file.get("format"), file.get("version"));
+    if format.is_none_or(|f| f == FORMAT) && version.is_none_or(|v| v == VERSION) {
+        return Ok(());
+    }
+    let said = |x: &serde_json::Value| match x {
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let remedy = match format.is_none_or(|f| f == FORMAT) {
+        true => "write it again with this edgecap's `synth`",
+        false => "give the file that `synth` calls truth.json",
+    };
+    let format = format.map_or(FORMAT.to_owned(), said);
+    let version = version.map_or("?".to_owned(), said);
+    Err(EvalError::format(
+        name,
+        format!("{FORMAT} version {VERSION}"),
+        format!("{format} version {version}; {remedy}"),
+    ))
+}
 
 pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     let mut people = file.frames.iter().flat_map(|f| &f.people);

@@ -26,19 +26,24 @@ impl Camera {
                     (dot - f64::from(u8::from(i == j))).abs() < 1e-3
                 })
             });
-            if !rigid {
+            // A mirror has right angles, too.
+            let is_finite = m.as_flattened().iter().all(|x| x.is_finite());
+            if !(rigid && is_finite && determinant(m) > 0.0) {
                 return Err(source.wrong(
-                    "'camera_pose' to be a rotation and a translation",
+                    "'camera_pose' to be a rotation and a translation, no mirror",
                     format!("{m:?}"),
                 ));
             }
             m.iter_mut().for_each(|row| row[3] *= metres);
         }
         let matrix = matrices::<3>(source, "camera_matrix", rows)?;
-        let odd = |m: &&[[f64; 3]; 3]| m[2] != [0.0, 0.0, 1.0] || m[0][0] <= 0.0 || m[1][1] <= 0.0;
+        let odd = |m: &&[[f64; 3]; 3]| {
+            let is_finite = m.as_flattened().iter().all(|x| x.is_finite());
+            !is_finite || m[2] != [0.0, 0.0, 1.0] || m[0][0] <= 0.0 || m[1][1] <= 0.0
+        };
         if let Some(m) = matrix.iter().flatten().find(odd) {
             return Err(source.wrong(
-                "'camera_matrix' as [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+                "'camera_matrix' as [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], finite, fx and fy above 0",
                 format!("{m:?}"),
             ));
         }
@@ -64,6 +69,12 @@ impl Camera {
         let on = |r: [f64; 3]| r[0] * x / z + r[1] * y / z + r[2];
         (z > 0.0).then(|| [on(m[0]), on(m[1])])
     }
+}
+
+/// Determinant of the first three columns: 1 for a rotation, −1 for a mirror.
+fn determinant(m: &[[f64; 4]; 3]) -> f64 {
+    let [[a, b, c, _], [d, e, f, _], [g, h, i, _]] = *m;
+    a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 }
 
 /// An array of 3×C matrices, one for all rows or one per row.

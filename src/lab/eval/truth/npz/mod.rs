@@ -19,7 +19,8 @@
 //!
 //! A last column more (4 in 3D, 3 in 2D) is a flag, 0 where a joint is not known; so is NaN. In a video a person keeps
 //! its place along P: it is the identity. Of several videos (`sequence` without `imgname`) one is read, as `--split`
-//! says: predictions name none.
+//! says: predictions name none. Where pictures of several sequences have one name, each is taken to be in a folder of
+//! its sequence's name.
 
 mod camera;
 mod check;
@@ -115,7 +116,7 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
         video: pictures.is_none(),
         ..TruthSet::default()
     };
-    let mut place: HashMap<String, usize> = HashMap::new();
+    let mut place: HashMap<(&str, &str), usize> = HashMap::new();
     for row in 0..rows {
         let picture = pictures.as_ref().map_or("", |all| &all[row]);
         let sequence = match &sequences {
@@ -140,13 +141,13 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
             }
         });
         let found: Vec<TruthPerson> = found.collect();
-        match place.get(picture).filter(|_| !set.video) {
+        match place.get(&(sequence, picture)).filter(|_| !set.video) {
             Some(&k) => {
                 set.frames[k].people.extend(found);
                 set.frames[k].partial |= partial[row];
             }
             None => {
-                place.insert(picture.to_owned(), set.frames.len());
+                place.insert((sequence, picture), set.frames.len());
                 set.frames.push(TruthFrame {
                     source: picture.to_owned(),
                     frame: frames.as_ref().map(|f| f[row]),
@@ -164,10 +165,26 @@ pub(super) fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<Tr
             "none; name another --split, or none",
         ));
     }
+    if pictures.is_some() {
+        name_folders(&mut set.frames);
+    }
     // A set that never shows two people labels one of perhaps several.
     set.single = people == 1 && set.frames.iter().all(|f| f.people.len() <= 1);
     check::plausible(&set, name)?;
     Ok(set)
+}
+
+/// Puts pictures of one name into folders of their sequences' names, by which predictions tell them apart.
+fn name_folders(frames: &mut [TruthFrame]) {
+    let mut named: HashMap<String, usize> = HashMap::new();
+    for f in frames.iter() {
+        *named.entry(f.source.clone()).or_default() += 1;
+    }
+    for f in frames.iter_mut().filter(|f| !f.sequence.is_empty()) {
+        if named[&f.source] > 1 {
+            f.source = format!("{}/{}", f.sequence, f.source);
+        }
+    }
 }
 
 /// The body joint at each place of the archive's order.
