@@ -274,7 +274,9 @@ edgecap_bodies *edgecap_bodies_open(const char *camera);
 
 /* The oldest frame not yet read, waiting up to timeout_ms for one: 1 and the frame; 0 when none came (it may come back a
  * little early: call again); -1 when it failed.  The frame lies in shared memory, is read-only, and is valid until the next call
- * with this reader.  A reader that is more than 16 frames behind loses the oldest. */
+ * with this reader.  A reader that is more than 16 frames behind loses the oldest.  One that comes while a run publishes
+ * begins with the newest frame, or with the next where that was published more than two seconds ago and does not end the
+ * run: whoever was in it may have left. */
 int edgecap_bodies_next(edgecap_bodies *reader, uint32_t timeout_ms, const edgecap_body_frame **frame);
 
 /* The newest frame; older unread ones are thrown away.  Otherwise as edgecap_bodies_next. */
@@ -287,7 +289,8 @@ int edgecap_bodies_publishers(edgecap_bodies *reader);
  * is still open.  NULL is no reader, and nothing happens. */
 int edgecap_bodies_close(edgecap_bodies *reader);
 
-/* The same for what has happened.  Silence is no failure: a frame comes when something has. */
+/* The same for what has happened.  Silence is no failure: a frame comes when something has.  A reader begins with the
+ * newest, however old it is. */
 edgecap_events *edgecap_events_open(const char *camera);
 int edgecap_events_next(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);
 int edgecap_events_newest(edgecap_events *reader, uint32_t timeout_ms, const edgecap_event_frame **frame);

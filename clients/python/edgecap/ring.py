@@ -64,9 +64,9 @@ class Header:
 class Ring:
     """One publisher's file, open for reading."""
 
-    def __init__(self, fd: int, path: str, header: Header):
+    def __init__(self, fd: int, folder: str, path: str, header: Header):
         self._fd = fd
-        self.path = path
+        self.folder, self.path = folder, path
         self.life = header.life
         self.was_alive = header.is_alive()
         """When it was opened."""
@@ -134,17 +134,21 @@ def open_in(folder: str, kind: Kind) -> Ring | None:
         ) from e
     except OSError as e:
         raise EdgecapError(f"{path}: {e.strerror}; `edgecap doctor` looks closer") from e
-    about, header = os.fstat(fd), _read_header(fd)
-    if not stat.S_ISREG(about.st_mode) or about.st_uid != owner.st_uid or about.st_mode & 0o022:
-        os.close(fd)
-        raise AccessError(
-            f"{path}: expected a file of user {owner.st_uid} that nobody else may write; remove it, or name another "
-            "folder in EDGECAP_RUNTIME_DIR"
-        )
-    if header is None or (header.version, header.size) != (kind.version, kind.message_size):
-        os.close(fd)
-        return None
-    return Ring(fd, path, header)
+    try:
+        about = os.fstat(fd)
+        if not stat.S_ISREG(about.st_mode) or about.st_uid != owner.st_uid or about.st_mode & 0o022:
+            raise AccessError(
+                f"{path}: expected a file of user {owner.st_uid} that nobody else may write; remove it, or name another "
+                "folder in EDGECAP_RUNTIME_DIR"
+            )
+        header = _read_header(fd)
+        if header is None or (header.version, header.size) != (kind.version, kind.message_size):
+            return None
+        ring, fd = Ring(fd, folder, path, header), -1
+        return ring
+    finally:
+        if fd >= 0:
+            os.close(fd)
 
 
 def _read_header(fd: int) -> Header | None:
@@ -167,11 +171,15 @@ def _refuse_other_version(folder: str, kind: Kind) -> None:
         if not other:
             continue
         try:
-            fd = os.open(os.path.join(folder, name), os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            # A pipe would be waited for.
+            flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+            fd = os.open(os.path.join(folder, name), flags)
         except OSError:
             continue
-        header = _read_header(fd)
-        os.close(fd)
+        try:
+            header = _read_header(fd) if stat.S_ISREG(os.fstat(fd).st_mode) else None
+        finally:
+            os.close(fd)
         if header and header.is_alive():
             raise VersionError(
                 f"{kind.service}: expected messages of version {kind.version}, found version {other[1]}; "

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import logging
+import os
 import re
 import threading
 import time
-from collections.abc import Iterator
+import weakref
+from collections.abc import Iterable, Iterator
 from typing import Any, Final, Generic
 
-from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
+from .errors import EdgecapError, NoFrame, UnknownName
 from .event import EventFrame
 from .message import FLAG_END_OF_STREAM, FLAG_FILE_TIME, BodyFrame, ObservationFrame
 from .place import BODIES_VERSION, cameras, closed_service, reading_dirs
@@ -21,6 +24,10 @@ _LOOK_EVERY_S: Final = 0.2
 _SEARCH_EVERY_S: Final = 0.02
 _SEARCH_EAGERLY_S: Final = 1.0
 """How long a run is searched for so often: at a start side by side.  Later every `_LOOK_EVERY_S` is soon enough."""
+_RETURN_EVERY_S: Final = 1.0
+"""How often a reader of a later folder looks whether somebody publishes in one before it again."""
+_STALE_AFTER_NS: Final = 2_000_000_000
+"""A message of what was so for so long ago may be all that a camera that is away has left."""
 _END_OF_FILE: Final = FLAG_END_OF_STREAM | FLAG_FILE_TIME
 _SILENT_FOR_S: Final = 1.0
 """How long nobody may publish before a loop says that it waits."""
@@ -30,6 +37,9 @@ log = logging.getLogger("edgecap")
 
 class Stream(Generic[M]):
     """A reader of one camera's stream, which need not be there yet: a loop over it ends where a file does.
+
+    Where it is there it begins with the newest message; one of bodies or observations with the next where that is more
+    than two seconds old and does not end the stream.
 
     Any thread may close it, and that ends a loop of another one; messages are taken by one thread at a time.
 
@@ -41,6 +51,8 @@ class Stream(Generic[M]):
     ) -> None:
         self._lock = threading.RLock()
         self._ring: Ring | None = None
+        self._left: tuple[int, int] | None = None
+        """Life of the publisher that was read before, and number of its message that comes next."""
         self._wake: Wake | None = None
         self._alive, self._is_followed = False, False
         if not re.fullmatch(r"[a-zA-Z0-9_-]{1,64}", camera):
@@ -51,6 +63,8 @@ class Stream(Generic[M]):
         self._message, self._timeout_s = message, timeout_s
         self._wake = Wake()
         self._next, self._looked, self._searches_since = 0, 0.0, time.monotonic()
+        self._looked_before = self._searches_since
+        _streams.add(self)
         self._search(first=True)
 
     @property
@@ -149,6 +163,12 @@ class Stream(Generic[M]):
         how = "published now" if self._alive else "nobody publishes it"
         return f"Stream({self._kind.service}: {'closed' if self._wake is None else how}, at message {self._next})"
 
+    def _renew_locks(self) -> None:
+        """For a child that was forked: the threads that had them locked are not in it."""
+        self._lock = threading.RLock()
+        if self._wake:
+            self._wake.renew_lock()
+
     def _open_wake(self) -> Wake:
         with self._lock:
             if self._wake is None:
@@ -197,16 +217,32 @@ class Stream(Generic[M]):
         if self._ring:
             self._alive, self._is_followed = self._ring.is_published(), False
             if self._alive:
+                self._return_to_those_before(self._ring)
                 return
             if self._ring.count(self._next) > self._next:
                 self._look_past(self._ring, leave)
                 return
         self._search(first=False)
 
+    def _return_to_those_before(self, ring: Ring) -> None:
+        """Goes over to a publisher in a folder before that of the open file, whose own is alive."""
+        if time.monotonic() - self._looked_before < _RETURN_EVERY_S:
+            return
+        self._looked_before = time.monotonic()
+        try:
+            found = self._find(itertools.takewhile(lambda folder: folder != ring.folder, reading_dirs()))
+        except EdgecapError:
+            # It is told where nothing else can be read.
+            return
+        if found and found.was_alive and found.life != ring.life:
+            self._follow(found, first=False)
+        elif found:
+            found.close()
+
     def _look_past(self, dead: Ring, leave: bool) -> None:
         """Whether somebody else publishes while messages of the dead are unread."""
         try:
-            found = self._find()
+            found = self._find(reading_dirs())
         except EdgecapError:
             # It is told once those are read.
             return
@@ -221,7 +257,7 @@ class Stream(Generic[M]):
 
     def _search(self, first: bool) -> None:
         """Goes over to the first file whose publisher is alive, else to the first that is there."""
-        found = self._find()
+        found = self._find(reading_dirs())
         if found is None:
             return
         if self._ring and found.life == self._ring.life:
@@ -230,14 +266,14 @@ class Stream(Generic[M]):
         else:
             self._follow(found, first)
 
-    def _find(self) -> Ring | None:
+    def _find(self, folders: Iterable[str]) -> Ring | None:
         """Opens the first file whose publisher is alive, else the first that is there."""
         found: Ring | None = None
         refused: EdgecapError | None = None
-        for folder in reading_dirs():
+        for folder in folders:
             try:
                 ring = open_in(folder, self._kind)
-            except (AccessError, VersionError) as e:
+            except EdgecapError as e:
                 refused = e
                 continue
             if ring and found and not ring.was_alive:
@@ -253,19 +289,47 @@ class Stream(Generic[M]):
         return found
 
     def _follow(self, ring: Ring, first: bool) -> None:
-        if self._ring:
-            self._ring.close()
-        self._ring, self._alive, self._is_followed = ring, ring.was_alive, False
+        left, known, count = self._ring, self._left, ring.first_count
+        # A publisher in another folder may have been there for long.
+        may_be_old = first or (left is not None and left.folder != ring.folder)
         # The last words of the dead are old; a publisher that was waited for is read from its first message.
-        behind = 0 if not ring.was_alive else 1 if first else SLOTS - 1
-        self._next = max(0, ring.first_count - behind)
+        if not ring.was_alive or (may_be_old and self._is_stale(ring)):
+            begin = count
+        elif known and known[0] == ring.life:
+            begin = max(known[1], count - (SLOTS - 1))
+        else:
+            begin = max(0, count - (1 if first else SLOTS - 1))
+        # A child that is forked in between finds no file, or one with its place.
+        if left:
+            self._left = left.life, self._next
+        self._ring = None
+        self._next = begin
+        self._ring, self._alive, self._is_followed = ring, ring.was_alive, False
         self._open_wake().watch(ring.path)
+        if left:
+            left.close()
+
+    def _is_stale(self, ring: Ring) -> bool:
+        """Whether the newest message tells what was so a while ago and may not be any more.  What has happened has
+        happened, and the end of a stream stays one."""
+        if self._kind.stream == "events" or ring.first_count == 0:
+            return False
+        message = self._message()
+        try:
+            ring.read(ring.first_count - 1, message)
+        except EOFError:
+            return False
+        told, flags = getattr(message, "publish_ns", 0), getattr(message, "flags", 0)
+        return 0 < told < time.monotonic_ns() - _STALE_AFTER_NS and not flags & FLAG_END_OF_STREAM
 
     def _forget(self) -> None:
         """Lets go of the file, and looks for one anew."""
-        if self._ring:
-            self._ring.close()
-            self._ring = None
+        left = self._ring
+        if left:
+            self._left = left.life, self._next
+        self._ring = None
+        if left:
+            left.close()
             self._searches_since = time.monotonic()
         self._alive, self._is_followed = False, False
 
@@ -289,6 +353,18 @@ class Stream(Generic[M]):
                 # Somebody cut it short: as good as not there.
                 self._forget()
         return None
+
+
+_streams: Final[weakref.WeakSet[Stream[Any]]] = weakref.WeakSet()
+"""All that there are."""
+
+
+def _renew_locks() -> None:
+    for stream in list(_streams):
+        stream._renew_locks()
+
+
+os.register_at_fork(after_in_child=_renew_locks)
 
 
 class _Watch:

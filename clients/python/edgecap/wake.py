@@ -36,6 +36,10 @@ class Wake:
         """False in a child that was forked: what wakes one of both the other would not get."""
         return self._process == os.getpid()
 
+    def renew_lock(self) -> None:
+        """For a child that was forked: the thread that had it locked may not be in it."""
+        self._lock = threading.Lock()
+
     def fileno(self) -> int:
         """Readable when something has changed; negative where the kernel does not tell."""
         return self._fd
@@ -93,5 +97,6 @@ class Wake:
     def _let_go(self) -> None:
         # Who still waits would read from whatever gets the number next; in a forked child nobody waits.
         if self._is_closed and self._fd >= 0 and not (self._waiting and self.is_of_this_process()):
-            os.close(self._fd)
-            self._fd = -1
+            # In this order, or a child that is forked in between closes whatever has the number by then.
+            fd, self._fd = self._fd, -1
+            os.close(fd)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import logging
 import os
 import pathlib
@@ -19,6 +20,8 @@ import unittest
 from unittest import mock
 
 from writer import Writer, edgecap, frame
+
+from edgecap.ring import open_in
 
 CLIENT = pathlib.Path(__file__).parents[1]
 REPOSITORY = CLIENT.parents[1]
@@ -369,6 +372,36 @@ class Streams(InPlace):
         run.stdout.close()
         writer.close()
 
+    def test_a_child_that_is_forked_while_another_thread_reads_goes_on(self) -> None:
+        writer = Writer(self.folder)
+        script = (
+            "import edgecap, os, signal, threading, warnings\n"
+            "warnings.simplefilter('ignore')\n"
+            "stream = edgecap.bodies()\n"
+            "held, forked = threading.Event(), threading.Event()\n"
+            "def read():\n"
+            "    with stream._lock, stream._wake._lock:\n"
+            "        held.set()\n"
+            "        forked.wait()\n"
+            "thread = threading.Thread(target=read)\n"
+            "thread.start()\n"
+            "held.wait()\n"
+            "child = os.fork()\n"
+            "if child == 0:\n"
+            "    signal.alarm(30)\n"
+            "    stream.next(0)\n"
+            "    stream.close()\n"
+            "    os._exit(7)\n"
+            "print(os.waitpid(child, 0)[1], flush=True)\n"
+            "forked.set()\n"
+            "thread.join()\n"
+            "print(stream.next(0), flush=True)\n"
+        )
+        env = os.environ | {"PYTHONPATH": str(CLIENT)}
+        run = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, timeout=60)
+        self.assertEqual(run.stdout, f"{7 << 8}\nNone\n", run.stderr)
+        writer.close()
+
     def test_a_message_makes_the_descriptor_readable_until_all_are_read(self) -> None:
         writer = Writer(self.folder)
         with edgecap.bodies() as stream:
@@ -427,6 +460,138 @@ class Streams(InPlace):
         writer.publish(frame(1))
         self.assertEqual(stream.next(5).sequence, 1)
         writer.close()
+
+    def test_a_reader_returns_to_the_folder_that_comes_first(self) -> None:
+        own, service = self.folder / "own", self.folder / "service"
+        for folder in (own, service):
+            folder.mkdir(mode=0o700)
+        writers = [Writer(service)]
+        writers[0].publish(frame(1))
+        with mock.patch("edgecap.stream.reading_dirs", lambda: [str(own), str(service)]), edgecap.bodies() as stream:
+            self.assertEqual(stream.next(5).sequence, 1)
+            writers.append(Writer(own))
+            writers[1].publish(frame(2))
+            self.assertIsNone(stream.next(0))
+            stream._looked_before -= 1.0
+            stream._looked = 0.0
+            self.assertEqual(stream.next(5).sequence, 2)
+            self.assertIsNone(stream.next(0))
+        for writer in writers:
+            writer.close()
+
+    def _go_over(self, stream: edgecap.Stream, writer: Writer) -> None:
+        """Has the stream read what `writer` publishes."""
+        ring = open_in(str(writer.path.parent), stream._kind)
+        assert ring
+        # On a busy machine signs of life may come late.
+        ring.was_alive = True
+        stream._follow(ring, first=False)
+        self.assertIs(stream._ring, ring)
+
+    def _unread(self, stream: edgecap.Stream) -> list[int]:
+        return [message.sequence for message in iter(stream._read, None)]
+
+    def _two(self) -> list[Writer]:
+        """Publishers in two folders, in none of which a reader looks."""
+        folders = [self.folder / "own", self.folder / "service"]
+        for folder in folders:
+            folder.mkdir(mode=0o700)
+        return [Writer(folder) for folder in folders]
+
+    def test_who_goes_over_to_another_folder_and_returns_reads_nothing_twice(self) -> None:
+        own, service = self._two()
+        with edgecap.bodies() as stream:
+            self._go_over(stream, own)
+            own.publish(frame(1))
+            service.publish(frame(11))
+            self.assertEqual(self._unread(stream), [1])
+            self._go_over(stream, service)
+            self.assertEqual(self._unread(stream), [11])
+            own.publish(frame(2))
+            self._go_over(stream, own)
+            self.assertEqual(self._unread(stream), [2])
+            self._go_over(stream, service)
+            self.assertEqual(self._unread(stream), [])
+            for n in range(40):
+                own.publish(frame(n))
+            self._go_over(stream, own)
+            self.assertEqual(self._unread(stream), list(range(24, 40)))
+        for writer in (own, service):
+            writer.close()
+
+    def test_nobody_who_was_seen_long_ago_is_shown_to_who_goes_over_to_another_folder(self) -> None:
+        own, service = self._two()
+
+        def seen_long_ago(n: int) -> edgecap.BodyFrame:
+            made = frame(n)
+            made.publish_ns = max(1, time.monotonic_ns() - 10_000_000_000)
+            return made
+
+        with edgecap.bodies() as stream:
+            self._go_over(stream, own)
+            service.publish(seen_long_ago(11))
+            self._go_over(stream, service)
+            self.assertEqual(self._unread(stream), [])
+            service.publish(frame(12))
+            self.assertEqual(self._unread(stream), [12])
+            # Left before it was read.
+            service.publish(seen_long_ago(13))
+            self._go_over(stream, own)
+            self._go_over(stream, service)
+            self.assertEqual(self._unread(stream), [])
+        for writer in (own, service):
+            writer.close()
+
+    def test_nobody_who_was_seen_long_ago_is_shown_to_a_new_reader(self) -> None:
+        now = time.monotonic_ns()
+        long_ago = max(1, now - 10_000_000_000)
+        # Nothing takes so long that it is stale.
+        in_an_hour = now + 3600 * 10**9
+        for published, flags, is_shown in [
+            (long_ago, 0, False),
+            (in_an_hour, 0, True),
+            (0, 0, True),
+            (long_ago, edgecap.FLAG_END_OF_STREAM, True),
+        ]:
+            with self.subTest(published=published, flags=flags):
+                writer, seen = Writer(self.folder), frame(1, (), flags)
+                seen.publish_ns = published
+                writer.publish(seen)
+                with edgecap.bodies() as stream:
+                    self.assertEqual(stream.next(0) is not None, is_shown)
+                    writer.publish(frame(2))
+                    self.assertEqual(stream.next(5).sequence, 2)
+                writer.close()
+
+    def test_what_is_no_file_is_refused_and_leaves_nothing_open(self) -> None:
+        path = self.folder / "camera0.bodies.v2"
+        for make, remove in [(path.mkdir, path.rmdir), (lambda: os.mkfifo(path), path.unlink)]:
+            make()
+            opened = len(os.listdir("/proc/self/fd"))
+            for _ in range(3):
+                with self.assertRaisesRegex(edgecap.AccessError, "bodies.v2: expected a file of user"):
+                    edgecap.bodies()
+            gc.collect()
+            self.assertEqual(len(os.listdir("/proc/self/fd")), opened)
+            remove()
+
+    def test_a_link_in_one_folder_does_not_hide_the_next(self) -> None:
+        first, second = self.folder / "first", self.folder / "second"
+        for folder in (first, second):
+            folder.mkdir(mode=0o700)
+        (first / "camera0.bodies.v2").symlink_to("nowhere")
+        writer = Writer(second)
+        writer.publish(frame(1))
+        with mock.patch("edgecap.stream.reading_dirs", lambda: [str(first), str(second)]), edgecap.bodies() as stream:
+            self.assertEqual(stream.next(5).sequence, 1)
+        writer.close()
+
+    def test_a_pipe_in_the_place_of_another_version_is_not_waited_for(self) -> None:
+        os.mkfifo(self.folder / "camera0.bodies.v3")
+        script = "import edgecap\nprint(edgecap.bodies().next(0))"
+        env = os.environ | {"PYTHONPATH": str(CLIENT)}
+        run = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, timeout=30)
+        self.assertEqual(run.stdout, "None\n", run.stderr)
 
     def test_a_file_that_others_may_write_is_refused(self) -> None:
         writer = Writer(self.folder)

@@ -12,6 +12,7 @@
 //! |---|---|---|
 //! | `<camera>.<stream>.v<version>` | 0600, 0640 for a group | the newest messages (`ring`) |
 //! | `<camera>.<stream>.lock` | 0600 | locked by the one process that may publish the stream |
+//! | `sweep.lock` | 0600 | locked by the one process that clears away what the dead left, while it does |
 //! | `d<16 digits>/` | 0700 | what one publisher has of iceoryx2 |
 
 use std::fs::{self, DirBuilder, File, Metadata, Permissions};
@@ -19,10 +20,11 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::time::Duration;
 
 use rustix::fs::{FlockOperation, Mode, OFlags};
 
-use crate::claim::Claim;
+use crate::claim::{self, Claim, PATIENCE, Turn};
 use crate::domain;
 use crate::error::LinkError;
 use crate::stream::stem_of;
@@ -201,45 +203,78 @@ impl Place {
         self.readers
     }
 
-    /// Removes what the dead left; returns the streams that are published now.
+    /// Removes what the dead left; returns the streams that are published now. `None` where another process is at it
+    /// for longer than [`PATIENCE`].
     ///
     /// # Errors
     /// The system's, once all that can be removed is.
-    pub(crate) fn sweep(&self) -> io::Result<Vec<String>> {
-        let mut alive = Vec::new();
-        let names = || -> io::Result<Vec<String>> {
-            let entries = fs::read_dir(&self.folder)?.flatten();
-            Ok(entries
-                .filter_map(|e| e.file_name().into_string().ok())
-                .collect())
+    pub(crate) fn sweep(&self) -> io::Result<Option<Vec<String>>> {
+        let Some(_turn) = Turn::take(&self.folder, PATIENCE)? else {
+            return Ok(None);
         };
-        let mut stems: Vec<String> = names()?
-            .iter()
-            .filter_map(|n| stem_of(n).map(ToOwned::to_owned))
-            .collect();
-        stems.sort();
-        stems.dedup();
-        for stem in stems {
-            match Claim::take(&self.folder, &stem, 1)? {
+        let mut alive = Vec::new();
+        for stem in stems_in(&self.folder)? {
+            match Claim::take(&self.folder, &stem, Duration::ZERO)? {
                 // Letting go of it removes the lock.
                 Some(claim) => claim.remove_others()?,
                 None => alive.push(stem),
             }
         }
         let mut refused = None;
-        for name in names()? {
+        for name in names_in(&self.folder)? {
             if let Err(e) = domain::remove_if_dead(&self.folder, &name) {
                 refused.get_or_insert(e);
             }
         }
-        refused.map_or(Ok(alive), Err)
+        refused.map_or(Ok(Some(alive)), Err)
     }
+}
+
+fn names_in(folder: &Path) -> io::Result<Vec<String>> {
+    let entries = fs::read_dir(folder)?.flatten();
+    let names = entries.filter_map(|e| e.file_name().into_string().ok());
+    Ok(names.collect())
+}
+
+/// The streams that files of `folder` are of, each once.
+fn stems_in(folder: &Path) -> io::Result<Vec<String>> {
+    let names = names_in(folder)?;
+    let stems = names.iter().filter_map(|n| stem_of(n));
+    let mut stems: Vec<String> = stems.map(ToOwned::to_owned).collect();
+    stems.sort();
+    stems.dedup();
+    Ok(stems)
+}
+
+/// Those of `folders` besides `folder` in which other processes of this user may publish: which one a process takes
+/// depends on the session that it began in.
+pub(crate) fn own_besides(folders: Vec<PathBuf>, folder: &Path) -> Vec<PathBuf> {
+    let is_other = |other: &PathBuf| {
+        sealed(other).is_ok_and(|m| m.uid() == user())
+            && other.canonicalize().is_ok_and(|o| o != folder)
+    };
+    folders.into_iter().filter(is_other).collect()
+}
+
+/// The streams that this user publishes in other folders than [`runtime_dir`], from other sessions: nobody else may
+/// publish them. One that somebody looks at this moment may be among them.
+pub fn published_elsewhere() -> Vec<String> {
+    let here = runtime_dir();
+    let here = here.canonicalize().unwrap_or(here);
+    let others = own_besides(reading_dirs(), &here).into_iter();
+    others
+        .flat_map(|folder| {
+            let mut stems = stems_in(&folder).unwrap_or_default();
+            stems.retain(|stem| claim::is_taken(&folder, stem, Duration::ZERO));
+            stems
+        })
+        .collect()
 }
 
 /// Removes all that the dead left in the folder of this user; returns the streams that are published now, untouched.
 ///
 /// # Errors
-/// [`LinkError::Place`] where the folder cannot be used or emptied.
+/// [`LinkError::Place`] where the folder cannot be used or emptied, or another process is at that and does not end.
 pub fn clear() -> Result<Vec<String>, LinkError> {
     clear_at(&runtime_dir())
 }
@@ -250,5 +285,12 @@ pub fn clear() -> Result<Vec<String>, LinkError> {
 /// As [`clear`].
 pub fn clear_at(folder: &Path) -> Result<Vec<String>, LinkError> {
     let place = Place::enter_at(folder)?;
-    place.sweep().map_err(|e| LinkError::place(folder, e))
+    let swept = place.sweep().map_err(|e| LinkError::place(folder, e))?;
+    swept.ok_or_else(|| {
+        let seconds = PATIENCE.as_secs();
+        LinkError::place(
+            folder,
+            format!("expected to clear it, found another process clearing it for {seconds} s"),
+        )
+    })
 }

@@ -9,12 +9,12 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::prelude::*;
 
-use crate::claim::{Claim, PATIENT};
+use crate::claim::{self, Claim, PATIENCE};
 use crate::domain::{Domain, reserve_for_a_moment};
 use crate::error::{LinkError, is_full};
 use crate::link::{Link, Side};
-use crate::place::{self, Place};
-use crate::ring::{BUFFER, RingWriter};
+use crate::place::{self, Place, own_besides};
+use crate::ring::{BUFFER, Folders, RingWriter};
 use crate::service::FileService;
 use crate::stream::{Message, check_camera, file_stem, ring_path, service_name};
 
@@ -25,6 +25,8 @@ const CLEAN_UP_EVERY: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct Publisher<M: Message> {
     folder: PathBuf,
+    /// Where nobody of this user may publish the stream as well.
+    besides: Folders,
     camera: String,
     /// `None` only while it is made anew.
     made: Option<Made<M>>,
@@ -46,21 +48,27 @@ impl<M: Message> Publisher<M> {
     /// Becomes the writer of `camera`'s stream.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] if there is one already; the other kinds as their texts say.
+    /// [`LinkError::Busy`] if there is one already, also one of this user in another folder that readers look in, as
+    /// far as it publishes when this one begins; the other kinds as their texts say.
     pub fn open(camera: &str) -> Result<Self, LinkError> {
-        Self::open_at(&place::runtime_dir(), camera)
+        Self::open_besides(&place::runtime_dir(), Folders::OfReaders, camera)
     }
 
-    /// As [`open`](Self::open), in another installation's folder.
+    /// As [`open`](Self::open), in another installation's folder, and looking for other writers in that alone.
     ///
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_at(folder: &Path, camera: &str) -> Result<Self, LinkError> {
+        Self::open_besides(folder, Folders::These(Vec::new()), camera)
+    }
+
+    fn open_besides(folder: &Path, besides: Folders, camera: &str) -> Result<Self, LinkError> {
         check_camera(camera)?;
         Ok(Self {
             folder: folder.to_owned(),
+            made: Some(Made::new(folder, &besides, camera)?),
+            besides,
             camera: camera.to_owned(),
-            made: Some(Made::new(folder, camera)?),
         })
     }
 
@@ -72,7 +80,7 @@ impl<M: Message> Publisher<M> {
     pub fn publish(&mut self, message: &M) -> Result<(), LinkError> {
         if self.made.as_ref().is_none_or(|m| m.ring.is_lost()) {
             self.made = None;
-            self.made = Some(Made::new(&self.folder, &self.camera)?);
+            self.made = Some(Made::new(&self.folder, &self.besides, &self.camera)?);
         }
         let Some(made) = &mut self.made else {
             return Ok(());
@@ -110,23 +118,29 @@ impl<M: Message> Publisher<M> {
 }
 
 impl<M: Message> Made<M> {
-    fn new(folder: &Path, camera: &str) -> Result<Self, LinkError> {
+    fn new(folder: &Path, besides: &Folders, camera: &str) -> Result<Self, LinkError> {
         let service = service_name::<M>(camera);
         let place = Place::enter_at(folder)?;
         let folder = place.folder();
         let other = |what| move |e: io::Error| LinkError::place(folder, format!("{what}: {e}"));
-        let claim = Claim::take(folder, &file_stem::<M>(camera), PATIENT);
+        let busy = || LinkError::Busy {
+            service: service.clone(),
+        };
+        let stem = file_stem::<M>(camera);
+        let mut others = own_besides(besides.now(), folder).into_iter();
+        if others.any(|o| claim::is_taken(&o, &stem, PATIENCE)) {
+            return Err(busy());
+        }
+        let claim = Claim::take(folder, &stem, PATIENCE);
         let claim = claim
             .map_err(other("claiming the stream"))?
-            .ok_or_else(|| LinkError::Busy {
-                service: service.clone(),
-            })?;
+            .ok_or_else(busy)?;
         let (claim, path) = (Arc::new(claim), ring_path::<M>(folder, camera));
         claim
             .remove_others()
             .map_err(other("removing its old files"))?;
         match place.sweep() {
-            // Root's, which nobody uses any more and only root removes.
+            // Root's, which nobody uses any more and only root removes. Where another process clears away, that does.
             Err(e) if e.kind() == io::ErrorKind::PermissionDenied => {}
             swept => drop(swept.map_err(other("removing what the dead left"))?),
         }
@@ -186,5 +200,31 @@ fn full(service: &str, folder: &Path, bytes: u64) -> LinkError {
         folder: folder.to_owned(),
         needed: bytes.div_ceil(1024),
         free: free / 1024,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::EventFrame;
+
+    #[test]
+    fn a_stream_that_another_session_publishes_is_refused() {
+        let [here, there] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let open = |camera| {
+            let besides = Folders::These(vec![there.path().to_owned(), here.path().to_owned()]);
+            Publisher::<EventFrame>::open_besides(here.path(), besides, camera)
+        };
+        let first = Publisher::<EventFrame>::open_at(there.path(), "camera0").unwrap();
+        let second = open("camera0").unwrap_err();
+        assert!(matches!(second, LinkError::Busy { .. }), "{second}");
+        let mut other = open("camera1").unwrap();
+        drop(first);
+        let mut second = open("camera0").unwrap();
+        for publisher in [&mut second, &mut other] {
+            // Made anew it does not find itself.
+            publisher.made = None;
+            publisher.publish(&EventFrame::default()).unwrap();
+        }
     }
 }

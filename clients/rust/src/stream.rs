@@ -21,6 +21,12 @@ pub trait Message:
     fn flags(&self) -> u32 {
         0
     }
+
+    /// Of a message that tells what is so at this moment: when it was published, CLOCK_MONOTONIC nanoseconds. `None` of
+    /// one that stays true or holds until the next comes, and of one that does not say.
+    fn told_ns(&self) -> Option<u64> {
+        None
+    }
 }
 
 impl Message for ObservationFrame {
@@ -30,6 +36,10 @@ impl Message for ObservationFrame {
     fn flags(&self) -> u32 {
         self.flags
     }
+
+    fn told_ns(&self) -> Option<u64> {
+        (self.publish_ns > 0).then_some(self.publish_ns)
+    }
 }
 
 impl Message for BodyFrame {
@@ -38,6 +48,10 @@ impl Message for BodyFrame {
 
     fn flags(&self) -> u32 {
         self.flags
+    }
+
+    fn told_ns(&self) -> Option<u64> {
+        (self.publish_ns > 0).then_some(self.publish_ns)
     }
 }
 

@@ -104,7 +104,9 @@ impl<M: Message> Received<M> {
 }
 
 impl<M: Message> Subscriber<M> {
-    /// Connects to `camera`'s stream, which need not exist yet.
+    /// Connects to `camera`'s stream, which need not exist yet. Where it does, the newest message comes first; of those
+    /// that tell what is so at a moment, as bodies do, the next one where that is more than two seconds old and does
+    /// not end the stream.
     ///
     /// # Errors
     /// [`LinkError`], as its texts say.

@@ -33,8 +33,9 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         .collect::<anyhow::Result<Vec<_>>>()?;
     expect_one_for_vmc(runs)?;
     expect_each_its_own(runs, &chosen)?;
-    if let [only] = &chosen[..] {
-        taken::expect_free_camera(&only.name)?;
+    let mut free = taken::are_free(chosen.iter().map(|c| c.name.as_str()));
+    if free.len() == 1 {
+        free.remove(0)?;
     }
     let meter = |(c, run): (&NamedInput, &RunArgs)| {
         let meter = Meter::new(&c.name, &c.spec.to_string(), &PROCESSES);
@@ -62,13 +63,13 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
             .iter()
             .zip(&chosen)
             .zip(&meters)
+            .zip(free)
             .enumerate()
-            .map(|(place, ((args, chosen), meter))| {
+            .map(|(place, (((args, chosen), meter), free))| {
                 let pulse = Pulse::new(&manager, place);
                 threads.spawn(move || {
                     let table = Table::of_several(&chosen.name);
                     let plan = Plan::of_camera(args, chosen);
-                    let free = taken::expect_free_camera(&chosen.name);
                     let ended = free
                         .map_err(anyhow::Error::from)
                         .and_then(|()| live::run(args, plan, table, meter, &pulse, hub, stop));

@@ -14,6 +14,7 @@ use rustix::fs::{OFlags, inotify};
 use super::{COUNT_AT, GONE_AFTER, Header, LOOK_EVERY, SLOTS, now, place_of, read_u64};
 use crate::claim::is_at;
 use crate::error::LinkError;
+use crate::message::FLAG_END_OF_STREAM;
 use crate::place::{reading_dirs, sealed};
 use crate::stream::{Message, file_stem, ring_path, service_name, version_of};
 
@@ -23,19 +24,25 @@ const SEARCH_EVERY: Duration = Duration::from_millis(20);
 /// For how long it does so that often: at a start side by side. Later every [`LOOK_EVERY`] is soon enough.
 const SEARCH_EAGERLY: Duration = Duration::from_secs(1);
 
+/// How often a reader of a later folder looks whether somebody publishes in one before it again.
+const RETURN_EVERY: Duration = Duration::from_secs(1);
+
 /// How often it looks for a message where the kernel does not tell.
 const STEP: Duration = Duration::from_millis(5);
+
+/// A message of what was so for so long ago may be all that a camera that is away has left.
+const STALE_AFTER: Duration = Duration::from_secs(2);
 
 /// Which message a reader begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Newest {
-    /// The newest that is there: it came while the publisher was running already.
+    /// The newest that is there, or the next where that is stale: it came while the publisher was running already.
     Last,
     /// The oldest that is there: the reader was waiting when the publisher began.
     All,
 }
 
-/// Where a ring is looked for.
+/// Where a ring is looked for, the folder that comes first before the others.
 #[derive(Debug, Clone)]
 pub(crate) enum Folders {
     /// Where readers look: a session that begins later brings another folder.
@@ -45,7 +52,7 @@ pub(crate) enum Folders {
 }
 
 impl Folders {
-    fn now(&self) -> Vec<PathBuf> {
+    pub(crate) fn now(&self) -> Vec<PathBuf> {
         match self {
             Self::OfReaders => reading_dirs(),
             Self::These(folders) => folders.clone(),
@@ -62,7 +69,11 @@ pub(crate) struct RingReader<M> {
     /// Tells of messages. A user has so many of these (`/proc/sys/fs/inotify`): none where there is none left.
     watch: Option<OwnedFd>,
     open: Option<Open>,
+    /// Life of the publisher that was read before, and number of its message that comes next.
+    left: Option<(u64, u64)>,
     looked: Instant,
+    /// When it looked into the folders before that of the open ring.
+    looked_before: Instant,
     /// Since when there is no ring, where there is none.
     searches_since: Instant,
     /// Another publisher is alive while messages of the open ring's dead one are unread.
@@ -96,7 +107,9 @@ impl<M: Message> RingReader<M> {
             camera: camera.to_owned(),
             watch: inotify::init(flags).ok(),
             open: None,
+            left: None,
             looked: Instant::now(),
+            looked_before: Instant::now(),
             searches_since: Instant::now(),
             is_followed: false,
             begin: Newest::Last,
@@ -193,6 +206,7 @@ impl<M: Message> RingReader<M> {
             let stands = is_at(&open.file, &open.path);
             open.is_alive = stands && alive(&open.file);
             if open.is_alive {
+                self.return_to_those_before();
                 return Ok(());
             }
             let unread = read_u64(&open.file, COUNT_AT).is_ok_and(|n| n > open.next);
@@ -202,6 +216,27 @@ impl<M: Message> RingReader<M> {
             }
         }
         self.search()
+    }
+
+    /// Goes over to a publisher in a folder before that of the open ring, whose own is alive.
+    fn return_to_those_before(&mut self) {
+        if self.looked_before.elapsed() < RETURN_EVERY {
+            return;
+        }
+        self.looked_before = Instant::now();
+        let Some((folder, life)) = self.source() else {
+            return;
+        };
+        let folders = self.folders.now().into_iter();
+        let before: Vec<_> = folders.take_while(|f| f != folder).collect();
+        match self.find_in(before) {
+            // The open one by another path, watched under the same number.
+            Ok(Some(found)) if found.life == life => {}
+            Ok(Some(found)) if found.is_alive => self.follow(found),
+            Ok(Some(found)) => self.unwatch(found.watched),
+            // What is wrong with one of them is told where nothing else can be read.
+            Ok(None) | Err(_) => {}
+        }
     }
 
     /// Looks whether somebody else publishes while messages of the dead are unread.
@@ -285,6 +320,7 @@ impl<M: Message> RingReader<M> {
 
     fn close(&mut self) {
         if let Some(open) = self.open.take() {
+            self.left = Some((open.life, open.next));
             self.unwatch(open.watched);
             self.searches_since = Instant::now();
         }
@@ -318,24 +354,32 @@ impl<M: Message> RingReader<M> {
 
     fn follow(&mut self, mut open: Open) {
         let count = read_u64(&open.file, COUNT_AT).unwrap_or(0);
-        // Nobody knows how old the last words of the dead are.
-        open.next = match self.begin {
-            Newest::All => count.saturating_sub(SLOTS - 1),
-            Newest::Last => count.saturating_sub(1),
+        let oldest = count.saturating_sub(SLOTS - 1);
+        // A publisher in another folder may have been there for long.
+        let goes_over = |from: &Open| from.folder != open.folder;
+        let may_be_old = self.begin == Newest::Last || self.open.as_ref().is_some_and(goes_over);
+        let is_stale = may_be_old && count > 0 && open.is_stale::<M>(count - 1);
+        open.next = match (self.left, self.begin) {
+            // Nobody knows how old the last words of the dead are.
+            _ if is_stale || !open.is_alive => count,
+            (Some((life, next)), _) if life == open.life => next.max(oldest),
+            (_, Newest::All) => oldest,
+            (_, Newest::Last) => count.saturating_sub(1),
         };
-        if !open.is_alive {
-            open.next = count;
-        }
         self.close();
         self.open = Some(open);
     }
 
     /// Opens the first ring whose publisher is alive, else the first that is there.
     fn find(&self) -> Result<Option<Open>, LinkError> {
+        self.find_in(self.folders.now())
+    }
+
+    fn find_in(&self, folders: Vec<PathBuf>) -> Result<Option<Open>, LinkError> {
         let mut found: Option<Open> = None;
         let mut refused = Ok(None);
         let known = self.open.as_ref().and_then(|o| o.watched);
-        for folder in self.folders.now() {
+        for folder in folders {
             match self.open_in(&folder) {
                 Ok(Some(open)) => {
                     let better = open.is_alive || found.is_none();
@@ -427,7 +471,13 @@ impl<M: Message> RingReader<M> {
         let stem = file_stem::<M>(&self.camera);
         fs::read_dir(folder).ok()?.flatten().find_map(|entry| {
             let found = version_of(entry.file_name().to_str()?, &stem)?;
-            let is_other = found != M::VERSION && alive(&File::open(entry.path()).ok()?);
+            // A pipe would be waited for.
+            let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+            let opened = OpenOptions::new()
+                .read(true)
+                .custom_flags(flags.bits().cast_signed())
+                .open(entry.path());
+            let is_other = found != M::VERSION && alive(&opened.ok()?);
             is_other.then(|| LinkError::Version {
                 service: service_name::<M>(&self.camera),
                 expected: M::VERSION,
@@ -438,6 +488,17 @@ impl<M: Message> RingReader<M> {
 }
 
 impl Open {
+    /// Whether message `n` tells what was so a while ago and may not be any more. The end of a stream stays one.
+    fn is_stale<M: Message>(&self, n: u64) -> bool {
+        let mut message = Box::<M>::default();
+        let at = place_of(n, size_of::<M>());
+        let read = self.file.read_exact_at(message.as_mut_bytes(), at);
+        let is_old = |told: u64| now().saturating_sub(told) > STALE_AFTER.as_nanos() as u64;
+        read.is_ok()
+            && message.flags() & FLAG_END_OF_STREAM == 0
+            && message.told_ns().is_some_and(is_old)
+    }
+
     /// Copies the next message, whole; `false` where there is none.
     fn read(&mut self, message: &mut [u8]) -> io::Result<bool> {
         loop {
@@ -470,8 +531,10 @@ fn alive(file: &File) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use rustix::fs::Mode;
+
     use super::*;
-    use crate::message::BodyFrame;
+    use crate::message::{BodyFrame, EventFrame, PictureFrame};
     use crate::publisher::Publisher;
 
     fn silent() -> (
@@ -567,5 +630,176 @@ mod tests {
             }
             assert!(reader.is_alive());
         }
+    }
+
+    #[test]
+    fn a_reader_returns_to_the_folder_that_comes_first() {
+        let [own, service] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let open = |folder: &Path| Publisher::<BodyFrame>::open_at(folder, "camera0").unwrap();
+        let _service = open(service.path());
+        let folders = [&own, &service].map(|f| f.path().to_owned());
+        let folders = Folders::These(folders.to_vec());
+        let mut reader = RingReader::<BodyFrame>::new(folders, "camera0").unwrap();
+        assert_eq!(reader.source().unwrap().0, service.path());
+        let _own = open(own.path());
+        // On a busy machine signs of life may come late.
+        let returns = (0..1000).any(|n| {
+            std::thread::sleep(Duration::from_millis(10 * n.min(1)));
+            reader.looked_before = Instant::now().checked_sub(RETURN_EVERY).unwrap();
+            reader.look_now().unwrap();
+            reader.source().unwrap().0 == own.path()
+        });
+        assert!(returns);
+    }
+
+    #[test]
+    fn another_path_to_what_is_read_is_no_other_publisher() {
+        let [all, real] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let (own, path) = (all.path().join("own"), real.path().join("run"));
+        let _publisher = Publisher::<BodyFrame>::open_at(&path, "camera0").unwrap();
+        let folders = Folders::These(vec![own.join("run"), path.clone()]);
+        let mut reader = RingReader::<BodyFrame>::new(folders, "camera0").unwrap();
+        std::os::unix::fs::symlink(real.path(), &own).unwrap();
+        assert!(reader.open_in(&own.join("run")).unwrap().is_some());
+        reader.looked_before = Instant::now().checked_sub(RETURN_EVERY).unwrap();
+        reader.return_to_those_before();
+        assert_eq!(reader.source().unwrap().0, path);
+    }
+
+    /// Two publishers, and a reader that waits for a third.
+    fn two() -> (
+        [tempfile::TempDir; 2],
+        [Publisher<BodyFrame>; 2],
+        RingReader<BodyFrame>,
+    ) {
+        let folders = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let publishers = folders
+            .each_ref()
+            .map(|f| Publisher::open_at(f.path(), "camera0").unwrap());
+        let reader = RingReader::new(Folders::These(Vec::new()), "camera0").unwrap();
+        (folders, publishers, reader)
+    }
+
+    fn go_over(reader: &mut RingReader<BodyFrame>, folder: &Path) {
+        let mut found = reader.open_in(folder).unwrap().unwrap();
+        // On a busy machine signs of life may come late.
+        found.is_alive = true;
+        reader.follow(found);
+    }
+
+    fn publish(publisher: &mut Publisher<BodyFrame>, sequence: u64, publish_ns: u64) {
+        let message = BodyFrame {
+            sequence,
+            publish_ns,
+            ..BodyFrame::default()
+        };
+        publisher.publish(&message).unwrap();
+    }
+
+    fn unread(reader: &mut RingReader<BodyFrame>) -> Vec<u64> {
+        std::iter::from_fn(|| reader.read().unwrap().map(|m| m.sequence)).collect()
+    }
+
+    #[test]
+    fn who_goes_over_to_another_folder_and_returns_reads_nothing_twice() {
+        let ([own, service], [mut first, mut second], mut reader) = two();
+        go_over(&mut reader, own.path());
+        publish(&mut first, 1, u64::MAX);
+        publish(&mut second, 11, u64::MAX);
+        assert_eq!(unread(&mut reader), [1]);
+        go_over(&mut reader, service.path());
+        assert_eq!(unread(&mut reader), [11]);
+        publish(&mut first, 2, u64::MAX);
+        go_over(&mut reader, own.path());
+        assert_eq!(unread(&mut reader), [2]);
+        go_over(&mut reader, service.path());
+        assert!(unread(&mut reader).is_empty());
+        for sequence in 0..2 * SLOTS {
+            publish(&mut first, sequence, u64::MAX);
+        }
+        go_over(&mut reader, own.path());
+        let newest: Vec<_> = (SLOTS + 1..2 * SLOTS).collect();
+        assert_eq!(unread(&mut reader), newest);
+    }
+
+    #[test]
+    fn nobody_who_was_seen_long_ago_is_shown_to_who_goes_over_to_another_folder() {
+        let ([own, service], [_first, mut second], mut reader) = two();
+        let long_ago = now().saturating_sub(10_000_000_000).max(1);
+        go_over(&mut reader, own.path());
+        publish(&mut second, 11, long_ago);
+        go_over(&mut reader, service.path());
+        assert!(unread(&mut reader).is_empty());
+        publish(&mut second, 12, u64::MAX);
+        assert_eq!(unread(&mut reader), [12]);
+        // Left before it was read.
+        publish(&mut second, 13, long_ago);
+        go_over(&mut reader, own.path());
+        go_over(&mut reader, service.path());
+        assert!(unread(&mut reader).is_empty());
+    }
+
+    /// The first message that a reader gets who comes after one of `sent` was published.
+    fn first<M: Message>(sent: &M) -> Option<Box<M>> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<M>::open_at(folder.path(), "camera0").unwrap();
+        publisher.publish(sent).unwrap();
+        let open = |_| {
+            let folders = Folders::These(vec![folder.path().to_owned()]);
+            let reader = RingReader::<M>::new(folders, "camera0").unwrap();
+            // On a busy machine signs of life may come late.
+            reader.is_alive().then_some(reader)
+        };
+        let reader = (0..100_000).find_map(open);
+        reader.expect("it publishes").read().unwrap()
+    }
+
+    #[test]
+    fn nobody_who_was_seen_long_ago_is_shown_to_a_new_reader() {
+        let long_ago = now().saturating_sub(10_000_000_000).max(1);
+        let seen = |publish_ns, flags| BodyFrame {
+            publish_ns,
+            flags,
+            ..BodyFrame::default()
+        };
+        assert!(first(&seen(long_ago, 0)).is_none());
+        // Published in the future: nothing takes so long that it is stale.
+        assert!(first(&seen(u64::MAX, 0)).is_some());
+        assert!(first(&seen(0, 0)).is_some(), "nobody knows how old it is");
+        assert!(first(&seen(long_ago, FLAG_END_OF_STREAM)).is_some());
+        let happened = EventFrame {
+            publish_ns: long_ago,
+            ..EventFrame::default()
+        };
+        assert!(first(&happened).is_some(), "it has happened");
+        let picture = PictureFrame {
+            publish_ns: long_ago,
+            ..PictureFrame::default()
+        };
+        assert!(first(&picture).is_some(), "it holds until the next");
+    }
+
+    #[test]
+    fn a_pipe_in_the_place_of_a_stream_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let (said, hears) = std::sync::mpsc::channel();
+        for (camera, version) in [("camera0", 999), ("camera1", BodyFrame::VERSION)] {
+            let path = folder.path().join(format!("{camera}.bodies.v{version}"));
+            let (kind, mode) = (rustix::fs::FileType::Fifo, Mode::RUSR | Mode::WUSR);
+            rustix::fs::mknodat(rustix::fs::CWD, &path, kind, mode, 0).unwrap();
+            let folders = Folders::These(vec![folder.path().to_owned()]);
+            let said = said.clone();
+            std::thread::spawn(move || {
+                let opened = RingReader::<BodyFrame>::new(folders, camera);
+                said.send(opened.is_ok()).unwrap();
+            });
+        }
+        let mut heard = [(); 2].map(|()| hears.recv_timeout(Duration::from_secs(20)).unwrap());
+        heard.sort_unstable();
+        assert_eq!(
+            heard,
+            [false, true],
+            "nothing is published, and what is no stream is refused"
+        );
     }
 }

@@ -141,3 +141,44 @@ fn the_folder_of_a_service_is_read_by_those_who_may() {
     let read = vec![own.clone(), own, own_memory.clone()];
     assert_eq!(folders(seen(&own_memory, STRANGER, 0)), read);
 }
+
+/// Root alone can take a user's session away, in places of its own.
+#[test]
+fn a_stream_that_is_published_without_a_session_is_refused_within_one() {
+    if !rustix::process::geteuid().is_root() {
+        eprintln!("skipped: a /dev/shm of its own needs root");
+        return;
+    }
+    let here = tempfile::tempdir().unwrap();
+    let session = here.path().join("session");
+    fs::create_dir(&session).unwrap();
+    // A neighbouring test's reader may just have the umask changed.
+    fs::set_permissions(&session, fs::Permissions::from_mode(0o700)).unwrap();
+    let inside = |script: &str| {
+        let mounts =
+            "mount -t tmpfs -o mode=755 none /run; mount -t tmpfs -o mode=1777 none /dev/shm";
+        let mut command = Command::new("unshare");
+        command.args(["-m", "sh", "-ec", &format!("{mounts}; {script}")]);
+        command.env("PROGRAM", std::env::current_exe().unwrap());
+        command.env("HERE", here.path());
+        command.env_remove(NAMED).env_remove(SESSION);
+        command.output().unwrap()
+    };
+    if !inside("true").status.success() {
+        eprintln!("skipped: no mount namespace here");
+        return;
+    }
+    let out = inside(
+        "EDGECAP_TEST_ROLE=writer $PROGRAM --exact strangers::role --nocapture > $HERE/said 2>&1 & \
+         writer=$!; \
+         until grep -qs publishes $HERE/said; do kill -0 $writer; sleep 0.05; done; \
+         export XDG_RUNTIME_DIR=$HERE/session EDGECAP_TEST_ROLE=full; \
+         ended=0; $PROGRAM --exact strangers::role --nocapture || ended=$?; \
+         kill $writer; exit $ended",
+    );
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(
+        out.status.success() && said.contains("already publishes"),
+        "{said}"
+    );
+}
