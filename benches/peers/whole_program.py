@@ -62,18 +62,18 @@ def arguments() -> argparse.Namespace:
 
 def photos(args: argparse.Namespace, entries: list[systems.System], folder: Path) -> list[list[str]]:
     truth = labels.read(args.labels, args.split, args.true)
-    truth.pictures = [p for p in truth.pictures if (args.photos / p.name).exists()]
-    if not truth.pictures:
+    truth = [p for p in truth if (args.photos / p.name).exists()]
+    if not truth:
         sys.exit(f"expected photos named as in {args.labels} (split {args.split}) in {args.photos}, found none")
-    files = [args.photos / p.name for p in truth.pictures]
+    files = [args.photos / p.name for p in truth]
     every, few = link(files, folder / "long"), link(one_of_each_shape(files), folder / "short")
     timings = measure.race(entries, args.models, every, few, args.rounds, folder)
     rows = heads(["CPU a photo", "its networks", "found", "mean OKS", "reports right"])
     for i, (entry, timing) in enumerate(zip(entries, timings, strict=True)):
         reported, total = reports.read(folder / f"{i}.jsonl"), score.Score()
-        for picture in truth.pictures:
+        for picture in truth:
             score.add(total, picture, reported.get(picture.name, []))
-        right = f"{100 * total.precision():.0f} %" if truth.everybody else "–"
+        right = f"{100 * total.precision():.0f} %" if any(p.everybody for p in truth) else "–"
         rows.append(cells(entry, timing, [f"{100 * total.found():.1f} %", f"{total.mean_oks():.3f}", right]))
     print(f"\n{len(files)} photos, {len(total.oks)} people judged:\n")
     return rows

@@ -48,11 +48,15 @@ def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
 
 
 def without(options: list[str], name: str) -> list[str]:
-    """`options` without the one of this name and its value: sets of one size cannot have it."""
-    if name not in options:
-        return options
-    k = options.index(name)
-    return options[:k] + options[k + 2 :]
+    """`options` without the one of this name and its value, `NAME VALUE` or `NAME=VALUE`: sets of one size cannot have
+    it."""
+    kept, rest = [], iter(options)
+    for option in rest:
+        if option == name:
+            next(rest, None)
+        elif not option.startswith(f"{name}="):
+            kept.append(option)
+    return kept
 
 
 def sets(held: pathlib.Path, data: pathlib.Path, work: pathlib.Path) -> Iterator[Pictures]:
@@ -129,8 +133,8 @@ def main(argv: list[str]) -> None:
                 name = f"{s.name}, after the fit"
                 everything[name] = json.loads(program("eval", "--predictions", fitted, *s.truth, "--json", "-"))
                 print(row(name, everything[name]), flush=True)
-    if a.json:
-        a.json.write_text(json.dumps(everything))
+            if a.json:  # after every set: the next one may take an hour, or fail
+                a.json.write_text(json.dumps(everything))
     if a.clips:
         clips.main(["--keep", str(a.held / "clips"), "--edgecap", str(a.edgecap), "--threads", str(a.threads), *options])
 

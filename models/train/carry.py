@@ -22,7 +22,7 @@ import numpy as np
 
 import depth
 import terms
-from pool import FIELDS
+from pool import FIELDS, clear
 from real import TAUGHT, TEACHER
 
 PER_PHOTO = ("size", "weight", "stretched", "source")
@@ -136,6 +136,10 @@ def pictures(folder: pathlib.Path, offset: np.ndarray) -> list[np.ndarray]:
 def unpack_photos(parts: list[pathlib.Path], out: pathlib.Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     z = [np.load(p / "people.npz") for p in parts]
+    # What lay here describes other pictures.
+    for name in ("people.npz", depth.FILE):
+        (out / name).unlink(missing_ok=True)
+    terms.unmark(out)
     with open(out / "pictures.bin", "wb") as f:
         for p in parts:
             f.write((p / "pictures.bin").read_bytes())
@@ -145,16 +149,15 @@ def unpack_photos(parts: list[pathlib.Path], out: pathlib.Path) -> None:
 
     rest = {k: np.concatenate([p[k] for p in z]) for k in (*PER_PHOTO, *PER_PERSON)}
     np.savez(out / "people.npz", offset=ends("offset"), start=ends("start"), sources=z[0]["sources"], **rest)
-    (out / depth.FILE).unlink(missing_ok=True)  # its rows go by the people of the parts that it came with
     if any((p / depth.FILE).exists() for p in parts):
         depth.write(out, *map(np.concatenate, zip(*(depth.read(p, len(t["state"])) for p, t in zip(parts, z)))))
     said(parts, out)
 
 
 def unpack_scenes(parts: list[pathlib.Path], out: pathlib.Path) -> None:
-    out.mkdir(parents=True, exist_ok=True)
     z = [np.load(p / "truth.npz") for p in parts]
     images = np.stack([i for p, t in zip(parts, z) for i in pictures(p, t["offset"])])
+    clear(out)
     for k in FIELDS:
         np.save(out / f"{k}.npy", images if k == "image" else np.concatenate([t[k] for t in z]))
     (out / "filled").write_text(str(len(images)))

@@ -50,6 +50,13 @@ def folder_of(work: pathlib.Path, name: str, files: list[pathlib.Path]) -> pathl
     return folder
 
 
+def conversion(a: argparse.Namespace, options: list[str], file: pathlib.Path) -> list[object]:
+    """Arguments of the program that make the model `file` of the weights, ranges chosen by `options`."""
+    fitted = ("--association", a.association) if a.association else ()
+    size = ("--width", a.size[0], "--height", a.size[1])
+    return ["model", "import", a.stage1, "--stage2", a.stage2, *fitted, "--calibrate", a.calibrate, *size, *options, "-o", file]
+
+
 def main(argv: list[str]) -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("stage1", type=pathlib.Path)
@@ -58,6 +65,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("--data", type=pathlib.Path, required=True)
     ap.add_argument("--scenes", type=pathlib.Path, help="stills of `edgecap synth`, never trained on")
     ap.add_argument("--edgecap", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[2] / "target/release/edgecap")
+    ap.add_argument("--association", type=pathlib.Path, help="toml with the thresholds fitted to these weights; models/association.toml holds the default's")
     ap.add_argument("--size", nargs=2, type=int, default=[160, 224], help="width and height that ranges are found at")
     ap.add_argument("--limit", type=int, default=0, help="pictures of LSP-test (0: all)")
     ap.add_argument("--threads", type=int, default=1)
@@ -80,14 +88,13 @@ def main(argv: list[str]) -> None:
         for name, options in {"f32": None, **CHOICES}.items():
             if a.only and name not in a.only:
                 continue
+            if options is None and a.association:
+                name += ", thresholds of the default"  # only a model file carries others
             if options is None:
                 model: list[object] = ["--model", a.stage1, "--stage2", a.stage2]
             else:
                 file = work / "choice.ecm"
-                program(
-                    *("model", "import", a.stage1, "--stage2", a.stage2, "--calibrate", a.calibrate),
-                    *("--width", a.size[0], "--height", a.size[1], *options, "-o", file),
-                )
+                program(*conversion(a, options, file))
                 model = ["--model", file]
             lsp = program.measure(model, test, "256x256", work, "--truth", some, "--split", "test")
             several = program.measure(model, photos, "512x320", work, "--truth", *sets)

@@ -26,7 +26,8 @@ from person_score import written
 OURS = [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]  # limb joints of the evidence joints
 COCO = [6, 8, 10, 5, 7, 9, 12, 14, 16, 11, 13, 15]  # the same joints among COCO's 17
 SIGMA = np.array([0.079, 0.072, 0.062, 0.079, 0.072, 0.062, 0.107, 0.087, 0.089, 0.107, 0.087, 0.089])
-INPUT, UPRIGHT = (512, 320), (256, 409.6)  # what a photo fits into with --quality balanced
+INPUTS = (512, 320), (368, 368), (256, 409.6)  # what a photo fits into with --quality balanced: landscape, square, upright
+SQUARE = 1.15  # sides of a photo that is looked at as a square one, the longer over the shorter
 LEAST, SIZE, SMALLEST = 0.01, 200.0, 20.0  # as src/detect/confidence.rs has them
 KEYS = ("joint_bias", "joint_slope", "joint_size", "person_bias", "person_slope")
 BINS = 10
@@ -91,7 +92,7 @@ def collect(people: pathlib.Path, labels: pathlib.Path, split: str, now: dict[st
             if photo.get("split") != split or photo["file"] not in found or photo.get("more"):
                 continue
             size, reports = np.array(photo["size"], float), found[photo["file"]]
-            wide, high = INPUT if size[0] >= size[1] else UPRIGHT
+            wide, high = INPUTS[0 if size[0] > SQUARE * size[1] else 2 if size[1] > SQUARE * size[0] else 1]
             scale = min(wide / size[0], high / size[1])
             truth = []
             for p in (p for p in photo["people"] if "kp" in p):

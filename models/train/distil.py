@@ -61,10 +61,10 @@ def leave_depth(t: targets.Targets, labels: targets.Targets, lends: bool) -> Non
 
 
 class Teachers:
-    """Networks that answer together; every second one is shown the mirror image, which one changes from call to call."""
+    """Networks that answer together; every second one is shown the mirror image, which one changes from turn to turn."""
 
     def __init__(self, files: list[pathlib.Path], dev: torch.device, bf16: bool):
-        self.bf16, self.turn = bf16, 0
+        self.bf16 = bf16
         self.reads = (channel_mask(dev) > 0).float()  # [14, 63]
         self.nets = []
         for f in files:
@@ -73,16 +73,17 @@ class Teachers:
             self.nets.append(fold(net.eval()).requires_grad_(False))
 
     @torch.no_grad()
-    def answer(self, x: Tensor) -> targets.Targets:
-        """Targets of the pictures x [B, 3, H, W] as the network takes them: maps count everywhere, encodings where a joint is seen."""
+    def answer(self, x: Tensor, turn: int) -> targets.Targets:
+        """Targets of the pictures x [B, 3, H, W] as the network takes them: maps count everywhere, encodings where a joint
+        is seen. `turn` counts the questions about pictures of their kind: in odd ones the other networks see the mirror
+        image."""
         answers = []
         for k, net in enumerate(self.nets):
-            other = (k + self.turn) % 2 == 1
+            other = (k + turn) % 2 == 1
             with torch.autocast(x.device.type, torch.bfloat16, enabled=self.bf16):
                 y, e = net(x.flip(3) if other else x)
             y, e = y.float(), e.float()
             answers.append((mirror_maps(y), mirror_encodings(e)) if other else (y, e))
-        self.turn += 1
         maps, enc = (torch.stack(a).mean(0) for a in zip(*answers))
         seen = (maps[:, :NJ] > SEEN).float()
         read = torch.einsum("bjhw,jc->bchw", seen, self.reads).clamp_max(1)

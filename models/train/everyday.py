@@ -1,9 +1,10 @@
 """Whole photos of everyday life in which everybody is labelled: python everyday.py PHOTOS LABELS FOLDER [--open].
 
 PHOTOS holds a folder of JPEG files a source, LABELS a `SOURCE.jsonl.gz` each, the folder above LABELS `sources.json`. FOLDER gets `pictures.bin`
-(the files as they are, mapped by training) and `people.npz`. Only photos whose `split` is train are taken; with `--open` only those whose
-terms allow commercial use, with joints by rules that no academic labels made, and `attribution.txt` names every photo, and who is to be
-named for it where its row has a `credit`.
+(the files as they are, mapped by training) and `people.npz`. Only photos whose `split` is train are taken, without
+those that are like one of the test split (`apart.py`); with `--open` only those whose terms allow commercial use, with
+joints by rules that no academic labels made, and `attribution.txt` names every photo, and who is to be named for it
+where its row has a `credit`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 
 import numpy as np
 
+import apart
 import depth
 import terms
 from coco17 import ABSENT, LABELLED, LSP, OPEN, UNKNOWN, to14
@@ -91,17 +93,24 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
     sources = json.loads((labels.parent / "sources.json").read_text())
     out.mkdir(parents=True, exist_ok=True)
     terms.unmark(out)  # until all of it is known to be open
-    (out / depth.FILE).unlink(missing_ok=True)  # its rows go by the people of the pack that it was made of
+    # All of them first: a photo of any source may be like one of another's test split.
+    labelled = [(name, json.loads(line)) for name in sources for line in gzip.open(labels / f"{name}.jsonl.gz", "rt")]
+    like_test = apart.like_test(labelled)
+    # What an earlier pack left describes pictures that are about to be replaced.
+    for name in ("people.npz", "attribution.txt", depth.FILE):
+        (out / name).unlink(missing_ok=True)
     rules = OPEN if only_open else LSP
     names: list[tuple[str, dict]] = []
     offset, size, start, weight, stretched, origin = [0], [], [0], [], [], []
     joints, state, box = [], [], []
     with open(out / "pictures.bin", "wb") as f:
         for at, (name, source) in enumerate(sources.items()):
-            n = 0
-            for line in gzip.open(labels / f"{name}.jsonl.gz", "rt"):
-                row = json.loads(line)
-                if not wanted(row, source, only_open):
+            n, left = 0, 0
+            for (of, row), like in zip(labelled, like_test):
+                if of != name or not wanted(row, source, only_open):
+                    continue
+                if like:
+                    left += 1
                     continue
                 if without and not without.isdisjoint({line := attribution(name, row), line.partition(" ")[2]}):
                     continue
@@ -127,7 +136,7 @@ def pack(photos: pathlib.Path, labels: pathlib.Path, out: pathlib.Path, only_ope
                 origin.append(at)
                 names.append((name, row))
                 n += 1
-            print(f"{name}: {n} photos")
+            print(f"{name}: {n} photos; {left} left out that are like one of the test split")
     np.savez(
         out / "people.npz",
         offset=np.array(offset, np.int64),

@@ -2,7 +2,8 @@
 # Training on a GPU that is lent for minutes, by calls that carry little: a process of its own goes on between the calls.
 #   gpu.sh take RUN PART                 a part of carry.py into RUN/parts; RUN is a folder that outlives the call
 #   gpu.sh train RUN PARTS OPTION...     in the background, on two parts first, on all PARTS once they are there, until the time in
-#                                        RUN/end (seconds since 1970, read at both starts); OPTIONs are train.py's
+#                                        RUN/end (seconds since 1970, read at both starts); OPTIONs are train.py's. Its
+#                                        schedule ends with the time, with --steps after those, however late
 #   gpu.sh watch RUN BACK                checkpoints to BACK, which is fetched after the call, until training has ended
 set -eu
 what=$1 run=$2
@@ -41,7 +42,12 @@ train() {
         wait "$first"
         set -- "$@" --resume
     fi
-    (go all --finish "$@")
+    # A schedule of steps cannot be bent to the time.
+    case " $* " in
+    *' --steps '* | *' --steps='*) ;;
+    *) set -- --finish "$@" ;;
+    esac
+    (go all "$@")
 }
 
 case $what in

@@ -241,6 +241,11 @@ def collect(net: SelecSLSNet, pictures: Iterable[Shown], group: evaluate.Group) 
                 seen.append((*answer, r))
             else:
                 looks.append(tuple(t[None] for t in answer))  # type: ignore[arg-type]
+    if not wrong or not seen:
+        raise SystemExit(
+            f"expected people whom the network finds where labels have them, found {len(wrong)} with all joints labelled and {len(seen)} with known 3D:"
+            " give weights that are trained, the --association that was fitted to them, or more pictures"
+        )
     conf, at, off = (torch.from_numpy(np.stack(x)) for x in zip(*wrong))
     known = Seen(*(torch.stack(x) for x in zip(*seen)))
     slope, error = encodings(known)

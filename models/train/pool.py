@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+import terms
 from augment import GREYS, lying
 from constants import constant
 from scenes import Generator, Scenes
@@ -129,6 +130,14 @@ class Rendered(Pool):
         self.at = (self.at + n) % self.capacity
 
 
+def clear(folder: pathlib.Path) -> None:
+    """Makes `folder` one without scenes, so that new files are not taken for finished ones, or for open ones, by what was
+    said of others."""
+    folder.mkdir(parents=True, exist_ok=True)
+    terms.unmark(folder)
+    (folder / "filled").unlink(missing_ok=True)
+
+
 class Stored(Pool):
     """Scenes rendered beforehand into a folder (`prerender.py`), mapped: several processes share one copy.
 
@@ -136,10 +145,17 @@ class Stored(Pool):
     """
 
     def __init__(self, folder: pathlib.Path, seed: int, device: torch.device = CPU):
-        """On another device than the CPU the scenes that are there are copied to it."""
+        """On another device than the CPU the scenes that are there are copied to it. A folder without any ends the
+        program."""
         self.folder = folder
+        count = self._count()
         data = {k: torch.from_numpy(np.load(folder / f"{k}.npy", mmap_mode="c")).to(device) for k in FIELDS}
-        super().__init__(data, int((folder / "filled").read_text()), seed)
+        super().__init__(data, count, seed)
+
+    def _count(self) -> int:
+        if not (self.folder / "filled").exists():
+            raise SystemExit(f"expected scenes in {self.folder}, found none that are written: run what makes them again (prerender.py, truth.py, carry.py)")
+        return int((self.folder / "filled").read_text())
 
     def refresh(self, n: int) -> None:
-        self.filled = int((self.folder / "filled").read_text())
+        self.filled = self._count()

@@ -14,8 +14,7 @@ import time
 import numpy as np
 import torch
 
-import terms
-from pool import FIELDS
+from pool import FIELDS, clear
 from real import load_photos
 from scenes import Generator
 
@@ -34,8 +33,7 @@ def main(argv: list[str]) -> None:
     torch.manual_seed(a.seed)
     cpu = torch.device("cpu")
     gen = Generator(a.pack, cpu, load_photos(a.pack, cpu, held=a.held), a.seed, held=a.held, supersample=a.supersample, chunk=4)
-    a.folder.mkdir(parents=True, exist_ok=True)
-    terms.unmark(a.folder)  # people stand before INRIA's photos, which are not open
+    clear(a.folder)  # and not open afterwards: people stand before INRIA's photos
     files: dict[str, np.ndarray] = {}
     began = time.time()
     for at in range(0, a.n, 4):

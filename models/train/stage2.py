@@ -28,6 +28,7 @@ import rotations as rot
 import terms
 import weights
 from body import Body, Mocap, canonical
+from clock import Clock
 from measure import errors, naive
 from mistakes import Looks, Mistakes, bones, load
 from model import SelecSLSNet, Stage2, channel_mask, stage2_input
@@ -271,7 +272,7 @@ def kept_answers(net: Stage2, looks: Looks, mask: Tensor) -> tuple[Tensor, ...]:
 
 
 def train(a: argparse.Namespace) -> None:
-    began = time.time()
+    clock = Clock()
     dev = torch.device("cuda" if torch.cuda.is_available() and not a.cpu else "cpu")
     if a.threads:
         torch.set_num_threads(a.threads)
@@ -324,7 +325,7 @@ def train(a: argparse.Namespace) -> None:
         ema = copy.deepcopy(net)
         checkpoint.load(a.stage1, net, ema, None, dev)
         true.append(stage1_features(ema, a.pack, dev, a.scenes, a.seed + 77))
-        print(f"{len(true[-1][0])} people seen by Stage I in {a.scenes} scenes, {time.time() - began:.0f} s", flush=True)
+        print(f"{len(true[-1][0])} people seen by Stage I in {a.scenes} scenes, {clock.whole():.0f} s", flush=True)
     answers = tuple(torch.cat(t) for t in zip(*true))
     net2 = Stage2().to(dev)
     if a.init:
@@ -345,12 +346,13 @@ def train(a: argparse.Namespace) -> None:
         kept_people = kept_answers(before, looks, mask)
         print(f"{len(kept_people[0])} real people stay as {a.keep} sees them", flush=True)
     opt = torch.optim.AdamW(net2.parameters(), lr=a.lr, weight_decay=0.01, betas=(0.9, 0.98))
-    step, t0, logged = 0, time.time(), time.time()
-    end = began + a.minutes * 60
+    step, logged = 0, time.monotonic()
+    now = t0 = clock.whole()
+    end = a.minutes * 60
     weight = torch.tensor([1.0] * 14 + [0.5, 1, 1, 0.7, 0.7, 0.7, 0.7], device=dev)[:, None]
     acc = torch.zeros((), device=dev)
     fresh: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
-    while (now := time.time()) < end and not (a.steps and step >= a.steps):
+    while now < end and not (a.steps and step >= a.steps):
         p = step / a.steps if a.steps else (now - t0) / (end - t0)
         for grp in opt.param_groups:
             grp["lr"] = a.lr * min(p / 0.02, 1) * max(0.5 * (1 + math.cos(math.pi * p)), 0.002)
@@ -404,14 +406,15 @@ def train(a: argparse.Namespace) -> None:
             with torch.no_grad():
                 r, r2 = errors(avg(test), rel_t), errors(avg(blind), rel_t)
             print(
-                f"step {step} {a.log / (time.time() - logged):.1f} steps/s loss {acc.item() / a.log:.4f} held-out clips, imitated input: "
+                f"step {step} {a.log / (time.monotonic() - logged):.1f} steps/s loss {acc.item() / a.log:.4f} held-out clips, imitated input: "
                 + " ".join(f"{k} {v:.1f}" for k, v in r.items())
                 + f", from 2D alone: mpjpe {r2['mpjpe']:.1f} pa_mpjpe {r2['pa_mpjpe']:.1f}"
                 + (f", as seen {errors(avg(seen_test), seen_rel)}" if wrong is not None else ""),
                 flush=True,
             )
             acc.zero_()
-            logged = time.time()
+            logged = time.monotonic()
+        now = clock.step()
     with torch.no_grad():
         report = {
             "imitated": errors(avg(test), rel_t),
@@ -447,7 +450,7 @@ if __name__ == "__main__":
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("pack", type=pathlib.Path)
     ap.add_argument("out", type=pathlib.Path)
-    ap.add_argument("--minutes", type=float, default=8)
+    ap.add_argument("--minutes", type=float, default=8, help="pauses (kill -STOP) do not count")
     ap.add_argument("--steps", type=int, default=0)
     ap.add_argument("--batch", type=int, default=512)
     ap.add_argument("--seen", type=float, default=0.3, help="people as Stage I reported them added to a batch, over its size")

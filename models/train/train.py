@@ -32,6 +32,7 @@ import targets
 import terms
 from ahead import Ahead
 from augment import photometric
+from clock import Clock
 from distil import Teachers, leave_depth
 from everyday_tiles import Everyday
 from model import SelecSLSNet
@@ -237,6 +238,15 @@ def finite(net: torch.nn.Module) -> bool:
     return all(bool(torch.isfinite(v).all()) for v in net.state_dict().values() if v.is_floating_point())
 
 
+def turn_of(step: int, mixes: int, every: int) -> int | None:
+    """How often the teachers were asked about the mix of this step before; None where they are not asked now.
+
+    The `mixes` are taken in turns, one a step. Each is asked about in one of `every` rounds, neighbours in different ones,
+    so that steps with and without teachers alternate."""
+    asked, rest = divmod(sum(divmod(step, mixes)), every)
+    return None if rest else asked
+
+
 def lr_at(p: float, top: float, fall: float = 1.0, step: int = 0) -> float:
     """One cycle: 3 % warm-up, cosine to 0.2 %. With `fall` below 1 the rate is held after some steps of warm-up and falls in the last
     `fall` of the schedule alone, in a straight line to 0.2 %, so that the end can be set later."""
@@ -416,10 +426,11 @@ class Trainer:
         return any(source is not None and source.lends for source in (self.people, self.everyday))
 
     def losses(
-        self, x: Tensor, shown: Tensor | None, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, everyday: int = 0
+        self, x: Tensor, shown: Tensor | None, tr: targets.Targets, ts: targets.Targets, p: float = 0.0, everyday: int = 0, turn: int = 0
     ) -> tuple[Tensor, Tensor]:
         """The six losses, what the teachers ask of the pictures `shown` to them (0 without), and the joint maps of the real tiles, of which the
-        last `everyday` are photos in which everybody is labelled.
+        last `everyday` are photos in which everybody is labelled. `turn` counts the questions to the teachers about such
+        tiles.
 
         The labels' 2D losses count less (`--distil-weight`) in the tiles of which teachers are asked: not in those photos, of which the teachers
         say nothing in 2D. Their 3D loss never does: the teachers are silent where labels know depth.
@@ -438,10 +449,10 @@ class Trainer:
         enc = targets.loss3d(e[n - first3d :], ts)
         if not first3d:  # a teacher's depth counts less than the renderer's
             enc = enc + self.a.lend * targets.loss3d(e[:n], tr)
-        asked = self._taught(shown, y, e, tr, peak, everyday) if shown is not None else enc.new_zeros(())
+        asked = self._taught(shown, y, e, tr, peak, everyday, turn) if shown is not None else enc.new_zeros(())
         return torch.stack([hr, pr, hs, ps, enc, where, asked]), y[:n].detach()
 
-    def _taught(self, shown: Tensor, y: Tensor, e: Tensor, tr: targets.Targets, peak: float, everyday: int) -> Tensor:
+    def _taught(self, shown: Tensor, y: Tensor, e: Tensor, tr: targets.Targets, peak: float, everyday: int, turn: int = 0) -> Tensor:
         """The same losses against what the teachers answer to the pictures `shown`: 2D of all tiles together, weighted as those of the two kinds
         are in sum, 3D of the real ones.
 
@@ -449,7 +460,7 @@ class Trainer:
         better.
         """
         assert self.teachers is not None
-        t = self.teachers.answer(shown)
+        t = self.teachers.answer(shown, turn)
         n = len(tr.maps)
         t.weight[n - everyday : n] = 0
         leave_depth(t, tr, self.lends)
@@ -457,15 +468,16 @@ class Trainer:
         flat = (1 + self.a.synth) * (hm + 0.5 * paf) + 2 * self.a.where * targets.location_loss(y, t)
         return flat + self.a.lend * self.a.w3d * targets.loss3d(e, t)
 
-    def step(self, ph: Mix, p: float) -> Tensor:
+    def step(self, ph: Mix, p: float, turn: int | None) -> Tensor:
+        """One step at share `p` of the schedule; `turn` as `turn_of` says."""
         lr = lr_at(p, self.a.lr, self.a.fall, self.meta["step"]) * self.meta["lr_scale"]
         if self.meta["scratch"]:
             renorm.BatchRenorm2d.limits = renorm.limits_at(self.meta["step"])
         for g in self.opt.param_groups:
             g["lr"] = lr
         x, shown, tr, ts, r = self.batch(ph)
-        taught = self.meta["step"] % self.a.distil_every == 0 and (not ph.close or self.everyday is not None)  # older networks have not seen people as large
-        L, y = self.losses(x, shown if taught else None, tr, ts, p, ph.everyday if self.everyday else 0)
+        taught = turn is not None and (not ph.close or self.everyday is not None)  # older networks have not seen people as large
+        L, y = self.losses(x, shown if taught else None, tr, ts, p, ph.everyday if self.everyday else 0, turn or 0)
         warm = min(1.0, self.meta["step"] / 150)
         synth = self.a.synth
         share = [1.0, 0.5, synth, synth / 2, self.a.w3d, self.a.where * warm, self.a.distil_weight]
@@ -528,11 +540,10 @@ class Trainer:
         if self.a.sync > 1:
             self.group.average(list(self.net.parameters()))
 
-    def save(self, t0: float, off: float) -> None:
+    def save(self) -> None:
         self._meet()
         self.group.average_statistics(self.net)
         self.group.average_statistics(self.ema)
-        self.meta["elapsed"] = off + time.time() - t0
         # the loss is looked at every so many steps: what went wrong since must not take the last good weights' place
         if self.group.first and all(map(finite, (self.net, self.ema))):
             checkpoint.save(self.out / "ckpt", self.net, self.ema, self.opt, self.meta)
@@ -544,25 +555,30 @@ class Trainer:
         print("non-finite loss: back to the last checkpoint at half the rate", flush=True)
         keep = dict(self.meta)
         self.opt = self._optimizer()
-        checkpoint.load(self.out / "ckpt", self.net, self.ema, self.opt, self.dev)
+        found = checkpoint.load(self.out / "ckpt", self.net, self.ema, self.opt, self.dev)
+        if self.meta["quant"] and not found.get("quant"):
+            quant.forget(self.net)  # a checkpoint from before the rounding has no ranges to go back to
         self.meta = keep
         self.meta["lr_scale"] *= 0.5
 
-    def run(self, began: float) -> None:
+    def run(self, clock: Clock) -> None:
+        """`clock` began with the program."""
         a = self.a
         self.build_data()
         self.choose_groups(self.phases[-2].mixes[0])
-        t0, off = time.time(), self.meta["elapsed"]
-        end = began + a.minutes * 60 - (3 if self.small else 12)  # time to write the checkpoint
+        t0 = saved = clock.whole()
+        off = self.meta["elapsed"]
+        end = a.minutes * 60 - (3 if self.small else 12)  # time to write the checkpoint
         total = off + end - t0 if a.finish else a.total * 60  # the last call bends the schedule to end with it
-        saved = logged = time.time()
+        now, logged = t0, time.monotonic()
         acc, n, images, debt = torch.zeros(8, device=self.dev), 0, self.meta["images"], 0.0
         log = open(self.out / "log.jsonl", "a") if self.group.first else None
         every = 5 if a.tiny else 20 if self.small else 50
         chunk = 4 if self.small else 64
         while True:
-            now = time.time()
-            p = min(self.meta["step"] / a.steps, 1.0) if a.steps else (off + now - t0) / total
+            self.meta["elapsed"] = off + now - t0
+            p = self.meta["step"] / a.steps if a.steps else self.meta["elapsed"] / max(total, 1e-9)
+            p = min(p, 1.0)
             stop = p >= 1 or now >= end or self.stop
             if self.meta["step"] % a.sync == 0:
                 p, stop, due = self.group.same([p, float(stop), float(now - saved > a.save_every)])
@@ -575,9 +591,9 @@ class Trainer:
                 self.fwd = self.net  # a compiled graph would not see the new modules
                 print("int8 fake quantisation on", flush=True)
             at = a.sizes_from + (1 - a.sizes_from) * p
-            mixes = next(q for q in self.phases if at < q.until).mixes
+            mixes = next((q for q in self.phases if at < q.until), self.phases[-1]).mixes
             ph = mixes[self.meta["step"] % len(mixes)]
-            acc += self.step(ph, p)
+            acc += self.step(ph, p, turn_of(self.meta["step"], len(mixes), a.distil_every))
             n += 1
             # whole frames show a scene more fully than tiles do, so they are reused less
             debt += ph.synth / (a.reuse * (1 if ph.W < 512 else 0.5))
@@ -588,15 +604,16 @@ class Trainer:
             if n >= every:
                 v = (acc / n).tolist()  # the only wait of the loop
                 if log is not None:
-                    self._log(log, v, p, ph, (self.meta["images"] - images) / (time.time() - logged))
+                    self._log(log, v, p, ph, (self.meta["images"] - images) / (time.monotonic() - logged))
                 acc.zero_()
-                n, images, logged = 0, self.meta["images"], time.time()
+                n, images, logged = 0, self.meta["images"], time.monotonic()
                 if self.group.any(not all(map(math.isfinite, v))):
                     self.recover()
             if due:
-                self.save(t0, off)
-                saved = time.time()
-        self.save(t0, off)
+                self.save()
+                saved = now
+            now = clock.step()
+        self.save()
         if isinstance(self.everyday, Ahead):
             self.everyday.close()
         if log is not None:
@@ -608,7 +625,7 @@ class Trainer:
     def _log(self, log: TextIO, v: list[float], p: float, ph: Mix, ips: float) -> None:
         names = ["hm_real", "paf_real", "hm_syn", "paf_syn", "enc", "where", "taught", "grad"]
         row = dict(p=round(p, 4), t=round(time.time()), step=self.meta["step"], images=self.meta["images"], ips=round(ips, 1))
-        row |= dict(tile=[ph.H, ph.W], lr=lr_at(p, self.a.lr, self.a.fall, self.meta["step"])) | {k: round(x, 6) for k, x in zip(names, v)}
+        row |= dict(tile=[ph.H, ph.W], lr=self.opt.param_groups[0]["lr"]) | {k: round(x, 6) for k, x in zip(names, v)}
         if isinstance(self.everyday, Ahead):
             row["waited"] = round(self.everyday.waited, 1)  # in all: nearly all of the time means that the GPU waits for tiles
         if self.cuda:
@@ -623,13 +640,13 @@ class Trainer:
 
 
 def main(argv: list[str]) -> None:
-    began = time.time()
+    clock = Clock()
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("pack", type=pathlib.Path)
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--total", type=float, default=26, help="minutes of the whole schedule")
-    ap.add_argument("--minutes", type=float, default=9, help="minutes this call may take, start and saving included")
-    ap.add_argument("--finish", action="store_true", help="end the schedule with this call, whatever --total says")
+    ap.add_argument("--minutes", type=float, default=9, help="minutes this call may take, start and saving included, pauses (kill -STOP) not")
+    ap.add_argument("--finish", action="store_true", help="end the schedule with this call, whatever --total says; not with --steps")
     ap.add_argument("--steps", type=int, default=0, help="length of the whole schedule in steps, instead of --total")
     ap.add_argument("--resume", action="store_true")
     ap.add_argument("--lr", type=float, default=2e-3)
@@ -669,10 +686,12 @@ def main(argv: list[str]) -> None:
     a = ap.parse_args(argv)
     if a.ranks > 1 and not a.cpu:
         ap.error("--ranks is for CPUs: give --cpu, too")
+    if a.finish and a.steps:
+        ap.error("expected --finish, which ends a schedule of minutes with this call, or --steps, found both: to end at another step give --steps alone")
     if not 0 <= a.distil_weight <= 1:
         ap.error(f"--distil-weight is a share from 0 to 1, found {a.distil_weight}")
     children = launch(a.ranks)
-    Trainer(a).run(began)
+    Trainer(a).run(clock)
     for c in children:
         c.wait()
 

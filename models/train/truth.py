@@ -18,7 +18,7 @@ from PIL import Image
 import terms
 from body import canonical
 from letterbox import letterbox
-from pool import FIELDS
+from pool import FIELDS, clear
 from skeleton import NB, NJ, ROOT
 
 
@@ -57,7 +57,7 @@ def main(argv: list[str]) -> None:
         size_px=((room,), np.float32),
         K=((3, 3), np.float32),
     )
-    a.folder.mkdir(parents=True, exist_ok=True)
+    clear(a.folder)  # training would take what is still black for scenes
     out = {k: np.lib.format.open_memmap(a.folder / f"{k}.npy", "w+", shapes[k][1], (n, *shapes[k][0])) for k in FIELDS}
     for i, f in enumerate(frames):
         image, s, du, dv = letterbox(np.asarray(Image.open(f["file"]).convert("RGB")), width, height)

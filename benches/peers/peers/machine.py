@@ -7,7 +7,7 @@ FLAGS = ("avx2", "avx_vnni", "avx512bw", "avx512_vnni", "avx512_bf16", "amx_int8
 
 
 def facts() -> dict:
-    """CPU, cores, instruction sets, governor, load of the last minute."""
+    """CPU, cores, instruction sets, governor, load of the last minute: processes that wanted a core, the mean."""
     cpuinfo = Path("/proc/cpuinfo").read_text()
     fields: dict[str, str] = {}
     for line in cpuinfo.splitlines():

@@ -11,7 +11,7 @@ import unittest
 HERE = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(HERE))
 
-from peers import agreement  # noqa: E402
+from peers import agreement, table  # noqa: E402
 from whole import systems  # noqa: E402
 
 
@@ -24,6 +24,27 @@ class Agreement(unittest.TestCase):
         for off in (2e-3, float("inf"), float("nan")):
             self.assertTrue(agreement.strays(ours | {"relative_max": off}), off)
         self.assertFalse(agreement.strays({"engine": "ncnn", "precision": "f32", "relative_max": 1.0}))
+
+
+class Table(unittest.TestCase):
+    """What the tables say of the machine."""
+
+    def said(self, threads: list[int], cpu_ms: float = 10.0, **machine: object) -> str:
+        one = {"engine": "ours", "precision": "f32", "version": "1", "note": "avx2", "median_ms": 10.0, "cpu_ms": cpu_ms, "peak_mb": 1.0}
+        network = {"network": "selecsls", "trained": True, "gmac": 8.0, "agreement": [], "speed": [one | {"threads": t} for t in threads]}
+        facts = {"cpu": "a", "family": "1", "model": "2", "cores": 2, "isa": ["avx2"], "governor": None} | machine
+        pictures = {"calibration": 1, "photographs": True, "agreement": 0}
+        results = {"networks": [network], "machine": facts, "size": [512, 320], "pictures": pictures}
+        return table.render(results | {"rounds": 1, "runs": 1, "made": "", "forced_isa": None})
+
+    def test_a_busy_machine_is_told_with_any_number_of_threads(self):
+        busy, unknown = "Other programs were running", "not known"
+        self.assertIn(busy, self.said([1, 2], cpu_ms=5.0, load=0.0))
+        self.assertNotIn(busy, self.said([1, 2], load=2.0), "one thread had all of its core")
+        self.assertIn(busy, self.said([2], load=1.0))
+        quiet = self.said([2], load=0.1)
+        self.assertTrue(busy not in quiet and unknown not in quiet)
+        self.assertIn(unknown, self.said([2]))
 
 
 class Whole(unittest.TestCase):

@@ -96,8 +96,8 @@ class Formats(unittest.TestCase):
         categories = [{"id": 1, "keypoints": names}]
         file = {"images": images, "annotations": [person, crowd], "categories": categories}
         read = labels.read(self.write("coco.json", json.dumps(file)))
-        (picture,) = read.pictures
-        self.assertEqual((picture.name, read.everybody), ("a.jpg", True))
+        (picture,) = read
+        self.assertEqual((picture.name, picture.everybody), ("a.jpg", True))
         self.assertEqual([p.judged for p in picture.people], [True, False])
         np.testing.assert_array_equal(picture.people[0].joints, BODY)
         self.assertEqual(picture.people[0].area, 1234)
@@ -108,8 +108,8 @@ class Formats(unittest.TestCase):
         joints[labels.FROM_EVIDENCE] = np.column_stack([BODY, np.ones(12)])
         entry = {"file": "lsp/b.jpg", "split": "test", "joints": joints.tolist()}
         read = labels.read(self.write("sports.json", json.dumps([entry, {**entry, "split": "train"}])))
-        (picture,) = read.pictures
-        self.assertEqual((picture.name, read.everybody), ("b.jpg", False))
+        (picture,) = read
+        self.assertEqual((picture.name, picture.everybody), ("b.jpg", False))
         np.testing.assert_array_equal(picture.people[0].joints, BODY)
         self.assertAlmostEqual(picture.people[0].area, 20 * 140 * labels.AREA_OF_BOX)
 
@@ -122,9 +122,25 @@ class Formats(unittest.TestCase):
         line = {"file": "c.jpg", "split": "test", "size": [200, 200], "people": [known, unsure]}
         file = self.write("c.jsonl.gz", json.dumps(line) + "\n")
         for wanted in (False, True):
-            (picture,) = labels.read(file, true=wanted).pictures
+            (picture,) = labels.read(file, true=wanted)
             self.assertEqual([p.judged for p in picture.people], [True, False])
             np.testing.assert_allclose(picture.people[0].joints, BODY)
+            self.assertTrue(picture.everybody)
+
+    def test_a_report_beside_all_boxes_is_wrong_only_where_everybody_is_labelled(self):
+        kp = [[0.0, 0.0, 0.9]] * labels.FACE + [[x / 200, y / 200, 0.9] for x, y in BODY]
+        known = {"box": [0.1, 0.1, 0.4, 0.8], "kp": kp, "spread": [0.01] * 17, "agree": 0.9}
+        line = {"file": "c.jpg", "split": "test", "size": [200, 200], "people": [known]}
+        for more, precision in ((0, 0.5), (3, None)):
+            file = self.write("c.jsonl.gz", json.dumps(line | {"more": more}) + "\n")
+            total = score.Score()
+            for picture in labels.read(file):
+                score.add(total, picture, [BODY, BODY + [500, 0]])
+            self.assertEqual(total.oks, [1], "people are found in either")
+            if precision is None:
+                self.assertEqual((total.reports, total.right, total.excused), (0, 0, 0))
+            else:
+                self.assertEqual(total.precision(), precision)
 
     def test_reports_of_ours_and_of_a_peer(self):
         joints = np.zeros((14, 3))

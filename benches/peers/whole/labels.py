@@ -3,7 +3,8 @@
 - COCO's keypoints (`images`, `annotations`, `categories`);
 - a list of pictures of one person each with `file`, `split` and 14 `joints` (Leeds Sports Pose);
 - JSON lines, perhaps gzipped, of `file`, `split`, `size` and `people` with `box`, `kp`, `spread` and `agree`, labels of
-  two teachers, and with `true`, where COCO's own are known. Coordinates are shares of width and height.
+  two teachers, and with `true`, where COCO's own are known; `more` people are there without labels. Coordinates are
+  shares of width and height.
 """
 
 import gzip
@@ -42,33 +43,26 @@ class Person:
 
 @dataclass
 class Picture:
-    """A file's name and everybody labelled in it."""
+    """A file's name and who is labelled in it: `everybody`, or some, and other reports cannot be judged."""
 
     name: str
     people: list[Person]
+    everybody: bool = True
 
 
-@dataclass
-class Labels:
-    """A set; in some sets only one person of a picture is labelled, and other reports cannot be judged."""
-
-    pictures: list[Picture]
-    everybody: bool
-
-
-def read(file: Path, split: str = "test", true: bool = False) -> Labels:
+def read(file: Path, split: str = "test", true: bool = False) -> list[Picture]:
     """`split` is the part wanted where the format has parts; `true` wants COCO's own labels of JSON lines."""
     raw = file.read_bytes()
     text = (gzip.decompress(raw) if file.suffix == ".gz" else raw).decode()
     first = text.lstrip()[:1]
     if first == "[":
-        return Labels([_sports(d) for d in json.loads(text) if d["split"] == split], everybody=False)
+        return [_sports(d) for d in json.loads(text) if d["split"] == split]
     if '"annotations"' in text:
-        return Labels(_coco(json.loads(text)), everybody=True)
+        return _coco(json.loads(text))
     lines = [d for d in map(json.loads, text.splitlines()) if d["split"] == split]
     if true:
         lines = [d for d in lines if any("true" in p for p in d["people"])]
-    return Labels([_shares(d, true) for d in lines], everybody=True)
+    return [_shares(d, true) for d in lines]
 
 
 def _person(joints: np.ndarray, labelled: np.ndarray, box: np.ndarray, sure: bool = True, area: float = 0.0) -> Person:
@@ -82,7 +76,7 @@ def _sports(entry: dict) -> Picture:
     known = every[every[:, 2] > 0, :2]
     joints = every[FROM_EVIDENCE]
     box = np.concatenate([known.min(0), known.max(0)])
-    return Picture(Path(entry["file"]).name, [_person(joints, joints[:, 2] > 0, box)])
+    return Picture(Path(entry["file"]).name, [_person(joints, joints[:, 2] > 0, box)], everybody=False)
 
 
 def _coco(file: dict) -> list[Picture]:
@@ -101,7 +95,8 @@ def _coco(file: dict) -> list[Picture]:
 
 def _shares(line: dict, true: bool) -> Picture:
     size = np.array(line["size"], float)
-    return Picture(line["file"], [_labelled_by_teachers_or_coco(p, size, true) for p in line["people"]])
+    people = [_labelled_by_teachers_or_coco(p, size, true) for p in line["people"]]
+    return Picture(line["file"], people, everybody=not line.get("more"))
 
 
 def _labelled_by_teachers_or_coco(person: dict, size: np.ndarray, true: bool) -> Person:

@@ -2,7 +2,8 @@
 
 Object keypoint similarity (OKS) over the twelve joints that all systems and label sets share; a place counts whatever
 its confidence. Pairs are taken greedily, the best first. A report that is not right, but whose middle (the median
-joint) lies in the box of somebody labelled, is excused: a bad pose lowers what is found, not the share of right reports.
+joint) lies in the box of somebody labelled, is excused: a bad pose lowers what is found, not the share of right
+reports. In a picture in which not everybody is labelled people count, reports do not.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ FOUND, PAIR = 0.5, 0.05
 
 @dataclass
 class Score:
-    """Sums over pictures."""
+    """Sums over pictures; `reports` and what is said of them over those alone in which everybody is labelled."""
 
     oks: list[float] = field(default_factory=list)
     reports: int = 0
@@ -58,6 +59,8 @@ def add(score: Score, picture: Picture, reports: list[np.ndarray]) -> None:
             best[i] = taken[j] = table[i, j]
     right = taken >= FOUND
     score.oks += [float(b) for p, b in zip(people, best, strict=True) if p.judged]
+    if not picture.everybody:
+        return
     score.reports += len(reports)
     score.right += int(right.sum())
     for report, is_right in zip(reports, right, strict=True):

@@ -8,6 +8,7 @@ import pathlib
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 import numpy as np
 import torch
@@ -23,7 +24,7 @@ import carry
 import depth
 import terms
 from everyday_tiles import Batch, Everyday
-from pool import FIELDS
+from pool import FIELDS, Stored
 from real import PEOPLED, TAUGHT, TEACHER, People, decode, held_out, load_photos, load_set
 from skeleton import NB
 from test_depth import apart, crowd_folder
@@ -153,6 +154,16 @@ class Carried(Folder):
         carry.main(["unpack", str(self.at / "parts"), str(self.at / "both")])
         self.assertFalse(any(map(terms.is_open, carried)))
         self.assertFalse((carried[0] / depth.FILE).exists())
+
+    def test_what_ends_halfway_leaves_no_scenes_of_before(self) -> None:
+        out, part = scenes_folder(self.at / "scenes"), self.at / "part"
+        part.mkdir()
+        np.savez(part / "truth.npz", offset=[0])
+        with unittest.mock.patch("carry.pictures", return_value=[np.zeros((3, 8, 8), np.uint8)]), self.assertRaises(KeyError):
+            carry.unpack_scenes([part], out)
+        self.assertFalse(terms.is_open(out))
+        with self.assertRaisesRegex(SystemExit, "expected scenes"):
+            Stored(out, 1)
 
     def test_pictures_of_a_pack_are_carried_with_what_is_known_of_them(self) -> None:
         pack = pack_of(self.at / "pack", {"lsp_train": 3, "lsp_test": 2, "background": 21})

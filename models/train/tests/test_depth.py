@@ -363,7 +363,7 @@ class Learning(Folder):
     def teachers(self, asked: list[torch.Tensor]) -> types.SimpleNamespace:
         """Some who say one more than the network everywhere, and keep in `asked` what they were shown."""
 
-        def answer(x: torch.Tensor) -> targets.Targets:
+        def answer(x: torch.Tensor, turn: int) -> targets.Targets:
             asked.append(x)
             return targets.Targets(self.y.detach() + 1, torch.ones_like(self.y), self.e + 1, torch.ones_like(self.e))
 

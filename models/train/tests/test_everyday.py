@@ -29,6 +29,8 @@ STANDING = np.array(
     + [[20, 150], [-20, 150], [22, 220], [-22, 220], [24, 290], [-24, 290]],
     np.float32,
 )
+WAVING = STANDING.copy()
+WAVING[[7, 9]] = [[60, 30], [62, 0]]
 ALL = np.full(17, LABELLED, np.uint8)
 SIDE = 300
 
@@ -139,7 +141,7 @@ class Tiles(unittest.TestCase):
     def test_only_photos_of_the_split_with_somebody_sure_or_nobody_are_packed(self) -> None:
         rows = [
             self.row("a.jpg", [person()]),
-            self.row("b.jpg", [person()], split="test"),
+            self.row("b.jpg", [person(WAVING)], split="test"),
             self.row("c.jpg", [person(agree=0.1)]),
             self.row("d.jpg", []),
             self.row("e.jpg", [person()], source="free_exercise"),
@@ -148,6 +150,41 @@ class Tiles(unittest.TestCase):
             with tempfile.TemporaryDirectory() as d:
                 z = np.load(self.folder(pathlib.Path(d), rows, only_open) / "people.npz")
                 self.assertEqual(len(z["size"]), count)
+
+    def packed(self, rows: list[dict]) -> list[str]:
+        """Where the photos are from that are taken of these, all open but those of the test split."""
+        with tempfile.TemporaryDirectory() as d:
+            lines = (self.folder(pathlib.Path(d), rows, only_open=True) / "attribution.txt").read_text().splitlines()
+        return [line.removeprefix("free_exercise exercises/") for line in lines]
+
+    def exercise(self, src: str, joints: np.ndarray, **more: object) -> dict:
+        return self.row(src.replace("/", "_"), [person(joints)], "free_exercise") | dict(src=f"exercises/{src}") | more
+
+    def test_photos_beside_one_of_the_test_split_are_left_out(self) -> None:
+        crouching = STANDING * [1, 0.6]
+        rows = [self.exercise("Squat/0.jpg", WAVING), self.exercise("Squat_Jump/0.jpg", crouching)]
+        self.assertEqual(len(self.packed(rows)), 2)
+        self.assertEqual(self.packed([*rows, self.exercise("Squat/1.jpg", STANDING, split="test")]), ["Squat_Jump/0.jpg"])
+        rows = [self.exercise("Row/0.jpg", STANDING, coco=241), self.exercise("Jump/0.jpg", WAVING, coco=9)]
+        self.assertEqual(self.packed([*rows, self.row("a.jpg", [person(crouching)], split="test") | dict(coco=241)]), ["Jump/0.jpg"])
+
+    def test_copies_of_one_of_the_test_split_are_left_out(self) -> None:
+        mirrored, quarter = (WAVING * [-1, 1])[FLIP17], np.array([[0, -1], [1, 0]])
+        other = self.exercise("Other/0.jpg", STANDING)
+        for copy in (WAVING, mirrored, WAVING * 0.6 + [20, 30], WAVING @ quarter, mirrored @ quarter):
+            rows = [self.exercise("Copy/0.jpg", copy), other]
+            self.assertEqual(len(self.packed(rows)), 2)
+            self.assertEqual(self.packed([*rows, self.row("a.jpg", [person(WAVING)], split="test")]), ["Other/0.jpg"])
+
+    def test_what_ends_halfway_leaves_no_people_of_other_pictures(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            where = pathlib.Path(d)
+            out = self.folder(where, [self.row("a.jpg", [person()]), self.row("b.jpg", [])])
+            (where / "stanford40/b.jpg").unlink()
+            with self.assertRaises(FileNotFoundError):
+                pack(where, where / "labels", out, False)
+            with self.assertRaises(FileNotFoundError):
+                Everyday(out, 3)
 
     def test_joints_lie_where_the_picture_shows_them(self) -> None:
         with tempfile.TemporaryDirectory() as d:

@@ -13,7 +13,7 @@ KIT = pathlib.Path(__file__).resolve().parent.parent
 # Stands for Python: writes down what it is asked to run; training goes on until it is ended.
 PYTHON = """#!/bin/bash
 echo "$(basename "$1") $(basename "$2") $*" >>"$RUN_LOG"
-case $* in *--finish*) ;; *train.py*) trap 'exit 0' TERM; for _ in {1..300}; do sleep 0.1; done ;; esac
+case $* in *--finish* | *--steps*) ;; *train.py*) trap 'exit 0' TERM; for _ in {1..300}; do sleep 0.1; done ;; esac
 """
 
 
@@ -79,6 +79,13 @@ class Calls(unittest.TestCase):
         self.assertRegex(only, "^train.py pack .*/all/pack .* --finish --muon$")
         self.assertEqual(self.ended(), "0")
         self.assertEqual(len(self.lines(2)), 2)
+
+    def test_a_schedule_of_steps_is_not_bent_to_the_time(self) -> None:
+        self.take(0)
+        self.call("train", self.there, 1, "--steps", 900)
+        self.assertRegex(self.lines(2)[1], "^train.py pack .*/all/pack .* --steps 900$")
+        self.assertNotIn("--finish", self.lines(2)[1])
+        self.assertEqual(self.ended(), "0")
 
     def test_what_failed_early_says_why(self) -> None:
         (self.there / "train.log").write_text("no such option\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import os
@@ -23,11 +24,15 @@ sys.path.insert(0, str(KIT))
 
 import card
 import checkpoint
+import choices
+import clock
 import export
+import mistakes
 import muon
 import pack
 import person_score
 import photos
+import prerender
 import quant
 import real
 import targets
@@ -46,7 +51,7 @@ from model import SelecSLSNet, Stage2, channel_mask, stage2_input
 from muon import Muon, orthogonal
 from skeleton import BONES_AT, FLIP14, FLIP21, LIMBS, NB, NJ, PARENTS21, ROOT, TOPO21, limb_chain
 from measure import errors, naive, procrustes
-from pool import Pool, Stored
+from pool import FIELDS, Pool, Stored
 from posed import Posed
 from real import TRUST, arrange, mend
 from renorm import LIMITS, BatchRenorm2d
@@ -115,7 +120,7 @@ class Distillation(unittest.TestCase):
             plain = [net(x) for net in nets]
             other = [(mirror_maps(y), mirror_encodings(e)) for y, e in (net(x.flip(3)) for net in nets)]
         for turn in range(2):  # every network sees the mirror image every second time
-            t = teachers.answer(x)
+            t = teachers.answer(x, turn)
             both = [plain[0], other[1]] if turn == 0 else [other[0], plain[1]]
             maps, enc = ((a + b) / 2 for a, b in zip(*both))
             self.assertLess((t.maps - maps).abs().max(), 1e-4)
@@ -249,6 +254,12 @@ class Reports(unittest.TestCase):
         conf, at, off = record(right[FLIP14], PERSON, 150.0)
         limbs = [3, 4, 6, 7, 8, 9, 10, 11, 12, 13]
         self.assertEqual([int(at[j]) for j in limbs], [FLIP14[j] for j in limbs])
+
+    def test_nobody_matched_is_said_in_a_line(self) -> None:
+        nothing = lambda x: (torch.zeros(1, 40, 8, 8), torch.zeros(1, 3 * NB, 8, 8))  # noqa: E731
+        shown = mistakes.Shown(torch.zeros(1, 3, 64, 64), [(PERSON, np.ones(NJ, bool), 150.0)], [torch.zeros(NB, 3)])
+        with self.assertRaisesRegex(SystemExit, "^expected people whom the network finds"):
+            mistakes.collect(nothing, [shown], thresholds(mistakes.ASSOCIATION))
 
     def test_everybody_is_matched_once(self) -> None:
         a = np.concatenate([PERSON, np.ones((NJ, 1), np.float32)], 1)
@@ -757,6 +768,39 @@ class RenderedScenes(unittest.TestCase):
                 truth.main([str(pictures), str(out)])
             self.assertFalse(out.exists())
 
+    def test_what_ends_halfway_leaves_no_scenes_of_before(self) -> None:
+        joints = [[0.01 * j, 0.02 * j, 4.0] for j in range(NB)]
+        seen = dict(stature=1.7, joints3d=joints, joints2d=[[9.0, 9.0]] * NB, visibility=[VISIBLE] * NB)
+        camera = dict(fx=400.0, fy=400.0, cx=256.0, cy=160.0)
+        with tempfile.TemporaryDirectory() as folder:
+            synth, out = pathlib.Path(folder) / "synth", pathlib.Path(folder) / "scenes"
+            synth.mkdir()
+            files = [f"{k}.png" for k in range(2)]
+            frames = [dict(file=name, camera=camera, people=[seen]) for name in files]
+            (synth / "truth.json").write_text(json.dumps(dict(format="edgecap-truth", version=1, frames=frames)))
+            for name in files:
+                Image.new("RGB", (512, 320)).save(synth / name)
+            truth.main([str(synth), str(out)])
+            self.assertEqual(Stored(out, 1).filled, 2)
+            (synth / files[1]).write_bytes(b"no picture")
+            with self.assertRaises(OSError):
+                truth.main([str(synth), str(out)])
+            self.assertFalse(terms.is_open(out))
+            with self.assertRaisesRegex(SystemExit, "expected scenes in .*scenes, found none"):
+                Stored(out, 1)
+
+    def test_scenes_are_counted_anew_where_others_are_rendered(self) -> None:
+        """What is rendered lacks the last field, so the first ones are replaced and nothing is counted."""
+        halves = mock.Mock(render=lambda n: mock.Mock(spec=FIELDS[:1], **{FIELDS[0]: torch.zeros(n, 1)}))
+        with tempfile.TemporaryDirectory() as folder, mock.patch("prerender.Generator", lambda *_, **__: halves), mock.patch("prerender.load_photos"):
+            out = pathlib.Path(folder)
+            (out / "filled").write_text("1500")
+            with self.assertRaises(AttributeError):
+                prerender.main([str(out), str(out), "--n", "4"])
+            self.assertTrue((out / f"{FIELDS[0]}.npy").exists())
+            with self.assertRaises(SystemExit):
+                Stored(out, 1)
+
     def test_everybody_of_the_fullest_picture_has_a_place(self) -> None:
         joints3d = [[0.01 * j, 0.02 * j, 4.0] for j in range(NB)]
         joints2d = [[256 + 400 * p[0] / p[2], 160 + 400 * p[1] / p[2]] for p in joints3d]
@@ -1051,6 +1095,16 @@ class FakeQuantisation(unittest.TestCase):
         relu(x[:1] * 0.1)
         torch.testing.assert_close(relu.amax, torch.tensor([0.95, 0.475]))
 
+    def test_pictures_that_are_no_numbers_leave_the_ranges_as_they_are(self) -> None:
+        relu = quant.QuantReLU(2).train()
+        x = torch.ones(5, 2, 4, 4) * torch.tensor([1.0, 0.5])[:, None, None]
+        for bad in (torch.nan, torch.inf):
+            x[3, 1, 2, 2] = bad
+            relu(x)
+            self.assertEqual(relu.amax.tolist(), [1.0, 0.5])
+            relu(x[3:4])
+            self.assertEqual(relu.amax.tolist(), [1.0, 0.5], "nothing was seen, so nothing is forgotten")
+
     def test_gradients_pass_what_is_rounded_and_not_what_is_clipped(self) -> None:
         relu = quant.QuantReLU(1)
         relu.amax.fill_(1.0)
@@ -1079,8 +1133,32 @@ class Card(unittest.TestCase):
             full,
             "| stills | 85.5 (90.0) % of 20, 80.0 % right | 48.5 / 52.0, 0.75 | 76.2 % | 157.2 / 150.0 / 140.0 / 119.0 mm of 17 | IDF1 93.0 %, 2 switches |",
         )
+        self.assertEqual(card.without(["--quality=best"], "--quality"), [])
+        self.assertEqual(card.without(["--threads", "1", "--quality", "best", "--flip-test"], "--quality"), ["--threads", "1", "--flip-test"])
         self.assertEqual(card.row("LSP-test", dict(finding=[], pck=0.824)), "| LSP-test | – | – | 82.4 % | – |  |")
         self.assertEqual(card.row("nobody", dict(finding=[], quiet=dict(quiet=98, pictures=100))), "| nobody | quiet 98 of 100 | | | | |")
+
+
+    def test_what_was_measured_is_kept_where_the_next_set_fails(self) -> None:
+        two = [card.Pictures(name, name, []) for name in ("one", "two")]
+
+        def program(what: str, *options: object) -> str:
+            if what == "infer" and "two" in options:
+                raise SystemExit("no pictures")
+            return json.dumps(dict(finding=[], pck=0.5))
+
+        with tempfile.TemporaryDirectory() as d, mock.patch("card.prepare"), mock.patch("card.sets", return_value=two):
+            kept = pathlib.Path(d) / "kept.json"
+            with mock.patch("card.Program", return_value=program), self.assertRaisesRegex(SystemExit, "no pictures"):
+                card.main([d, "--data", d, "--json", str(kept)])
+            self.assertEqual(list(json.loads(kept.read_text())), ["one"])
+
+    def test_weights_are_measured_by_the_thresholds_fitted_to_them(self) -> None:
+        a = argparse.Namespace(stage1="a", stage2="b", association=None, calibrate="photos", size=[160, 224])
+        self.assertNotIn("--association", choices.conversion(a, [], pathlib.Path("c.ecm")))
+        a.association = "open.toml"
+        asked = choices.conversion(a, ["--range", "max"], pathlib.Path("c.ecm"))
+        self.assertEqual(asked[asked.index("--association") + 1], "open.toml")
 
 
 class Frames(unittest.TestCase):
@@ -1101,6 +1179,24 @@ class Frames(unittest.TestCase):
         self.assertAlmostEqual(photos.oks(q, p), 1.0, places=5)
         q[photos.SHARED[:6], 2] = 0  # arms not found
         self.assertAlmostEqual(photos.oks(q, p), 0.5, places=5)
+
+
+class Time(unittest.TestCase):
+    def seconds(self, *gaps: float) -> float:
+        """What counts of a run whose start takes the first of these gaps and whose steps take the others."""
+        at = iter(np.cumsum([1000.0, *gaps]).tolist())
+        with mock.patch("clock.time.monotonic", lambda: next(at)):
+            c = clock.Clock()
+            c.whole()
+            for _ in gaps[1:]:
+                c.step()
+        return c.seconds
+
+    def test_of_a_pause_no_more_counts_than_a_step_may_take(self) -> None:
+        self.assertEqual(self.seconds(500, 1, 1, 1), 503)
+        self.assertEqual(self.seconds(500, 1, 1, 40000, 1), 503 + clock.ALLOWED)
+        self.assertEqual(self.seconds(0, 30, 30, 30, 40000, 30), 120 + 30 * clock.LONGEST)
+        self.assertEqual(self.seconds(0, 1, 1, clock.ALLOWED, 1), 3 + clock.ALLOWED, "algorithms that are chosen are no pause")
 
 
 class Ranks(unittest.TestCase):

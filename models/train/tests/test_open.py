@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import gzip
 import io
 import json
@@ -26,6 +27,7 @@ import checkpoint
 import everyday
 import export
 import mistakes
+import quant
 import renorm
 import terms
 import test_everyday as labelled
@@ -191,6 +193,14 @@ class Schedule(unittest.TestCase):
         self.assertAlmostEqual(at(1.0), 4e-6)
         self.assertEqual(train.lr_at(0.03, 2e-3), 2e-3)  # one cycle, unless asked
 
+    def test_teachers_are_asked_about_every_mix_and_about_both_sides_of_it(self) -> None:
+        for mixes in {len(q.mixes) for phases in train.PHASES.values() for q in phases}:
+            for every in range(1, 6):
+                for first in range(3 * mixes * every):
+                    asked = [(step % mixes, turn) for step in range(first, first + 2 * mixes * every) if (turn := train.turn_of(step, mixes, every)) is not None]
+                    kinds = [(mix, turn % 2) for mix, turn in asked]
+                    self.assertEqual(sorted(kinds), [(mix, side) for mix in range(mixes) for side in range(2)], (mixes, every, first))
+
     def test_normalisation_begins_as_batch_normalisation(self) -> None:
         self.assertEqual(renorm.limits_at(0), (1, 0))
         self.assertEqual(renorm.limits_at(10**6), renorm.LIMITS)
@@ -247,10 +257,59 @@ class Run(unittest.TestCase):
         trainer._meet = lambda: None
         for trainer.net, trainer.ema, saves in ((bad, good, 0), (good, bad, 0), (good, good, 1)):
             with unittest.mock.patch("checkpoint.save") as save:
-                trainer.save(0.0, 0.0)
+                trainer.save()
             self.assertEqual(save.call_count, saves)
         with self.assertRaisesRegex(SystemExit, "lower --lr"):
             trainer.recover()
+
+    def test_ranges_of_the_rounding_are_found_anew_where_the_last_checkpoint_has_none(self) -> None:
+        net = SelecSLSNet()
+        ema = copy.deepcopy(net)
+        trainer = train.Trainer.__new__(train.Trainer)
+        trainer.a = types.SimpleNamespace(head3d=False, freeze=0, muon=False, lr=1e-3, wd=0.0)
+        trainer.net, trainer.ema, trainer.out, trainer.dev = net, ema, self.at, torch.device("cpu")
+        trainer.meta = dict(step=7, quant=False, lr_scale=1.0)
+        trainer.opt = trainer._optimizer()
+        checkpoint.save(self.at / "ckpt", net, ema, trainer.opt, trainer.meta)
+        trainer._quantise()
+        for m in net.modules():
+            if isinstance(m, quant.QuantReLU):
+                m.amax.fill_(torch.inf)
+        trainer.recover()
+        self.assertEqual(trainer.meta, dict(step=7, quant=True, lr_scale=0.5))
+        self.assertTrue(train.finite(net) and train.finite(ema))
+        for m in net.modules():
+            if isinstance(m, quant.QuantReLU):
+                m.amax.fill_(3.0)
+        checkpoint.save(self.at / "ckpt", net, ema, trainer.opt, trainer.meta)
+        trainer.recover()
+        self.assertEqual(set(quant.ranges(net).values()), {3.0})
+
+    def test_the_log_says_the_rate_that_is_taken(self) -> None:
+        trainer = train.Trainer.__new__(train.Trainer)
+        trainer.meta, trainer.everyday, trainer.cuda = dict(step=9, images=90, lr_scale=0.5), None, False
+        trainer.a = types.SimpleNamespace(lr=2e-3, fall=0.2)
+        trainer.opt = torch.optim.SGD([torch.zeros(1, requires_grad=True)], lr=1e-3)
+        log = io.StringIO()
+        trainer._log(log, [0.0] * 8, 0.5, train.PHASES["tiny"][0].mixes[0], 1.0)
+        self.assertEqual(json.loads(log.getvalue())["lr"], 1e-3)
+
+    def test_a_pause_takes_no_more_of_the_schedule_than_a_step_may(self) -> None:
+        """Steps of ten seconds with a night between two of them; every fourth step asks whether the 280 seconds of the
+        schedule are over."""
+        at = iter([0.0, 0.0, *(10.0 * k + (40_000 if k > 3 else 0) for k in range(1, 40))])
+        options = ("--open", "--scenes", self.scenes, "--total", 280 / 60, "--sync", 4)
+        with unittest.mock.patch("clock.time", types.SimpleNamespace(monotonic=lambda: next(at))):
+            train.main(self.arguments(*options, steps=0))
+        net = SelecSLSNet()
+        meta = checkpoint.load(self.at / "run/ckpt", net, copy.deepcopy(net), None, torch.device("cpu"))
+        # 120 seconds of the pause count: 270 after 16 steps
+        self.assertEqual((meta["step"], meta["elapsed"]), (20, 310.0))
+
+    def test_a_schedule_of_steps_has_no_call_to_end_with(self) -> None:
+        with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
+            train.main(self.arguments("--scenes", self.scenes, "--finish"))
+        self.assertIn("expected --finish", said.getvalue())
 
     def test_it_learns_from_random_weights_and_goes_on(self) -> None:
         options = ("--open", "--scenes", self.scenes)
