@@ -46,8 +46,8 @@ const ROOMS: &[(&str, &[&str])] = &[
             "camera", "capture", "counted", "events", "output", "overlay", "record",
         ],
     ),
-    ("events", &[]),
-    ("export", &["body", "counted", "npz", "record"]),
+    ("events", &["camera"]),
+    ("export", &["body", "camera", "counted", "npz", "record"]),
     (
         "bridge",
         &["body", "camera", "events", "http", "record", "sink"],

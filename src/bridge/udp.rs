@@ -48,7 +48,9 @@ impl Outlet {
 
     /// Where it sends to, `above` the first port.
     pub fn to(&self, above: u16) -> SocketAddr {
-        SocketAddr::new(self.to.ip(), self.to.port().saturating_add(above))
+        let mut to = self.to;
+        to.set_port(self.to.port().saturating_add(above));
+        to
     }
 
     /// Sends messages as one bundle to the port so far `above` the first, as several with one time tag where one would
@@ -117,7 +119,21 @@ pub fn time_of(time_ns: u64, flags: u32) -> OscTime {
 
 #[cfg(test)]
 mod tests {
+    use std::net::SocketAddrV6;
+
     use super::*;
+
+    #[test]
+    fn a_further_port_is_on_the_same_interface() {
+        let to = SocketAddrV6::new("fe80::1".parse().unwrap(), 39539, 0, 3);
+        let outlet = Outlet {
+            socket: UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap(),
+            to: to.into(),
+            outcomes: RefCell::default(),
+        };
+        let to = [0, 1].map(|above| outlet.to(above).to_string());
+        assert_eq!(to, ["[fe80::1%3]:39539", "[fe80::1%3]:39540"]);
+    }
 
     #[test]
     fn all_machines_of_a_network_may_be_told() {

@@ -5,6 +5,9 @@ use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
+/// Times that go back by more than this belong to another recording, nanoseconds.
+pub const RESTART_NS: u64 = 500_000_000;
+
 /// CLOCK_MONOTONIC, nanoseconds: what a camera's capture times count.
 pub fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);

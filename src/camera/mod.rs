@@ -10,8 +10,9 @@ mod file;
 pub mod translation;
 mod view;
 
-pub use clock::{Clock, Sleep, SystemClock, monotonic_ns};
+pub use clock::{Clock, RESTART_NS, Sleep, SystemClock, monotonic_ns};
 pub use distortion::Brown;
 pub use error::CameraError;
+pub(crate) use error::is_nowhere;
 pub use file::{CameraFile, DEFAULT_FOV};
 pub use view::View;

@@ -37,6 +37,7 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
             Failure::usage("expected where bodies go: --osc, --vmc, --view or --flight").into(),
         );
     }
+    args.bridges.expect_page()?;
     let bodies = Subscriber::<BodyFrame>::open(&args.camera)?;
     let page = args.bridges.serve(false)?;
     let mut sinks = Sinks::default();

@@ -79,7 +79,28 @@ impl Flight {
 impl BridgeArgs {
     /// Whether nothing goes anywhere.
     pub fn is_empty(&self) -> bool {
-        *self == Self::default()
+        let Self {
+            view,
+            token: _,
+            osc,
+            vmc,
+            flight,
+        } = self;
+        [view, osc, vmc].iter().all(|to| to.is_none()) && flight.is_none()
+    }
+
+    /// Refuses a token without the page that it is for.
+    ///
+    /// # Errors
+    /// Exit code 64 where there is none.
+    pub fn expect_page(&self) -> anyhow::Result<()> {
+        match (&self.token, self.view) {
+            (Some(_), None) => Err(Failure::usage(
+                "--token: expected --view, whose page it is for, found none; add --view, or leave out --token",
+            )
+            .into()),
+            _ => Ok(()),
+        }
     }
 
     /// The page, if there is to be one, with pictures where the user wants them.

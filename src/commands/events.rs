@@ -1,9 +1,12 @@
 //! `edgecap events`: what happens in front of a camera, a line of JSON an event.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{
+    Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel,
+};
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
@@ -24,6 +27,10 @@ use crate::sink::{EventSink, Sinks};
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// Messages that wait for who reads the lines. A stream itself keeps the newest few.
 const MOST_WAITING: usize = 1 << 16;
+/// How long to wait for room among them before looking again.
+const ROOM: Duration = Duration::from_millis(5);
+/// How long who reads the lines may take for the last ones.
+const LAST_LINES: Duration = Duration::from_secs(5);
 
 /// Options of `edgecap events`.
 #[derive(Debug, clap::Args)]
@@ -49,40 +56,30 @@ pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let config = args.settings.as_deref().map(read).transpose()?;
     if config.is_none() && args.input.is_none() {
         return follow(&args.camera, &stop, |frame: &EventFrame| {
-            vec![Told::new(&args.camera, frame)]
+            match is_end(frame.flags) {
+                true => Vec::new(),
+                false => vec![Told::new(&args.camera, frame)],
+            }
         });
     }
     let mut found = EventSink::new(config.unwrap_or_default(), Sinks::default());
     let Some(path) = &args.input else {
         return follow(&args.camera, &stop, |frame: &BodyFrame| {
+            if is_end(frame.flags) {
+                // The next run has other people under the same ids.
+                found.begin_anew();
+                return Vec::new();
+            }
             let messages = found.look(frame);
             let told = messages.iter().map(|m| Told::new(&args.camera, m));
             told.collect()
         });
     };
-    let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
-    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
-    let mut frames = 0_u64;
-    while let Some(row) = rows.read()? {
-        let camera = camera_of(&row.source, path);
-        for message in &found.look(&row.message()) {
-            if !Told::new(&camera, message).print()? {
-                return Ok(());
-            }
-        }
-        frames += 1;
-        if stop.requested() {
-            return Err(Failure::stopped(frames).into());
-        }
-    }
-    if frames == 0 {
-        return Err(Failure::no_whole_frame(&name, "bodies", rows.was_cut()).into());
-    }
-    if rows.was_cut() {
-        tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
-    }
-    Ok(())
+    of_record(path, &mut found, &stop)
+}
+
+fn is_end(flags: u32) -> bool {
+    flags & FLAG_END_OF_STREAM != 0
 }
 
 /// Whose bodies a row of a record holds. Those of films and devices say where these lie, some nothing at all.
@@ -124,38 +121,156 @@ impl Told {
     }
 }
 
-/// Prints what `find` makes of every message of a stream, until nobody reads it any more or the user stops it; the
-/// publisher may come and go.
+/// Prints what `find` makes of every message of a stream, its end included, until nobody reads it any more or the user
+/// stops it; the publisher may come and go.
+///
+/// # Errors
+/// Shared memory's, what standard output failed of, and lines that nobody takes at the end.
 fn follow<M: Message>(
     camera: &str,
     stop: &Stop,
     mut find: impl FnMut(&M) -> Vec<Told>,
 ) -> anyhow::Result<()> {
-    std::thread::scope(|threads| {
-        let (send, waiting) = sync_channel(MOST_WAITING);
-        let printing = threads.spawn(move || print_all(&waiting));
-        let mut read = || -> anyhow::Result<()> {
-            let stream = Subscriber::<M>::open(camera)?;
-            // What happened before is not told as if it happened now.
-            stream.next(Duration::ZERO)?;
-            while !stop.requested() && !printing.is_finished() {
-                if let Some(message) = stream.next(LOOK_UP)?
-                    && message.flags() & FLAG_END_OF_STREAM == 0
-                {
-                    for told in find(&message) {
-                        // By the one after it the gap shows.
-                        let _ = send.try_send(told);
-                    }
+    let lines = Lines::start()?;
+    let mut read = || -> anyhow::Result<()> {
+        let stream = Subscriber::<M>::open(camera)?;
+        // What happened before is not told as if it happened now.
+        stream.next(Duration::ZERO)?;
+        while !stop.requested() && !lines.have_ended() {
+            if let Some(message) = stream.next(LOOK_UP)? {
+                for told in find(&message) {
+                    lines.offer(told);
                 }
             }
-            Ok(())
-        };
-        let outcome = read();
+        }
+        Ok(())
+    };
+    let outcome = read();
+    let printed = lines.finish(|| true);
+    outcome?;
+    printed
+}
+
+/// Prints what `found` finds in a record of bodies, until its end, until nobody reads it any more or the user stops it.
+///
+/// # Errors
+/// The record's, what standard output failed of, lines that nobody takes once the user has stopped it, and that there
+/// is more where they have.
+fn of_record(path: &Path, found: &mut EventSink, stop: &Stop) -> anyhow::Result<()> {
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    let lines = Lines::start()?;
+    let mut read = || -> anyhow::Result<()> {
+        let mut frames = 0_u64;
+        while let Some(row) = rows.read()? {
+            let camera = camera_of(&row.source, path);
+            for message in &found.look(&row.message()) {
+                lines.hand(Told::new(&camera, message), stop);
+            }
+            frames += 1;
+            if lines.have_ended() {
+                return Ok(());
+            }
+            if stop.requested() {
+                return Err(Failure::stopped(frames).into());
+            }
+        }
+        if frames == 0 {
+            return Err(Failure::no_whole_frame(&name, "bodies", rows.was_cut()).into());
+        }
+        if rows.was_cut() {
+            tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
+        }
+        Ok(())
+    };
+    let outcome = read();
+    // Lines that are missing are told before that the user wanted no more.
+    lines.finish(|| stop.requested())?;
+    outcome
+}
+
+/// Lines on their way to whoever reads them, in a thread of their own: a reader that stands still holds nothing up.
+struct Lines {
+    send: SyncSender<Told>,
+    /// How it went.
+    ended: Receiver<anyhow::Result<()>>,
+    printing: JoinHandle<()>,
+}
+
+impl Lines {
+    /// Prints what is handed over, in its order.
+    ///
+    /// # Errors
+    /// If the operating system refuses a thread.
+    fn start() -> io::Result<Self> {
+        let (send, waiting) = sync_channel(MOST_WAITING);
+        let (end, ended) = channel();
+        // Not waited for where it is held up in a line that nobody takes.
+        let printing = thread::Builder::new().name("lines".to_owned());
+        let printing = printing.spawn(move || {
+            // Nobody may wait for it any more.
+            let _ = end.send(print_all(&waiting));
+        })?;
+        Ok(Self {
+            send,
+            ended,
+            printing,
+        })
+    }
+
+    /// Whether nobody reads any more, or they cannot be written.
+    fn have_ended(&self) -> bool {
+        self.printing.is_finished()
+    }
+
+    /// Hands over events that go on without waiting for anybody; where there is no room for them they are lost.
+    fn offer(&self, told: Told) {
+        // By the one after it the gap shows.
+        let _ = self.send.try_send(told);
+    }
+
+    /// Hands over events that wait for room, until the user stops it or nobody reads any more.
+    fn hand(&self, mut told: Told, stop: &Stop) {
+        while let Err(TrySendError::Full(back)) = self.send.try_send(told) {
+            if stop.requested() {
+                return;
+            }
+            told = back;
+            thread::sleep(ROOM);
+        }
+    }
+
+    /// Waits for the last lines: for [`LAST_LINES`] once it `must_end`, until then for as long as they take.
+    ///
+    /// # Errors
+    /// What standard output failed of, and lines that nobody takes in time.
+    fn finish(self, must_end: impl Fn() -> bool) -> anyhow::Result<()> {
+        let Self { send, ended, .. } = self;
         drop(send);
-        let printed = printing.join();
-        outcome?;
-        printed.unwrap_or_else(|_| Err(anyhow::anyhow!("printing ended unexpectedly")))
-    })
+        loop {
+            let is_last = must_end();
+            let patience = if is_last { LAST_LINES } else { LOOK_UP };
+            return match ended.recv_timeout(patience) {
+                Ok(printed) => printed,
+                Err(RecvTimeoutError::Timeout) if !is_last => continue,
+                Err(RecvTimeoutError::Timeout) => Err(untaken().into()),
+                Err(RecvTimeoutError::Disconnected) => {
+                    Err(anyhow::anyhow!("printing ended unexpectedly"))
+                }
+            };
+        }
+    }
+}
+
+/// Why the last lines are not all there.
+fn untaken() -> io::Error {
+    let why = format!(
+        "standard output: expected the last lines to be read within {} s, found some that nobody has taken; \
+         let their reader go on, or end it",
+        LAST_LINES.as_secs()
+    );
+    io::Error::new(ErrorKind::TimedOut, why)
 }
 
 /// Prints what comes, and says what is missing in between.

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
-use edgecap_client::service_name;
+use edgecap_client::{LinkError, service_name};
 
 use super::events;
 use super::exit::Failure;
@@ -23,10 +23,12 @@ use crate::counted::counted;
 use crate::events::EventConfig;
 use crate::export::{self, RATE, Stamp, usual_step};
 use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
-use crate::sink::{EventSink, Packet, SharedMemorySink, Sinks, Streamed};
+use crate::sink::{EventSink, Packet, SharedMemorySink, Sink, SinkError, Sinks, Streamed};
 
 /// How long a signal may take to be heard.
 const LOOK_UP: Duration = Duration::from_millis(100);
+/// Between frames whose times say nothing, nanoseconds.
+const STILL_NS: u64 = (1e9 / RATE) as u64;
 /// So many frames at a record's beginning tell whether its times say anything.
 const HEAD: usize = 1000;
 
@@ -234,17 +236,12 @@ impl Take<'_> {
         match Kind::of(&mut open(self.record)?) {
             Some(Kind::Bodies) => {
                 let config = events::config(self.args.events.as_ref())?;
-                let mut sinks = Sinks::default();
-                sinks.push(SharedMemorySink::<BodyFrame>::open(self.name)?);
-                let mut happened = Sinks::default();
-                happened.push(SharedMemorySink::<EventFrame>::open(self.name)?);
-                sinks.push(EventSink::new(config, happened));
-                self.play("bodies", sinks, &mut |take| bodies(self.record, take))
+                let to = BodyStreams::open(self.name, config)?;
+                self.play("bodies", to, &mut |take| bodies(self.record, take))
             }
             Some(Kind::Observations) => {
-                let mut sinks = Sinks::default();
-                sinks.push(SharedMemorySink::<ObservationFrame>::open(self.name)?);
-                self.play("observations", sinks, &mut |take| {
+                let to = SharedMemorySink::<ObservationFrame>::open(self.name)?;
+                self.play("observations", to, &mut |take| {
                     observations(self.record, take)
                 })
             }
@@ -259,7 +256,7 @@ impl Take<'_> {
     fn play<M: Streamed + Times>(
         &self,
         what: &str,
-        mut sinks: Sinks<M>,
+        mut to: impl Target<M>,
         rows: Rows<'_, M>,
     ) -> anyhow::Result<()> {
         let name = self.record.display().to_string();
@@ -269,11 +266,12 @@ impl Take<'_> {
         ));
         let mut frames = 0_u64;
         let mut numbers = Numbers::default();
+        let began = match self.together {
+            Some(_) => self.began,
+            None => Instant::now(),
+        };
+        let mut clock = Clock::new(self.args.speed, began, self.step, self.together);
         let outcome = loop {
-            let mut clock = match self.together {
-                Some(zero) => Clock::new(self.args.speed, self.began, self.step, Some(zero)),
-                None => Clock::new(self.args.speed, Instant::now(), self.step, None),
-            };
             let before = frames;
             let played = rows(&mut |recorded| {
                 let mut message = Box::new(*recorded);
@@ -286,11 +284,7 @@ impl Take<'_> {
                 }
                 message.renumber(numbers.go_on(recorded.number()));
                 message.publish_at(monotonic_ns());
-                sinks.take(&Packet {
-                    message: &*message,
-                    source: "",
-                    picture: None,
-                })?;
+                to.take(&message, recorded)?;
                 frames += 1;
                 Ok(true)
             });
@@ -312,12 +306,87 @@ impl Take<'_> {
                 break Ok(());
             }
             numbers.begin_anew();
+            to.begin_anew();
+            clock = clock.next_pass(Instant::now());
         };
-        let finished = sinks.finish().1;
+        let finished = to.finish();
         outcome?;
         finished?;
         say::out(&counted(frames, "frame", "frames"));
         Ok(())
+    }
+}
+
+/// Where the frames of a record go.
+trait Target<M> {
+    /// Publishes a frame as it is `replayed`, which was `recorded` with other times and another number.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    fn take(&mut self, replayed: &M, recorded: &M) -> Result<(), SinkError>;
+
+    /// Says that the next frame is the first of another pass.
+    fn begin_anew(&mut self) {}
+
+    /// Tells readers that nothing follows.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    fn finish(self) -> Result<(), SinkError>;
+}
+
+impl<M: Streamed> Target<M> for SharedMemorySink<M> {
+    fn take(&mut self, replayed: &M, _: &M) -> Result<(), SinkError> {
+        <Self as Sink<M>>::take(self, &packet(replayed))
+    }
+
+    fn finish(self) -> Result<(), SinkError> {
+        <Self as Sink<M>>::finish(Box::new(self)).map(drop)
+    }
+}
+
+/// Bodies, and what happens with them.
+struct BodyStreams {
+    bodies: Sinks<BodyFrame>,
+    events: Box<EventSink>,
+}
+
+impl BodyStreams {
+    fn open(name: &str, config: EventConfig) -> Result<Self, LinkError> {
+        let (mut bodies, mut events) = (Sinks::default(), Sinks::default());
+        bodies.push(SharedMemorySink::<BodyFrame>::open(name)?);
+        events.push(SharedMemorySink::<EventFrame>::open(name)?);
+        let events = Box::new(EventSink::new(config, events));
+        Ok(Self { bodies, events })
+    }
+}
+
+impl Target<BodyFrame> for BodyStreams {
+    fn take(&mut self, replayed: &BodyFrame, recorded: &BodyFrame) -> Result<(), SinkError> {
+        let packet = packet(replayed);
+        self.bodies.take(&packet)?;
+        // By the record's own times and numbers, which say where it begins anew.
+        self.events.take_as(&packet, recorded)
+    }
+
+    fn begin_anew(&mut self) {
+        self.events.begin_anew();
+    }
+
+    fn finish(mut self) -> Result<(), SinkError> {
+        // Readers of both hear it before one of them waits for its own.
+        let ended = self.bodies.end().and(self.events.end());
+        let events = self.events.finish().map(drop);
+        let bodies = self.bodies.finish().1;
+        ended.and(events).and(bodies)
+    }
+}
+
+fn packet<M>(message: &M) -> Packet<'_, M> {
+    Packet {
+        message,
+        source: "",
+        picture: None,
     }
 }
 
@@ -350,15 +419,29 @@ impl Clock {
     /// that are held, is due with the newest.
     fn due(&mut self, time: u64) -> Duration {
         let now = match (self.newest, self.step) {
-            (Some(newest), None) => newest.saturating_add((1e9 / RATE) as u64),
+            (Some(newest), None) => newest.saturating_add(STILL_NS),
             (newest, step) => {
                 let later = self.times.look(time, step.unwrap_or_default());
                 later.or(newest).unwrap_or(time)
             }
         };
         self.newest = Some(now);
+        self.after_zero(now)
+    }
+
+    /// How long after the beginning this is due on the clock of the record's beginning; what is due first is its zero.
+    fn after_zero(&mut self, now: u64) -> Duration {
         let zero = *self.zero.get_or_insert(now);
         Duration::from_nanos(now.saturating_sub(zero)).div_f64(self.speed)
+    }
+
+    /// The clock of the same record played again: it begins a usual step after the last frame was due, or `now` where
+    /// that is later, so that who was held up makes up for nothing.
+    fn next_pass(mut self, now: Instant) -> Self {
+        let step = self.step.unwrap_or(STILL_NS);
+        let end = self.newest.unwrap_or_default().saturating_add(step);
+        let began = self.began + self.after_zero(end);
+        Self::new(self.speed, began.max(now), self.step, None)
     }
 
     /// Waits until a frame is due, or must not be waited for any more.
@@ -404,5 +487,26 @@ mod tests {
         );
         // Photos have no times.
         assert_eq!(due(None, &[7, 7, 7, 7]), [0, 66, 133, 199]);
+    }
+
+    #[test]
+    fn a_next_pass_begins_a_step_after_the_last_frame_and_makes_up_for_nothing() {
+        const MS: u64 = 1_000_000;
+        let start = Instant::now();
+        // Between the beginnings of two passes at half the speed; `late`: after the first began, milliseconds.
+        let apart = |times: &[u64], late: u64| {
+            let stamps: Vec<Stamp> = (0..).zip(times.iter().map(|t| t * MS)).collect();
+            let mut clock = Clock::new(0.5, start, usual_step(&stamps), None);
+            for (_, time) in &stamps {
+                clock.due(*time);
+            }
+            let next = clock.next_pass(start + Duration::from_millis(late));
+            (next.began - start).as_millis()
+        };
+        assert_eq!(apart(&[7], 0), 66, "one frame");
+        assert_eq!(apart(&[7, 7, 7], 0), 199, "photos");
+        assert_eq!(apart(&[500, 540, 580], 0), 240);
+        assert_eq!(apart(&[9000, 9040, 0, 40], 0), 320, "two takes");
+        assert_eq!(apart(&[500, 540, 580], 5000), 5000);
     }
 }

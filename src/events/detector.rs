@@ -5,13 +5,12 @@ use std::collections::BTreeMap;
 use super::config::{EventConfig, Zone};
 use super::hand::{Gesture, Hand, Seen};
 use super::steady::Steady;
+use crate::camera::RESTART_NS;
 use crate::joints::{JOINT_NAMES, PELVIS};
 use crate::message::{Body, BodyFrame, BodyState, Event, EventKind, Hand as Side, JointState};
 
 /// People who have been away for so long are forgotten, seconds; identities are not given twice.
 const FORGET: f64 = 3600.0;
-/// A frame that is older than the last by less was overtaken by one that was extrapolated, seconds.
-const RESTART: f64 = 1.0;
 /// Of what is seen after a camera has been silent for longer, what began before tells nothing, seconds; or for longer
 /// than twice the time between its frames, where that is longer.
 const SILENCE: f64 = 3.0;
@@ -23,6 +22,8 @@ struct Person {
     there: Steady<bool>,
     /// When they were last seen.
     seen: f64,
+    /// Since then nobody looked for so long, seconds.
+    unwatched: f64,
     has_been: bool,
     zones: Vec<Steady<bool>>,
     dwelt: Vec<bool>,
@@ -35,7 +36,10 @@ pub struct Detector {
     config: EventConfig,
     people: BTreeMap<u32, Person>,
     main: Steady<Option<u32>>,
-    last: Option<f64>,
+    /// Number of the newest frame, and its time in nanoseconds.
+    last: Option<(u64, u64)>,
+    /// Whether ids begin anew with the next frame, whatever its number and time.
+    begins_anew: bool,
     /// Between the frames before, the newest first, seconds: one pause makes no slow camera.
     steps: [f64; 2],
 }
@@ -48,28 +52,35 @@ impl Detector {
             people: BTreeMap::new(),
             main: Steady::new(None, 0.0),
             last: None,
+            begins_anew: false,
             steps: [0.0; 2],
         }
     }
 
-    /// Takes in a frame; what has happened by it. One of a moment before the last tells nothing. Where the clock goes
-    /// back further, everybody has left and everything starts anew.
+    /// Takes in a frame; what has happened by it. One that was overtaken by an extrapolated one tells nothing. Where
+    /// numbers go back, or the clock by more than [`RESTART_NS`], or after [`begin_anew`](Self::begin_anew), ids begin
+    /// anew: everybody has left and everything starts anew.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<Event> {
-        let time = frame.pose_ns as f64 * 1e-9;
+        let time = seconds(frame.pose_ns);
         let mut happened = Vec::new();
-        if let Some(last) = self.last
-            && time < last
-        {
-            if last - time < RESTART {
+        let begins_anew = std::mem::take(&mut self.begins_anew);
+        if let Some((number, last)) = self.last {
+            let goes_back =
+                frame.sequence < number || frame.pose_ns.saturating_add(RESTART_NS) < last;
+            if begins_anew || goes_back {
+                happened = self.everybody_leaves(seconds(last));
+                *self = Self::new(self.config.clone());
+            } else if frame.pose_ns < last {
                 return Vec::new();
             }
-            happened = self.everybody_leaves(last);
-            *self = Self::new(self.config.clone());
         }
         let silence = SILENCE.max(2.0 * self.steps[0].min(self.steps[1]));
-        if let Some(last) = self.last.replace(time) {
-            self.steps = [(time - last).min(SLOWEST), self.steps[0]];
+        let last = self.last.replace((frame.sequence, frame.pose_ns));
+        let gap = last.map(|(_, last)| time - seconds(last));
+        if let Some(gap) = gap {
+            self.steps = [gap.min(SLOWEST), self.steps[0]];
         }
+        let unwatched = gap.filter(|gap| *gap > silence).unwrap_or_default();
         for body in frame
             .bodies()
             .iter()
@@ -79,6 +90,7 @@ impl Detector {
             let person = self.people.entry(body.id).or_insert_with(|| Person {
                 there: Steady::new(false, time),
                 seen: time,
+                unwatched: 0.0,
                 has_been: false,
                 zones: vec![Steady::new(false, time); zones],
                 dwelt: vec![false; zones],
@@ -88,6 +100,7 @@ impl Detector {
         }
         for (&id, person) in &mut self.people {
             person.lapse(time, silence);
+            person.leave_out(unwatched, time);
             let body = frame.bodies().iter().find(|b| b.id == id);
             let what = person.look(body, frame, time, &self.config);
             happened.extend(what.into_iter().map(|event| Event {
@@ -108,6 +121,11 @@ impl Detector {
             });
         }
         happened
+    }
+
+    /// Says that the next frame is another recording's or another run's, which its number and time need not show.
+    pub fn begin_anew(&mut self) {
+        self.begins_anew = true;
     }
 
     /// What it means that nothing is seen any more after `last`.
@@ -176,6 +194,20 @@ impl Person {
         }
         self.zones.iter_mut().for_each(|z| z.lapse(time, silence));
         self.hands.iter_mut().for_each(|h| h.lapse(time, silence));
+    }
+
+    /// Leaves the time in which nobody looked, before this frame, out of every stay. Who has gone meanwhile was there
+    /// until last seen, which is before it. Both in seconds.
+    fn leave_out(&mut self, unwatched: f64, time: f64) {
+        self.unwatched += unwatched;
+        if self.seen < time {
+            return;
+        }
+        let unwatched = std::mem::take(&mut self.unwatched);
+        if self.there.get() {
+            self.there.put_off(unwatched);
+            self.zones.iter_mut().for_each(|z| z.put_off(unwatched));
+        }
     }
 
     fn look(
@@ -283,6 +315,10 @@ impl Person {
             *state = Steady::new(false, time);
         }
     }
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
 }
 
 fn event(kind: EventKind) -> Event {

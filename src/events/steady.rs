@@ -36,6 +36,11 @@ impl<T: Copy + PartialEq> Steady<T> {
         self.since
     }
 
+    /// Has it hold from so many seconds later on.
+    pub fn put_off(&mut self, seconds: f64) {
+        self.since += seconds;
+    }
+
     /// Forgets what it may become where that has not been seen for longer than `gap`: what lies between was not looked
     /// at, and tells nothing.
     pub fn lapse(&mut self, time: f64, gap: f64) {

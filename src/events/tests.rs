@@ -99,6 +99,55 @@ fn where_a_film_begins_anew_everybody_leaves_first() {
     assert_eq!(told.iter().filter(nobody).count(), 2);
 }
 
+/// The record of a camera whose processes were started again: numbers and ids begin anew, the clock goes on.
+#[test]
+fn where_numbers_go_back_an_id_is_another_person_s() {
+    let mut detector = Detector::new(EventConfig::default());
+    let run = |from| {
+        let frames = film(from, from + 2.0, Some(standing()));
+        (0..)
+            .zip(frames)
+            .map(|(sequence, frame)| BodyFrame { sequence, ..frame })
+    };
+    let told = look(&mut detector, run(0.0).chain(run(12.0)));
+    let (come, gone) = (
+        [EventKind::ENTERED, EventKind::MAIN_PERSON],
+        [EventKind::LEFT, EventKind::MAIN_PERSON],
+    );
+    assert_eq!(kinds(&told), [come, gone, come].concat());
+    assert!((told[2].seconds - 1.9).abs() < 0.01, "{told:?}");
+}
+
+#[test]
+fn where_it_is_said_ids_begin_anew_whatever_the_number_and_the_time() {
+    let mut detector = Detector::new(EventConfig::default());
+    detector.begin_anew();
+    let there = Some(standing());
+    let mut told = look(&mut detector, film(0.0, 2.0, there));
+    detector.begin_anew();
+    told.extend(look(&mut detector, film(2.0, 4.0, there)));
+    let (come, gone) = (
+        [EventKind::ENTERED, EventKind::MAIN_PERSON],
+        [EventKind::LEFT, EventKind::MAIN_PERSON],
+    );
+    assert_eq!(kinds(&told), [come, gone, come].concat());
+    assert!((told[2].seconds - 1.9).abs() < 0.01, "{told:?}");
+}
+
+#[test]
+fn times_that_go_back_by_more_than_half_a_second_are_another_recording_s() {
+    for (back, wanted) in [(0.4, 0), (0.7, 1), (1.2, 1)] {
+        let mut detector = Detector::new(EventConfig::default());
+        let there = Some(standing());
+        let told = look(
+            &mut detector,
+            film(0.0, 3.0, there).chain([frame(2.9 - back, there)]),
+        );
+        let left = told.iter().filter(|e| e.kind == EventKind::LEFT).count();
+        assert_eq!(left, wanted, "{back} s back: {told:?}");
+    }
+}
+
 #[test]
 fn the_main_person_is_nearest_to_what_the_settings_say() {
     // Two metres to the right of the camera, and three in front of it.
@@ -143,6 +192,18 @@ fn two_frames_far_apart_raise_no_hand() {
         // Of a hand that stays up it counts from when it was seen again.
         let held = look(&mut detector, film(32.1, 33.0, Some(hand(true))));
         assert_eq!(kinds(&held), [EventKind::HAND_RAISED]);
+    }
+}
+
+/// The same before a camera that knows its floor.
+fn on_floor(frame: BodyFrame) -> BodyFrame {
+    BodyFrame {
+        world: World {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0, 1.0, 0.0],
+            state: WorldState::GIVEN,
+        },
+        ..frame
     }
 }
 
@@ -206,14 +267,7 @@ fn two_frames_far_apart_that_know_a_floor_enter_no_zone() {
         zone: vec![zone],
         ..EventConfig::default()
     });
-    let on_floor = |time: f64| BodyFrame {
-        world: World {
-            rotation: [1.0, 0.0, 0.0, 0.0],
-            translation: [0.0, 1.0, 0.0],
-            state: WorldState::GIVEN,
-        },
-        ..frame(time, Some(standing()))
-    };
+    let on_floor = |time: f64| on_floor(frame(time, Some(standing())));
     look(&mut detector, film(0.0, 2.0, Some(standing())));
     let mut told = look(&mut detector, [on_floor(2.0)]);
     told.extend(look(&mut detector, film(2.1, 32.0, Some(standing()))));
@@ -224,6 +278,45 @@ fn two_frames_far_apart_that_know_a_floor_enter_no_zone() {
         (1..6).map(|k| on_floor(32.0 + f64::from(k) / FPS)),
     );
     assert_eq!(kinds(&stays), [EventKind::ZONE_ENTERED]);
+}
+
+/// The camera is away for ten minutes, and who was there still is.
+#[test]
+fn time_in_which_nobody_looked_is_no_stay() {
+    let zone = Zone {
+        name: "here".into(),
+        corners: vec![[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]],
+        dwell: Some(5.0),
+    };
+    let mut detector = Detector::new(EventConfig {
+        zone: vec![zone],
+        ..EventConfig::default()
+    });
+    let there = Some(standing());
+    // Out of sight for a moment when the camera is back.
+    let back = film(602.0, 602.2, None).chain(film(602.2, 610.0, there));
+    let frames = film(0.0, 2.0, there)
+        .chain(back)
+        .chain(film(610.0, 612.0, None));
+    let told = frames.map(on_floor).flat_map(|frame| {
+        let time = frame.pose_ns as f64 * 1e-9;
+        let events = detector.look(&frame);
+        events.into_iter().map(move |event| (time, event))
+    });
+    let told: Vec<(f64, Event)> = told.collect();
+    let of = |kind: EventKind| {
+        let mut of_kind = told.iter().filter(|(_, e)| e.kind == kind);
+        let (found, more) = (of_kind.next(), of_kind.next());
+        assert!(more.is_none(), "{told:?}");
+        found.unwrap_or_else(|| panic!("{kind:?} in {told:?}"))
+    };
+    let (when, dwelt) = of(EventKind::DWELT);
+    // In the zone from 0.3 s on; 600.1 s are none of the stay.
+    assert!((when - 605.4).abs() < 0.15, "{told:?}");
+    assert!((dwelt.seconds - 5.0).abs() < 0.15, "{told:?}");
+    for (kind, seconds) in [(EventKind::ZONE_LEFT, 9.5), (EventKind::LEFT, 9.8)] {
+        assert!((of(kind).1.seconds - seconds).abs() < 0.15, "{told:?}");
+    }
 }
 
 #[test]

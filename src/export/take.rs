@@ -5,7 +5,8 @@ use std::io::BufRead;
 
 use super::error::ExportError;
 use super::size;
-use super::times::{self, RATE, RESTART_NS};
+use super::times::{self, RATE};
+use crate::camera::RESTART_NS;
 use crate::message::{Body, FLAG_FILE_TIME, World};
 use crate::record::{BodiesRow, RowReader};
 

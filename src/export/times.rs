@@ -1,11 +1,11 @@
 //! When a record's frames were, made of times that stand still, go back or say nothing.
 
+use crate::camera::RESTART_NS;
+
 /// Frames a second of a record whose times say nothing, such as one of photos.
 pub const RATE: f64 = 30.0;
 /// A time between frames counts as one without a frame missing, in usual ones.
 const USUAL: f64 = 1.75;
-/// Times that go back by more than this belong to another recording, nanoseconds.
-pub const RESTART_NS: u64 = 500_000_000;
 
 /// A message's number and time, nanoseconds.
 pub type Stamp = (u64, u64);

@@ -5,6 +5,7 @@
 
 use crate::assignment::assign;
 use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
+use crate::camera::RESTART_NS;
 use crate::fit::config::{ConfigError, FitConfig};
 use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
@@ -23,8 +24,6 @@ use crate::message::{
     Body, BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame,
 };
 
-/// Times that go back by more than this belong to another recording.
-const RESTART_NS: u64 = 500_000_000;
 /// Shortest and longest step between frames, seconds.
 const STEP: [f64; 2] = [1e-3, 1.0];
 /// Longest interval that a camera's frames may usually have, seconds: what is longer is a gap.

@@ -27,6 +27,9 @@ const ASKED_AFTER: Duration = Duration::from_secs(20);
 const ASKED_EVERY: Duration = Duration::from_secs(5);
 const ASKED: u32 = 4;
 
+/// The status of a request for something that is not to be had in this way.
+const NOT_ALLOWED: &str = "405 Method Not Allowed";
+
 /// What a request gets.
 pub enum Answer {
     /// A whole answer.
@@ -56,10 +59,19 @@ impl fmt::Debug for Answer {
 impl Answer {
     /// A line that says why there is nothing.
     pub fn refusal(status: &'static str, line: impl fmt::Display) -> Self {
+        Self::refusal_with(status, &[], line)
+    }
+
+    /// The same, with headers that say what there is.
+    pub fn refusal_with(
+        status: &'static str,
+        headers: &'static [(&'static str, &'static str)],
+        line: impl fmt::Display,
+    ) -> Self {
         Self::Body {
             status,
             kind: "text/plain; charset=utf-8",
-            headers: &[],
+            headers,
             body: format!("{line}\n").into_bytes().into(),
         }
     }
@@ -86,7 +98,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves what `answer` says to each `GET`.
+    /// Serves what `answer` says to each `GET`, and its head alone to each `HEAD`.
     ///
     /// # Errors
     /// If the address cannot be had.
@@ -195,17 +207,28 @@ fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) 
         }
         Err(e) => return Err(e),
     };
-    let answer = match &*request.method {
-        "GET" => answer(&request),
-        _ => Answer::refusal("405 Method Not Allowed", "expected GET"),
-    };
-    match answer {
-        Answer::Stream(talk) => {
-            keep_asking(&stream)?;
-            talk(stream, ends);
-            Ok(())
+    match &*request.method {
+        "GET" => match answer(&request) {
+            Answer::Stream(talk) => {
+                keep_asking(&stream)?;
+                talk(stream, ends);
+                Ok(())
+            }
+            body => write(&mut stream, &body),
+        },
+        "HEAD" => match answer(&request) {
+            Answer::Stream(_) => {
+                let line = "expected GET: a stream has no head alone";
+                let refusal = Answer::refusal_with(NOT_ALLOWED, &[("Allow", "GET")], line);
+                write_head(&mut stream, &refusal)
+            }
+            body => write_head(&mut stream, &body),
+        },
+        _ => {
+            let allowed = &[("Allow", "GET, HEAD")];
+            let refusal = Answer::refusal_with(NOT_ALLOWED, allowed, "expected GET or HEAD");
+            write(&mut stream, &refusal)
         }
-        body => write(&mut stream, &body),
     }
 }
 
@@ -222,6 +245,15 @@ fn keep_asking(stream: &TcpStream) -> io::Result<()> {
 }
 
 fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
+    write_head(stream, answer)?;
+    match answer {
+        Answer::Body { body, .. } => stream.write_all(body),
+        Answer::Stream(_) => Ok(()),
+    }
+}
+
+/// Writes what comes before the body, whose length it says.
+fn write_head(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
     let Answer::Body {
         status,
         kind,
@@ -240,8 +272,7 @@ fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
         "Content-Length: {}\r\nConnection: close\r\n\r\n",
         body.len()
     );
-    stream.write_all(head.as_bytes())?;
-    stream.write_all(body)
+    stream.write_all(head.as_bytes())
 }
 
 #[cfg(test)]
@@ -267,6 +298,21 @@ mod tests {
             let (_, line) = answer.split_once("\r\n\r\n").unwrap();
             assert_eq!(line.lines().count(), 1, "{answer}");
         }
+    }
+
+    #[test]
+    fn a_stream_has_no_head_alone() {
+        let server = Server::start(([127, 0, 0, 1], 0).into(), |_| {
+            Answer::Stream(Box::new(|_, _| panic!("nobody has asked for it")))
+        });
+        let server = server.unwrap();
+        let mut client = TcpStream::connect(server.address()).unwrap();
+        client.write_all(b"HEAD / HTTP/1.1\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 405 "), "{answer}");
+        assert!(answer.contains("\r\nAllow: GET\r\n"), "{answer}");
+        assert!(answer.ends_with("\r\n\r\n"), "{answer}");
     }
 
     #[test]

@@ -25,9 +25,38 @@ impl EventSink {
         }
     }
 
+    /// Says that ids begin anew with the next frame, whatever its number and time: everybody leaves with it.
+    pub fn begin_anew(&mut self) {
+        self.detector.begin_anew();
+    }
+
     /// What has happened by this frame, a message for each [`MAX_EVENTS`] events.
     pub fn look(&mut self, frame: &BodyFrame) -> Vec<EventFrame> {
-        let happened = self.detector.look(frame);
+        self.look_as(frame, frame)
+    }
+
+    /// Looks at `found`, and tells what has happened by it with the number, the times and the flags under which the
+    /// packet's frame is published.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    pub fn take_as(
+        &mut self,
+        packet: &Packet<'_, BodyFrame>,
+        found: &BodyFrame,
+    ) -> Result<(), SinkError> {
+        for message in self.look_as(packet.message, found) {
+            self.sinks.take(&Packet {
+                message: &message,
+                source: packet.source,
+                picture: None,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn look_as(&mut self, frame: &BodyFrame, found: &BodyFrame) -> Vec<EventFrame> {
+        let happened = self.detector.look(found);
         self.flags = frame.flags;
         let messages = happened.chunks(MAX_EVENTS).map(|part| {
             let mut message = EventFrame {
@@ -51,14 +80,7 @@ impl EventSink {
 
 impl Sink<BodyFrame> for EventSink {
     fn take(&mut self, packet: &Packet<'_, BodyFrame>) -> Result<(), SinkError> {
-        for message in self.look(packet.message) {
-            self.sinks.take(&Packet {
-                message: &message,
-                source: packet.source,
-                picture: None,
-            })?;
-        }
-        Ok(())
+        self.take_as(packet, packet.message)
     }
 
     fn end(&mut self) -> Result<(), SinkError> {

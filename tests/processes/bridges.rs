@@ -543,7 +543,14 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
         "{}",
         stderr(&out)
     );
-    assert_fails(&["bridge"], 64, &["--osc", "--vmc", "--view"]);
+    let token = ["bridge", "--token", "open-sesame"];
+    for args in [&token[..1], &token] {
+        assert_fails(args, 64, &["--osc", "--vmc", "--view"]);
+    }
+    let args = [&token[..], &["--osc", &address]].concat();
+    assert_fails(&args, 64, &["--token", "expected --view"]);
+    let args = ["run", "--input", "demo", "--token", "open-sesame"];
+    assert_fails(&args, 64, &["--token", "expected --view"]);
     for flag in ["--osc", "--vmc", "--view"] {
         let args = ["bridge", flag, "localhost:9000"];
         assert_fails(&args, 64, &["localhost:9000", "such as 127.0.0.1:9000"]);

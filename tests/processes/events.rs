@@ -1,21 +1,24 @@
 //! Events: a scene with a script, in which what happens is known to the moment.
 
 use std::io::{BufRead, BufReader};
+use std::os::fd::OwnedFd;
 use std::path::Path;
+use std::process::Stdio;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use edgecap::body::skeleton::{Pose, Posed, Skeleton};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES};
 use edgecap::message::{
     Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, FLAG_FILE_TIME,
-    JointState, World, WorldState,
+    JointState, MAX_PEOPLE, World, WorldState,
 };
 use edgecap::record::{BodiesRow, Format, RecordWriter};
 use edgecap_client::{Publisher, Subscriber};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::program::{Running, assert_fails, eventually, output, signal, stderr, stream};
+use crate::program::{self, Running, assert_fails, eventually, output, signal, stderr, stream};
 
 const FPS: f64 = 30.0;
 const SETTINGS: &str = "\
@@ -267,14 +270,118 @@ fn what_happens_is_published_beside_the_bodies() {
     assert!(replay.wait(Duration::from_secs(60)).status.success());
 }
 
+/// Takes of one second in one file, and files that are played in a loop, whose passes may follow each other by number
+/// and time: published numbers and times go on all the same.
+#[test]
+fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
+    const FRAMES: u64 = 30;
+    let folder = tempfile::tempdir().unwrap();
+    for (case, takes, more, seen) in [
+        ("two", &[0, 0][..], &[][..], 2),
+        ("loop", &[0], &["--loop"], 2),
+        ("forwards", &[70, 0], &["--loop"], 3),
+    ] {
+        let path = folder.path().join(format!("{case}.record"));
+        let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+        for sequence in takes.iter().flat_map(|first| *first..first + FRAMES) {
+            let pose_ns = 7_000_000_000 + sequence * 33_000_000;
+            let mut frame = BodyFrame {
+                sequence,
+                pose_ns,
+                publish_ns: pose_ns + 30_000_000,
+                count: 1,
+                ..BodyFrame::default()
+            };
+            frame.bodies[0] = standing(1, 0.0, 4.0);
+            writer.write(&frame, "").unwrap();
+        }
+        writer.finish().unwrap();
+        let camera = stream(&format!("takes-{case}"));
+        let stream = Subscriber::<EventFrame>::open(&camera).unwrap();
+        let args = ["replay", path.to_str().unwrap(), "--name", &camera];
+        let _replay = Running::start(&[&args[..], more].concat());
+        let come = [(EventKind::ENTERED, 1), (EventKind::MAIN_PERSON, 1)];
+        let gone = [(EventKind::LEFT, 1), (EventKind::MAIN_PERSON, 0)];
+        let script = [come, gone].into_iter().cycle().take(2 * seen - 1);
+        let script: Vec<_> = script.flatten().collect();
+        let (mut told, mut stamps, mut left) = (Vec::new(), Vec::new(), Vec::new());
+        while told.len() < script.len() {
+            let frame = stream.next(Duration::from_secs(60)).unwrap();
+            let frame = frame.expect("an event");
+            assert_eq!(frame.flags & FLAG_END_OF_STREAM, 0, "{told:?}");
+            told.extend(frame.events().iter().map(|e| (e.kind, e.person)));
+            stamps.push((frame.sequence, frame.time_ns));
+            let leaves = frame.events().iter().any(|e| e.kind == EventKind::LEFT);
+            left.extend(leaves.then_some(frame.sequence));
+        }
+        assert_eq!(told, script, "{case}");
+        let seams: Vec<u64> = (1..seen as u64).map(|n| takes[0] + n * FRAMES).collect();
+        assert_eq!(left, seams, "{case}");
+        let rises = |a: &(u64, u64), b: &(u64, u64)| a.0 < b.0 && a.1 < b.1;
+        assert!(stamps.is_sorted_by(rises), "{stamps:?}");
+    }
+}
+
+/// What a run says on standard output, line by line.
+fn lines_of(run: &mut Running) -> Receiver<String> {
+    let lines = BufReader::new(run.0.stdout.take().unwrap()).lines();
+    let (send, said) = channel();
+    std::thread::spawn(move || lines.for_each(|line| send.send(line.unwrap()).unwrap_or(())));
+    said
+}
+
+/// Ids begin anew with every run, whatever number its first frame has that is read.
+#[test]
+fn who_was_there_at_the_end_of_a_run_has_left_in_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("zones.toml");
+    std::fs::write(&settings, "confirm = 0.0\n").unwrap();
+    let camera = stream("event-runs");
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let args = ["events", "--camera", &camera, "--settings"];
+    let mut run = Running::start(&[&args[..], &[settings.to_str().unwrap()]].concat());
+    let said = lines_of(&mut run);
+    let mut frame = BodyFrame {
+        sequence: 7,
+        pose_ns: 1_000_000_000,
+        count: 1,
+        ..BodyFrame::default()
+    };
+    frame.bodies[0] = standing(1, 0.0, 4.0);
+    let mut told = Vec::new();
+    let mut enters = || {
+        let line = said.recv_timeout(Duration::from_millis(100)).ok()?;
+        let line: Value = serde_json::from_str(&line).unwrap();
+        let event = line["event"].as_str().unwrap();
+        told.extend((event != "main_person").then(|| event.to_owned()));
+        (event == "entered").then(|| line["frame"].as_u64().unwrap())
+    };
+    let first = eventually("somebody", || {
+        publisher.publish(&frame).unwrap();
+        enters()
+    });
+    assert_eq!(first, 7);
+    let second = eventually("somebody of the next run", || {
+        let end = BodyFrame {
+            flags: FLAG_END_OF_STREAM,
+            count: 0,
+            ..frame
+        };
+        publisher.publish(&end).unwrap();
+        (frame.sequence, frame.pose_ns) = (frame.sequence + 1, frame.pose_ns + 33_000_000);
+        publisher.publish(&frame).unwrap();
+        enters()
+    });
+    assert!(second > 7);
+    assert_eq!(told, ["entered", "left", "entered"]);
+}
+
 #[test]
 fn events_of_a_run_are_lines_of_json() {
     let camera = stream("event-lines");
     let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
     let mut run = Running::start(&["events", "--camera", &camera]);
-    let lines = BufReader::new(run.0.stdout.take().unwrap()).lines();
-    let (send, said) = std::sync::mpsc::channel();
-    std::thread::spawn(move || lines.for_each(|line| send.send(line.unwrap()).unwrap_or(())));
+    let said = lines_of(&mut run);
     let mut frame = EventFrame {
         sequence: 5,
         time_ns: 7,
@@ -471,12 +578,70 @@ fn who_reads_no_more_ends_it() {
     assert_eq!(run.0.wait().unwrap().code(), Some(0));
 }
 
+/// A frame with more lines than the smallest pipe holds: whatever is printed of it, the rest is held up.
+#[test]
+fn a_reader_that_stands_still_does_not_keep_it_from_ending() {
+    const ZONES: usize = 64;
+    const SHORTEST_LINE: usize = 100;
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("zones.toml");
+    let zone = |n| {
+        let corners = "[[-50, 50], [50, 50], [0, -50]]";
+        format!("[[zone]]\nname = \"{n:060}\"\ncorners = {corners}\n")
+    };
+    let zones: String = (0..ZONES).map(zone).collect();
+    std::fs::write(&settings, format!("confirm = 0.0\n{zones}")).unwrap();
+    let mut frame = BodyFrame {
+        pose_ns: 1_000_000_000,
+        count: MAX_PEOPLE as u32,
+        world: World {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0, 1.8, 0.0],
+            state: WorldState::GIVEN,
+        },
+        ..BodyFrame::default()
+    };
+    for (body, id) in frame.bodies.iter_mut().zip(1..) {
+        *body = standing(id, 0.0, 4.0);
+    }
+    let record = folder.path().join("crowd.record");
+    let mut writer = RecordWriter::<BodiesRow>::create(&record, Format::Binary).unwrap();
+    writer.write(&frame, "hall").unwrap();
+    writer.finish().unwrap();
+    let camera = stream("event-standstill");
+    let mut publisher = Publisher::<BodyFrame>::open(&camera).unwrap();
+    let settings = settings.to_str().unwrap();
+    for from in [["--camera", &camera], ["--input", record.to_str().unwrap()]] {
+        let (pipe, end) = std::io::pipe().unwrap();
+        // The kernel rounds it up to a page.
+        let size = rustix::pipe::fcntl_setpipe_size(&pipe, 1).unwrap();
+        assert!(size < ZONES * MAX_PEOPLE * SHORTEST_LINE, "{size}");
+        let child = program::edgecap()
+            .args(["events", "--settings", settings])
+            .args(from)
+            .stdout(end)
+            .stderr(Stdio::piped())
+            .spawn();
+        let mut run = Running(child.unwrap());
+        let pipe = run.0.stdout.insert(OwnedFd::from(pipe).into());
+        eventually("a line in the pipe", || {
+            publisher.publish(&frame).unwrap();
+            (rustix::io::ioctl_fionread(&*pipe).unwrap() > 0).then_some(())
+        });
+        signal(run.pid(), "TERM");
+        let out = run.wait(Duration::from_secs(60));
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(74), "{from:?}: {said}");
+        assert!(said.contains("nobody has taken"), "{from:?}: {said}");
+    }
+}
+
 #[test]
 fn a_full_disk_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let record = record(folder.path());
     let full = std::fs::File::create("/dev/full").unwrap();
-    let out = crate::program::edgecap()
+    let out = program::edgecap()
         .args(["events", "--input", &record])
         .stdout(full)
         .output()

@@ -49,12 +49,16 @@ impl View {
     }
 
     fn get(&self, path: &str, headers: &str) -> (String, Vec<u8>) {
+        self.ask("GET", path, headers)
+    }
+
+    fn ask(&self, method: &str, path: &str, headers: &str) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
         let patience = Some(Duration::from_secs(60));
         stream.set_read_timeout(patience).unwrap();
         write!(
             stream,
-            "GET {path} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n",
+            "{method} {path} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n",
             self.host()
         )
         .unwrap();
@@ -487,16 +491,36 @@ fn the_page_is_in_the_program_and_strangers_are_refused() {
     assert!(page.contains("main.js") && !page.contains("//"), "{page}");
     let (head, packed) = view.get("/three.min.js", "");
     assert!(head.contains("Content-Encoding: gzip") && packed.starts_with(&[0x1f, 0x8b]));
-    for (path, headers, status) in [
-        ("/nothing", "", "404"),
-        ("/bodies", "", "426"),
-        ("/bodies?format=xml", "", "400"),
-        ("/bodies", "Origin: http://evil.example\r\n", "403"),
+    let (head, nothing) = view.ask("HEAD", "/", "");
+    let length = format!("Content-Length: {}\r\n", page.len());
+    assert!(head.starts_with("HTTP/1.1 200 OK") && head.contains(&length));
+    assert_eq!(nothing, b"");
+    let key = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: c2hvcnQ=\r\n";
+    for (method, path, headers, status, says) in [
+        ("GET", "/nothing", "", "404", ""),
+        ("GET", "/bodies", "", "426", "\r\nUpgrade: websocket\r\n"),
+        (
+            "GET",
+            "/bodies",
+            "",
+            "426",
+            "\r\nSec-WebSocket-Version: 13\r\n",
+        ),
+        ("GET", "/bodies", key, "400", ""),
+        ("GET", "/bodies?format=xml", "", "400", ""),
+        (
+            "GET",
+            "/bodies",
+            "Origin: http://evil.example\r\n",
+            "403",
+            "",
+        ),
+        ("POST", "/", "", "405", "\r\nAllow: GET, HEAD\r\n"),
     ] {
-        let (head, line) = view.get(path, headers);
+        let (head, line) = view.ask(method, path, headers);
         assert!(
-            head.starts_with(&format!("HTTP/1.1 {status}")),
-            "{path}: {head}"
+            head.starts_with(&format!("HTTP/1.1 {status}")) && head.contains(says),
+            "{method} {path}: {head}"
         );
         assert_eq!(line.iter().filter(|b| **b == b'\n').count(), 1, "{path}");
     }
@@ -791,6 +815,38 @@ fn long_a_browser_goes_through_a_record_by_keys() {
     let _view = View::of("other", &["view", "--record", other, "--listen", &host]);
     browser.until("window.edgecap && edgecap.scene().camera === 'other'");
     assert_eq!(browser.value("edgecap.frames().length"), 30);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// As where the network breaks off. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_whose_connections_break_off_shows_all_of_a_record_once() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let take = folder.path().join("take");
+    // Somebody enters, and nothing else happens.
+    recorded(&take, 50);
+    let take = take.to_str().unwrap();
+    let view = View::of(
+        "take",
+        &["view", "--record", take, "--listen", "127.0.0.1:0"],
+    );
+    // The first connection of each stream ends after so many messages.
+    browser.before(
+        "{ const Own = WebSocket; const most = { bodies: 10, events: 1 }; window.heard = { bodies: 0, events: 0 }; \
+         window.WebSocket = class extends Own { constructor(url) { super(url); \
+         const kind = new URL(url).pathname.slice(1); let left = most[kind]; most[kind] = 0; \
+         this.addEventListener('message', () => { heard[kind]++; if (--left === 0) this.close(); }); } }; }",
+    );
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.frames().length === 50");
+    assert_eq!(browser.value("heard.bodies"), 60);
+    browser.until("heard.events === 2");
+    assert_eq!(browser.value("edgecap.events().length"), 1);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 

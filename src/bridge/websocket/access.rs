@@ -6,7 +6,7 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 
 use crate::http::{Answer, Request};
 
@@ -57,12 +57,17 @@ impl Access {
 
 /// Whether a `Host` is a name that leads nowhere but here.
 fn is_this_machine(host: &str) -> bool {
-    let name = match host.parse::<SocketAddr>() {
-        Ok(address) => return address.ip().is_loopback(),
-        Err(_) => host.rsplit_once(':').map_or(host, |(name, _)| name),
+    let bracketed = host.strip_prefix('[').and_then(|h| h.strip_suffix(']'));
+    let ip = match (host.parse::<SocketAddr>(), bracketed) {
+        (Ok(address), _) => Ok(address.ip()),
+        (_, Some(ip)) => ip.parse::<Ipv6Addr>().map(IpAddr::V6),
+        (_, None) => host.parse::<IpAddr>(),
     };
-    let ip = host.parse::<IpAddr>();
-    name.eq_ignore_ascii_case("localhost") || ip.is_ok_and(|ip| ip.is_loopback())
+    let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
+    ip.map_or_else(
+        |_| name.eq_ignore_ascii_case("localhost"),
+        |ip| ip.is_loopback(),
+    )
 }
 
 /// Whether a page's `Origin` is the `Host` that is asked.
@@ -87,6 +92,7 @@ mod tests {
             "localhost:80",
             "127.0.0.1:9",
             "[::1]:9",
+            "[::1]",
             "127.0.0.1",
             "LocalHost:80",
         ] {
@@ -99,6 +105,10 @@ mod tests {
             "evil.example:80",
             "10.0.0.1:9",
             "localhost.evil:1",
+            "[::2]",
+            "[127.0.0.1]",
+            "[localhost]",
+            "[::1]evil.example",
         ] {
             assert!(!is_this_machine(foreign), "{foreign}");
             assert!(!was_served_at(&format!("http://{foreign}"), "localhost:80"));

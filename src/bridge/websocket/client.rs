@@ -110,26 +110,47 @@ impl Line<'_> {
     }
 }
 
+/// What a request for anything but a WebSocket is to ask for.
+const WANTED: &[(&str, &str)] = &[
+    ("Upgrade", "websocket"),
+    ("Connection", "Upgrade"),
+    ("Sec-WebSocket-Version", "13"),
+];
+
 /// The answer that makes a connection a WebSocket.
 ///
 /// # Errors
-/// Where the request does not ask for one, as an answer.
+/// Where the request does not ask for one, or not as it should, as an answer.
 pub fn handshake(request: &Request) -> Result<String, Answer> {
     let asks = request
         .header("upgrade")
         .is_some_and(|u| u.eq_ignore_ascii_case("websocket"));
     let version = request.header("sec-websocket-version");
     match request.header("sec-websocket-key") {
-        Some(key) if asks && version == Some("13") => Ok(format!(
-            "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
-             Sec-WebSocket-Accept: {}\r\n\r\n",
-            derive_accept_key(key.as_bytes())
-        )),
-        _ => Err(Answer::refusal(
+        Some(key) if asks && version == Some("13") => match is_key(key) {
+            true => Ok(format!(
+                "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+                 Sec-WebSocket-Accept: {}\r\n\r\n",
+                derive_accept_key(key.as_bytes())
+            )),
+            false => Err(Answer::refusal(
+                "400 Bad Request",
+                "Sec-WebSocket-Key: expected 16 bytes in base64",
+            )),
+        },
+        _ => Err(Answer::refusal_with(
             "426 Upgrade Required",
+            WANTED,
             "expected a WebSocket of version 13: open ws:// instead of http://",
         )),
     }
+}
+
+/// Whether this is 16 bytes in base64: 22 letters, and two signs that fill up to 24.
+fn is_key(text: &str) -> bool {
+    let is_letter = |b: u8| b.is_ascii_alphanumeric() || b"+/".contains(&b);
+    let letters = text.strip_suffix("==");
+    letters.is_some_and(|l| l.len() == 22 && l.bytes().all(is_letter))
 }
 
 /// An open connection; `None` of its functions says that it is over.
@@ -191,6 +212,21 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
     use super::*;
+
+    #[test]
+    fn a_key_is_sixteen_bytes() {
+        for (text, wanted) in [
+            ("dGhlIHNhbXBsZSBub25jZQ==", true),
+            ("dGhlIHNhbXBsZSBub25jZ+/=", false),
+            ("dGhlIHNhbXBsZSBub25j", false),
+            ("dGhlIHNhbXBsZSBub25jZWVlZWU=", false),
+            ("dGhlIHNhbXBsZSBub25j-_==", false),
+            ("==", false),
+            ("", false),
+        ] {
+            assert_eq!(is_key(text), wanted, "{text}");
+        }
+    }
 
     #[test]
     fn a_client_that_talks_without_end_gets_its_frames_and_is_left() {

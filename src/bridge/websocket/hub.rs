@@ -114,7 +114,9 @@ impl Hub {
         inner
             .clients
             .retain(|place| place.put(camera, |mailbox| mailbox.replace(&packet)));
-        if !inner.history.keep().is_zero() && !packet.is_end() {
+        // Who comes after a camera's end hears of it; a record is shown to its last frame.
+        let keep = inner.history.keep();
+        if !keep.is_zero() && (keep != Duration::MAX || !packet.is_end()) {
             inner
                 .history
                 .remember(Instant::now(), camera, packet.binary());
@@ -356,6 +358,7 @@ impl<T> Place<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::FLAG_END_OF_STREAM;
 
     #[test]
     fn who_wants_one_camera_gets_the_past_of_that_one() {
@@ -426,6 +429,34 @@ mod tests {
             u64::from_le_bytes(bytes[32..40].try_into().unwrap()) as f64
         });
         assert!(shown < silent, "{shown} and {silent}");
+    }
+
+    #[test]
+    fn who_comes_after_the_end_of_a_camera_hears_of_it() {
+        let minute = Duration::from_secs(60);
+        for (keep, kept) in [(minute, 2), (Duration::MAX, 1), (Duration::ZERO, 0)] {
+            let hub = Hub::new(keep, false);
+            let mut frame = BodyFrame {
+                count: 1,
+                ..BodyFrame::default()
+            };
+            hub.publish("hall", &frame);
+            (frame.count, frame.flags) = (0, FLAG_END_OF_STREAM);
+            hub.publish("hall", &frame);
+            let client = Client {
+                camera: None,
+                wants_history: true,
+                is_binary: true,
+            };
+            let (_, past) = hub.join(&client, Instant::now());
+            // Flags and people, where the page reads them.
+            let read = |message: Message| {
+                let bytes = message.into_data();
+                [bytes[84], bytes[6]]
+            };
+            let past: Vec<[u8; 2]> = past.into_iter().map(read).collect();
+            assert_eq!(past, [[0, 1], [1, 0]][..kept]);
+        }
     }
 
     #[test]

@@ -205,7 +205,7 @@ pub struct Camera {
 /// What `typed` and the file mean together.
 ///
 /// # Errors
-/// Names that no camera of the file has.
+/// Names that no camera of the file has, and a typed token without a page.
 pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effective> {
     let (mut engine, mut network) = merge(
         &typed.engine,
@@ -223,6 +223,9 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         &settings.bridges.value,
         &settings.bridges.places,
     )?;
+    if bridges.1.get("token") == Some(&Origin::Flag) {
+        bridges.0.expect_page()?;
+    }
     let multiview = merge(
         &typed.multiview,
         &settings.multiview.value,

@@ -29,6 +29,10 @@ export class Happened {
   /** `url` takes a path to an address; a connection that is lost is made again. */
   connect(url) {
     const socket = new WebSocket(url('ws', 'events'));
+    socket.onopen = () => {
+      // Those of a record all come again.
+      if (this.most === Infinity) this.byCamera.clear();
+    };
     socket.onmessage = ({ data }) => this.take(JSON.parse(data));
     socket.onclose = () => setTimeout(() => this.connect(url), RETRY_MS);
   }

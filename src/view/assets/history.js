@@ -24,6 +24,13 @@ export class History {
     if (old > kept.length) frames.splice(0, old, ...kept);
   }
 
+  /** Lets go of a camera's frames from this one on, which come again. */
+  rewind(frame) {
+    const frames = this.frames(frame.camera);
+    const first = frames.findIndex((f) => f.publishNs >= frame.publishNs);
+    if (first >= 0) frames.length = first;
+  }
+
   /** Keeps a frame, and what came shortly before it, however old it becomes; null: none. */
   hold(frame) {
     this.held = frame;

@@ -42,9 +42,11 @@ function url(kind, path, more = {}) {
   return `${kind}${location.protocol === 'https:' ? 's' : ''}://${location.host}/${path}?${query}`;
 }
 
-function connect(first) {
-  const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', ...(first && { history: '1' }) }));
+/** With the past every time: of what a connection that was lost has brought, nobody knows how much is missing. */
+function connect() {
+  const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', history: '1' }));
   socket.binaryType = 'arraybuffer';
+  const begun = new Set();
   let opened = false;
   socket.onopen = () => {
     opened = state.connected = true;
@@ -52,12 +54,17 @@ function connect(first) {
   };
   socket.onmessage = ({ data }) => {
     const frame = data instanceof ArrayBuffer ? decode(data) : null;
-    if (frame) take(frame);
+    if (!frame) return;
+    if (!frame.ended && !begun.has(frame.camera)) {
+      begun.add(frame.camera);
+      history.rewind(frame);
+    }
+    take(frame);
   };
   socket.onclose = () => {
     state.connected = false;
     if (!opened) readFeatures();
-    setTimeout(() => connect(first && !opened), RETRY_MS);
+    setTimeout(connect, RETRY_MS);
   };
 }
 
@@ -220,7 +227,7 @@ window.edgecap = {
 const features = await readFeatures();
 if (features.seconds) history.keepNs = features.seconds * 1e9;
 if (features.recorded) happened.most = Infinity;
-connect(true);
+connect();
 if (features.pictures) picture.connect(url);
 happened.connect(url);
 setInterval(forget, FORGET_EVERY_MS);
