@@ -220,8 +220,8 @@ fn outlines(args: &SynthArgs, out: &Path) -> anyhow::Result<()> {
     known(args, out, |k, _| Ok(outline_still(&stills, k)), None)
 }
 
-/// Makes frames with `one`, which may put a picture of the name `picture(k)` into the folder, and writes the truth about
-/// them; pictures beyond what the truth has room for are removed.
+/// Makes frames with `one`, which may put a picture of the name `picture(k)` into the folder, and writes the truth
+/// about them; pictures beyond what the truth has room for are removed.
 fn known(
     args: &SynthArgs,
     out: &Path,

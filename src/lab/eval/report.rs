@@ -25,8 +25,8 @@ const PCK_FRACTION: f64 = 0.2;
 const SAME_PERSON: f64 = 0.1;
 /// OKS at which a predicted identity lies on a true one.
 const SAME_IDENTITY: f64 = 0.5;
-/// No pelvis comes nearer to a camera than this, metres: where it does, the truth is relative to the pelvis, and does not
-/// say where in camera space a body is.
+/// No pelvis comes nearer to a camera than this, metres: where it does, the truth is relative to the pelvis, and does
+/// not say where in camera space a body is.
 const NEAREST_PELVIS: f64 = 0.1;
 /// The network's reference input: heights are given in its pixels.
 const NETWORK_INPUT: [f64; 2] = [512.0, 320.0];
