@@ -34,6 +34,8 @@ const MAX_REMEMBERED: usize = 64;
 const NEWCOMER: f64 = 0.5;
 /// Seconds that a newcomer without looks waits for them, while they may tell that it is somebody who was here.
 const WAIT_FOR_LOOKS: f64 = 2.0;
+/// Seconds for which somebody is looked at before their looks are known.
+const LEARNS: f64 = 2.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
 
@@ -376,7 +378,9 @@ impl Fitter {
                 Some(person) => {
                     let (evidence, looks) = &seen[person];
                     let alone = is_alone(seen, person);
-                    remember_looks(track, looks.as_ref(), alone, self.config.identity.refresh);
+                    if let Some(looks) = looks {
+                        remember_looks(track, looks, alone, dt, self.config.identity.refresh);
+                    }
                     track.observe(evidence.clone(), dt, &mut cx);
                 }
                 None => track.coast(dt, &mut cx),
@@ -606,22 +610,17 @@ fn is_alone(seen: &[PersonEvidence], person: usize) -> bool {
     !others.any(|(_, (other, _))| overlap(evidence, other))
 }
 
-/// Learns the looks of new people at once and refreshes those of others now and then, while nobody stands before them.
-fn remember_looks(track: &mut Track, looks: Option<&Appearance>, alone: bool, refresh: f64) {
-    let Some(looks) = looks else { return };
-    match &mut track.appearance {
-        None => {
-            track.appearance = Some(*looks);
-            track.appearance_age = 0.0;
-        }
-        Some(known) if track.hits < 30 && alone => {
-            known.blend(looks, 1.0 / (track.hits + 1) as f32);
-            track.appearance_age = 0.0;
-        }
-        Some(known) if track.appearance_age > refresh && alone => {
-            known.blend(looks, 0.5);
-            track.appearance_age = 0.0;
-        }
-        Some(_) => {}
-    }
+/// Learns the looks of new people, seen `dt` seconds after the last, and refreshes those of others now and then, while
+/// nobody stands before them.
+fn remember_looks(track: &mut Track, looks: &Appearance, alone: bool, dt: f64, refresh: f64) {
+    let is_new = track.looked_at < LEARNS;
+    track.looked_at += dt;
+    let share = match &track.appearance {
+        None => 1.0,
+        Some(_) if is_new && alone => 1.0 / (track.hits + 1) as f32,
+        Some(_) if track.appearance_age > refresh && alone => 0.5,
+        Some(_) => return,
+    };
+    track.appearance.get_or_insert(*looks).blend(looks, share);
+    track.appearance_age = 0.0;
 }

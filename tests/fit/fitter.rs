@@ -1022,6 +1022,51 @@ fn without_colour_somebody_else_is_not_who_left() {
         frames(600, None);
         assert_eq!(frames(30, Some(1)), (vec![None, Some(2)], 2), "{hue:?}");
     }
+    // A moment later on the other side: nobody walks three metres meanwhile, even if expected on the way.
+    for away in [15, 30, 60] {
+        for hue in [None, Some(3)] {
+            let mut stage = Stage::new(vec![standing(3, -1.5, 4.0), standing(4, 1.5, 4.0)]);
+            let mut frames = |count: usize, who: Option<usize>| {
+                let mut last = Vec::new();
+                for _ in 0..count {
+                    last = stage.frame(|k, seen| {
+                        dress(seen, hue, 0);
+                        who == Some(k)
+                    });
+                }
+                last
+            };
+            frames(60, Some(0));
+            frames(away, None);
+            let case = (away, hue);
+            assert_eq!(frames(30, Some(1)), [None, Some(2)], "{case:?}");
+        }
+    }
+}
+
+#[test]
+fn looks_are_learnt_for_as_long_at_any_frame_rate() {
+    for fps in [6.0, 15.0, FPS, 60.0] {
+        // For the first half second, on the way in, another colour.
+        for seconds in [0.2, 0.5] {
+            let mut stage = Stage::at(fps, vec![standing(3, 0.0, 4.0)]);
+            let mut frames = |seconds: f64, hue: Option<usize>| {
+                let mut last = Vec::new();
+                for _ in 0..(seconds * fps) as usize {
+                    last = stage.frame(|_, seen| {
+                        dress(seen, hue, 20);
+                        hue.is_some()
+                    });
+                }
+                last
+            };
+            frames(seconds, Some(25));
+            frames(10.0, Some(10));
+            frames(5.0, None);
+            let case = (fps, seconds);
+            assert_eq!(frames(2.0, Some(10)), [Some(1)], "{case:?}");
+        }
+    }
 }
 
 #[test]

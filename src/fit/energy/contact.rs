@@ -14,8 +14,13 @@ pub const ANKLES: [usize; 2] = [10, 13];
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.
 const MOVES: f64 = 0.4;
-/// Seconds of slowness before a foot counts as standing.
-const SETTLE: f64 = 0.1;
+/// Seconds between the first and the newest of slow looks in a row from which a foot counts as standing: where one step
+/// lies between two looks, a single slow one tells nothing.
+const SETTLE: f64 = 0.08;
+/// Seconds after which a foot that has just come to rest may be anywhere: a step leaves it in place for half a second …
+const HOLDS: f64 = 0.15;
+/// … and slow looks in a row, and seconds between them, from which it rests for longer than in a step.
+const RESTS: (u32, f64) = (4, 0.5);
 /// Metres away from its place, across the ray, at which a foot has left it …
 const LEFT: f64 = 0.05;
 /// … and along the ray, where the fit itself wavers.
@@ -27,6 +32,11 @@ const SIGMA: f64 = 0.042;
 /// Share of its weight that a place has along the ray. The picture hardly tells a foot's depth: a place that held it
 /// fully would hold the whole body wherever the fit first put the foot.
 const ALONG: f64 = 0.2;
+/// Speed of the body along the view, m/s, that leaves 37 % of that share. At a distance a foot that swings along the
+/// view hardly moves in the picture: taken for one that stands, it would hold back the whole body.
+const WALKS: f64 = 0.25;
+/// Seconds over which that speed is averaged: between two frames it is mostly noise.
+const AVERAGED: f64 = 1.0;
 /// Seconds in which a place follows what is seen.
 const DRIFT: f64 = 0.4;
 
@@ -34,12 +44,16 @@ const DRIFT: f64 = 0.4;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Feet {
     feet: [Foot; 2],
+    /// Average speed of the pelvis away from the camera, m/s.
+    receding: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Foot {
     place: Option<DVec3>,
-    slow: f64,
+    /// Slow looks in a row, and seconds between the first and the newest of them.
+    slow: (u32, f64),
+    /// Seconds since it was seen.
     hidden: f64,
 }
 
@@ -47,10 +61,14 @@ impl Foot {
     /// Takes in where the ankle was fitted (camera space, metres) and its velocity (m/s), `dt` seconds after the last.
     fn follow(&mut self, ankle: DVec3, velocity: DVec3, dt: f64) {
         let ray = ankle.normalize_or_zero();
-        // Depth of single frames is noisy, so the picture decides. A foot that swings along the view shows there, too:
-        // the camera is higher, and the foot is lifted.
+        // Depth of single frames is noisy, so the picture decides. A foot that swings along the view shows there, too,
+        // while it is near: the camera is higher, and the foot is lifted.
         let speed = velocity.reject_from_normalized(ray).length();
-        self.slow = if speed < STANDS { self.slow + dt } else { 0.0 };
+        self.slow = match self.slow {
+            _ if speed >= STANDS => (0, 0.0),
+            (0, _) => (1, 0.0),
+            (looks, seconds) => (looks.saturating_add(1), seconds + dt),
+        };
         match &mut self.place {
             Some(place) => {
                 let gap = ankle - *place;
@@ -60,8 +78,18 @@ impl Foot {
                     *place += gap * (dt / DRIFT).min(1.0);
                 }
             }
-            None if self.slow >= SETTLE => self.place = Some(ankle),
+            None if self.slow.1 >= SETTLE => self.place = Some(ankle),
             None => {}
+        }
+    }
+
+    /// Share of its weight that the place has `dt` seconds after the last look.
+    fn holds_for(&self, dt: f64) -> f64 {
+        let (looks, seconds) = self.slow;
+        if looks >= RESTS.0 && seconds >= RESTS.1 {
+            1.0
+        } else {
+            (1.0 - (dt / HOLDS).powi(2)).max(0.0)
         }
     }
 }
@@ -72,18 +100,18 @@ fn has_left(gap: DVec3, ray: DVec3) -> bool {
 }
 
 impl Feet {
-    /// Contact terms for the next fit.
-    pub fn contacts(&self, terms: &TermsConfig) -> [Option<Contact>; 2] {
+    /// Contact terms for the fit `dt` seconds after the last.
+    pub fn contacts(&self, terms: &TermsConfig, dt: f64) -> [Option<Contact>; 2] {
+        let along = ALONG * (-(self.receding / WALKS).powi(2)).exp();
         std::array::from_fn(|i| {
-            self.feet[i]
-                .place
-                .filter(|_| terms.contact > 0.0)
-                .map(|place| Contact {
-                    joint: ANKLES[i],
-                    place,
-                    weight: terms.contact / (SIGMA * SIGMA),
-                    along: ALONG,
-                })
+            let foot = &self.feet[i];
+            let weight = terms.contact * foot.holds_for(dt) / (SIGMA * SIGMA);
+            foot.place.filter(|_| weight > 0.0).map(|place| Contact {
+                joint: ANKLES[i],
+                place,
+                weight,
+                along,
+            })
         })
     }
 
@@ -102,6 +130,9 @@ impl Feet {
         states: &[JointState; BODY_JOINTS],
         dt: f64,
     ) {
+        let away = posed.joints[PELVIS].normalize_or_zero();
+        let receding = DVec3::from_slice(&velocity[..3]).dot(away);
+        self.receding += (receding - self.receding) * (dt / AVERAGED).min(1.0);
         for (foot, joint) in self.feet.iter_mut().zip(ANKLES) {
             let ankle = posed.joints[joint];
             foot.hidden = if states[joint] == JointState::OBSERVED {
@@ -111,7 +142,7 @@ impl Feet {
             };
             if foot.hidden > HIDDEN {
                 foot.place = None;
-                foot.slow = 0.0;
+                foot.slow = (0, 0.0);
                 continue;
             }
             let velocity = joint_velocity(skeleton, posed, velocity, joint);
@@ -159,7 +190,7 @@ mod tests {
         }
         assert_eq!(feet.places().count(), 2);
         assert_eq!(
-            feet.contacts(&TermsConfig::default())
+            feet.contacts(&TermsConfig::default(), 0.033)
                 .iter()
                 .flatten()
                 .count(),
@@ -175,7 +206,7 @@ mod tests {
         s.pose(&pose, s.lengths(), &mut posed);
         feet.update(s, &posed, &velocity, &seen, 0.033);
         let held: Vec<usize> = feet
-            .contacts(&TermsConfig::default())
+            .contacts(&TermsConfig::default(), 0.033)
             .iter()
             .flatten()
             .map(|c| c.joint)
@@ -192,6 +223,53 @@ mod tests {
             let ankle = DVec3::new(0.0, 1.4, 5.0) + velocity * dt * f64::from(frame);
             foot.follow(ankle, velocity, dt);
             assert_eq!(foot.place, None, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn slow_cameras_need_several_looks() {
+        let seen = |looks: u32, dt: f64| {
+            let mut feet = Feet::default();
+            for _ in 0..looks {
+                feet.feet[0].follow(DVec3::new(0.0, 1.4, 5.0), DVec3::ZERO, dt);
+            }
+            let [held, _] = feet.contacts(&TermsConfig::default(), dt);
+            (
+                feet.places().count(),
+                held.map(|c| c.weight > 0.999 / (SIGMA * SIGMA)),
+            )
+        };
+        // A single look tells nothing, and of a foot that has just come to rest nothing is known a step later.
+        assert_eq!(seen(1, 0.3), (0, None));
+        for looks in 2..RESTS.0 {
+            assert_eq!(seen(looks, 0.3), (1, None));
+        }
+        assert_eq!(seen(RESTS.0, 0.3), (1, Some(true)));
+        let (places, weight) = seen(4, 0.03);
+        assert_eq!((places, weight.is_some()), (1, true));
+    }
+
+    #[test]
+    fn the_feet_of_a_body_that_moves_along_the_view_say_little_of_its_depth() {
+        let s = Skeleton::builtin();
+        let mut posed = Posed::default();
+        s.pose(&Pose::facing_camera(5.0), s.lengths(), &mut posed);
+        let seen = [JointState::OBSERVED; BODY_JOINTS];
+        let along = |speed: f64| {
+            let mut feet = Feet::default();
+            let mut velocity = [0.0; DOF];
+            velocity[2] = speed;
+            for _ in 0..90 {
+                feet.update(s, &posed, &velocity, &seen, 0.033);
+            }
+            // They stand wherever it goes.
+            feet.feet[0].place = Some(posed.joints[ANKLES[0]]);
+            feet.contacts(&TermsConfig::default(), 0.033)[0].map(|c| c.along / ALONG)
+        };
+        assert_eq!(along(0.0), Some(1.0));
+        assert!(along(0.08).is_some_and(|share| share > 0.85));
+        for speed in [-1.0, 1.0] {
+            assert!(along(speed).is_some_and(|share| share < 0.01));
         }
     }
 

@@ -1,7 +1,10 @@
 //! In: tracks, where they are expected, and the people seen. Out: how unlike each pair is. XNect §5.1.
 
+use glam::DVec3;
+
 use super::appearance::Appearance;
 use crate::body::skeleton::Posed;
+use crate::camera::translation::DEPTHS;
 use crate::fit::config::IdentityConfig;
 use crate::fit::evidence::Evidence;
 use crate::fit::track::Track;
@@ -16,6 +19,8 @@ const USUAL: f64 = 0.05;
 /// seconds.
 const BLIND_NEAR: [f64; 2] = [0.25, 0.15];
 const BLIND_TRUST: f64 = 0.25;
+/// Speed, m/s, at which somebody who is not seen may leave the expected place; and where no colours tell people apart.
+const PACE: [f64; 2] = [1.5, 1.0];
 /// Joints farther than this (metres) are simply elsewhere.
 const CAP: f64 = 1.0;
 /// Weight of the mean 3D joint distance, per metre.
@@ -51,7 +56,12 @@ pub fn dissimilarity(
     };
     let waited = (dt - USUAL).max(0.0);
     let alone = track.unseen + waited;
-    if apart > 0.7 && apart > 0.5 + 1.5 * alone {
+    let walked = seen
+        .root
+        .map_or(apart, |root| apart_in_picture(root, expected));
+    let colourless = is_colourless(track.appearance.as_ref(), appearance);
+    let pace = PACE[usize::from(colourless)];
+    if walked > 0.7 && walked > 0.5 + pace * alone {
         return f64::INFINITY;
     }
     // Where looks that could tell are not seen, only somebody who was here a moment ago continues, and only close by:
@@ -91,6 +101,19 @@ pub fn dissimilarity(
     cost
 }
 
+/// Distance in the picture between a pelvis that is seen and where it is expected, metres at the expected distance.
+fn apart_in_picture(root: DVec3, expected: &Posed) -> f64 {
+    let there = expected.joints[PELVIS];
+    let depth = there.z.max(DEPTHS[0]);
+    (root.truncate() / root.z - there.truncate() / depth).length() * depth
+}
+
+/// Whether neither of two has any colour: everybody looks alike then.
+fn is_colourless(a: Option<&Appearance>, b: Option<&Appearance>) -> bool {
+    let has_colour = |looks: Option<&Appearance>| looks.is_some_and(Appearance::has_colour);
+    !has_colour(a) && !has_colour(b)
+}
+
 /// How unlike a newcomer and somebody last seen `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
     let looks = match unlike(newcomer, left, config) {
@@ -114,13 +137,12 @@ pub fn confirms(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConf
 fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64> {
     let (a, b) = (newcomer.appearance.as_ref()?, left.appearance.as_ref()?);
     let unlike = a.distance(b) / config.reidentify_appearance.max(1e-6);
-    // Without colours everybody looks alike.
-    (unlike > 1.0 || a.has_colour() || b.has_colour()).then_some(unlike)
+    (unlike > 1.0 || !is_colourless(Some(a), Some(b))).then_some(unlike)
 }
 
 /// How unlike by the place alone.
 fn by_place(newcomer: &Track, left: &Track, gone: f64) -> f64 {
-    apart(newcomer, left) / (0.5 + gone)
+    apart(newcomer, left) / (0.5 + PACE[1] * gone)
 }
 
 /// Whether a newcomer without looks may turn out, once they are seen, to be somebody last seen `gone` seconds ago.

@@ -96,6 +96,8 @@ pub struct Track {
     pub bones: Bones,
     /// Remembered appearance.
     pub appearance: Option<Appearance>,
+    /// Seconds for which the person's looks were seen.
+    pub looked_at: f64,
     /// Seconds since the appearance was refreshed.
     pub appearance_age: f64,
     /// Height.
@@ -134,6 +136,7 @@ impl Track {
             motion: Motion::default(),
             bones: Bones::new(cx.skeleton),
             appearance: None,
+            looked_at: 0.0,
             appearance_age: 0.0,
             stature: Stature::default(),
             feet: Feet::default(),
@@ -180,7 +183,7 @@ impl Track {
         self.filter(&mut evidence, &expected, dt, cx);
         let depth = predicted.position.z.max(0.3);
         let mut targets = self.targets(&evidence, predicted, depth, cx);
-        targets.contacts = self.feet.contacts(&cx.config.terms);
+        targets.contacts = self.feet.contacts(&cx.config.terms, dt);
         targets.weights_motion = self.motion.weights(cx.model);
         let lengths = *self.bones.lengths();
         let mut solution = cx.solver.solve(
@@ -309,6 +312,7 @@ impl Track {
         fresh.swaps = SwapMemory::DOUBTS_PREDICTION;
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
+        fresh.looked_at = self.looked_at;
         fresh.appearance_age = self.appearance_age + dt;
         fresh.stature = self.stature;
         cx.skeleton
