@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
+use rand::seq::index;
 
 use super::pose::Pose;
 use super::relative::{Pair, Relative, off, relative, turned};
@@ -172,8 +173,7 @@ fn pairs(
                 })
                 .filter(|joints: &Vec<_>| joints.len() >= EVIDENCE_JOINTS / 2)
                 .collect();
-            let every = figures.len().div_ceil(MOST_GROUPS).max(1);
-            let figures: Vec<Vec<(usize, Pair)>> = figures.into_iter().step_by(every).collect();
+            let figures = thinned(figures, random);
             let groups: Vec<Vec<Pair>> = figures
                 .iter()
                 .map(|f| f.iter().map(|(_, pair)| *pair).collect())
@@ -185,9 +185,7 @@ fn pairs(
                     each.flat_map(|p| f[b].iter().filter_map(move |q| Some((p, q.lifted?))))
                 })
                 .collect();
-            let every = lifted.len().div_ceil(MOST_GROUPS).max(1);
-            let lifted: Vec<_> = lifted.into_iter().step_by(every).collect();
-            let by_turn = turns(&lifted, random);
+            let by_turn = turns(&thinned(lifted, random), random);
             let by_turn = by_turn
                 .into_iter()
                 .filter_map(|turn| turned(&groups, turn, sigma));
@@ -204,6 +202,21 @@ fn pairs(
         }
     }
     all
+}
+
+/// As many as tell something new, drawn from all and in their order. Every so-many-th would not do: figures of two
+/// views come pair by pair, so that all of them could be of the same two detections of their frames.
+fn thinned<T>(all: Vec<T>, random: &mut SmallRng) -> Vec<T> {
+    if all.len() <= MOST_GROUPS {
+        return all;
+    }
+    let mut is_drawn = vec![false; all.len()];
+    for k in index::sample(random, all.len(), MOST_GROUPS) {
+        is_drawn[k] = true;
+    }
+    let each = all.into_iter().zip(is_drawn);
+    each.filter_map(|(one, drawn)| drawn.then_some(one))
+        .collect()
 }
 
 /// Cameras so far, in the order in which they came.
@@ -230,7 +243,7 @@ impl Placed<'_> {
             }
             let next = (0..self.lenses.len()).filter(|v| !self.order.contains(v));
             let best = next.filter_map(|v| {
-                let groups = self.groups(&tracks, v);
+                let groups = self.groups(&tracks, v, random);
                 let guesses = self.directions(v, pairs);
                 let (pose, agreeing) = resect(&groups, &guesses, sigma, random)?;
                 (agreeing >= LEAST_SHARED).then_some((v, pose, agreeing))
@@ -260,7 +273,7 @@ impl Placed<'_> {
     }
 
     /// Known people's joints and every figure that a view not placed yet saw at that time.
-    fn groups(&self, tracks: &[Track], v: usize) -> Vec<Vec<Seen>> {
+    fn groups(&self, tracks: &[Track], v: usize, random: &mut SmallRng) -> Vec<Vec<Seen>> {
         let moments = tracks.iter().flat_map(|t| &t.moments);
         let figures = moments.flat_map(|(f, moment)| {
             let each = self.frames[*f][v].iter();
@@ -270,9 +283,8 @@ impl Placed<'_> {
                 seen.collect::<Vec<Seen>>()
             })
         });
-        let figures: Vec<_> = figures.filter(|g| g.len() >= EVIDENCE_JOINTS / 2).collect();
-        let every = figures.len().div_ceil(MOST_GROUPS).max(1);
-        figures.into_iter().step_by(every).collect()
+        let figures = figures.filter(|g| g.len() >= EVIDENCE_JOINTS / 2);
+        thinned(figures.collect(), random)
     }
 
     /// Directions that pairs with placed views suggest.
@@ -298,5 +310,26 @@ impl Placed<'_> {
             all[*v] = *pose;
         }
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of two people's four pairs a frame every kind is drawn, however many frames there are.
+    #[test]
+    fn pairs_of_every_kind_are_drawn() {
+        for frames in [75, 76, 200, 290, 301, 526, 600] {
+            let mut random = SmallRng::seed_from_u64(1);
+            let all: Vec<usize> = (0..4 * frames).collect();
+            let drawn = thinned(all, &mut random);
+            assert_eq!(drawn.len(), MOST_GROUPS.min(4 * frames));
+            assert!(drawn.is_sorted());
+            for kind in 0..4 {
+                let count = drawn.iter().filter(|k| *k % 4 == kind).count();
+                assert!((50..100).contains(&count), "{frames} frames: {count}");
+            }
+        }
     }
 }

@@ -241,6 +241,22 @@ fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
     }
 }
 
+/// A view names two people the other way round than the others do.
+#[test]
+fn the_order_in_which_a_view_names_people_does_not_matter() {
+    let views = &room()[..2];
+    let noise = Noise {
+        jitter: 3.0,
+        exchanged: 0.0,
+        lifted: Some(0.05),
+    };
+    let mut frames = film_of(290, views, &[1.75, 1.6], &noise);
+    frames.iter_mut().for_each(|frame| frame[1].reverse());
+    let room = calibrate(&lenses(views), &frames, 10.0, Scale::Stature(1.75)).unwrap();
+    let (degrees, metres) = errors(&room.views, views);
+    assert!(degrees < 1.0 && metres < 0.08, "{degrees}° {metres} m");
+}
+
 #[test]
 fn nobody_has_to_walk_about_where_views_lift_people() {
     let views = &room()[..3];

@@ -40,6 +40,24 @@ pub struct PersonFrame {
     pub moment: Moment,
 }
 
+#[cfg(test)]
+impl PersonFrame {
+    /// A body of the mean shape that no view saw.
+    pub(crate) fn unseen(frame: usize, pose: crate::body::mesh::MeshPose) -> Self {
+        Self {
+            frame,
+            body: Fitted::new(MeshBody::shipped(), pose, &[0.0; 10]),
+            moment: Moment {
+                sights: Vec::new(),
+                joints: [None; crate::joints::EVIDENCE_JOINTS],
+                healed: 0,
+                lifted: None,
+                contours: Vec::new(),
+            },
+        }
+    }
+}
+
 /// One person over time.
 #[derive(Debug, Clone)]
 pub struct PersonFit {

@@ -10,10 +10,10 @@ use crate::joints::NECK;
 use crate::message::{Intrinsics, Observation};
 
 /// Turns everybody's `joints3d` from camera axes by the pinhole `lens` to those by the view's lens. Whoever is nowhere
-/// in the picture stays as they are.
+/// in the picture, or only where the view's lens shows nothing, stays as they are.
 pub fn to_view(view: &View, lens: &Intrinsics, people: &mut [Observation]) {
     for seen in people {
-        let Some(pixel) = anchor(seen) else {
+        let Some(pixel) = anchor(view, seen) else {
             continue;
         };
         let told = DVec3::from(lens.ray(pixel.x as f32, pixel.y as f32).map(f64::from));
@@ -31,19 +31,17 @@ pub fn to_view(view: &View, lens: &Intrinsics, people: &mut [Observation]) {
     }
 }
 
-/// The pixel by whose ray Stage II's axes are turned: the neck's, or the mean of the joints that were seen.
-fn anchor(seen: &Observation) -> Option<DVec2> {
-    let at = |[u, v, _]: [f32; 3]| DVec2::new(u.into(), v.into());
-    let joints = &seen.joints2d;
-    if joints[NECK][2] > 0.0 {
-        return Some(at(joints[NECK]));
-    }
-    let known: Vec<DVec2> = joints
-        .iter()
-        .filter(|j| j[2] > 0.0)
-        .map(|j| at(*j))
-        .collect();
-    (!known.is_empty()).then(|| known.iter().sum::<DVec2>() / known.len() as f64)
+/// The pixel by whose ray Stage II's axes are turned: the neck's, or the mean of the joints that were seen. Where the
+/// lens shows nothing, nothing was seen whose ray is known.
+fn anchor(view: &View, seen: &Observation) -> Option<DVec2> {
+    let at = |[u, v, confidence]: [f32; 3]| {
+        let pixel = DVec2::new(u.into(), v.into());
+        (confidence > 0.0 && view.shown(pixel).is_some()).then_some(pixel)
+    };
+    at(seen.joints2d[NECK]).or_else(|| {
+        let known: Vec<DVec2> = seen.joints2d.into_iter().filter_map(at).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<DVec2>() / known.len() as f64)
+    })
 }
 
 #[cfg(test)]
@@ -112,6 +110,35 @@ mod tests {
             to_view(&view, &usual, &mut people);
             assert!(apart(&people[0]) < 1e-5, "{}", apart(&people[0]));
         }
+    }
+
+    #[test]
+    fn a_neck_where_the_lens_shows_nothing_turns_nobody() {
+        // r·(1 − 0.3·r²) is 0.7027 at most.
+        let view = View {
+            distortion: Brown {
+                radial: [-0.3, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..wide()
+        };
+        let usual = Intrinsics::from_horizontal_fov(1280, 720, 60.0);
+        let pixel = view.centre + DVec2::new(0.5, 0.1) * view.focal;
+        let mut without = [lifted(pixel, DVec3::Z, false)];
+        let mut with = without;
+        let beyond = (view.centre + DVec2::new(0.95, 0.0) * view.focal).as_vec2();
+        with[0].joints2d[NECK] = [beyond.x, beyond.y, 0.9];
+        to_view(&view, &usual, &mut without);
+        to_view(&view, &usual, &mut with);
+        assert_eq!(with[0].joints3d, without[0].joints3d);
+        // Of whom it shows nothing at all it knows no ray.
+        let mut nowhere = [lifted(pixel, DVec3::Z, false)];
+        for joint in &mut nowhere[0].joints2d {
+            *joint = with[0].joints2d[NECK];
+        }
+        let before = nowhere[0];
+        to_view(&view, &usual, &mut nowhere);
+        assert_eq!(nowhere[0].joints3d, before.joints3d);
     }
 
     #[test]

@@ -35,11 +35,15 @@ pub fn stage_three<'a>(
     each.collect()
 }
 
-/// What a pinhole would have seen in a view's place: Stage III knows no other lens.
+/// What a pinhole would have seen in a view's place: Stage III knows no other lens. Joints where the lens shows nothing
+/// are not seen.
 fn by_pinhole(view: &View, seen: &Observation) -> Observation {
     let joints2d = seen.joints2d.map(|[u, v, confidence]| {
-        let pixel = view.by_pinhole(DVec2::new(u.into(), v.into()));
-        let [u, v] = pixel.as_vec2().to_array();
+        let pixel = DVec2::new(u.into(), v.into());
+        if view.shown(pixel).is_none() {
+            return [0.0; 3];
+        }
+        let [u, v] = view.by_pinhole(pixel).as_vec2().to_array();
         [u, v, confidence]
     });
     Observation { joints2d, ..*seen }
@@ -73,4 +77,64 @@ pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<T
         }
     }
     tracks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::skeleton::{Pose, Posed, Skeleton};
+    use crate::camera::Brown;
+    use crate::fit::FitConfig;
+    use crate::joints::PELVIS;
+
+    /// Ankles are told of beyond the fold of the lens, once surely and once not at all.
+    #[test]
+    fn joints_where_the_lens_shows_nothing_change_no_body() {
+        // r·(1 − 0.3·r²) is 0.7027 at most.
+        let view = View {
+            size: [720, 1280],
+            focal: DVec2::splat(640.0),
+            centre: DVec2::new(359.5, 639.5),
+            distortion: Brown {
+                radial: [-0.3, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..View::around(0.0)
+        };
+        let mut posed = Posed::default();
+        let pose = Pose::facing_camera(2.2);
+        Skeleton::builtin().pose(&pose, Skeleton::builtin().lengths(), &mut posed);
+        let mut told = Observation {
+            score: 0.95,
+            joints3d: posed
+                .joints
+                .map(|p| (p - posed.joints[PELVIS]).as_vec3().to_array()),
+            ..Observation::default()
+        };
+        let pixel = |plane: DVec2| {
+            let pixel = view.distortion.distort(plane) * view.focal + view.centre;
+            pixel.as_vec2().to_array()
+        };
+        for (out, p) in told.joints2d.iter_mut().zip(posed.joints) {
+            let [u, v] = pixel(p.truncate() / p.z);
+            *out = [u, v, 0.9];
+        }
+        for (ankle, x) in [(10, -0.3), (13, 0.3)] {
+            let beyond = (view.centre + DVec2::new(x, 0.9) * view.focal).as_vec2();
+            told.joints2d[ankle] = [beyond.x, beyond.y, 0.9];
+        }
+        let mut unseen = told;
+        for ankle in [10, 13] {
+            unseen.joints2d[ankle] = [0.0; 3];
+        }
+        let bodies = [told, unseen].map(|seen| {
+            let frames = vec![vec![seen]; 10];
+            let times = (1..).map(|k| 33_000_000 * k);
+            let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+            let each = times.zip(frames.iter().map(Vec::as_slice));
+            stage_three(&mut fitter, &view, each)
+        });
+        assert_eq!(bodies[0][9].len(), 1, "somebody is found");
+        assert_eq!(bodies[0], bodies[1]);
+    }
 }

@@ -59,7 +59,7 @@ const BONES: [(usize, usize, f64); 8] = [
 pub type Detections = Vec<Sight>;
 
 /// Joints of one person in space, world axes, metres; `None` where they are not known.
-type Joints = [Option<DVec3>; EVIDENCE_JOINTS];
+pub(super) type Joints = [Option<DVec3>; EVIDENCE_JOINTS];
 
 /// Everyone in one frame, by view.
 type Frame<'a> = [&'a [Sight]];
@@ -91,15 +91,14 @@ struct Live {
 }
 
 impl Live {
+    /// Whether nobody saw them in the frame before.
+    fn is_absent(&self, f: usize) -> bool {
+        f > self.seen + 1
+    }
+
     /// Frames in which two views might have seen them and did not.
     fn away(&self, f: usize) -> usize {
         (f - self.met).saturating_sub(1)
-    }
-
-    /// How far from their joints rays may pass in a frame, metres.
-    fn reach(&self, f: usize, rate: f64) -> f64 {
-        let beyond = (1.0 / rate - STEP[0]).clamp(0.0, STEP[1]);
-        reach(self.away(f) as f64 / rate + beyond)
     }
 
     /// Where their joints are in a frame if they go on as they went.
@@ -197,26 +196,12 @@ const DISTANCE_TAKEN: f64 = 3.0;
 const NEARER: f64 = 1.15;
 
 impl Live {
-    fn was_seen_by(&self, view: usize) -> bool {
+    /// Which views saw them when somebody last did.
+    fn seen_by(&self) -> Vec<bool> {
         let last = self.moments.last();
-        last.is_some_and(|(_, moment)| moment.sights[view].is_some())
-    }
-
-    /// Whether what several views see may be a body, about where one of them has followed this person to.
-    fn goes_on(&self, views: &[View], frame: &Frame<'_>, chosen: &[Option<usize>]) -> bool {
-        let each = chosen.iter().enumerate();
-        let mut sights: Vec<Option<Sight>> =
-            each.map(|(v, d)| Some(frame[v][(*d)?].clone())).collect();
-        exchange::agree(views, &mut sights);
-        let joints = solve(views, &sights).points;
-        let mut followed = (0..views.len()).filter(|&v| sights[v].is_some() && self.was_seen_by(v));
-        let is_near = |v: usize| {
-            let [was, now] = [&self.joints, &joints].map(|joints| depth(&views[v], joints));
-            let ratio = was.zip(now).map(|(was, now)| now / was);
-            ratio.is_some_and(|r| (1.0 / NEARER..NEARER).contains(&r))
-        };
-        let is_told = [1, 8, 11].iter().all(|&j| joints[j].is_some());
-        (is_body(&joints) || !is_told) && followed.all(is_near)
+        last.map_or_else(Vec::new, |(_, moment)| {
+            moment.sights.iter().map(Option::is_some).collect()
+        })
     }
 
     /// Learns how what a view says of their distance goes with where they are.
@@ -275,33 +260,121 @@ fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View,
     own.filter(|_| each.all(|(_, s)| s.is_none()))
 }
 
-/// Of two views' detections of somebody whom one view alone has followed that view's stays where their rays do not
-/// meet, or not about where it has followed them to; the other is free again.
-fn doubt(
-    views: &[View],
-    frame: &Frame<'_>,
-    t: &Live,
-    chosen: &mut [Option<usize>],
-    free: &mut [Vec<bool>],
-) {
-    let own: Vec<(usize, usize)> = (chosen.iter().enumerate())
-        .filter_map(|(v, d)| Some((v, (*d)?)))
-        .collect();
-    let [a, b] = own[..] else {
-        return;
-    };
-    let [of_a, of_b] = [a, b].map(|(v, d)| (&views[v], &frame[v][d]));
-    let meet = ray_distance(of_a, of_b).is_none_or(|d| d < REACH);
-    if meet && t.goes_on(views, frame, chosen) {
-        return;
-    }
-    let (v, d) = if t.was_seen_by(a.0) { b } else { a };
-    (chosen[v], free[v][d]) = (None, true);
+/// Somebody whom fewer than two views saw the last time.
+#[derive(Debug)]
+pub(super) struct Followed {
+    /// Where their joints are about, by what one view tells.
+    pub joints: Joints,
+    /// By view, whether it saw them when somebody last did.
+    pub seen_by: Vec<bool>,
+    /// Whether nobody saw them the last time.
+    pub is_absent: bool,
 }
 
-/// How far from their joints the rays of somebody may pass whom two views have missed for so many seconds, metres.
-pub(super) fn reach(missed: f64) -> f64 {
-    REACH + (ROAM[0] * missed).min(ROAM[1])
+impl Followed {
+    /// Whether what several views see may be a body, about where one of them has followed this person to.
+    fn goes_on(&self, views: &[View], mut sights: Vec<Option<Sight>>) -> bool {
+        exchange::agree(views, &mut sights);
+        let joints = solve(views, &sights).points;
+        let mut followed = (0..views.len()).filter(|&v| sights[v].is_some() && self.seen_by[v]);
+        let is_near = |v: usize| {
+            let [was, now] = [&self.joints, &joints].map(|joints| depth(&views[v], joints));
+            let ratio = was.zip(now).map(|(was, now)| now / was);
+            ratio.is_some_and(|r| (1.0 / NEARER..NEARER).contains(&r))
+        };
+        let is_told = [1, 8, 11].iter().all(|&j| joints[j].is_some());
+        (is_body(&joints) || !is_told) && followed.all(is_near)
+    }
+
+    /// Of two views' detections the one that is not theirs: their rays do not meet, or not about where one view has
+    /// followed them to, whose own stays.
+    fn stranger(&self, views: &[View], sights: Vec<Option<Sight>>) -> Option<usize> {
+        let all = sights.iter().enumerate();
+        let own: Vec<(usize, &Sight)> = all.filter_map(|(v, s)| Some((v, s.as_ref()?))).collect();
+        let [(a, of_a), (b, of_b)] = own[..] else {
+            return None;
+        };
+        let apart = ray_distance((&views[a], of_a), (&views[b], of_b));
+        let meet = apart.is_none_or(|d| d < REACH);
+        let stranger = if self.seen_by[a] { b } else { a };
+        (!(meet && self.goes_on(views, sights))).then_some(stranger)
+    }
+}
+
+/// Detections of a frame, of everybody known as `[person][view]`.
+pub(super) type Taken = Vec<Vec<Option<usize>>>;
+
+/// Views with the number of their detection.
+fn views_of(chosen: &[Option<usize>]) -> impl Iterator<Item = (usize, usize)> {
+    let each = chosen.iter().enumerate();
+    each.filter_map(|(v, d)| Some((v, (*d)?)))
+}
+
+/// Where one view has followed somebody, the distance is not known well: another one's detection may be theirs that is
+/// further off than others', and one that is not too far may be somebody else's. Mends what everybody took of a frame,
+/// `followed` by person, and says in which groups of detections nobody known is. `may_be` tells of a person, a view and
+/// a detection whether looks allow it to be theirs.
+pub(super) fn rejoin<'a>(
+    views: &[View],
+    frame: &[Vec<&'a Sight>],
+    followed: &[Option<Followed>],
+    may_be: impl Fn(usize, usize, usize) -> bool,
+    taken: &mut Taken,
+) -> Taken {
+    let sights = |chosen: &[Option<usize>]| -> Vec<Option<Sight>> {
+        let each = chosen.iter().enumerate();
+        each.map(|(v, d)| Some(frame[v][(*d)?].clone())).collect()
+    };
+    let mut owners: HashMap<(usize, usize), usize> = HashMap::new();
+    for (k, followed) in followed.iter().enumerate() {
+        let Some(followed) = followed else {
+            continue;
+        };
+        if let Some(v) = followed.stranger(views, sights(&taken[k])) {
+            taken[k][v] = None;
+        }
+        let mut own = views_of(&taken[k]);
+        if let (Some(alone), None) = (own.next(), own.next()) {
+            owners.insert(alone, k);
+        }
+    }
+    let all: HashSet<(usize, usize)> = taken.iter().flat_map(|own| views_of(own)).collect();
+    let mut left: Vec<(usize, usize, &'a Sight)> = Vec::new();
+    for (v, sights) in frame.iter().enumerate() {
+        let is_left = |d: usize| !all.contains(&(v, d)) || owners.contains_key(&(v, d));
+        let each = sights.iter().enumerate().filter(|(d, _)| is_left(*d));
+        left.extend(each.map(|(d, sight)| (v, d, *sight)));
+    }
+    let mut new = Vec::new();
+    for chosen in groups(views, &left) {
+        let known: Vec<usize> = views_of(&chosen)
+            .filter_map(|at| owners.get(&at).copied())
+            .collect();
+        let goes_on = |k: usize| {
+            let followed = followed[k].as_ref();
+            views_of(&chosen).all(|(v, d)| may_be(k, v, d))
+                && followed.is_some_and(|f| f.goes_on(views, sights(&chosen)))
+        };
+        match known[..] {
+            [] => new.push(chosen),
+            [k] if goes_on(k) => taken[k] = chosen,
+            // Of whoever nobody saw the last time one view knows no better than two where they see somebody.
+            [k] if followed[k].as_ref().is_some_and(|f| f.is_absent) => {
+                taken[k].fill(None);
+                new.push(chosen);
+            }
+            // Rays of two people may meet where nobody is.
+            _ => {}
+        }
+    }
+    new
+}
+
+/// How far from their joints the rays of somebody may pass whom two views have missed for so many seconds, frames being
+/// so many seconds apart, metres.
+pub(super) fn reach(missed: f64, interval: f64) -> f64 {
+    let beyond = (interval - STEP[0]).clamp(0.0, STEP[1]);
+    REACH + (ROAM[0] * (missed + beyond)).min(ROAM[1])
 }
 
 /// Whether somebody counts whom three views or more have seen for so long, and two, where so much is needed of both.
@@ -341,7 +414,7 @@ impl Look {
         if count > 2 {
             let off = |v: usize| {
                 sights[v].as_ref().map_or(0.0, |s| {
-                    mean_distance(&views[v], s, &joints.points).unwrap_or(0.0)
+                    mean_distance(&views[v], s, &joints.points, REACH).unwrap_or(0.0)
                 })
             };
             let worst = (0..views.len())
@@ -460,49 +533,22 @@ pub(super) fn track_by(
         done.extend(gone);
         let standing = live.iter().map(|t| Standing {
             is_proven: is_proven(t.proof, needed),
-            reach: t.reach(f, rate),
+            is_absent: t.is_absent(f),
+            reach: [0, t.away(f)].map(|missed| reach(missed as f64 / rate, 1.0 / rate)),
             ahead: t.ahead(f, rate),
         });
         let standing: Vec<Standing> = standing.collect();
-        let (mut taken, mut free) = take(views, frame, &live, &standing, &mut matcher);
-        // Where one view has followed somebody, the distance is not known well: another one's detection may be theirs
-        // that is further off than others', and one that is not too far may be somebody else's.
-        let mut owners: HashMap<(usize, usize), usize> = HashMap::new();
-        for (k, (t, chosen)) in live.iter().zip(&mut taken).enumerate() {
-            if t.away(f) > 0 {
-                doubt(views, frame, t, chosen, &mut free);
-                let own = chosen
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(v, d)| Some((v, (*d)?)));
-                if let [(v, d)] = own.collect::<Vec<_>>()[..] {
-                    owners.insert((v, d), k);
-                }
-            }
-        }
-        let all = frame.iter().zip(&free).enumerate();
-        let left: Vec<(usize, usize, &Sight)> = all
-            .flat_map(|(v, (sights, free))| {
-                let owners = &owners;
-                let is_left = move |d: usize| free[d] || owners.contains_key(&(v, d));
-                let each = sights.iter().enumerate().filter(move |(d, _)| is_left(*d));
-                each.map(move |(d, sight)| (v, d, sight))
+        let mut taken = take(views, frame, &live, &standing, &mut matcher);
+        let followed = live.iter().map(|t| {
+            (t.away(f) > 0).then(|| Followed {
+                joints: t.joints,
+                seen_by: t.seen_by(),
+                is_absent: t.is_absent(f),
             })
-            .collect();
-        let mut new = Vec::new();
-        for chosen in groups(views, &left) {
-            let each = chosen
-                .iter()
-                .enumerate()
-                .filter_map(|(v, d)| Some((v, (*d)?)));
-            let known: Vec<usize> = each.filter_map(|at| owners.get(&at).copied()).collect();
-            match known[..] {
-                [] => new.push(chosen),
-                [k] if live[k].goes_on(views, frame, &chosen) => taken[k] = chosen,
-                // Rays of two people may meet where nobody is.
-                _ => {}
-            }
-        }
+        });
+        let followed: Vec<Option<Followed>> = followed.collect();
+        let sights: Vec<Vec<&Sight>> = frame.iter().map(|d| d.iter().collect()).collect();
+        let new = rejoin(views, &sights, &followed, |_, _, _| true, &mut taken);
         let each = taken.into_iter().chain(new);
         let looks = each.map(|chosen| Look::new(views, frame, chosen));
         let mut looks: Vec<Option<Look>> = looks.collect();
@@ -530,38 +576,44 @@ pub(super) fn track_by(
     done.into_iter().enumerate().map(number).collect()
 }
 
-/// Detections as `[view][detection]`, of everybody known as `[person][view]`.
-type Taken = Vec<Vec<Option<usize>>>;
-
 /// What is asked of everybody known before they take detections.
 struct Standing {
     is_proven: bool,
-    /// How far from their joints rays may pass, metres.
-    reach: f64,
+    /// Whether nobody saw them in the last frame.
+    is_absent: bool,
+    /// How far from their joints rays may pass, metres: had two views seen them the last time, and as it is.
+    reach: [f64; 2],
     /// Where their joints are if they go on as they went.
     ahead: Joints,
 }
 
-/// What everybody known takes of a frame, and whether each detection, by view, is left. Who is proven takes first: a
-/// ghost lies on a real person's rays and would go on living from them. Nobody knows who stops and who goes on: rays
-/// may pass near where they were as well as near where they were going.
+/// What everybody known takes of a frame. Who is proven takes first: a ghost lies on a real person's rays and would go
+/// on living from them. But whoever was missed takes what is left by those who were seen, and from farther away what is
+/// left by those near by. Nobody knows who stops and who goes on: rays may pass near where they were as well as near
+/// where they were going.
 fn take(
     views: &[View],
     frame: &Frame<'_>,
     live: &[Live],
     standing: &[Standing],
     matcher: &mut Matcher,
-) -> (Taken, Vec<Vec<bool>>) {
+) -> Taken {
     let mut taken: Taken = vec![vec![None; views.len()]; live.len()];
     let mut free: Vec<Vec<bool>> = frame.iter().map(|d| vec![true; d.len()]).collect();
-    for proven in [true, false] {
-        let people: Vec<usize> = (0..live.len())
-            .filter(|&t| standing[t].is_proven == proven)
-            .collect();
+    let order = [(false, true), (false, false), (true, true), (true, false)];
+    for (far, (absent, proven)) in [0, 1]
+        .into_iter()
+        .flat_map(|far| order.map(|who| (far, who)))
+    {
         for (v, (view, detections)) in views.iter().zip(frame).enumerate() {
+            let asks = |t: &usize| {
+                let own = &standing[*t];
+                (own.is_absent, own.is_proven) == (absent, proven) && taken[*t][v].is_none()
+            };
+            let people: Vec<usize> = (0..live.len()).filter(asks).collect();
             let near = |t: usize, d: usize| {
                 let (own, sight) = (&standing[t], &detections[d]);
-                let to = |joints: &Joints| closeness(view, sight, joints, own.reach);
+                let to = |joints: &Joints| closeness(view, sight, joints, own.reach[far]);
                 to(&live[t].joints).max(to(&own.ahead))
             };
             let left: Vec<usize> = (0..detections.len()).filter(|&d| free[v][d]).collect();
@@ -578,7 +630,7 @@ fn take(
             }
         }
     }
-    (taken, free)
+    taken
 }
 
 /// A person's frames with left and right as they are.
@@ -616,8 +668,8 @@ fn solve(views: &[View], sights: &[Option<Sight>]) -> Joints3d {
 pub fn closeness(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> f32 {
     // A detector may have exchanged all sides.
     let readings = [
-        mean_distance(view, sight, joints),
-        mean_distance(view, &mirrored(sight), joints),
+        mean_distance(view, sight, joints, reach),
+        mean_distance(view, &mirrored(sight), joints, reach),
     ];
     let least = readings.into_iter().flatten().fold(f64::INFINITY, f64::min);
     (1.0 - least / reach).max(0.0) as f32
@@ -627,14 +679,15 @@ fn mirrored(sight: &Sight) -> Sight {
     sight.exchanged(LIMB_PAIRS[0]).exchanged(LIMB_PAIRS[1])
 }
 
-/// Mean distance of a view's rays from joints; `None` where too few are shared.
-fn mean_distance(view: &View, sight: &Sight, joints: &Joints) -> Option<f64> {
+/// Mean distance of a view's rays from joints, none of which counts more than twice the `reach`, metres; `None` where
+/// too few are shared.
+fn mean_distance(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> Option<f64> {
     let each: Vec<f64> = sight
         .rays
         .iter()
         .zip(joints)
         .filter_map(|(ray, joint)| {
-            Some(distance(view.position, ray.as_ref()?.direction, (*joint)?).min(2.0 * REACH))
+            Some(distance(view.position, ray.as_ref()?.direction, (*joint)?).min(2.0 * reach))
         })
         .collect();
     (each.len() >= LEAST_SHARED).then(|| each.iter().sum::<f64>() / each.len() as f64)
@@ -750,7 +803,7 @@ pub fn nearest_sight(
     let each = detections.iter().filter_map(|sight| {
         let mut sight = sight.clone();
         exchange::follow(view, &mut sight, joints);
-        Some((mean_distance(view, &sight, &known)?, sight))
+        Some((mean_distance(view, &sight, &known, REACH)?, sight))
     });
     let near = each.filter(|(d, _)| *d < REACH);
     near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, s)| s)
@@ -766,7 +819,7 @@ pub fn matched(
     let pair = |joints: &[DVec3; EVIDENCE_JOINTS], sight: &Sight| {
         let mut sight = sight.clone();
         exchange::follow(view, &mut sight, joints);
-        let off = mean_distance(view, &sight, &joints.map(Some));
+        let off = mean_distance(view, &sight, &joints.map(Some), REACH);
         let near = off.map_or(0.0, |off| (1.0 - off / REACH).max(0.0));
         (near as f32, sight)
     };
@@ -780,4 +833,56 @@ pub fn matched(
     let each = chosen.iter().enumerate();
     each.map(|(k, d)| d.map(|d| pairs[k * detections.len() + d].1.clone()))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Brown;
+    use crate::message::Observation;
+
+    /// Somebody who stands at the origin, arms hanging, moved by so much.
+    fn standing(by: DVec3) -> Joints {
+        let rest = [
+            (0.0, -0.75),
+            (0.0, -0.5),
+            (-0.2, -0.5),
+            (-0.25, -0.2),
+            (-0.25, 0.05),
+            (0.2, -0.5),
+            (0.25, -0.2),
+            (0.25, 0.05),
+            (-0.1, 0.0),
+            (-0.1, 0.45),
+            (-0.1, 0.85),
+            (0.1, 0.0),
+            (0.1, 0.45),
+            (0.1, 0.85),
+        ];
+        rest.map(|(x, y)| Some(DVec3::new(x, y, 0.0) + by))
+    }
+
+    #[test]
+    fn nobody_is_near_who_is_farther_than_the_reach() {
+        let view = View {
+            distortion: Brown::default(),
+            ..View::around(0.0)
+        };
+        let joints = standing(DVec3::ZERO);
+        let near = |x: f64, reach: f64| {
+            let mut seen = Observation::default();
+            for (out, joint) in seen.joints2d.iter_mut().zip(standing(x * DVec3::X)) {
+                let pixel = joint.and_then(|p| view.project(p)).expect("in front");
+                *out = [pixel.x as f32, pixel.y as f32, 0.9];
+            }
+            closeness(&view, &Sight::new(&view, &seen), &joints, reach)
+        };
+        for missed in [0.0, 0.1, 0.24, 1.0, 10.0] {
+            let reach = reach(missed, STEP[0]);
+            assert!(near(0.5 * reach, reach) > 0.3, "{missed} s");
+            for x in [1.2 * reach, 1.5, 3.0] {
+                assert_eq!(near(x, reach), 0.0, "{missed} s, {x} m");
+            }
+        }
+    }
 }

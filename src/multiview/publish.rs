@@ -218,10 +218,7 @@ fn bone_lengths(joints: &[[DVec3; BODY_JOINTS]]) -> BoneLengths {
 mod tests {
     use super::*;
     use crate::body::mesh::MeshPose;
-    use crate::joints::EVIDENCE_JOINTS;
     use crate::multiview::fit::PersonFrame;
-    use crate::multiview::fitted::Fitted;
-    use crate::multiview::moment::Moment;
     use crate::multiview::prior::PosePrior;
 
     /// Somebody turned about y who holds up the right forearm.
@@ -234,17 +231,7 @@ mod tests {
             pelvis: DVec3::new(0.2 * frame as f64, 0.9, 0.0),
             rotations,
         };
-        PersonFrame {
-            frame,
-            body: Fitted::new(MeshBody::shipped(), pose, &[0.0; 10]),
-            moment: Moment {
-                sights: Vec::new(),
-                joints: [None; EVIDENCE_JOINTS],
-                healed: 0,
-                lifted: None,
-                contours: Vec::new(),
-            },
-        }
+        PersonFrame::unseen(frame, pose)
     }
 
     #[test]

@@ -1,17 +1,18 @@
 //! The fit to several cameras while it happens, against people whose truth is known.
 
 use std::collections::BTreeSet;
+use std::f64::consts::TAU;
 
 use edgecap::body::skeleton::{Pose, Posed, Skeleton, rotation_vector};
 use edgecap::camera::View;
 use edgecap::fit::FitConfig;
-use edgecap::message::{BodyFrame, BodyState, JointState};
+use edgecap::message::{APPEARANCE_BINS, BodyFrame, BodyState, JointState};
 use edgecap::multiview::live::{FrameSet, LiveFit, Synchroniser};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 
-use crate::scene::people::{Activity, Person, walk};
+use crate::scene::people::{Activity, Leg, Person, walk};
 use crate::scene::ring::{Spoil, error, observe, views};
 
 const NOISY: Spoil = Spoil {
@@ -411,6 +412,186 @@ fn whoever_leaves_and_returns_is_recognised_by_looks() {
     assert_eq!(ids[150].len(), 1, "one is away");
     assert_eq!(ids[299], ids[50], "and is known when back");
     assert!(fit.remembered() <= 3);
+}
+
+/// Somebody who stands at (x, z), metres; equal seeds are built and dressed alike.
+fn standing(seed: u64, x: f64, z: f64) -> Person {
+    Person::new(seed, walk(0.0, 1.0, &[(x, z), (x, z)]), Activity::Stand)
+}
+
+/// What is published after every one of `rate` instants a second. `show` says whom a view sees at a time.
+fn instants<'a>(
+    views: &[View],
+    rate: f64,
+    seconds: f64,
+    show: &dyn Fn(usize, f64) -> Vec<&'a Person>,
+) -> Vec<(f64, BodyFrame)> {
+    let mut rng = SmallRng::seed_from_u64(3);
+    let mut fit = LiveFit::new(views.to_vec(), FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut all = Vec::new();
+    for k in 0..(seconds * rate) as usize {
+        let t = k as f64 / rate;
+        let seen = views.iter().enumerate().map(|(v, view)| {
+            let each = show(v, t).into_iter().flat_map(|person| {
+                let person = std::slice::from_ref(person);
+                let frame = observe(view, person, t, Spoil::default(), &mut rng);
+                frame.people().to_vec()
+            });
+            Some(each.collect())
+        });
+        let set = FrameSet {
+            capture_ns: 1_000_000_000 + (t * 1e9) as u64,
+            file_time: false,
+            stage_times: Default::default(),
+            views: seen.collect(),
+        };
+        fit.update(&set, &mut out);
+        all.push((t, out));
+    }
+    all
+}
+
+fn ids(frame: &BodyFrame) -> Vec<u32> {
+    frame.bodies().iter().map(|b| b.id).collect()
+}
+
+#[test]
+fn whoever_comes_while_somebody_is_missed_is_somebody_else() {
+    let views = views(2);
+    let first = standing(21, -1.0, 4.2);
+    // Seconds without anybody, and where somebody else is then: far away, and near in other clothes.
+    for (away, x) in [(0.3, 1.2), (0.8, 1.2), (2.0, 1.2), (0.3, -0.6), (0.8, -0.5)] {
+        let other = standing(22, x, 4.2);
+        let frames = instants(&views, 20.0, 3.0 + away, &|_, t| match t {
+            t if t < 1.5 => vec![&first],
+            t if t < 1.5 + away => vec![],
+            _ => vec![&other],
+        });
+        assert_eq!(ids(&frames[29].1), [1]);
+        let all: BTreeSet<u32> = frames.iter().flat_map(|(_, f)| ids(f)).collect();
+        assert_eq!(all, BTreeSet::from([1, 2]), "{away} s, {x} m");
+        let (t, last) = &frames[frames.len() - 1];
+        assert_eq!(ids(last), [2], "{away} s, {x} m");
+        let off = error(&last.bodies[0].joints3d, &other, *t);
+        assert!(off < 0.05, "{away} s, {x} m: {off}");
+    }
+}
+
+#[test]
+fn whoever_comes_behind_somebody_missed_is_somebody_else() {
+    let views = views(2);
+    // As the first view sees it, whom colours do not help.
+    let behind = (DVec3::new(0.0, 0.0, 4.2) - views[0].position) * DVec3::new(1.0, 0.0, 1.0);
+    let aside = behind.normalize();
+    let at = |seed: u64, by: f64| grey(standing(seed, by * aside.x, 4.2 + by * aside.z));
+    let (first, other) = (at(21, -1.0), at(22, 1.0));
+    for away in [0.3, 0.8] {
+        let frames = instants(&views, 20.0, 3.0 + away, &|_, t| match t {
+            t if t < 1.5 => vec![&first],
+            t if t < 1.5 + away => vec![],
+            _ => vec![&other],
+        });
+        let (t, last) = &frames[frames.len() - 1];
+        assert_eq!(ids(last), [2], "{away} s");
+        let off = error(&last.bodies[0].joints3d, &other, *t);
+        assert!(off < 0.05, "{away} s: {off}");
+    }
+}
+
+#[test]
+fn whom_one_view_follows_does_not_take_somebody_else_in_another() {
+    let views = views(2);
+    let first = standing(21, -1.0, 4.2);
+    // The second view loses them and sees somebody else alone, farther off, and near by in other clothes.
+    for (x, z) in [(0.9, 5.4), (1.5, 2.8), (-0.8, 4.7)] {
+        let other = standing(22, x, z);
+        let frames = instants(&views, 20.0, 4.0, &|v, t| match v {
+            1 if t > 1.6 => vec![&other],
+            1 if t > 1.5 => vec![],
+            _ => vec![&first],
+        });
+        for (t, frame) in &frames[30..] {
+            assert_eq!(ids(frame), [1], "{x} {z}: {t} s");
+            let off = error(&frame.bodies[0].joints3d, &first, *t);
+            assert!(off < 0.2, "{x} {z}: {t} s, {off} m");
+        }
+    }
+}
+
+/// Somebody who runs round the middle, so many metres a second.
+fn runner(speed: f64) -> Person {
+    const CORNERS: usize = 24;
+    let corner = |k: usize| {
+        let (sin, cos) = (TAU * k as f64 / CORNERS as f64).sin_cos();
+        DVec2::new(1.4 * cos, 4.2 + 1.4 * sin)
+    };
+    let seconds = corner(0).distance(corner(1)) / speed;
+    let leg = |k: usize| Leg {
+        start: seconds * k as f64,
+        end: seconds * (k + 1) as f64,
+        from: corner(k),
+        to: corner(k + 1),
+    };
+    Person::new(31, (0..10 * CORNERS).map(leg).collect(), Activity::Stand)
+}
+
+#[test]
+fn a_runner_is_one_person_at_few_instants_a_second() {
+    for (speed, rate) in [(3.0, 5.0), (2.5, 5.0), (1.5, 2.6), (3.0, 30.0)] {
+        let person = runner(speed);
+        for count in [2, 4] {
+            let frames = instants(&views(count), rate, 8.0, &|_, _| vec![&person]);
+            let known = frames.iter().filter(|(_, frame)| ids(frame) == [1]).count();
+            let all = frames.len();
+            println!("{speed} m/s at {rate}, {count} views: {known} of {all}");
+            assert!(
+                10 * known >= 9 * all,
+                "{speed} m/s at {rate}, {count} views: {known} of {all}"
+            );
+        }
+    }
+}
+
+/// The same person as a camera without colours shows them.
+fn grey(mut person: Person) -> Person {
+    person.clothes[1] = [0.0; APPEARANCE_BINS];
+    person.clothes[1][0] = 1.0;
+    person
+}
+
+#[test]
+fn without_colours_nobody_is_recognised_by_looks() {
+    let views = views(3);
+    let first = grey(standing(21, -1.2, 4.2));
+    let stays = grey(standing(23, 0.0, 5.6));
+    let show = |other: &Person, away: f64| -> Vec<u32> {
+        let frames = instants(&views, 20.0, 3.0 + away, &|_, t| match t {
+            t if t < 1.5 => vec![&first, &stays],
+            t if t < 1.5 + away => vec![&stays],
+            _ => vec![other, &stays],
+        });
+        assert_eq!(ids(&frames[29].1), [1, 2]);
+        ids(&frames[frames.len() - 1].1)
+    };
+    // 2.4 m away after four seconds: whoever that is.
+    let elsewhere = grey(standing(21, 1.2, 4.2));
+    assert_eq!(show(&elsewhere, 4.0), [2, 3]);
+    assert_eq!(show(&first, 2.0), [1, 2], "a moment ago, in the same place");
+}
+
+#[test]
+fn without_colours_somebody_is_found_at_an_instant_in_four_seconds() {
+    let views = views(2);
+    let person = grey(standing(21, 0.0, 4.2));
+    let mut rng = SmallRng::seed_from_u64(3);
+    let mut fit = LiveFit::new(views.clone(), FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    for k in 0..5 {
+        let set = instant(&views, &person, 4.0 * f64::from(k), &mut rng);
+        fit.update(&set, &mut out);
+        assert_eq!(out.count, u32::from(k > 0), "instant {k}");
+    }
 }
 
 #[test]

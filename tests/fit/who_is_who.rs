@@ -130,6 +130,64 @@ fn how_far_somebody_may_have_gone_goes_by_seconds() {
     }
 }
 
+/// What views see of one person a frame, moved by so much.
+fn moved(
+    views: &[View],
+    frames: usize,
+    by: &dyn Fn(usize) -> Option<DVec3>,
+) -> Vec<Vec<Detections>> {
+    let one = |f: usize, view: &View| -> Detections {
+        let joints = by(f).map(|by| hovering(0.0).map(|p| p + by));
+        joints.iter().map(|joints| sight(view, joints)).collect()
+    };
+    let all = (0..frames).map(|f| views.iter().map(|view| one(f, view)).collect());
+    all.collect()
+}
+
+#[test]
+fn whoever_is_missed_is_not_somebody_at_the_other_end_of_the_room() {
+    const THERE: usize = 12;
+    for count in [2, 4] {
+        let views = views(count);
+        // Across the room, and behind where they were as the first view sees it.
+        let behind = (DVec3::new(0.0, 0.0, 4.2) - views[0].position) * DVec3::new(1.0, 0.0, 1.0);
+        for aside in [2.4 * DVec3::X, 2.0 * behind.normalize()] {
+            // Frames of 20 a second in which nobody is there.
+            for away in [5, 10, 18] {
+                let by = |f: usize| match f {
+                    0..THERE => Some(-0.5 * aside),
+                    f if f < THERE + away => None,
+                    _ => Some(0.5 * aside),
+                };
+                let frames = moved(&views, 2 * THERE + away, &by);
+                let tracks = track(&views, &frames, 20.0);
+                let lengths: Vec<usize> = tracks.iter().map(|t| t.moments.len()).collect();
+                let case = format!("{count} views, {away} frames, {aside}");
+                assert_eq!(lengths, [THERE, THERE], "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn whoever_is_missed_leaves_somebody_new_to_themselves() {
+    const THERE: usize = 15;
+    const AWAY: usize = 10;
+    let views = views(2);
+    // Somebody new comes from farther off to where one who was missed for so long may have gone.
+    let by = |f: usize| match f {
+        0..THERE => Some(0.0),
+        f if f < THERE + AWAY => None,
+        f => Some((0.9 - 0.15 * (f - THERE - AWAY) as f64).max(0.45)),
+    };
+    let frames = moved(&views, 2 * THERE + AWAY, &|f| {
+        by(f).map(|up| -up * DVec3::Y)
+    });
+    let tracks = track(&views, &frames, 20.0);
+    let lengths: Vec<usize> = tracks.iter().map(|t| t.moments.len()).collect();
+    assert_eq!(lengths, [THERE, THERE]);
+}
+
 #[test]
 fn limbs_of_a_view_that_is_left_out_are_not_healed() {
     let views = views(3);

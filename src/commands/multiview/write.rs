@@ -337,8 +337,7 @@ mod tests {
 
     use super::*;
     use crate::body::mesh::{JOINTS, MeshPose};
-    use crate::joints::EVIDENCE_JOINTS;
-    use crate::multiview::{Fitted, Moment, PersonFit, PersonFrame};
+    use crate::multiview::{PersonFit, PersonFrame};
 
     #[test]
     fn people_for_whom_lines_have_no_room_are_said() {
@@ -346,23 +345,12 @@ mod tests {
             pelvis: DVec3::ZERO,
             rotations: [DQuat::IDENTITY; JOINTS],
         };
-        let frame = |frame: usize| PersonFrame {
-            frame,
-            body: Fitted::new(MeshBody::shipped(), pose, &[0.0; 10]),
-            moment: Moment {
-                sights: Vec::new(),
-                joints: [None; EVIDENCE_JOINTS],
-                healed: 0,
-                lifted: None,
-                contours: Vec::new(),
-            },
-        };
         let person = |k: usize| PersonFit {
             id: k as u32 + 1,
             betas: vec![0.0; 10],
             // The last of them leaves after a frame.
             frames: (0..if k == MAX_PEOPLE { 1 } else { 2 })
-                .map(frame)
+                .map(|frame| PersonFrame::unseen(frame, pose))
                 .collect(),
         };
         let of = |count: usize| MultiviewFit {

@@ -35,6 +35,13 @@ impl Appearance {
         (2.0 * hue + saturation) / 3.0
     }
 
+    /// Difference to somebody's looks as a share of the `most` that one person has; `None` where looks tell nothing.
+    pub fn unlike(&self, other: &Self, most: f64) -> Option<f64> {
+        let unlike = self.distance(other) / most.max(1e-6);
+        // Without colours everybody looks alike.
+        (unlike > 1.0 || self.has_colour() || other.has_colour()).then_some(unlike)
+    }
+
     /// Whether there is any colour to tell people apart by.
     pub fn has_colour(&self) -> bool {
         self.saturation[..GREY_BINS].iter().sum::<f32>() < GREY

@@ -36,7 +36,7 @@ const DEPTH_SLACK: f64 = 0.15;
 /// Difference of appearance that one person has from frame to frame.
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
-const VETO: f64 = 1.35;
+pub const VETO: f64 = 1.35;
 /// Longest absence, seconds, after which somebody is recognised by the place alone.
 const BY_PLACE: f64 = 3.0;
 /// Handicap per second without being seen, up to one second.
@@ -136,8 +136,7 @@ pub fn confirms(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConf
 /// Difference of looks as a share of the most that one person has; `None` where looks tell nothing.
 fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64> {
     let (a, b) = (newcomer.appearance.as_ref()?, left.appearance.as_ref()?);
-    let unlike = a.distance(b) / config.reidentify_appearance.max(1e-6);
-    (unlike > 1.0 || !is_colourless(Some(a), Some(b))).then_some(unlike)
+    a.unlike(b, config.reidentify_appearance)
 }
 
 /// How unlike by the place alone.

@@ -4,4 +4,4 @@ mod appearance;
 mod dissimilarity;
 
 pub use appearance::Appearance;
-pub use dissimilarity::{confirms, dissimilarity, looks_may_tell, reidentification};
+pub use dissimilarity::{VETO, confirms, dissimilarity, looks_may_tell, reidentification};

@@ -7,10 +7,16 @@ use crate::multiview::people::{ONE_VIEW, PROOF, is_one_body, is_proven};
 
 /// Seconds without two views after which somebody without identity whom one view still sees is let go.
 const UNPROVEN: f64 = 0.4;
+/// Steps between instants, however long, for which somebody without identity stays at least: one may be missed.
+const LEAST_STEPS: f64 = 1.5;
+/// Longest absence, seconds, after which somebody is recognised by the place alone.
+const BY_PLACE: f64 = 3.0;
 /// Seconds after which somebody who is missed may stand here under another name.
 const MISSED: f64 = 0.1;
 /// Difference of statures, natural logarithm, that one person has from time to time.
 const STATURE_NOISE: f64 = 0.03;
+/// By how much sums of seconds may be off that should be equal.
+const ROUNDING: f64 = 1e-6;
 /// Most people remembered after they left.
 const MOST_REMEMBERED: usize = 64;
 
@@ -55,19 +61,20 @@ impl Identities {
     }
 
     /// Gives identities to those who have been seen often enough: their old one where they are recognised. After a
-    /// pause, in which everybody left, it is so at first sight; and whoever had no identity yet goes on towards one.
+    /// `pause` of so many seconds, in which everybody left, it is so at first sight; and whoever had no identity yet
+    /// goes on towards one.
     pub fn confirm(
         &mut self,
         present: &mut Vec<Person>,
         now_ns: u64,
-        after_pause: bool,
+        pause: Option<f64>,
         config: &FitConfig,
     ) {
         let is_proven = |p: &Person| is_proven(p.proof, PROOF);
         let ready: Vec<usize> = (0..present.len())
             .filter(|&k| {
                 let p = &present[k];
-                p.id == 0 && p.unseen == 0.0 && (after_pause || is_proven(p))
+                p.id == 0 && p.unseen == 0.0 && (pause.is_some() || is_proven(p))
             })
             .collect();
         if ready.is_empty() {
@@ -89,8 +96,21 @@ impl Identities {
             }
         }
         let pairs = assign(&costs, ready.len(), known, 1.0);
+        // Who stands where somebody stood at the last instant, long ago, as whom nobody of this one is recognised.
+        let is_confirmed: Vec<bool> = ready
+            .iter()
+            .map(|&k| {
+                let mut gone = self.gone.iter().zip(missed.len()..);
+                gone.any(|(gone, w)| {
+                    let seconds = gone.seconds(now_ns);
+                    pause.is_some_and(|pause| seconds <= pause + ROUNDING)
+                        && !pairs.contains(&Some(w))
+                        && confirms(&present[k], &gone.person, seconds, config)
+                })
+            })
+            .collect();
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
-        for (&k, pair) in ready.iter().zip(pairs) {
+        for ((&k, pair), is_confirmed) in ready.iter().zip(pairs).zip(is_confirmed) {
             let old = match pair {
                 None => None,
                 Some(w) if w < missed.len() => {
@@ -108,7 +128,7 @@ impl Identities {
             if let Some((seconds, old)) = old {
                 present[k].succeed(old, seconds);
             }
-            if present[k].id == 0 && is_proven(&present[k]) {
+            if present[k].id == 0 && (is_confirmed || is_proven(&present[k])) {
                 present[k].id = self.next;
                 self.next = self.next.wrapping_add(1).max(1);
             }
@@ -143,13 +163,16 @@ impl Identities {
     }
 
     /// Lets go of those missed for too long, of whom there are two of, and of the memory of those who left long ago.
-    pub fn forget(&mut self, present: &mut Vec<Person>, now_ns: u64, config: &FitConfig) {
+    /// `dt`: seconds since the instant before.
+    pub fn forget(&mut self, present: &mut Vec<Person>, now_ns: u64, dt: f64, config: &FitConfig) {
         let identity = &config.identity;
+        let [grace, unproven] =
+            [identity.tentative_grace, UNPROVEN].map(|seconds| seconds.max(LEAST_STEPS * dt));
         present.sort_by_key(|p| if p.id == 0 { u32::MAX } else { p.id });
         let mut kept: Vec<Person> = Vec::with_capacity(present.len());
         for mut person in present.drain(..) {
             let lost = if person.id == 0 {
-                person.unseen > identity.tentative_grace || person.apart > UNPROVEN
+                person.unseen > grace || person.apart > unproven
             } else {
                 person.unseen > identity.grace.max(identity.hold) || person.apart > ONE_VIEW
             };
@@ -201,16 +224,31 @@ fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f
         return f64::INFINITY;
     }
     let apart = new.pose.position.distance(old.pose.position);
-    let looks = match new.unlike(old) {
-        Some(unlike) => unlike / config.identity.reidentify_appearance.max(1e-6),
+    let looks = match new.unlike(old, config.identity.reidentify_appearance) {
+        Some(unlike) => unlike,
         // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < 3.0 => apart / (0.5 + gone),
+        None if gone < BY_PLACE => by_place(new, old, gone),
         None => return f64::INFINITY,
     };
     let taller = new.build.difference(&old.build);
     let taller = taller.map_or(0.0, |d| (d / STATURE_NOISE - 1.0).max(0.0));
     let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
     looks + 0.5 * taller + 0.5 * farther + 0.001 * gone
+}
+
+/// Whether somebody stands where another one, whom looks do not tell from them, stood so many seconds ago: after so
+/// long nothing says that they are the same, but that two were seen there makes sure that somebody is.
+fn confirms(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> bool {
+    gone >= BY_PLACE
+        && new
+            .unlike(old, config.identity.reidentify_appearance)
+            .is_none()
+        && by_place(new, old, BY_PLACE) <= 1.0
+}
+
+/// How unlike by the place alone.
+fn by_place(new: &Person, old: &Person, gone: f64) -> f64 {
+    new.pose.position.distance(old.pose.position) / (0.5 + gone)
 }
 
 fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
@@ -241,7 +279,7 @@ mod tests {
     /// Who is present and who is remembered after an instant.
     fn after(mut present: Vec<Person>) -> (Vec<u32>, Vec<u32>) {
         let mut identities = Identities::default();
-        identities.forget(&mut present, 5_000_000_000, &FitConfig::default());
+        identities.forget(&mut present, 5_000_000_000, 0.033, &FitConfig::default());
         let present = present.iter().map(|p| p.id).collect();
         (
             present,

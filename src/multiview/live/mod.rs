@@ -22,22 +22,20 @@ use self::identity::Identities;
 use self::person::{Context, Person};
 use self::publish::write_body;
 use self::seen::Seen;
-use super::people::{closeness, groups, reach};
+use super::people::{Followed, Joints, closeness, groups, reach, rejoin};
 use super::sight::Sight;
 use super::world;
 use crate::assignment::Matcher;
-use crate::body::skeleton::{Skeleton, rotation_vector_near};
-use crate::camera::View;
+use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
+use crate::camera::{RESTART_NS, View};
 use crate::fit::config::ConfigError;
-use crate::fit::{FitConfig, MotionModel};
+use crate::fit::{FitConfig, MotionModel, VETO};
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
 use crate::solve::Solver;
 
 pub use settings::without_meaning;
 pub use synchroniser::{FrameSet, LeftOut, Synchroniser};
 
-/// Times that go back by more than this belong to another recording.
-const RESTART_NS: u64 = 500_000_000;
 /// Shortest and longest step between instants, seconds.
 const STEP: [f64; 2] = [1e-3, 1.0];
 /// Share of a score that looks which differ in everything take away, and the difference that one person has anyway.
@@ -119,7 +117,8 @@ impl LiveFit {
             self.publish(0.0, out);
             return;
         };
-        let (dt, after_pause) = (passed.min(STEP[1]), passed > STEP[1]);
+        let dt = passed.min(STEP[1]);
+        let pause = (passed > STEP[1]).then_some(passed);
         self.newest = Some(Newest {
             capture_ns: set.capture_ns,
             flags: if set.file_time { FLAG_FILE_TIME } else { 0 },
@@ -132,8 +131,9 @@ impl LiveFit {
         self.start_people(&mut seen);
         let now = set.capture_ns;
         self.identities
-            .confirm(&mut self.present, now, after_pause, &self.config);
-        self.identities.forget(&mut self.present, now, &self.config);
+            .confirm(&mut self.present, now, pause, &self.config);
+        self.identities
+            .forget(&mut self.present, now, dt, &self.config);
         for person in &mut self.present {
             person.turn = rotation_vector_near(person.pose.rotation, person.turn);
         }
@@ -178,51 +178,110 @@ impl LiveFit {
         Some(dt.max(STEP[0]))
     }
 
-    /// Every detection, by view; taken ones become none.
+    /// Every detection that can be used, by view; taken ones become none.
     fn seen(&self, set: &FrameSet) -> Vec<Vec<Option<Seen>>> {
         let least = self.config.min_joint_confidence;
         let each = self.views.iter().zip(&set.views);
         each.map(|(view, people)| {
             let people = people.iter().flatten();
-            people.map(|o| Seen::new(view, o, least)).collect()
+            let usable = people.filter_map(|o| Seen::new(view, o, least));
+            usable.map(Some).collect()
         })
         .collect()
     }
 
-    /// The detection of every person in every view.
+    /// The detection of every person in every view: first by where people are expected, had nobody missed them; then of
+    /// what is left also by where they were, and as far away as they may have gone. Whoever was seen the last time
+    /// takes before whoever was not.
     fn associate(&mut self, seen: &[Vec<Option<Seen>>], dt: f64) -> Vec<Vec<Option<usize>>> {
-        let expected: Vec<_> = self
+        let evidence = |posed: &Posed| -> Joints { std::array::from_fn(|j| Some(posed.joints[j])) };
+        let (were, ahead): (Vec<Joints>, Vec<Joints>) = self
             .present
             .iter()
-            .map(|p| {
-                let (_, posed) = p.ahead(dt, &self.model);
-                std::array::from_fn(|j| Some(posed.joints[j]))
-            })
-            .collect();
+            .map(|p| (evidence(&p.posed), evidence(&p.ahead(dt, &self.model).1)))
+            .unzip();
         let mut chosen = vec![vec![None; self.views.len()]; self.present.len()];
-        for (v, (view, detections)) in self.views.iter().zip(seen).enumerate() {
-            let mut scores = Vec::with_capacity(self.present.len() * detections.len());
-            for (person, joints) in self.present.iter().zip(&expected) {
-                let reach = reach(person.apart);
-                for detection in detections {
-                    scores.push(detection.as_ref().map_or(0.0, |d| {
-                        let near = closeness(view, &d.sight, joints, reach);
-                        let looks = person.looks[v].as_ref().zip(d.looks.as_ref());
-                        let unlike =
-                            looks.map_or(0.0, |(a, b)| (a.distance(b) - LOOKS[1]).max(0.0));
-                        let known = if person.id == 0 { NEWCOMER } else { 1.0 };
-                        near * known * (1.0 - LOOKS[0] * unlike) as f32
-                    }));
+        for (is_far, is_absent) in [(false, false), (false, true), (true, false), (true, true)] {
+            for (v, (view, detections)) in self.views.iter().zip(seen).enumerate() {
+                let all = self.present.iter().enumerate();
+                let people: Vec<usize> = all
+                    .filter(|(k, p)| (p.unseen > 0.0) == is_absent && chosen[*k][v].is_none())
+                    .map(|(k, _)| k)
+                    .collect();
+                let is_taken = |d: usize| chosen.iter().any(|own| own[v] == Some(d));
+                let left: Vec<(usize, &Seen)> = detections
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(d, seen)| Some((d, seen.as_ref()?)))
+                    .filter(|(d, _)| !is_taken(*d))
+                    .collect();
+                let mut scores = Vec::with_capacity(people.len() * left.len());
+                for &k in &people {
+                    let person = &self.present[k];
+                    let reach = reach(if is_far { person.apart } else { 0.0 }, dt);
+                    for (_, seen) in &left {
+                        let to = |joints| closeness(view, &seen.sight, joints, reach);
+                        let near = match is_far {
+                            true => to(&ahead[k]).max(to(&were[k])),
+                            false => to(&ahead[k]),
+                        };
+                        scores.push(near * self.likeness(person, v, seen));
+                    }
+                }
+                let pairs = self.matcher.solve(people.len(), left.len(), &scores);
+                for (&k, pair) in people.iter().zip(pairs) {
+                    chosen[k][v] = pair.map(|d| left[d].0);
                 }
             }
-            let pairs = self
-                .matcher
-                .solve(self.present.len(), detections.len(), &scores);
-            for (chosen, pair) in chosen.iter_mut().zip(pairs) {
-                chosen[v] = *pair;
-            }
         }
+        self.rejoin(seen, &ahead, &mut chosen);
         chosen
+    }
+
+    /// What somebody's fit to a detection in a view is worth besides the place, 0–1.
+    fn likeness(&self, person: &Person, view: usize, seen: &Seen) -> f32 {
+        let known = if person.id == 0 { NEWCOMER } else { 1.0 };
+        let looks = person.looks[view].as_ref().zip(seen.looks.as_ref());
+        let unlike = looks.map_or(0.0, |(a, b)| a.distance(b));
+        let is_new_here = person.unseen > 0.0 || !person.seen_by[view];
+        // Whoever was out of a view and comes back in other clothes is somebody else, unless two others saw where they
+        // were.
+        if person.apart > 0.0
+            && is_new_here
+            && unlike > VETO * self.config.identity.reidentify_appearance
+        {
+            return 0.0;
+        }
+        known * (1.0 - LOOKS[0] * (unlike - LOOKS[1]).max(0.0)) as f32
+    }
+
+    /// Mends what was chosen for those whom fewer than two views saw at the last instant.
+    fn rejoin(
+        &self,
+        seen: &[Vec<Option<Seen>>],
+        ahead: &[Joints],
+        chosen: &mut Vec<Vec<Option<usize>>>,
+    ) {
+        let followed = self.present.iter().zip(ahead).map(|(person, joints)| {
+            (person.apart > 0.0).then(|| Followed {
+                joints: *joints,
+                seen_by: person.seen_by.clone(),
+                is_absent: person.unseen > 0.0,
+            })
+        });
+        let followed: Vec<Option<Followed>> = followed.collect();
+        if followed.iter().all(Option::is_none) {
+            return;
+        }
+        let sights = seen
+            .iter()
+            .map(|seen| seen.iter().flatten().map(|s| &s.sight).collect());
+        let sights: Vec<Vec<&Sight>> = sights.collect();
+        let may_be = |k: usize, v: usize, d: usize| {
+            let seen = seen[v][d].as_ref();
+            seen.is_some_and(|seen| self.likeness(&self.present[k], v, seen) > 0.0)
+        };
+        rejoin(&self.views, &sights, &followed, may_be, chosen);
     }
 
     /// Fits everyone who was seen, lets the others coast.

@@ -14,7 +14,7 @@ use crate::fit::{
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
 use crate::multiview::exchange::is_crossed;
-use crate::multiview::people::is_body;
+use crate::multiview::people::{is_body, reach};
 use crate::multiview::triangulate::Joints3d;
 use crate::solve::{Effort, Solver};
 
@@ -24,10 +24,8 @@ const SHARE_3D: [f64; 3] = [0.35, 1.0, 0.1];
 const HIDDEN_3D: f64 = 0.5;
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
 const REST_SIGMA: f64 = 1.5;
-/// A limb is stuck where its joints lie so far from where rays meet, metres, …
+/// A limb is stuck where its joints lie so far from where rays meet, metres.
 const STUCK: f64 = 0.15;
-/// … and a body is elsewhere where its joints do so on average.
-const ELSEWHERE: f64 = 0.35;
 /// Rays meet in a joint when their mean robust cost is no more than this, square metres, however many they are.
 const MET: f64 = 0.0035;
 /// Seconds after which limbs that most views call by the other side's name are believed, or shoulders that point
@@ -74,6 +72,8 @@ pub struct Person {
     pub unseen: f64,
     /// Seconds since two views did.
     pub apart: f64,
+    /// By view, whether it saw them when somebody last did.
+    pub seen_by: Vec<bool>,
     /// How each joint is known.
     pub states: [JointState; BODY_JOINTS],
     /// Recent distance between fit and where rays meet, metres.
@@ -103,6 +103,7 @@ impl Person {
             age: 0.0,
             unseen: 0.0,
             apart: 0.0,
+            seen_by: seen.iter().map(Option::is_some).collect(),
             states: [JointState::OCCLUDED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             exchanged: 0.0,
@@ -131,6 +132,7 @@ impl Person {
             age: 0.0,
             unseen: 0.0,
             apart: 0.0,
+            seen_by: Vec::new(),
             states: [JointState::OCCLUDED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             exchanged: 0.0,
@@ -179,7 +181,9 @@ impl Person {
         self.age += dt;
         self.unseen = 0.0;
         self.apart = if count > 1 { 0.0 } else { self.apart + dt };
-        let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > ELSEWHERE);
+        self.seen_by = seen.iter().map(Option::is_some).collect();
+        // Farther than anybody goes in a step.
+        let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > reach(0.0, dt));
         if !((wrong_sides || elsewhere) && self.restart(&seen, &joints, cx).is_some()) {
             self.follow(&seen, &joints, predicted, cx);
         }
@@ -217,10 +221,11 @@ impl Person {
         self.states = [JointState::PREDICTED; BODY_JOINTS];
     }
 
-    /// Difference of looks to somebody else, 0–1, over views that know both; `None` where none does.
-    pub fn unlike(&self, other: &Self) -> Option<f64> {
+    /// Difference of looks to somebody else as a share of the `most` that one person has, over views whose looks tell
+    /// people apart; `None` where none does.
+    pub fn unlike(&self, other: &Self, most: f64) -> Option<f64> {
         let both = self.looks.iter().zip(&other.looks);
-        let each = both.filter_map(|(a, b)| Some(a.as_ref()?.distance(b.as_ref()?)));
+        let each = both.filter_map(|(a, b)| a.as_ref()?.unlike(b.as_ref()?, most));
         let (sum, count) = each.fold((0.0, 0), |(s, n), d| (s + d, n + 1));
         (count > 0).then(|| sum / f64::from(count))
     }

@@ -12,6 +12,7 @@
 
 use std::collections::VecDeque;
 
+use crate::camera::RESTART_NS;
 use crate::message::{
     FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame, StageTimes,
 };
@@ -31,8 +32,6 @@ const SAME: u64 = 2_000_000;
 const NEAR: u64 = 25_000_000;
 /// Longest time between two frames that is interpolated.
 const GAP: u64 = 400_000_000;
-/// Times that go back by more than this belong to another recording.
-const RESTART: u64 = 500_000_000;
 /// Longer than this between two frames is a pause, which does not tell how fast a camera is.
 const PAUSE: u64 = 1_000_000_000;
 /// Frames of a camera that are kept.
@@ -227,7 +226,7 @@ impl Synchroniser {
             return;
         }
         if let Some(newest) = stream.newest() {
-            if frame.capture_ns.saturating_add(RESTART) < newest {
+            if frame.capture_ns.saturating_add(RESTART_NS) < newest {
                 *stream = Stream::default();
                 if is_lead {
                     self.last = None;
@@ -308,7 +307,7 @@ impl Synchroniser {
     fn start_over(&mut self) {
         let lead = &self.streams[self.lead];
         let newest = lead.newest().filter(|_| !lead.joined);
-        let is_over = |last: u64| newest.is_some_and(|n| n.saturating_add(RESTART) < last);
+        let is_over = |last: u64| newest.is_some_and(|n| n.saturating_add(RESTART_NS) < last);
         if self.last.is_some_and(is_over) {
             self.last = None;
         }
