@@ -3,7 +3,8 @@
 #   gpu.sh take RUN PART                 a part of carry.py into RUN/parts; RUN is a folder that outlives the call
 #   gpu.sh train RUN PARTS OPTION...     in the background, on two parts first, on all PARTS once they are there, until the time in
 #                                        RUN/end (seconds since 1970, read at both starts); OPTIONs are train.py's. Its
-#                                        schedule ends with the time, with --steps after those, however late
+#                                        schedule ends with the time. With --steps it counts those, and training may
+#                                        stop at that time before its end
 #   gpu.sh watch RUN BACK                checkpoints to BACK, which is fetched after the call, until training has ended
 set -eu
 what=$1 run=$2

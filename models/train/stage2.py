@@ -450,7 +450,7 @@ if __name__ == "__main__":
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("pack", type=pathlib.Path)
     ap.add_argument("out", type=pathlib.Path)
-    ap.add_argument("--minutes", type=float, default=8, help="pauses (kill -STOP) do not count")
+    ap.add_argument("--minutes", type=float, default=8, help="of a pause (kill -STOP) two count, or ten steps where those are longer")
     ap.add_argument("--steps", type=int, default=0)
     ap.add_argument("--batch", type=int, default=512)
     ap.add_argument("--seen", type=float, default=0.3, help="people as Stage I reported them added to a batch, over its size")

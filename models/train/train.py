@@ -645,7 +645,7 @@ def main(argv: list[str]) -> None:
     ap.add_argument("pack", type=pathlib.Path)
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--total", type=float, default=26, help="minutes of the whole schedule")
-    ap.add_argument("--minutes", type=float, default=9, help="minutes this call may take, start and saving included, pauses (kill -STOP) not")
+    ap.add_argument("--minutes", type=float, default=9, help="minutes this call may take, start and saving included; of a pause (kill -STOP) two count, or ten steps where those are longer")
     ap.add_argument("--finish", action="store_true", help="end the schedule with this call, whatever --total says; not with --steps")
     ap.add_argument("--steps", type=int, default=0, help="length of the whole schedule in steps, instead of --total")
     ap.add_argument("--resume", action="store_true")

@@ -185,7 +185,7 @@ fn of_record(path: &Path, found: &mut EventSink, stop: &Stop) -> anyhow::Result<
         Ok(())
     };
     let outcome = read();
-    // Lines that are missing are told before that the user wanted no more.
+    // That lines are missing matters more than that the user stopped it.
     lines.finish(|| stop.requested())?;
     outcome
 }

@@ -22,7 +22,7 @@ struct Person {
     there: Steady<bool>,
     /// When they were last seen.
     seen: f64,
-    /// Since then nobody looked for so long, seconds.
+    /// Of the time since then, how long nobody looked, seconds.
     unwatched: f64,
     has_been: bool,
     zones: Vec<Steady<bool>>,

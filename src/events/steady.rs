@@ -36,7 +36,7 @@ impl<T: Copy + PartialEq> Steady<T> {
         self.since
     }
 
-    /// Has it hold from so many seconds later on.
+    /// Moves the moment from which it holds by so many seconds.
     pub fn put_off(&mut self, seconds: f64) {
         self.since += seconds;
     }

@@ -31,8 +31,8 @@ pub fn to_view(view: &View, lens: &Intrinsics, people: &mut [Observation]) {
     }
 }
 
-/// The pixel by whose ray Stage II's axes are turned: the neck's, or the mean of the joints that were seen. Where the
-/// lens shows nothing, nothing was seen whose ray is known.
+/// The pixel by whose ray Stage II's axes are turned: the neck's, or the mean of the joints that were seen. Joints
+/// where the lens shows nothing have no ray and do not count.
 fn anchor(view: &View, seen: &Observation) -> Option<DVec2> {
     let at = |[u, v, confidence]: [f32; 3]| {
         let pixel = DVec2::new(u.into(), v.into());

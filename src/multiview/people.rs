@@ -355,11 +355,16 @@ pub(super) fn rejoin<'a>(
             views_of(&chosen).all(|(v, d)| may_be(k, v, d))
                 && followed.is_some_and(|f| f.goes_on(views, sights(&chosen)))
         };
+        let is_somebody = || {
+            let mut sights = sights(&chosen);
+            exchange::agree(views, &mut sights);
+            is_body(&solve(views, &sights).points)
+        };
         match known[..] {
             [] => new.push(chosen),
             [k] if goes_on(k) => taken[k] = chosen,
             // Of whoever nobody saw the last time one view knows no better than two where they see somebody.
-            [k] if followed[k].as_ref().is_some_and(|f| f.is_absent) => {
+            [k] if followed[k].as_ref().is_some_and(|f| f.is_absent) && is_somebody() => {
                 taken[k].fill(None);
                 new.push(chosen);
             }
@@ -581,7 +586,8 @@ struct Standing {
     is_proven: bool,
     /// Whether nobody saw them in the last frame.
     is_absent: bool,
-    /// How far from their joints rays may pass, metres: had two views seen them the last time, and as it is.
+    /// How far from their joints rays may pass, metres: as of somebody just seen, and by how long they have been
+    /// missed.
     reach: [f64; 2],
     /// Where their joints are if they go on as they went.
     ahead: Joints,

@@ -460,8 +460,17 @@ fn ids(frame: &BodyFrame) -> Vec<u32> {
 fn whoever_comes_while_somebody_is_missed_is_somebody_else() {
     let views = views(2);
     let first = standing(21, -1.0, 4.2);
-    // Seconds without anybody, and where somebody else is then: far away, and near in other clothes.
-    for (away, x) in [(0.3, 1.2), (0.8, 1.2), (2.0, 1.2), (0.3, -0.6), (0.8, -0.5)] {
+    // Seconds without anybody, and where somebody else is then: far away, and near or in the same place in other clothes.
+    let cases = [
+        (0.3, 1.2),
+        (0.8, 1.2),
+        (2.0, 1.2),
+        (0.3, -0.6),
+        (0.8, -0.5),
+        (0.3, -1.0),
+        (0.8, -0.9),
+    ];
+    for (away, x) in cases {
         let other = standing(22, x, 4.2);
         let frames = instants(&views, 20.0, 3.0 + away, &|_, t| match t {
             t if t < 1.5 => vec![&first],

@@ -14,8 +14,9 @@ pub const ANKLES: [usize; 2] = [10, 13];
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.
 const MOVES: f64 = 0.4;
-/// Seconds between the first and the newest of slow looks in a row from which a foot counts as standing: where one step
-/// lies between two looks, a single slow one tells nothing.
+/// Slow looks in a row, and seconds between the first and the newest of them, from which a foot counts as standing: where
+/// one step lies between two looks, a single slow one tells nothing.
+const LOOKS: u32 = 2;
 const SETTLE: f64 = 0.08;
 /// Seconds after which a foot that has just come to rest may be anywhere: a step leaves it in place for half a second …
 const HOLDS: f64 = 0.15;
@@ -60,14 +61,15 @@ struct Foot {
 impl Foot {
     /// Takes in where the ankle was fitted (camera space, metres) and its velocity (m/s), `dt` seconds after the last.
     fn follow(&mut self, ankle: DVec3, velocity: DVec3, dt: f64) {
+        let looks = u32::from(self.hidden == 0.0);
         let ray = ankle.normalize_or_zero();
         // Depth of single frames is noisy, so the picture decides. A foot that swings along the view shows there, too,
         // while it is near: the camera is higher, and the foot is lifted.
         let speed = velocity.reject_from_normalized(ray).length();
         self.slow = match self.slow {
             _ if speed >= STANDS => (0, 0.0),
-            (0, _) => (1, 0.0),
-            (looks, seconds) => (looks.saturating_add(1), seconds + dt),
+            (0, _) => (looks, 0.0),
+            (before, seconds) => (before.saturating_add(looks), seconds + dt),
         };
         match &mut self.place {
             Some(place) => {
@@ -78,7 +80,7 @@ impl Foot {
                     *place += gap * (dt / DRIFT).min(1.0);
                 }
             }
-            None if self.slow.1 >= SETTLE => self.place = Some(ankle),
+            None if self.slow.0 >= LOOKS && self.slow.1 >= SETTLE => self.place = Some(ankle),
             None => {}
         }
     }
@@ -100,7 +102,7 @@ fn has_left(gap: DVec3, ray: DVec3) -> bool {
 }
 
 impl Feet {
-    /// Contact terms for the fit `dt` seconds after the last.
+    /// Contact terms for the fit `dt` seconds after the last in which the person was seen.
     pub fn contacts(&self, terms: &TermsConfig, dt: f64) -> [Option<Contact>; 2] {
         let along = ALONG * (-(self.receding / WALKS).powi(2)).exp();
         std::array::from_fn(|i| {
@@ -152,7 +154,7 @@ impl Feet {
 
     /// Forgets where the feet stood.
     pub fn lift(&mut self) {
-        *self = Self::default();
+        self.feet = Default::default();
     }
 }
 

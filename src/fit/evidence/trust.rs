@@ -37,6 +37,8 @@ const FORGIVEN: f64 = 0.5;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Trust {
     owed: [f64; EVIDENCE_JOINTS],
+    /// Seconds between the last two frames.
+    last: f64,
 }
 
 impl Trust {
@@ -44,12 +46,16 @@ impl Trust {
     pub fn first(evidence: &mut Evidence) -> Self {
         let mut trust = Self::default();
         trust.judge(evidence, CALM);
+        trust.last = 0.0;
         trust
     }
 
     /// Judges every joint, `dt` seconds after the last time, and takes those that are not believed out of the evidence.
     /// Without a root what was doubted stays doubted.
     pub fn judge(&mut self, evidence: &mut Evidence, dt: f64) {
+        // A bad frame after a dropped one owes two intervals, and costs no other one either.
+        let paid = dt.max(self.last);
+        self.last = dt;
         for (joint, parent) in DOUBTABLE {
             let owed = &mut self.owed[joint];
             if let Some(root) = evidence.root.filter(|_| evidence.confidence[joint] > 0.0) {
@@ -57,7 +63,7 @@ impl Trust {
                 *owed = if disagreement(evidence, root, joint) > most {
                     (*owed + dt).min(CALM)
                 } else {
-                    let rest = *owed - dt;
+                    let rest = *owed - paid;
                     if rest < FORGIVEN * dt { 0.0 } else { rest }
                 };
             }
@@ -133,7 +139,12 @@ mod tests {
 
     #[test]
     fn one_bad_frame_costs_no_other_whatever_the_interval() {
-        for [bad, good] in [[0.0334, 0.0332], [0.0332, 0.0334], [0.03, 0.021]] {
+        for [bad, good] in [
+            [0.0334, 0.0332],
+            [0.0332, 0.0334],
+            [0.03, 0.021],
+            [0.0667, 0.0333],
+        ] {
             let mut trust = Trust::default();
             for _ in 0..10 {
                 assert_eq!(left_out_after(&mut trust, &[9], bad), [9, 10]);

@@ -183,7 +183,7 @@ impl Track {
         self.filter(&mut evidence, &expected, dt, cx);
         let depth = predicted.position.z.max(0.3);
         let mut targets = self.targets(&evidence, predicted, depth, cx);
-        targets.contacts = self.feet.contacts(&cx.config.terms, dt);
+        targets.contacts = self.feet.contacts(&cx.config.terms, self.unseen + dt);
         targets.weights_motion = self.motion.weights(cx.model);
         let lengths = *self.bones.lengths();
         let mut solution = cx.solver.solve(

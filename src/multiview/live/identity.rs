@@ -96,7 +96,7 @@ impl Identities {
             }
         }
         let pairs = assign(&costs, ready.len(), known, 1.0);
-        // Who stands where somebody stood at the last instant, long ago, as whom nobody of this one is recognised.
+        // Newcomers near where somebody stood at the last instant before the pause, if nobody was recognised as that one.
         let is_confirmed: Vec<bool> = ready
             .iter()
             .map(|&k| {

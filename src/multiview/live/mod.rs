@@ -190,9 +190,9 @@ impl LiveFit {
         .collect()
     }
 
-    /// The detection of every person in every view: first by where people are expected, had nobody missed them; then of
-    /// what is left also by where they were, and as far away as they may have gone. Whoever was seen the last time
-    /// takes before whoever was not.
+    /// The detection of every person in every view: first within the reach of somebody just seen, about where they are
+    /// expected; then of what is left also about where they were, and as far away as they may have gone. Whoever was
+    /// seen the last time takes before whoever was not.
     fn associate(&mut self, seen: &[Vec<Option<Seen>>], dt: f64) -> Vec<Vec<Option<usize>>> {
         let evidence = |posed: &Posed| -> Joints { std::array::from_fn(|j| Some(posed.joints[j])) };
         let (were, ahead): (Vec<Joints>, Vec<Joints>) = self
@@ -329,7 +329,9 @@ impl LiveFit {
             let Some(person) = Person::start(own, &mut cx) else {
                 continue;
             };
-            let is_taken = self.present.iter().any(|other| {
+            // Whoever is missed does not stand where somebody else is seen: that is settled once it is known who this is.
+            let mut seen_ones = self.present.iter().filter(|other| other.unseen == 0.0);
+            let is_taken = seen_ones.any(|other| {
                 [14, 1]
                     .iter()
                     .all(|&j| other.posed.joints[j].distance(person.posed.joints[j]) < APART)
