@@ -96,7 +96,8 @@ impl Identities {
             }
         }
         let pairs = assign(&costs, ready.len(), known, 1.0);
-        // Newcomers near where somebody stood at the last instant before the pause, if nobody was recognised as that one.
+        // Newcomers near where somebody stood at the last instant before the pause, if nobody was recognised as that
+        // one.
         let is_confirmed: Vec<bool> = ready
             .iter()
             .map(|&k| {
