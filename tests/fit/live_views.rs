@@ -460,7 +460,8 @@ fn ids(frame: &BodyFrame) -> Vec<u32> {
 fn whoever_comes_while_somebody_is_missed_is_somebody_else() {
     let views = views(2);
     let first = standing(21, -1.0, 4.2);
-    // Seconds without anybody, and where somebody else is then: far away, and near or in the same place in other clothes.
+    // Seconds without anybody, and where somebody else is then: far away, and near or in the same place in other
+    // clothes.
     let cases = [
         (0.3, 1.2),
         (0.8, 1.2),

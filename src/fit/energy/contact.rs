@@ -14,8 +14,8 @@ pub const ANKLES: [usize; 2] = [10, 13];
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.
 const MOVES: f64 = 0.4;
-/// Slow looks in a row, and seconds between the first and the newest of them, from which a foot counts as standing: where
-/// one step lies between two looks, a single slow one tells nothing.
+/// Slow looks in a row, and seconds between the first and the newest of them, from which a foot counts as standing:
+/// where one step lies between two looks, a single slow one tells nothing.
 const LOOKS: u32 = 2;
 const SETTLE: f64 = 0.08;
 /// Seconds after which a foot that has just come to rest may be anywhere: a step leaves it in place for half a second …

@@ -329,7 +329,8 @@ impl LiveFit {
             let Some(person) = Person::start(own, &mut cx) else {
                 continue;
             };
-            // Whoever is missed does not stand where somebody else is seen: that is settled once it is known who this is.
+            // Whoever is missed does not stand where somebody else is seen: that is settled once it is known who this
+            // is.
             let mut seen_ones = self.present.iter().filter(|other| other.unseen == 0.0);
             let is_taken = seen_ones.any(|other| {
                 [14, 1]
