@@ -617,7 +617,8 @@ fn remember_looks(track: &mut Track, looks: &Appearance, alone: bool, dt: f64, r
     track.looked_at += dt;
     let share = match &track.appearance {
         None => 1.0,
-        Some(_) if is_new && alone => (dt / (track.looked_at + dt)) as f32,
+        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones.
+        Some(_) if is_new && alone => 1.0 / (track.hits + 1) as f32,
         Some(_) if track.appearance_age > refresh && alone => 0.5,
         Some(_) => return,
     };
