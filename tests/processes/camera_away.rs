@@ -216,6 +216,13 @@ fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
     let bodies = watched.listen::<BodyFrame>();
     fresh_body(&bodies);
     let infer = eventually("infer", || watched.run.child("infer"));
+    // The status is a moment late: it has to tell of each change, not of what was before.
+    let told_of_bodies = || {
+        eventually("bodies in the status", || {
+            (told(&watched.name)?["healthy"] == true).then_some(())
+        })
+    };
+    told_of_bodies();
     for _ in 0..2 {
         camera.changes_size((64, 64));
         eventually("no bodies in the status", || {
@@ -224,6 +231,7 @@ fn a_camera_that_sends_another_shape_for_a_while_does_not_end_the_run() {
         assert!(!watched.run.has_ended(), "it goes on");
         camera.plug_in();
         fresh_body(&bodies);
+        told_of_bodies();
     }
     assert_eq!(watched.run.child("infer"), Some(infer));
     // What it sent was of no use, as if it were away.
