@@ -38,7 +38,7 @@ const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
 pub const VETO: f64 = 1.35;
 /// Longest absence, seconds, after which somebody is recognised by the place alone.
-const BY_PLACE: f64 = 3.0;
+pub const BY_PLACE: f64 = 3.0;
 /// Handicap per second without being seen, up to one second.
 const ABSENT: f64 = 0.25;
 
@@ -119,7 +119,7 @@ pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &Iden
     let looks = match unlike(newcomer, left, config) {
         Some(unlike) => unlike,
         // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => by_place(newcomer, left, gone),
+        None if gone < BY_PLACE => by_place(apart(newcomer, left), gone),
         None => return f64::INFINITY,
     };
     looks + besides_looks(newcomer, left, gone)
@@ -130,7 +130,7 @@ pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &Iden
 pub fn confirms(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> bool {
     gone >= BY_PLACE
         && unlike(newcomer, left, config).is_none()
-        && by_place(newcomer, left, BY_PLACE) <= 1.0
+        && by_place(apart(newcomer, left), BY_PLACE) <= 1.0
 }
 
 /// Difference of looks as a share of the most that one person has; `None` where looks tell nothing.
@@ -139,9 +139,10 @@ fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64
     a.unlike(b, config.reidentify_appearance)
 }
 
-/// How unlike by the place alone.
-fn by_place(newcomer: &Track, left: &Track, gone: f64) -> f64 {
-    apart(newcomer, left) / (0.5 + PACE[1] * gone)
+/// How unlike two are by the place alone, so many metres apart after `gone` seconds; up to 1 they may be the same
+/// person.
+pub fn by_place(apart: f64, gone: f64) -> f64 {
+    apart / (0.5 + PACE[1] * gone)
 }
 
 /// Whether a newcomer without looks may turn out, once they are seen, to be somebody last seen `gone` seconds ago.

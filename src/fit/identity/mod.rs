@@ -4,4 +4,6 @@ mod appearance;
 mod dissimilarity;
 
 pub use appearance::Appearance;
-pub use dissimilarity::{VETO, confirms, dissimilarity, looks_may_tell, reidentification};
+pub use dissimilarity::{
+    BY_PLACE, VETO, by_place, confirms, dissimilarity, looks_may_tell, reidentification,
+};

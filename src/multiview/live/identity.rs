@@ -2,15 +2,13 @@
 
 use super::person::Person;
 use crate::assignment::assign;
-use crate::fit::FitConfig;
+use crate::fit::{BY_PLACE, FitConfig, by_place};
 use crate::multiview::people::{ONE_VIEW, PROOF, is_one_body, is_proven};
 
 /// Seconds without two views after which somebody without identity whom one view still sees is let go.
 const UNPROVEN: f64 = 0.4;
 /// Steps between instants, however long, for which somebody without identity stays at least: one may be missed.
 const LEAST_STEPS: f64 = 1.5;
-/// Longest absence, seconds, after which somebody is recognised by the place alone.
-const BY_PLACE: f64 = 3.0;
 /// Seconds after which somebody who is missed may stand here under another name.
 const MISSED: f64 = 0.1;
 /// Difference of statures, natural logarithm, that one person has from time to time.
@@ -228,7 +226,7 @@ fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f
     let looks = match new.unlike(old, config.identity.reidentify_appearance) {
         Some(unlike) => unlike,
         // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => by_place(new, old, gone),
+        None if gone < BY_PLACE => by_place(apart, gone),
         None => return f64::INFINITY,
     };
     let taller = new.build.difference(&old.build);
@@ -244,12 +242,7 @@ fn confirms(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> bool {
         && new
             .unlike(old, config.identity.reidentify_appearance)
             .is_none()
-        && by_place(new, old, BY_PLACE) <= 1.0
-}
-
-/// How unlike by the place alone.
-fn by_place(new: &Person, old: &Person, gone: f64) -> f64 {
-    new.pose.position.distance(old.pose.position) / (0.5 + gone)
+        && by_place(new.pose.position.distance(old.pose.position), BY_PLACE) <= 1.0
 }
 
 fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
