@@ -1,10 +1,12 @@
-//! A picture of any size goes in, the network's input comes out: letterboxed RGB, 8 bits a channel, rows without
-//! padding.
+//! A picture of any size goes in, the network's input or a part of it comes out: letterboxed RGB, 8 bits a channel, rows
+//! without padding.
 //!
 //! Shrinking by 2 or more averages the area under each input pixel, exactly; otherwise the picture is sampled
 //! bilinearly. Rows are mixed first (weights of 8 bits, 16-bit sums, which vectorise on any machine), then columns
 //! (weights of 15 bits). Integer arithmetic throughout: the same bytes on every machine. Nothing is allocated while the
 //! picture's size stays the same.
+
+use std::ops::Range;
 
 use super::frame::Frame;
 use super::letterbox::Letterbox;
@@ -15,13 +17,43 @@ pub const PADDING: u8 = 128;
 /// Shrinking factor from which areas are averaged.
 const AREA_FROM: f64 = 2.0;
 
+/// A part of the network's input, its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Pixels of the input left of it.
+    pub left: usize,
+    /// Pixels of the input above it.
+    pub top: usize,
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+}
+
+impl Part {
+    /// All of an input of `width` × `height` pixels.
+    pub fn whole(width: usize, height: usize) -> Self {
+        Self {
+            left: 0,
+            top: 0,
+            width,
+            height,
+        }
+    }
+
+    /// Pixels.
+    pub fn area(&self) -> usize {
+        self.width * self.height
+    }
+}
+
 /// Letterboxes pictures into one network input.
 #[derive(Debug, Clone)]
 pub struct Resizer {
     width: u32,
     height: u32,
     plan: Option<Plan>,
-    /// One mixed row of the picture, 8 fractional bits.
+    /// What the output needs of one mixed row of the picture, 8 fractional bits.
     row: Vec<u16>,
 }
 
@@ -76,6 +108,27 @@ impl Axis {
     /// Covered pixels.
     fn len(&self) -> usize {
         self.starts.len() - 1
+    }
+
+    /// Whether the picture covers this pixel of the output.
+    fn covers(&self, pixel: usize) -> bool {
+        (self.first..self.first + self.len()).contains(&pixel)
+    }
+
+    /// The covered pixels among these of the output, counted from the first covered one.
+    fn within(&self, pixels: Range<usize>) -> Range<usize> {
+        let count = |pixel: usize| pixel.saturating_sub(self.first).min(self.len());
+        count(pixels.start)..count(pixels.end)
+    }
+
+    /// Source pixels that make up these covered pixels, counted from the first.
+    fn source(&self, covered: Range<usize>) -> Range<usize> {
+        if covered.is_empty() {
+            return 0..0;
+        }
+        let (from, _) = self.taps(covered.start);
+        let (last, weights) = self.taps(covered.end - 1);
+        from..last + weights.len()
     }
 
     /// First source pixel and weights of a covered pixel, counted from the first.
@@ -155,50 +208,72 @@ impl Resizer {
 
     /// Bytes of the network's input.
     pub fn output_bytes(&self) -> usize {
-        3 * self.width as usize * self.height as usize
+        3 * self.whole().area()
+    }
+
+    /// All of the network's input.
+    pub fn whole(&self) -> Part {
+        Part::whole(self.width as usize, self.height as usize)
     }
 
     /// Fills `out` with the letterboxed picture, grey beside it, and says where the picture lies.
     ///
     /// # Panics
-    /// When `out` has not [`output_bytes`](Self::output_bytes), or `frame` has not `3 * width * height` bytes, or has
-    /// no pixel.
+    /// As [`run_part`](Self::run_part).
     pub fn run(&mut self, frame: &Frame, out: &mut [u8]) -> Letterbox {
-        assert_eq!(
-            out.len(),
-            self.output_bytes(),
-            "bytes of the network's input"
+        self.run_part(frame, self.whole(), out)
+    }
+
+    /// Fills `out` with a `part` of what [`run`](Self::run) fills it with, byte for byte, and says where the picture
+    /// lies in that part.
+    ///
+    /// # Panics
+    /// When `part` is empty or not within the input, `out` has not 3 bytes for every pixel of it, or `frame` has not `3
+    /// * width * height` bytes, or has no pixel.
+    pub fn run_part(&mut self, frame: &Frame, part: Part, out: &mut [u8]) -> Letterbox {
+        let whole = self.whole();
+        let (right, bottom) = (part.left + part.width, part.top + part.height);
+        assert!(
+            part.area() > 0 && right <= whole.width && bottom <= whole.height,
+            "expected a part of {}x{}, found {part:?}",
+            whole.width,
+            whole.height
         );
+        assert_eq!(out.len(), 3 * part.area(), "bytes of the network's input");
         let (width, height) = (frame.width as usize, frame.height as usize);
         assert_eq!(frame.rgb.len(), 3 * width * height, "bytes of the picture");
         let plan = match self.plan.take() {
             Some(plan) if plan.source == (frame.width, frame.height) => plan,
             _ => Plan::new((frame.width, frame.height), (self.width, self.height)),
         };
-        self.row.resize(3 * width, 0);
-        let line = 3 * self.width as usize;
-        let (top, bottom) = (plan.rows.first, plan.rows.first + plan.rows.len());
-        let (left, right) = (plan.columns.first, plan.columns.first + plan.columns.len());
-        out[..top * line].fill(PADDING);
-        out[bottom * line..].fill(PADDING);
-        for (i, target) in out[top * line..bottom * line]
-            .chunks_exact_mut(line)
-            .enumerate()
-        {
-            let (from, weights) = plan.rows.taps(i);
-            mix_rows(
-                &frame.rgb[3 * width * from..],
-                3 * width,
-                weights,
-                &mut self.row,
-            );
-            target[..3 * left].fill(PADDING);
-            target[3 * right..].fill(PADDING);
-            mix_columns(&self.row, &plan.columns, &mut target[3 * left..3 * right]);
+        let (rows, columns) = (&plan.rows, &plan.columns);
+        let covered = columns.within(part.left..right);
+        let first = columns.source(covered.clone());
+        self.row.resize(3 * first.len(), 0);
+        for (y, target) in (part.top..).zip(out.chunks_exact_mut(3 * part.width)) {
+            if !rows.covers(y) || covered.is_empty() {
+                target.fill(PADDING);
+                continue;
+            }
+            let (from, weights) = rows.taps(y - rows.first);
+            let start = 3 * (width * from + first.start);
+            mix_rows(&frame.rgb[start..], 3 * width, weights, &mut self.row);
+            let at = |column: usize| 3 * (columns.first + column - part.left);
+            let (before, after) = (at(covered.start), at(covered.end));
+            target[..before].fill(PADDING);
+            target[after..].fill(PADDING);
+            let to = target[before..after].chunks_exact_mut(3);
+            for (i, pixel) in covered.clone().zip(to) {
+                mix_column(&self.row, first.start, columns.taps(i), pixel);
+            }
         }
         let letterbox = plan.letterbox;
         self.plan = Some(plan);
-        letterbox
+        Letterbox {
+            offset_u: letterbox.offset_u - part.left as f32,
+            offset_v: letterbox.offset_v - part.top as f32,
+            ..letterbox
+        }
     }
 }
 
@@ -216,9 +291,10 @@ impl Plan {
     }
 }
 
-/// Weighted sum of consecutive rows of `stride` bytes.
+/// Weighted sum of what `out` needs of consecutive rows, `stride` bytes apart.
 fn mix_rows(rows: &[u8], stride: usize, weights: &[u16], out: &mut [u16]) {
-    let row = |k: usize| &rows[k * stride..][..stride];
+    let length = out.len();
+    let row = |k: usize| &rows[k * stride..][..length];
     // Two rows per pass halve the traffic of the sums; the first pass overwrites.
     let mut pairs = weights.chunks_exact(2);
     let mut k = 0;
@@ -245,19 +321,16 @@ fn mix_rows(rows: &[u8], stride: usize, weights: &[u16], out: &mut [u16]) {
     }
 }
 
-/// Weighted sums of consecutive pixels of a mixed row, rounded once.
-fn mix_columns(row: &[u16], columns: &Axis, out: &mut [u8]) {
-    for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-        let (from, weights) = columns.taps(i);
-        let taps = &row[3 * from..][..3 * weights.len()];
-        let mut sums = [1u32 << (SHIFT - 1); 3];
-        for (p, w) in taps.chunks_exact(3).zip(weights) {
-            for (sum, v) in sums.iter_mut().zip(p) {
-                *sum += u32::from(*v) * u32::from(*w);
-            }
+/// Weighted sum of consecutive pixels of a mixed row, which begins with the picture's pixel `first`, rounded once.
+fn mix_column(row: &[u16], first: usize, (from, weights): (usize, &[u16]), pixel: &mut [u8]) {
+    let taps = &row[3 * (from - first)..][..3 * weights.len()];
+    let mut sums = [1u32 << (SHIFT - 1); 3];
+    for (p, w) in taps.chunks_exact(3).zip(weights) {
+        for (sum, v) in sums.iter_mut().zip(p) {
+            *sum += u32::from(*v) * u32::from(*w);
         }
-        for (o, sum) in pixel.iter_mut().zip(sums) {
-            *o = (sum >> SHIFT) as u8;
-        }
+    }
+    for (o, sum) in pixel.iter_mut().zip(sums) {
+        *o = (sum >> SHIFT) as u8;
     }
 }

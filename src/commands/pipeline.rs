@@ -7,7 +7,7 @@ use anyhow::Context;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
-use crate::capture::{Frame, Resizer};
+use crate::capture::{Frame, Part, Resizer};
 use crate::config::Mistake;
 use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Maps, Model, Network, Precision};
@@ -51,7 +51,9 @@ pub struct Pipeline {
     flip_test: Option<FlipTest>,
     associator: Associator,
     lifter: Lifter,
+    /// For the whole input, of which the engine may take a part.
     resizer: Resizer,
+    /// What the engine takes.
     input: Vec<u8>,
     /// Of the last frame.
     times: StageTimes,
@@ -132,16 +134,41 @@ impl Pipeline {
     pub fn resized(&self, width: usize, height: usize) -> anyhow::Result<Self> {
         let (width, height) = nearest((width, height), &[self.multiple]);
         let resizer = Resizer::new(width as u32, height as u32);
+        self.sharing((width, height), resizer)
+    }
+
+    /// The stages for parts of this input, so many pixels across and down, which share packed weights and threads with
+    /// these.
+    ///
+    /// # Errors
+    /// If the network does not take this size.
+    pub fn for_parts(&self, width: usize, height: usize) -> anyhow::Result<Self> {
+        self.sharing((width, height), self.resizer.clone())
+    }
+
+    /// The stages for an engine of this size, pixels across and down.
+    fn sharing(&self, (width, height): (usize, usize), resizer: Resizer) -> anyhow::Result<Self> {
         Ok(Self {
             engine: self.engine.resized(width, height)?,
             multiple: self.multiple,
             flip_test: self.flip_test.as_ref().map(|_| FlipTest::default()),
             associator: self.associator.clone(),
             lifter: self.lifter.clone(),
-            input: vec![0; resizer.output_bytes()],
+            input: vec![0; 3 * width * height],
             resizer,
             times: StageTimes::default(),
         })
+    }
+
+    /// The whole input, pixels across and down.
+    pub fn size(&self) -> (usize, usize) {
+        let whole = self.resizer.whole();
+        (whole.width, whole.height)
+    }
+
+    /// What sides of inputs, and places of parts of them, are multiples of.
+    pub fn step(&self) -> usize {
+        Maps::step(&[self.multiple])
     }
 
     /// Everyone in the frame.
@@ -153,8 +180,25 @@ impl Pipeline {
         frame: &Frame,
         intrinsics: &Intrinsics,
     ) -> anyhow::Result<FrameObservations<'_>> {
+        let whole = self.resizer.whole();
+        self.process_part(frame, intrinsics, whole)
+    }
+
+    /// Everyone in a part of the frame: `part` of the whole input, of the size that these stages are for.
+    ///
+    /// # Errors
+    /// As [`process`](Self::process).
+    ///
+    /// # Panics
+    /// When the part is of another size or not within the input.
+    pub fn process_part(
+        &mut self,
+        frame: &Frame,
+        intrinsics: &Intrinsics,
+        part: Part,
+    ) -> anyhow::Result<FrameObservations<'_>> {
         let start = Instant::now();
-        let letterbox = self.resizer.run(frame, &mut self.input);
+        let letterbox = self.resizer.run_part(frame, part, &mut self.input);
         let letterboxed = Instant::now();
         let maps = match &mut self.flip_test {
             Some(both) => both.run(&mut self.engine, &self.input),

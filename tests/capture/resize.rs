@@ -1,6 +1,6 @@
 //! The network's input against exact arithmetic and against another library.
 
-use edgecap::capture::{Frame, Letterbox, PADDING, Resizer};
+use edgecap::capture::{Frame, Letterbox, PADDING, Part, Resizer};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use proptest::prelude::*;
@@ -223,5 +223,26 @@ proptest! {
         let [left, top] = l.to_input(-0.5, -0.5);
         let [right, bottom] = l.to_input(sw as f32 - 0.5, sh as f32 - 0.5);
         prop_assert!(left > -0.51 && top > -0.51 && right < dw as f32 - 0.49 && bottom < dh as f32 - 0.49);
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_part_is_what_the_whole_has_there(
+        (w, h) in (1u32..200, 1u32..200),
+        (left, top) in (0usize..64, 0usize..40),
+        (right, bottom) in (1usize..=64, 1usize..=40),
+    ) {
+        let part = Part { left, top, width: right.max(left + 1) - left, height: bottom.max(top + 1) - top };
+        let frame = picture(w, h);
+        let (whole, there) = run(&frame, 64, 40);
+        let mut out = vec![1; 3 * part.area()];
+        let here = Resizer::new(64, 40).run_part(&frame, part, &mut out);
+        let rows = whole.chunks_exact(3 * 64).skip(top).take(part.height);
+        let expected: Vec<u8> = rows.flat_map(|row| &row[3 * left..][..3 * part.width]).copied().collect();
+        prop_assert_eq!(out, expected);
+        let [u, v] = there.to_input(3.0, 5.0);
+        let [pu, pv] = here.to_input(3.0, 5.0);
+        prop_assert!((u - left as f32 - pu).abs() < 1e-3 && (v - top as f32 - pv).abs() < 1e-3);
     }
 }

@@ -5,24 +5,43 @@
 //! several cells. Whoever fills most of the picture cannot pass for noise, because noise of so many pixels is never
 //! that large.
 
+use std::ops::Range;
+
 use crate::capture::Brightness;
 
-/// Least difference of a cell that counts, grey levels: that of somebody dressed like the wall behind.
-const LEAST: f32 = 2.0;
+/// What counts as a change.
+#[derive(Debug, Clone, Copy)]
+struct Sense {
+    /// Least difference of a cell, grey levels.
+    least: f32,
+    /// Cells that must differ.
+    cells: usize,
+}
+
+/// Somebody dressed like the wall behind. Fewer cells are a lamp on a device, and smaller than anybody whom the network
+/// could see.
+const ANYTHING: Sense = Sense {
+    least: 2.0,
+    cells: 2,
+};
+/// Not the shadows of those who are there, nor their reflections in the floor. Whoever is missed is seen when all of
+/// the picture is looked at next.
+const SOMEBODY: Sense = Sense {
+    least: 8.0,
+    cells: 4,
+};
 /// Cells differ by noise if most differ by no more than this, grey levels.
 const MOST_NOISE: f32 = 1.2;
 /// So many times what most cells differ by is no noise: five standard deviations.
 const BEYOND_NOISE: f32 = 8.0;
 /// How much lighter or darker a whole picture may become by itself.
 const MOST_GAIN: f32 = 1.3;
-/// Cells that must differ: fewer are a lamp on a device, and smaller than anybody whom the network could see.
-const CELLS: usize = 2;
 
 /// What pictures are compared with, and scratch memory.
 #[derive(Debug, Default)]
 pub struct Change {
     reference: Option<Brightness>,
-    ratios: Vec<f32>,
+    values: Vec<f32>,
 }
 
 impl Change {
@@ -33,37 +52,63 @@ impl Change {
 
     /// Whether the picture differs from the reference. Cheap, and rather once too often than once too seldom.
     pub fn is_in(&mut self, picture: &Brightness) -> bool {
+        self.is_where(picture, ANYTHING, |_, _| true)
+    }
+
+    /// Whether the picture shows somebody outside of these columns and rows whom the reference does not show there.
+    pub fn is_beside(
+        &mut self,
+        picture: &Brightness,
+        columns: Range<usize>,
+        rows: Range<usize>,
+    ) -> bool {
+        let is_outside = |c, r| !(columns.contains(&c) && rows.contains(&r));
+        self.is_where(picture, SOMEBODY, is_outside)
+    }
+
+    /// Whether the picture differs from the reference in the cells, by column and row, that count.
+    fn is_where(
+        &mut self,
+        picture: &Brightness,
+        sense: Sense,
+        counts: impl Fn(usize, usize) -> bool,
+    ) -> bool {
         let Some(reference) = &self.reference else {
             return true;
         };
         if (reference.columns, reference.rows) != (picture.columns, picture.rows) {
             return true;
         }
-        let pairs = || picture.cells.iter().zip(&reference.cells);
-        self.ratios.clear();
+        let columns = picture.columns.max(1);
+        let pairs = || {
+            let all = picture.cells.iter().zip(&reference.cells).enumerate();
+            all.filter(|(i, _)| counts(i % columns, i / columns))
+                .map(|(_, pair)| pair)
+        };
+        self.values.clear();
         // One level more than there is, so that black divides by something.
         let ratio = pairs().map(|(now, then)| (now + 1.0) / (then + 1.0));
-        self.ratios.extend(ratio);
-        let gain = median(&mut self.ratios);
+        self.values.extend(ratio);
+        let gain = median(&mut self.values).unwrap_or(1.0);
         if !(1.0 / MOST_GAIN..=MOST_GAIN).contains(&gain) {
             return true;
         }
         let difference = |(now, then): (&f32, &f32)| (now + 1.0 - gain * (then + 1.0)).abs();
-        self.ratios.clear();
-        self.ratios.extend(pairs().map(difference));
-        let noise = median(&mut self.ratios);
-        let least = LEAST.max(BEYOND_NOISE * noise);
-        noise > MOST_NOISE || pairs().map(difference).filter(|d| *d > least).count() >= CELLS
+        self.values.clear();
+        self.values.extend(pairs().map(difference));
+        let noise = median(&mut self.values).unwrap_or(0.0);
+        let least = sense.least.max(BEYOND_NOISE * noise);
+        // Which order they are in does not matter any more.
+        let beyond = self.values.iter().filter(|d| **d > least);
+        noise > MOST_NOISE || beyond.count() >= sense.cells
     }
 }
 
 /// The middle value; the order is lost.
-fn median(values: &mut [f32]) -> f32 {
+fn median(values: &mut [f32]) -> Option<f32> {
     let middle = values.len() / 2;
-    match values.get(middle) {
-        Some(_) => *values.select_nth_unstable_by(middle, f32::total_cmp).1,
-        None => 1.0,
-    }
+    values.get(middle)?;
+    Some(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -8,11 +8,13 @@ use super::crew::{Change, Crew};
 use super::engine_args::EngineArgs;
 use super::inputs::{Inputs, fitted, inputs_of, whole_scale};
 use super::looks::{Looks, sum};
+use super::parts::Parts;
+use super::region::{Input, Region};
 use super::shapes::Shapes;
 use super::speed::Speed;
 use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
-use crate::capture::Frame;
+use crate::capture::{Frame, Letterbox};
 use crate::commands::pipeline::{FrameObservations, Pipeline};
 
 /// The stages for every input that pictures may ask for. All share one set of packed weights and one team of threads.
@@ -35,6 +37,11 @@ struct Following {
     /// The largest of [`SHARES`] that is wanted.
     largest: usize,
     zoom: Zoom,
+    /// The part of it that shows everybody.
+    region: Region,
+    parts: Parts,
+    /// What `region` knows people in: pixels of pictures of this size, and which of [`SHARES`].
+    seen_in: ((usize, usize), usize),
     /// How tall people are by the present input and by another, pixels of the largest one.
     here: Vec<f32>,
     elsewhere: Vec<f32>,
@@ -46,6 +53,9 @@ impl Following {
             shapes: Shapes::new(engine)?,
             largest,
             zoom: Zoom::default(),
+            region: Region::default(),
+            parts: Parts::default(),
+            seen_in: Default::default(),
             here: Vec::new(),
             elsewhere: Vec::new(),
         })
@@ -107,6 +117,9 @@ impl Pipelines {
             shapes,
             largest,
             zoom,
+            region,
+            parts,
+            seen_in,
             here,
             elsewhere,
         } = &mut **following;
@@ -123,19 +136,41 @@ impl Pipelines {
             beside = seen.times;
             heights(seen.people, elsewhere);
         }
-        built[level].use_threads(crew.threads(level));
+        if std::mem::replace(seen_in, (picture, level)) != (picture, level) {
+            region.forget();
+        }
+        let whole = &mut built[level];
+        let part = match crew.is_in_trial(level) {
+            // Times of parts of several sizes cannot be compared.
+            true => None,
+            false => region.part(frame, &input_of(whole, picture)),
+        };
+        whole.use_threads(crew.threads(level));
         let start = Instant::now();
-        let seen = built[level].process(frame, intrinsics)?;
+        let seen = match part {
+            None => whole.process(frame, intrinsics)?,
+            Some(part) => {
+                let size = (part.width, part.height);
+                let stages = parts.of(whole, size)?;
+                stages.process_part(frame, intrinsics, part)?
+            }
+        };
         let now = monotonic_ns();
+        region.seen(frame, seen.people, part.is_none());
         if !crew.is_trying(level) {
-            let whole = start.elapsed().as_secs_f32();
-            if let Some(slower) = speed.took(now, level, whole) {
+            let seconds = start.elapsed().as_secs_f32();
+            if let Some(slower) = speed.took(now, level, seconds, part.is_none()) {
                 tracing::warn!("{}", slower.line());
             }
         }
-        let input = fitted(picture, SHARES[level]);
-        log(crew.took(now, level, network_seconds(&seen)), Some(input));
+        if part.is_none() {
+            let input = fitted(picture, SHARES[level]);
+            log(crew.took(now, level, network_seconds(&seen)), Some(input));
+        }
         heights(seen.people, here);
+        if other.is_some() && elsewhere.len() > here.len() {
+            region.forget();
+        }
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         if zoom.level() != level {
             tracing::debug!(?here, ?elsewhere, input = ?fitted(picture, SHARES[zoom.level()]), "another input");
@@ -199,6 +234,16 @@ impl Pipelines {
         zoom.entered(None);
         zoom.seen(frame.time_ns, &[], Some(elsewhere));
         Ok(built[smallest].seen())
+    }
+}
+
+/// The input of these stages for all of a picture (pixels across and down).
+fn input_of(stages: &Pipeline, (w, h): (usize, usize)) -> Input {
+    let size = stages.size();
+    Input {
+        size,
+        step: stages.step(),
+        letterbox: Letterbox::fit(w as u32, h as u32, size.0 as u32, size.1 as u32),
     }
 }
 
@@ -355,12 +400,57 @@ mod tests {
         }
     }
 
+    /// The picture in which `far_away` are, and at the other side the same people once more.
+    fn more_come() -> Frame {
+        let mut picture = far_away();
+        let width = picture.width as usize;
+        for y in 80..160 {
+            let row = 3 * width * y;
+            picture
+                .rgb
+                .copy_within(row + 3 * 80..row + 3 * 208, row + 3 * 336);
+        }
+        picture
+    }
+
+    #[test]
+    fn a_part_of_the_picture_shows_those_who_are_there_and_nobody_who_comes_is_missed() {
+        let (mut pipelines, lens) = (following(None), lens());
+        let mut look = |picture: &mut Frame, k: u64| {
+            picture.time_ns = k * SECOND / 30;
+            let seen = pipelines.process(picture, &lens).unwrap();
+            let people = seen.people.to_vec();
+            let Stages::Following(following) = &pipelines.stages else {
+                panic!("expected the input that follows people");
+            };
+            (people, following.parts.count())
+        };
+        let (mut few, mut many) = (far_away(), more_come());
+        let (whole, parts) = look(&mut few, 0);
+        assert!(!whole.is_empty() && parts == 0);
+        let (part, parts) = look(&mut few, 1);
+        assert_eq!((part.len(), parts), (whole.len(), 1));
+        for (a, b) in part.iter().zip(&whole) {
+            for (p, q) in a
+                .joints2d
+                .iter()
+                .zip(&b.joints2d)
+                .filter(|(p, _)| p[2] > 0.3)
+            {
+                let off = (p[0] - q[0]).hypot(p[1] - q[1]);
+                assert!(off < 2.0, "{off} px: {p:?} {q:?}");
+            }
+        }
+        let (all, _) = look(&mut many, 2);
+        assert!(all.len() > part.len(), "{} people", all.len());
+    }
+
     #[test]
     fn whom_only_the_largest_input_sees_is_seen_on_a_slow_machine() {
         let (mut pipelines, lens) = (following(Some(0.1)), lens());
         let speed = &mut pipelines.speed;
         for k in 0..20 {
-            speed.took(k * SECOND, speed.limit(), 1.0);
+            speed.took(k * SECOND, speed.limit(), 1.0, true);
         }
         assert_eq!(speed.limit(), SHARES.len() - 1);
         let (far, empty) = (far_away(), wall());

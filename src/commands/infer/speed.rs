@@ -36,15 +36,30 @@ pub struct Speed {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Level {
-    pictures: u32,
-    /// Seconds a picture, smoothed.
-    seconds: f32,
-    /// The same after the first hundred pictures, or since if it became less.
+    /// Seconds a picture, looked at whole or in part.
+    all: Mean,
+    /// Seconds a picture that was looked at whole: those of parts change with what is in view.
+    whole: Mean,
+    /// The same after the first hundred of them, or since if it became less.
     at_first: f32,
     slower_since: Option<u64>,
     /// When the last picture of this size was ready.
     last: Option<u64>,
     told: bool,
+}
+
+/// A smoothed mean.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    count: u32,
+    value: f32,
+}
+
+impl Mean {
+    fn take(&mut self, value: f32) {
+        self.count = self.count.saturating_add(1);
+        self.value += (value - self.value) * SMOOTH.max(1.0 / self.count as f32);
+    }
 }
 
 /// A machine that has become slower: seconds a picture, at first and now.
@@ -71,9 +86,9 @@ impl Speed {
         self.limit
     }
 
-    /// A picture of the input `level` took so many seconds and was ready at `now` nanoseconds. Says when the machine
-    /// has become slower, once until it has recovered.
-    pub fn took(&mut self, now: u64, level: usize, seconds: f32) -> Option<Slower> {
+    /// A picture of the input `level` took so many seconds, looked at `whole` or in part, and was ready at `now`
+    /// nanoseconds. Says when the machine has become slower, once until it has recovered.
+    pub fn took(&mut self, now: u64, level: usize, seconds: f32, whole: bool) -> Option<Slower> {
         let target = self.target?;
         let longest = PAUSE.max(2.0 * target);
         // What it took is none of the pause.
@@ -87,10 +102,12 @@ impl Speed {
         if came_late(entry.last.replace(now)) {
             entry.slower_since = None;
         }
-        entry.pictures += 1;
-        entry.seconds += (seconds - entry.seconds) * SMOOTH.max(1.0 / entry.pictures as f32);
-        let takes = entry.seconds;
-        let told = entry.became_slower(now);
+        entry.all.take(seconds);
+        let takes = entry.all.value;
+        let told = match whole {
+            true => entry.became_slower(now, seconds),
+            false => None,
+        };
         self.choose(now, level, takes, target);
         told
     }
@@ -127,13 +144,15 @@ impl Speed {
 }
 
 impl Level {
-    fn became_slower(&mut self, now: u64) -> Option<Slower> {
-        if self.pictures <= FIRST {
-            self.at_first = self.seconds;
+    fn became_slower(&mut self, now: u64, seconds: f32) -> Option<Slower> {
+        self.whole.take(seconds);
+        let takes = self.whole.value;
+        if self.whole.count <= FIRST {
+            self.at_first = takes;
             return None;
         }
-        self.at_first = self.at_first.min(self.seconds);
-        if self.seconds < SLOWER * self.at_first {
+        self.at_first = self.at_first.min(takes);
+        if takes < SLOWER * self.at_first {
             self.slower_since = None;
             self.told = false;
             return None;
@@ -145,7 +164,7 @@ impl Level {
         self.told = true;
         Some(Slower {
             at_first: self.at_first,
-            now: self.seconds,
+            now: takes,
         })
     }
 }
@@ -207,7 +226,7 @@ mod tests {
             let share = SHARES[level].powi(2);
             let takes = seconds * share;
             *clock += FRAME.max((takes * 1e9) as u64);
-            told.extend(speed.took(*clock, level, takes));
+            told.extend(speed.took(*clock, level, takes, true));
         }
         told
     }
@@ -286,5 +305,27 @@ mod tests {
         );
         assert_eq!(play(&mut speed, &mut clock, 0.02, minute), []);
         assert_eq!(play(&mut speed, &mut clock, 0.04, minute).len(), 1);
+    }
+
+    #[test]
+    fn parts_of_pictures_count_for_the_time_there_is_and_not_for_the_machine() {
+        let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+        // One picture of ten is looked at whole, or later all of them: whoever is there has spread out.
+        let mut play = |seconds: u64, part: f32| {
+            let mut told = Vec::new();
+            for k in 0..seconds * 15 {
+                clock += FRAME;
+                let (takes, whole) = if k % 10 == 0 {
+                    (0.08, true)
+                } else {
+                    (part, false)
+                };
+                told.extend(speed.took(clock, 0, takes, whole));
+            }
+            (speed.limit(), told)
+        };
+        assert_eq!(play(120, 0.03), (0, vec![]));
+        assert_eq!(play(60, 0.06), (0, vec![]));
+        assert_eq!(play(10, 0.07), (1, vec![]));
     }
 }
