@@ -1,10 +1,14 @@
 //! NumPy archives (`.npz`): named arrays go in, a file's bytes come out, and the other way round.
 
-use std::io::{self, Cursor, Read, Seek};
+use std::io::{self, BufWriter, Cursor, Read, Seek, SeekFrom, Write};
 
 use npyz::{NpyFile, NpyHeader, WriterBuilder, npz};
+use zip::ZipWriter;
 use zip::result::ZipError;
-use zip::write::SimpleFileOptions;
+use zip::write::{SimpleFileOptions, StreamWriter};
+
+/// So many bytes of an array are written at once: each value alone would have its own turn of the checksum.
+const PIECE: usize = 64 << 10;
 
 /// One array to be written, row-major.
 pub struct Array<'a> {
@@ -31,31 +35,141 @@ pub enum Values<'a> {
 /// # Errors
 /// When an array holds fewer or more values than its shape says.
 pub fn write(arrays: &[Array<'_>]) -> io::Result<Vec<u8>> {
-    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    let options = SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
-        .last_modified_time(zip::DateTime::default());
+    let mut bytes = Cursor::new(Vec::new());
+    let mut archive = Writer::new(&mut bytes);
     for array in arrays {
-        zip.start_file(npz::file_name_from_array_name(array.name), options)?;
+        archive.add(array)?;
+    }
+    archive.finish()?;
+    Ok(bytes.into_inner())
+}
+
+/// An archive that is written array by array, none of which is held; not compressed, and without dates.
+pub struct Writer<W: Write + Seek>(ZipWriter<W>);
+
+impl<W: Write + Seek> Writer<UpToFailure<W>> {
+    /// Begins one in what may be written over: how long an array is also stands before it, where some readers look.
+    pub fn new(out: W) -> Self {
+        Self(ZipWriter::new(UpToFailure::new(out)))
+    }
+}
+
+impl<W: Write> Writer<StreamWriter<UpToFailure<W>>> {
+    /// Begins one in a pipe: how long arrays are stands behind them, and in the directory.
+    pub fn in_stream(out: W) -> Self {
+        Self(ZipWriter::new_stream(UpToFailure::new(out)))
+    }
+}
+
+impl<W: Write + Seek> Writer<W> {
+    /// Adds an array.
+    ///
+    /// # Errors
+    /// When it holds fewer or more values than its shape says; those of what is written into.
+    pub fn add(&mut self, array: &Array<'_>) -> io::Result<()> {
+        let options = SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored)
+            .last_modified_time(zip::DateTime::default());
+        let name = npz::file_name_from_array_name(array.name);
+        self.0.start_file(name, options).map_err(plain)?;
         let shape: Vec<u64> = array.shape.iter().map(|&n| n as u64).collect();
         match array.data {
-            Values::F32(all) => write_array(&mut zip, &shape, all)?,
-            Values::F64(all) => write_array(&mut zip, &shape, all)?,
-            Values::I64(all) => write_array(&mut zip, &shape, all)?,
+            Values::F32(all) => write_array(&mut self.0, &shape, all),
+            Values::F64(all) => write_array(&mut self.0, &shape, all),
+            Values::I64(all) => write_array(&mut self.0, &shape, all),
         }
     }
-    Ok(zip.finish()?.into_inner())
+
+    /// Writes the archive's directory.
+    ///
+    /// # Errors
+    /// Those of what is written into.
+    pub fn finish(self) -> io::Result<()> {
+        self.0.finish().map(drop).map_err(plain)
+    }
+}
+
+/// The system's own words, where they are the system's.
+fn plain(error: ZipError) -> io::Error {
+    match error {
+        ZipError::Io(e) => e,
+        other => other.into(),
+    }
+}
+
+/// What an archive is written into up to a failure; what follows that goes nowhere. `zip` tries on where it is dropped,
+/// and would say on standard error why it cannot, which whoever has the failure says.
+pub struct UpToFailure<W> {
+    out: W,
+    has_failed: bool,
+    /// Where it is, and the end of what was written, bytes.
+    position: u64,
+    end: u64,
+}
+
+impl<W> UpToFailure<W> {
+    fn new(out: W) -> Self {
+        Self {
+            out,
+            has_failed: false,
+            position: 0,
+            end: 0,
+        }
+    }
+
+    fn note<T>(&mut self, outcome: io::Result<T>) -> io::Result<T> {
+        let failure = outcome.as_ref().err();
+        self.has_failed |= failure.is_some_and(|e| e.kind() != io::ErrorKind::Interrupted);
+        outcome
+    }
+}
+
+impl<W: Write> Write for UpToFailure<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.has_failed {
+            self.end += bytes.len() as u64;
+            return Ok(bytes.len());
+        }
+        let written = self.out.write(bytes);
+        let written = self.note(written)?;
+        self.position += written as u64;
+        self.end = self.end.max(self.position);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.has_failed {
+            return Ok(());
+        }
+        let flushed = self.out.flush();
+        self.note(flushed)
+    }
+}
+
+impl<W: Seek> Seek for UpToFailure<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        if self.has_failed {
+            // An entry never ends before it began.
+            return Ok(self.end);
+        }
+        let position = self.out.seek(to);
+        self.position = self.note(position)?;
+        self.end = self.end.max(self.position);
+        Ok(self.position)
+    }
 }
 
 fn write_array<T: npyz::AutoSerialize + Copy>(
-    out: impl io::Write,
+    out: impl Write,
     shape: &[u64],
     all: &[T],
 ) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(PIECE, out);
     let options = npyz::WriteOptions::new().default_dtype();
-    let mut npy = options.shape(shape).writer(out).begin_nd()?;
+    let mut npy = options.shape(shape).writer(&mut out).begin_nd()?;
     npy.extend(all.iter().copied())?;
-    npy.finish()
+    npy.finish()?;
+    out.flush()
 }
 
 /// Why an archive, or an array of it, cannot be read.
@@ -278,8 +392,6 @@ impl Raw {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
-
     use super::*;
 
     /// An archive of one array whose `.npy` bytes are given.
@@ -327,6 +439,65 @@ mod tests {
             data: Values::F32(&[1.0]),
         };
         assert!(write(&[short]).is_err(), "a value is missing");
+    }
+
+    #[test]
+    fn an_archive_in_a_pipe_holds_the_same() {
+        let array = Array {
+            name: "long",
+            shape: &[100_000],
+            data: Values::F64(&vec![0.5; 100_000]),
+        };
+        let mut bytes = Vec::new();
+        let mut archive = Writer::in_stream(&mut bytes);
+        archive.add(&array).unwrap();
+        archive.finish().unwrap();
+        let numbers = read(&bytes).numbers("long").unwrap().unwrap();
+        assert_eq!(
+            (numbers.shape, numbers.data),
+            (vec![100_000], vec![0.5; 100_000])
+        );
+    }
+
+    /// Has room for so many bytes; how often more were written.
+    struct Full(usize, usize);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let taken = bytes.len().min(self.0);
+            self.0 -= taken;
+            if taken == 0 {
+                self.1 += 1;
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            Ok(taken)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_is_full_is_told_once_and_not_tried_again() {
+        let array = Array {
+            name: "long",
+            shape: &[100],
+            data: Values::F64(&[0.5; 100]),
+        };
+        let mut bytes = Vec::new();
+        let mut archive = Writer::in_stream(&mut bytes);
+        archive.add(&array).unwrap();
+        archive.finish().unwrap();
+        for room in 0..bytes.len() {
+            let mut full = Full(room, 0);
+            let mut archive = Writer::in_stream(&mut full);
+            let added = archive.add(&array);
+            let finished = added.and_then(|()| archive.finish());
+            let kind = finished.unwrap_err().kind();
+            assert_eq!(kind, io::ErrorKind::StorageFull, "{room}");
+            assert_eq!((full.0, full.1), (0, 1), "{room}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
 //! as `/dev/null` or a named pipe, is written into as it is, and so is what this process has open already, such as
-//! `/dev/stdout`; a link stays a link, but where the program itself chose the name.
+//! `/dev/stdout`; a link stays a link, but where the program itself chose the name. Before a file has its name it is on
+//! the disk, so that not even a power cut leaves half of it.
 
 mod device;
 mod folder;
@@ -48,11 +49,24 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.finish()
 }
 
+/// As [`write`], of what is worth nothing after a power cut: the disk is not waited for.
+///
+/// # Errors
+/// As there.
+pub fn write_passing(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = AtomicFile::create(path)?.passing();
+    file.write_all(bytes)?;
+    file.finish()
+}
+
 /// Whether a name is that of what is not finished.
 pub fn is_unfinished(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
 }
+
+/// How a file comes onto the disk.
+type Bring = fn(&File) -> io::Result<()>;
 
 /// Where bytes go until the file is finished.
 #[derive(Debug)]
@@ -108,6 +122,8 @@ pub struct AtomicFile {
     is_broken: bool,
     /// Why a write failed since [`go_back`](Self::go_back), if one did: a part of what it was given may be in the file.
     failed: Option<io::Error>,
+    /// Before the file has its name.
+    bring: Bring,
 }
 
 impl AtomicFile {
@@ -190,7 +206,22 @@ impl AtomicFile {
             whole: VecDeque::new(),
             is_broken: false,
             failed: None,
+            bring: File::sync_all,
         }
+    }
+
+    /// The same without waiting for the disk: after a power cut the file may be empty. For what is worth nothing then,
+    /// and for files by the hundred.
+    #[must_use]
+    pub fn passing(mut self) -> Self {
+        self.bring = |_| Ok(());
+        self
+    }
+
+    /// Whether what was written may be written over: not in a device or pipe, nor behind what was there before.
+    pub fn can_seek(&self) -> bool {
+        let place = self.writer.as_ref().map(BufWriter::get_ref);
+        matches!(place, Some(Place::Beside(_)))
     }
 
     /// Says that what was to follow never came: a longer file of the same name then stays, and this one gets another
@@ -290,11 +321,11 @@ impl AtomicFile {
         }
     }
 
-    /// Gives the file its name, replacing an older one. Where [`mark_whole`](Self::mark_whole) was called, the file of
-    /// a full disk has its name, too, and holds the whole records that found room.
+    /// Gives the file its name once it is on the disk, replacing an older one. Where [`mark_whole`](Self::mark_whole)
+    /// was called, the file of a full disk has its name, too, and holds the whole records that found room.
     ///
     /// # Errors
-    /// If the disk is full or the rename fails.
+    /// If the disk is full or fails, or the rename does.
     pub fn finish(self) -> io::Result<()> {
         self.finish_beside().map(drop)
     }
@@ -312,6 +343,12 @@ impl AtomicFile {
         let flushed = writer.flush().and(self.failed.take().map_or(Ok(()), Err));
         // The parts, so that nothing is written behind our back.
         let (mut place, _) = writer.into_parts();
+        let bring = self.bring;
+        // A disk of another machine may say only now that it is full.
+        let flushed = flushed.and_then(|()| match &place {
+            Place::Beside(file) => bring(file.as_file()),
+            Place::Named(_) | Place::Device(_) => Ok(()),
+        });
         if flushed.is_err() {
             let file = match &mut place {
                 Place::Beside(file) => file.as_file_mut(),
@@ -330,6 +367,10 @@ impl AtomicFile {
                 true => stump::place(&self.path, file.as_file_mut()),
                 false => self.path.clone(),
             };
+            if flushed.is_err() {
+                // What is wrong with the disk is said already.
+                let _ = bring(file.as_file());
+            }
             file.persist(&path).map_err(|e| e.error)?;
             self.made.keep();
             beside = Some(path).filter(|p| *p != self.path);
@@ -460,6 +501,8 @@ fn nearest_folder(path: &Path) -> &Path {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use super::*;
 
     #[test]
@@ -472,6 +515,40 @@ mod tests {
         file.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    thread_local! {
+        /// A result; whether it had its name, and how long it was, each time it was brought onto the disk.
+        static BROUGHT: RefCell<(PathBuf, Vec<(bool, u64)>)> = RefCell::default();
+    }
+
+    fn seen(file: &File) -> io::Result<()> {
+        let length = file.metadata()?.len();
+        BROUGHT.with_borrow_mut(|(path, brought)| brought.push((path.exists(), length)));
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_is_on_the_disk_before_it_has_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result.txt");
+        BROUGHT.set((path.clone(), Vec::new()));
+        let begun = |bring: Bring| {
+            let mut file = AtomicFile::create(&path).unwrap();
+            file.bring = bring;
+            file.write_all(b"whole").unwrap();
+            file
+        };
+        begun(seen).finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+        begun(seen).passing().finish().unwrap();
+        let (_, brought) = BROUGHT.take();
+        assert_eq!(brought, [(false, 5)]);
+        fs::write(&path, "older").unwrap();
+        let failed = begun(|_| Err(io::Error::other("no disk"))).finish();
+        assert_eq!(failed.unwrap_err().to_string(), "no disk");
+        assert_eq!(fs::read(&path).unwrap(), b"older");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -16,6 +16,9 @@ use crate::output::{self, AtomicFile};
 use crate::record::{BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{Packet, RecordSink, Sink, SinkError, Sinks};
 
+/// For more files of one take the disk is not waited for one after the other: of a week's visitors that takes minutes.
+const MOST_WAITED_FOR: usize = 20;
+
 /// Options of `edgecap export`.
 #[derive(Debug, clap::Args)]
 pub struct ExportArgs {
@@ -114,9 +117,10 @@ fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> Written {
         Ok(files) => files,
         Err(e) => return (Vec::new(), Err(e.into())),
     };
+    let is_waited_for = files.len() <= MOST_WAITED_FOR;
     let (mut lines, mut first) = (Vec::new(), Ok(()));
     for file in files {
-        let beside = match write_file(&file, is_broken) {
+        let beside = match write_file(&file, is_waited_for, is_broken) {
             Ok(beside) => beside,
             Err(e) => {
                 first = first.and(Err(Failure::output(&file.path, &e).into()));
@@ -132,10 +136,21 @@ fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> Written {
     (lines, first)
 }
 
-/// Writes a whole file; the name that it got in place of its own, if it did.
-fn write_file(exported: &Exported<'_>, is_broken: bool) -> io::Result<Option<PathBuf>> {
+/// Writes a whole file, and has it on the disk first where that `is_waited_for`; the name that it got in place of its
+/// own, if it did.
+fn write_file(
+    exported: &Exported<'_>,
+    is_waited_for: bool,
+    is_broken: bool,
+) -> io::Result<Option<PathBuf>> {
     let mut file = AtomicFile::create(&exported.path)?;
-    exported.write(&mut file)?;
+    if !is_waited_for {
+        file = file.passing();
+    }
+    match file.can_seek() {
+        true => exported.write_into(&mut file)?,
+        false => exported.write(&mut file)?,
+    }
     if is_broken {
         file.break_off();
     }
@@ -198,7 +213,7 @@ impl Exports {
         };
         // What takes its name is private, too.
         let file = output::private_beside(to).map_err(|e| Failure::output(to, &e))?;
-        output::sweep(output::parent(file.path()));
+        output::sweep(file.path());
         let record = RecordSink::<BodiesRow>::create(file.path(), RecordFormat::Binary)?;
         let failed = Arc::default();
         sinks.push(KeptRecord {

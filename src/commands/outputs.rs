@@ -101,11 +101,7 @@ impl RecordArgs {
     fn each(&self) -> impl Iterator<Item = (&PathBuf, Format)> {
         let lines = self.jsonl.iter().map(|path| (path, Format::Jsonl));
         let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
-        all.inspect(|(path, _)| {
-            if !output::is_stdout(path) {
-                output::sweep(output::parent(path));
-            }
-        })
+        all.inspect(|(path, _)| output::sweep(path))
     }
 }
 
@@ -125,4 +121,34 @@ pub fn finish<M>(
     }
     let (words, finished) = sinks.finish();
     (words, outcome.and_then(|()| Ok(finished?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{self, File};
+    use std::os::unix::fs::symlink;
+    use std::time::{Duration, SystemTime};
+
+    use super::*;
+    use crate::record::BodiesRow;
+
+    #[test]
+    fn what_was_left_goes_where_the_record_lies_and_not_its_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("disk")).unwrap();
+        symlink("disk/hall.record", at("hall.record")).unwrap();
+        let long_ago = SystemTime::now() - Duration::from_secs(2 * 24 * 60 * 60);
+        let left = at("disk/.edgecap-left.part");
+        File::create(&left).unwrap().set_modified(long_ago).unwrap();
+        let args = RecordArgs {
+            record: Some(at("hall.record")),
+            ..RecordArgs::default()
+        };
+        let mut sinks = Sinks::default();
+        args.add_to::<BodiesRow>(false, &mut sinks).unwrap();
+        assert!(!left.exists());
+        sinks.finish().1.unwrap();
+        assert_eq!(fs::read_dir(at("disk")).unwrap().count(), 0);
+    }
 }

@@ -1,4 +1,4 @@
-//! `edgecap record`: writes what a running camera publishes to a file, until the user stops it or the input ends.
+//! `edgecap record`: writes what a running camera publishes to a file, until the user stops it or a film ends.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use crate::sink::SinkError;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-/// How long an ended input may take to begin anew: a process that is started again ends its stream, too.
+/// How long an ended film may take to begin anew: a process that is started again ends its stream, too.
 const COMES_BACK: Duration = Duration::from_secs(3);
 
 /// Options of `edgecap record`.
@@ -98,7 +98,7 @@ fn run<T: Row<Message = M>, M: Message + Times>(args: &RecordVerb) -> anyhow::Re
     Ok(())
 }
 
-/// Takes frames until the user stops it, the input ends, or the time is over.
+/// Takes frames until the user stops it, a film ends, or the time is over. A camera that ends is waited for.
 fn take<T: Row<Message = M>, M: Message + Times>(
     args: &RecordVerb,
     stop: &Stop,
@@ -110,8 +110,11 @@ fn take<T: Row<Message = M>, M: Message + Times>(
     let is_over =
         |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
     let limit = args.seconds.map(|s| Duration::from_secs(s.into()));
-    // A frame from before the recording; that the input has ended is still so.
-    if stream.next(Duration::ZERO)?.is_some_and(|f| f.is_end()) {
+    // A frame from before the recording; that a film has ended is still so.
+    if stream
+        .next(Duration::ZERO)?
+        .is_some_and(|f| f.is_film_end())
+    {
         ended = Some(began);
     }
     while !stop.requested() && !is_over(ended, COMES_BACK) {
@@ -120,7 +123,12 @@ fn take<T: Row<Message = M>, M: Message + Times>(
         }
         if let Some(frame) = stream.next(LOOK_UP)? {
             if frame.is_end() {
-                ended = Some(Instant::now());
+                ended = frame.is_film_end().then(Instant::now);
+                if ended.is_none() {
+                    say::err(
+                        "the camera has ended; the record goes on when it is back (Ctrl-C stops)",
+                    );
+                }
                 continue;
             }
             ended = None;

@@ -21,7 +21,7 @@ use crate::camera::{DEFAULT_FOV, monotonic_ns};
 use crate::config::Setting;
 use crate::counted::counted;
 use crate::events::EventConfig;
-use crate::export::{self, RATE, Stamp, usual_step};
+use crate::export::{self, Lives, RATE, Stamp, usual_step};
 use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
 use crate::sink::{EventSink, Packet, SharedMemorySink, Sink, SinkError, Sinks, Streamed};
 
@@ -92,8 +92,28 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     let are_together = records > 1;
     let heads = args.records.iter().map(|r| Head::read(r, are_together));
     let heads: Vec<Head> = heads.collect::<Result<_, _>>()?;
+    let seen = args.records.iter().zip(&heads);
+    let mut seen = seen.filter(|(_, head)| head.kind == Some(Kind::Observations));
+    if let (Some(_), Some((record, _))) = (&args.events, seen.next()) {
+        return Err(Failure::usage(format!(
+            "{}: --events looks at bodies, found observations; give the zones to 'edgecap fit --events', which makes \
+             bodies of them",
+            record.display()
+        ))
+        .into());
+    }
     let firsts = heads.iter().filter_map(|head| head.first);
     let together = firsts.min().filter(|_| are_together);
+    if are_together {
+        let ends = |n: usize, time: u64| heads[n].ends_before(&args.records[n], time);
+        for (record, seconds) in detached(&heads, ends) {
+            tracing::warn!(
+                "{}: begins {seconds:.0} s after the first record, when those before it have ended; where that is of \
+                 another clock, replay it alone",
+                args.records[record].display()
+            );
+        }
+    }
     let (began, has_failed) = (Instant::now(), AtomicBool::new(false));
     let takes = args.records.iter().zip(&args.names).zip(heads);
     let takes = takes.map(|((record, name), head)| Take {
@@ -125,9 +145,28 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     })
 }
 
+/// The records that begin when all that began before have ended, as those of two machines' clocks do, and how long
+/// after the first of all, seconds. `ends_before` says whether a record has no frame from that time on.
+fn detached(heads: &[Head], ends_before: impl Fn(usize, u64) -> bool) -> Vec<(usize, f64)> {
+    let firsts = heads.iter().enumerate();
+    let mut firsts: Vec<(u64, usize)> = firsts
+        .filter_map(|(n, head)| Some((head.first?, n)))
+        .collect();
+    firsts.sort_unstable();
+    let mut found = Vec::new();
+    for (k, &(first, record)) in firsts.iter().enumerate().skip(1) {
+        if firsts[..k].iter().all(|&(_, n)| ends_before(n, first)) {
+            found.push((record, (first - firsts[0].0) as f64 / 1e9));
+        }
+    }
+    found
+}
+
 /// What a record's first frames tell of its times.
 #[derive(Debug)]
 struct Head {
+    /// `None` of what is no record.
+    kind: Option<Kind>,
     /// When the first is due; `None` where there is none.
     first: Option<u64>,
     /// Usually between two, nanoseconds; `None` where times do not rise.
@@ -138,7 +177,8 @@ impl Head {
     /// `keeps_times`: frames are due by their times of capture.
     fn read(record: &Path, keeps_times: bool) -> anyhow::Result<Self> {
         let mut stamps = Vec::new();
-        let read = match Kind::of(&mut open(record)?) {
+        let kind = Kind::of(&mut open(record)?);
+        let read = match kind {
             Some(Kind::Bodies) => bodies(record, &mut |frame| {
                 Ok(Self::takes(&mut stamps, frame, keeps_times))
             }),
@@ -152,20 +192,45 @@ impl Head {
             read?;
         }
         Ok(Self {
+            kind,
             first: stamps.first().map(|(_, due)| *due),
             step: usual_step(&stamps),
         })
     }
 
+    /// Whether the record, of which times of capture are kept, has no frame that is due at `time` or later.
+    fn ends_before(&self, record: &Path, time: u64) -> bool {
+        let mut clock = Clock::new(1.0, Instant::now(), self.step, None);
+        let mut goes_on = false;
+        let mut look = |due| {
+            goes_on = clock.look(due) >= time;
+            Ok(!goes_on)
+        };
+        let read = match self.kind {
+            Some(Kind::Bodies) => bodies(record, &mut |frame| look(kept_ns(frame))),
+            Some(Kind::Observations) => observations(record, &mut |frame| look(kept_ns(frame))),
+            None => Ok(false),
+        };
+        // What is wrong after frames is said where these have been played.
+        read.is_ok() && !goes_on
+    }
+
     /// Takes another frame's stamp; whether more are wanted.
     fn takes<M: Times + Copy>(stamps: &mut Vec<Stamp>, frame: &M, keeps_times: bool) -> bool {
-        let mut frame = Box::new(*frame);
-        if keeps_times {
-            frame.keep_times();
-        }
-        stamps.push((frame.number(), frame.due_ns()));
+        let due = match keeps_times {
+            true => kept_ns(frame),
+            false => frame.due_ns(),
+        };
+        stamps.push((frame.number(), due));
         stamps.len() < HEAD
     }
+}
+
+/// When a frame is due whose times of capture are kept.
+fn kept_ns<M: Times + Copy>(frame: &M) -> u64 {
+    let mut frame = Box::new(*frame);
+    frame.keep_times();
+    frame.due_ns()
 }
 
 /// Calls `take` with every frame of a record of bodies until that says `false`; whether the record ends inside a frame.
@@ -274,7 +339,9 @@ impl Take<'_> {
         let outcome = loop {
             let before = frames;
             let played = rows(&mut |recorded| {
-                let mut message = Box::new(*recorded);
+                let mut recorded = Box::new(*recorded);
+                to.count_on(&mut recorded);
+                let mut message = recorded.clone();
                 if self.together.is_some() {
                     message.keep_times();
                 }
@@ -284,7 +351,7 @@ impl Take<'_> {
                 }
                 message.renumber(numbers.go_on(recorded.number()));
                 message.publish_at(monotonic_ns());
-                to.take(&message, recorded)?;
+                to.take(&message, &recorded)?;
                 frames += 1;
                 Ok(true)
             });
@@ -319,6 +386,9 @@ impl Take<'_> {
 
 /// Where the frames of a record go.
 trait Target<M> {
+    /// Counts what the record counts anew for people on from those before.
+    fn count_on(&mut self, _recorded: &mut M) {}
+
     /// Publishes a frame as it is `replayed`, which was `recorded` with other times and another number.
     ///
     /// # Errors
@@ -347,6 +417,7 @@ impl<M: Streamed> Target<M> for SharedMemorySink<M> {
 
 /// Bodies, and what happens with them.
 struct BodyStreams {
+    lives: Lives,
     bodies: Sinks<BodyFrame>,
     events: Box<EventSink>,
 }
@@ -357,11 +428,19 @@ impl BodyStreams {
         bodies.push(SharedMemorySink::<BodyFrame>::open(name)?);
         events.push(SharedMemorySink::<EventFrame>::open(name)?);
         let events = Box::new(EventSink::new(config, events));
-        Ok(Self { bodies, events })
+        Ok(Self {
+            lives: Lives::default(),
+            bodies,
+            events,
+        })
     }
 }
 
 impl Target<BodyFrame> for BodyStreams {
+    fn count_on(&mut self, recorded: &mut BodyFrame) {
+        self.lives.count_on(recorded);
+    }
+
     fn take(&mut self, replayed: &BodyFrame, recorded: &BodyFrame) -> Result<(), SinkError> {
         let packet = packet(replayed);
         self.bodies.take(&packet)?;
@@ -370,6 +449,7 @@ impl Target<BodyFrame> for BodyStreams {
     }
 
     fn begin_anew(&mut self) {
+        self.lives.begin_anew();
         self.events.begin_anew();
     }
 
@@ -415,9 +495,15 @@ impl Clock {
         }
     }
 
-    /// How long after the beginning a frame of this time is due. One that is no later than those before, as of bodies
-    /// that are held, is due with the newest.
+    /// How long after the beginning a frame of this time is due.
     fn due(&mut self, time: u64) -> Duration {
+        let now = self.look(time);
+        self.after_zero(now)
+    }
+
+    /// When a frame of this time is due on the clock of the record's beginning. One that is no later than those before,
+    /// as of bodies that are held, is due with the newest.
+    fn look(&mut self, time: u64) -> u64 {
         let now = match (self.newest, self.step) {
             (Some(newest), None) => newest.saturating_add(STILL_NS),
             (newest, step) => {
@@ -426,7 +512,7 @@ impl Clock {
             }
         };
         self.newest = Some(now);
-        self.after_zero(now)
+        now
     }
 
     /// How long after the beginning this is due on the clock of the record's beginning; what is due first is its zero.
@@ -460,6 +546,7 @@ impl Clock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::{Format, RecordWriter};
 
     #[test]
     fn records_of_one_room_have_one_zero() {
@@ -487,6 +574,53 @@ mod tests {
         );
         // Photos have no times.
         assert_eq!(due(None, &[7, 7, 7, 7]), [0, 66, 133, 199]);
+    }
+
+    #[test]
+    fn a_record_that_begins_when_those_before_have_ended_is_of_another_clock() {
+        const SECOND: u64 = 1_000_000_000;
+        let detached = |takes: &[(u64, u64)]| {
+            let head = |&(first, _): &(u64, u64)| Head {
+                kind: Some(Kind::Bodies),
+                first: Some(first * SECOND),
+                step: None,
+            };
+            let heads: Vec<Head> = takes.iter().map(head).collect();
+            super::detached(&heads, |n, time| takes[n].1 * SECOND < time)
+        };
+        assert!(detached(&[(500, 600), (520, 580), (590, 700)]).is_empty());
+        let days = 864_000;
+        assert_eq!(
+            detached(&[(days + 7, days + 90), (7, 90)]),
+            [(0, days as f64)]
+        );
+        let pair = (days, days + 60);
+        assert_eq!(
+            detached(&[(0, 60), pair, pair]),
+            [(1, days as f64)],
+            "the third begins with the second"
+        );
+    }
+
+    #[test]
+    fn how_long_a_record_lasts_is_looked_for_up_to_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.record");
+        let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+        // Published an hour after it was captured; another recording follows.
+        for (sequence, pose_ns) in [(0, 900), (1, 940), (0, 0), (1, 40)] {
+            let frame = BodyFrame {
+                sequence,
+                pose_ns: pose_ns * 1_000_000,
+                publish_ns: 3_600_000_000_000,
+                ..BodyFrame::default()
+            };
+            writer.write(&frame, "").unwrap();
+        }
+        writer.finish().unwrap();
+        let head = Head::read(&path, true).unwrap();
+        let lasts = [1_020, 1_021].map(|ms| !head.ends_before(&path, ms * 1_000_000));
+        assert_eq!(lasts, [true, false]);
     }
 
     #[test]

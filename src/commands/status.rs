@@ -81,7 +81,7 @@ impl StatusFile {
                     };
                     let path = status_of(life.path());
                     if let Ok(text) = serde_json::to_vec(&status)
-                        && let Err(e) = crate::output::write(&path, &text)
+                        && let Err(e) = crate::output::write_passing(&path, &text)
                     {
                         tracing::debug!("{}: {e}", path.display());
                     }

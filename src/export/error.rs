@@ -22,6 +22,14 @@ pub enum ExportError {
         /// Its frames.
         frames: u64,
     },
+    /// The record ends inside its first frame.
+    #[error(
+        "{name}: expected a record of bodies, found it cut off inside its first frame; record again"
+    )]
+    Cut {
+        /// The record.
+        name: String,
+    },
     /// The one who was asked for is not in the record.
     #[error("{name}: nobody in it has the id {id}; there are {there}")]
     NoPerson {

@@ -8,6 +8,7 @@ mod bvh;
 mod csv;
 mod error;
 mod gltf;
+mod lives;
 mod mannequin;
 mod motion;
 mod npz;
@@ -19,11 +20,12 @@ mod trc;
 
 pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
+pub use lives::Lives;
 pub use motion::{Axes, Motion};
 pub use take::Take;
 pub use times::{Clock, RATE, Stamp, usual_rate, usual_step};
 
-use std::io::{self, Write};
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// What a file is for.
@@ -86,6 +88,8 @@ enum Content<'a> {
     Bytes(Vec<u8>),
     /// Rows of CSV, which are made as they are written.
     Rows(&'a Take),
+    /// Arrays, each of which is made as it is written.
+    Arrays(&'a Take),
     /// One person's motion, which is made as it is written: those of all need not be held at once.
     Motion {
         take: &'a Take,
@@ -117,7 +121,18 @@ impl Exported<'_> {
         }
     }
 
-    /// Writes what is in it.
+    /// Writes what is in it into a file, which may be written over.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_into(&self, out: &mut (impl Write + Seek)) -> io::Result<()> {
+        match &self.content {
+            Content::Arrays(take) => npz::write(take, crate::npz::Writer::new(out)),
+            _ => self.write(out),
+        }
+    }
+
+    /// Writes what is in it, as into a pipe.
     ///
     /// # Errors
     /// Those of `out`.
@@ -125,6 +140,7 @@ impl Exported<'_> {
         match &self.content {
             Content::Bytes(bytes) => out.write_all(bytes),
             Content::Rows(take) => csv::write(take, out),
+            Content::Arrays(take) => npz::write(take, crate::npz::Writer::in_stream(out)),
             Content::Motion {
                 take,
                 id,
@@ -157,7 +173,10 @@ pub fn encode<'a>(
         let content = match format {
             Format::Glb => Content::Bytes(gltf::encode(take)?),
             Format::Svg => Content::Bytes(plot::encode(take).into_bytes()),
-            Format::Npz => Content::Bytes(npz::encode(take)?),
+            Format::Npz => {
+                npz::expect(take)?;
+                Content::Arrays(take)
+            }
             _ => Content::Rows(take),
         };
         return Ok(vec![Exported {

@@ -1,12 +1,14 @@
 //! NumPy arrays over T frames and P people at the frames' own times; NaN where somebody is not in a frame. Metres and
 //! radians in camera axes, pixels, quaternions xyzw.
 
+use std::io::{self, Seek, Write};
+
 use super::error::ExportError;
 use super::size;
 use super::take::Take;
 use crate::joints::{BODY_JOINTS, DOF};
 use crate::message::{Body, HUMANOID_BONE_COUNT};
-use crate::npz::{Array, Values, write};
+use crate::npz::{Array, Values, Writer};
 
 /// What an array takes of a body, and its shape for one.
 type Field = (&'static str, &'static [usize], fn(&Body) -> Vec<f32>);
@@ -31,22 +33,35 @@ const FIELDS: [Field; 13] = [
     }),
 ];
 
-/// The archive's bytes: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and `world_translation` (T × 3),
-/// NaN while no floor was known, and T × P × … of every field.
+/// Refuses a take whose arrays are more numbers than a file may hold.
 ///
 /// # Errors
-/// [`ExportError::Format`] where these are too many numbers to be held.
-pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
+/// [`ExportError::Format`].
+pub fn expect(take: &Take) -> Result<(), ExportError> {
     let (frames, people) = (take.frames.len(), take.people.len());
     let of_one: usize = FIELDS
         .iter()
         .map(|(_, shape, _)| shape.iter().product::<usize>())
         .sum();
     let bytes = frames as f64 * people as f64 * (of_one * size_of::<f32>()) as f64;
-    size::expect(bytes, || format!("{frames} frames × {people} people"))?;
+    size::expect(bytes, || format!("{frames} frames × {people} people"))
+}
+
+/// Writes the archive, one array after the other: `frame` and `time` (T), `person` (P), `world_rotation` (T × 4) and
+/// `world_translation` (T × 3), NaN while no floor was known, and T × P × … of every field.
+///
+/// # Errors
+/// Those of what is written into.
+pub fn write<W: Write + Seek>(take: &Take, mut archive: Writer<W>) -> io::Result<()> {
+    let (frames, people) = (take.frames.len(), take.people.len());
+    let mut add =
+        |name: &str, shape: &[usize], data: Values<'_>| archive.add(&Array { name, shape, data });
     let numbers: Vec<i64> = take.frames.iter().map(|f| f.sequence as i64).collect();
     let times: Vec<f64> = take.frames.iter().map(|f| f.time).collect();
     let ids: Vec<i64> = take.people.keys().map(|&id| i64::from(id)).collect();
+    add("frame", &[frames], Values::I64(&numbers))?;
+    add("time", &[frames], Values::F64(&times))?;
+    add("person", &[people], Values::I64(&ids))?;
     let mut rotations = vec![f32::NAN; 4 * frames];
     let mut translations = vec![f32::NAN; 3 * frames];
     for (t, frame) in take.frames.iter().enumerate() {
@@ -55,48 +70,25 @@ pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
             translations[3 * t..3 * t + 3].copy_from_slice(&frame.world.translation);
         }
     }
-    let fields: Vec<(&str, Vec<usize>, Vec<f32>)> = FIELDS
-        .iter()
-        .map(|(name, of_one, value)| {
-            let size = of_one.iter().product::<usize>();
-            let mut data = vec![f32::NAN; frames * people * size];
-            for (p, samples) in take.people.values().enumerate() {
-                for sample in samples {
-                    let at = (sample.frame * people + p) * size;
-                    data[at..at + size].copy_from_slice(&value(&sample.body));
-                }
-            }
-            let shape = [&[frames, people], *of_one].concat();
-            (*name, shape, data)
-        })
-        .collect();
-    let (t, p) = ([frames], [people]);
-    let mut arrays = vec![
-        array("frame", &t, Values::I64(&numbers)),
-        array("time", &t, Values::F64(&times)),
-        array("person", &p, Values::I64(&ids)),
-    ];
-    let (of_rotation, of_translation) = ([frames, 4], [frames, 3]);
-    arrays.push(array(
-        "world_rotation",
-        &of_rotation,
-        Values::F32(&rotations),
-    ));
-    arrays.push(array(
+    add("world_rotation", &[frames, 4], Values::F32(&rotations))?;
+    add(
         "world_translation",
-        &of_translation,
+        &[frames, 3],
         Values::F32(&translations),
-    ));
-    arrays.extend(
-        fields
-            .iter()
-            .map(|(name, shape, data)| array(name, shape, Values::F32(data))),
-    );
-    write(&arrays).map_err(|e| ExportError::Format(e.to_string()))
-}
-
-fn array<'a>(name: &'a str, shape: &'a [usize], data: Values<'a>) -> Array<'a> {
-    Array { name, shape, data }
+    )?;
+    for (name, of_one, value) in FIELDS {
+        let size = of_one.iter().product::<usize>();
+        let mut data = vec![f32::NAN; frames * people * size];
+        for (p, samples) in take.people.values().enumerate() {
+            for sample in samples {
+                let at = (sample.frame * people + p) * size;
+                data[at..at + size].copy_from_slice(&value(&sample.body));
+            }
+        }
+        let shape = [&[frames, people], of_one].concat();
+        add(name, &shape, Values::F32(&data))?;
+    }
+    archive.finish()
 }
 
 #[cfg(test)]

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::BufRead;
 
 use super::error::ExportError;
+use super::lives::Lives;
 use super::size;
 use super::times::{self, RATE};
-use crate::camera::RESTART_NS;
-use crate::message::{Body, FLAG_FILE_TIME, World};
+use crate::message::{Body, World};
 use crate::record::{BodiesRow, RowReader};
 
 /// No camera is faster: shorter steps are a record's mistake, and would make endless files. Frames a second.
@@ -51,8 +51,8 @@ impl Take {
     /// Reads a record of bodies in either format; `name` is what errors call it.
     ///
     /// # Errors
-    /// What is wrong with the record; [`ExportError::Empty`] where nobody is in it, [`ExportError::Format`] where there
-    /// are too many to be held.
+    /// What is wrong with the record; [`ExportError::Empty`] where nobody is in it, [`ExportError::Cut`] where no whole
+    /// frame is, [`ExportError::Format`] where there are too many to be held.
     pub fn read(input: impl BufRead, name: &str) -> Result<Self, ExportError> {
         Self::read_of(input, name, None)
     }
@@ -69,23 +69,12 @@ impl Take {
         let mut rows = RowReader::<_, BodiesRow>::new(input, name);
         let mut take = Self::default();
         let mut stamps: Vec<times::Stamp> = Vec::new();
-        // What ids of this life of the publisher are counted from, and the highest of all.
-        let (mut from, mut highest) = (0, 0);
-        // The newest time of that life.
-        let mut newest = 0;
+        let mut lives = Lives::default();
         let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
         while let Some(row) = rows.read()? {
-            let message = row.message();
+            let mut message = row.message();
+            lives.count_on(&mut message);
             let index = take.frames.len();
-            let counts_anew = stamps.last().is_some_and(|last| message.sequence < last.0);
-            // The clock of cameras goes back where the machine was started again; a film may be played twice.
-            let goes_back = message.flags & FLAG_FILE_TIME == 0
-                && message.pose_ns.saturating_add(RESTART_NS) < newest;
-            if counts_anew || goes_back {
-                from = highest;
-                newest = 0;
-            }
-            newest = newest.max(message.pose_ns);
             stamps.push((message.sequence, message.pose_ns));
             take.frames.push(Frame {
                 sequence: message.sequence,
@@ -93,8 +82,7 @@ impl Take {
                 world: message.world,
             });
             for body in message.bodies() {
-                let id = body.id.saturating_add(from);
-                highest = highest.max(id);
+                let id = body.id;
                 ids.insert(id);
                 if person.is_some_and(|wanted| wanted != id) {
                     continue;
@@ -105,7 +93,7 @@ impl Take {
                 if samples.last().is_none_or(|s| s.frame != index) {
                     samples.push(Sample {
                         frame: index,
-                        body: Body { id, ..*body },
+                        body: *body,
                     });
                 }
             }
@@ -120,6 +108,9 @@ impl Take {
                 id,
             }),
             Some(id) if take.people.is_empty() && !ids.is_empty() => Err(no_person(name, id, &ids)),
+            _ if stamps.is_empty() && take.was_cut => Err(ExportError::Cut {
+                name: name.to_owned(),
+            }),
             _ if take.people.is_empty() => Err(ExportError::Empty {
                 name: name.to_owned(),
                 frames: stamps.len() as u64,

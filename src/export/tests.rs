@@ -1,12 +1,14 @@
 //! Records whose times and ids are as a publisher that waits, ends or is started again leaves them.
 
+use std::io::Cursor;
 use std::time::Instant;
 
 use super::take::{Frame, Sample};
 use super::*;
 use crate::joints::JOINT_NAMES;
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, World};
-use crate::record::{BodiesRow, Row};
+use crate::npz::Archive;
+use crate::record::{BodiesRow, Format as RecordFormat, RecordWriter, Row};
 
 const SECOND: u64 = 1_000_000_000;
 
@@ -38,6 +40,25 @@ fn flagged(flags: u32, messages: &[Message<'_>]) -> Vec<u8> {
         lines.push(b'\n');
     }
     lines
+}
+
+#[test]
+fn a_record_that_ends_inside_its_first_frame_was_cut_and_not_of_nobody() {
+    let mut frame = BodyFrame {
+        count: 1,
+        ..BodyFrame::default()
+    };
+    frame.bodies[0].id = 1;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.record");
+    let mut writer = RecordWriter::<BodiesRow>::create(&path, RecordFormat::Binary).unwrap();
+    writer.write(&frame, "").unwrap();
+    writer.finish().unwrap();
+    let binary = std::fs::read(&path).unwrap();
+    let refused = Take::read(&binary[..100], "a.record").unwrap_err();
+    let words = "a.record: expected a record of bodies, found it cut off inside its first frame; record again";
+    assert_eq!(refused.to_string(), words);
+    assert_eq!(Take::read(&binary[..], "a.record").unwrap().people.len(), 1);
 }
 
 #[test]
@@ -235,12 +256,27 @@ fn markers_of_who_is_away_are_empty() {
     let take = visits(ends);
     let files = encode(&take, Format::Trc, "a.trc".as_ref()).unwrap();
     let text = String::from_utf8(bytes(&files[0])).unwrap();
-    let rows: Vec<Vec<&str>> = text
-        .lines()
-        .skip(6)
-        .map(|l| l.split('\t').collect())
-        .collect();
+    // As OpenSim reads a row: a last field that is empty is none, and all rows have as many as the axes' line.
+    let fields = |line| {
+        let mut fields: Vec<&str> = str::split(line, '\t').collect();
+        fields.pop_if(|last| last.is_empty());
+        fields
+    };
+    let lines: Vec<Vec<&str>> = text.lines().map(fields).collect();
+    assert_eq!(lines[4].len(), 2 + 3 * JOINT_NAMES.len());
+    let rows = &lines[6..];
     assert_eq!(rows.len(), 401);
+    // pandas takes a column that only some rows have for the frames' numbers.
+    let tabs = |line: &str| line.matches('\t').count();
+    assert!(
+        text.lines()
+            .skip(6)
+            .all(|line| tabs(line) == 2 + 3 * JOINT_NAMES.len())
+    );
+    assert_eq!(
+        tabs(text.lines().nth(4).unwrap()),
+        2 + 3 * JOINT_NAMES.len()
+    );
     for (row, is_there) in [(0, true), (1, true), (2, false), (200, false), (400, true)] {
         let fields = &rows[row][2..];
         assert_eq!(fields.len(), 3 * JOINT_NAMES.len());
@@ -369,6 +405,31 @@ fn a_csv_of_any_length_is_never_held() {
     let mut pieces = Pieces::default();
     files[0].write(&mut pieces).unwrap();
     assert!(pieces.0 > 300_000 && pieces.1 < 1000, "{pieces:?}");
+}
+
+#[test]
+fn arrays_are_made_and_written_one_after_the_other() {
+    let mut take = crowd((0..40).map(|k| f64::from(k) / 30.0));
+    for frame in &mut take.frames {
+        frame.sequence += 7;
+    }
+    let files = encode(&take, Format::Npz, "a.npz".as_ref()).unwrap();
+    let mut pieces = Pieces::default();
+    files[0].write(&mut pieces).unwrap();
+    assert!(pieces.0 > 1_500_000 && pieces.1 <= 64 << 10, "{pieces:?}");
+    // What is written into a pipe and into a file is the same to a reader.
+    let mut file = Cursor::new(Vec::new());
+    files[0].write_into(&mut file).unwrap();
+    for whole in [bytes(&files[0]), file.into_inner()] {
+        let mut archive = Archive::new(Cursor::new(whole)).unwrap();
+        let mut numbers = |name| archive.numbers(name).unwrap().unwrap();
+        assert_eq!(numbers("frame").data[39], 46.0);
+        let positions = numbers("position");
+        assert_eq!(positions.shape, [40, 40, 3]);
+        let is_there = |n: usize| n / 3 % 41 == 0;
+        let nan = positions.data.iter().map(|v| v.is_nan());
+        assert!(nan.zip(0..).all(|(nan, n)| nan != is_there(n)));
+    }
 }
 
 #[test]

@@ -1,4 +1,5 @@
 //! TRC: the joints as markers, metres, y up: what OpenSim and Pose2Sim read. Fields are empty while somebody is away.
+//! The line of axes and all rows end with a tab, as OpenSim's own do: it leaves out a last field that is empty.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -25,7 +26,7 @@ pub fn write(motion: &Motion, path: &Path, out: &mut impl Write) -> io::Result<(
     for n in 1..=BODY_JOINTS {
         let _ = write!(text, "\tX{n}\tY{n}\tZ{n}");
     }
-    text += "\n\n";
+    text += "\t\n\n";
     out.write_all(text.as_bytes())?;
     for (step, moment) in motion.moments.iter().enumerate() {
         let time = motion.start + step as f64 / rate;
@@ -38,7 +39,7 @@ pub fn write(motion: &Motion, path: &Path, out: &mut impl Write) -> io::Result<(
                 false => write!(text, "\t\t\t"),
             };
         }
-        text.push('\n');
+        text += "\t\n";
         out.write_all(text.as_bytes())?;
     }
     Ok(())

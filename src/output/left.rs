@@ -8,16 +8,26 @@ use std::time::Duration;
 
 use rustix::fs::OFlags;
 
-use super::is_unfinished;
+use super::link::{behind_links, descriptor};
+use super::{is_unfinished, parent};
 
 /// What nobody has written to for so long, and nobody holds, a killed process has left. The time is for file systems on
 /// which locks of other machines are not seen.
 const LEFT_AFTER: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// Removes from a folder the files that killed processes of this user have not finished, a day after they were written
-/// to last. Folders stay: they may hold results that could not be moved to their place.
-pub fn sweep(folder: &Path) {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+/// Removes from the folder in which `path` is written, behind links, the files that killed processes of this user have
+/// not finished, a day after they were written to last. Folders stay: they may hold results that could not be moved to
+/// their place.
+pub fn sweep(path: &Path) {
+    // What is open already has nothing beside it, and where a link leads nowhere, nothing is written.
+    if descriptor(path).is_some() {
+        return;
+    }
+    let Ok(target) = behind_links(path) else {
+        return;
+    };
+    let entries = fs::read_dir(parent(&target)).into_iter().flatten();
+    let entries = entries.flatten();
     for path in entries.map(|e| e.path()).filter(|p| is_unfinished(p)) {
         // What cannot be looked at is not ours to remove.
         let _ = remove_if_left(&path);
@@ -73,7 +83,7 @@ mod tests {
             let long_ago = std::time::UNIX_EPOCH;
             file.as_file().set_modified(long_ago).unwrap();
         }
-        sweep(folder.path());
+        sweep(&folder.path().join("result"));
         assert!(!left.exists());
         for (path, _) in &kept {
             assert!(path.exists(), "{}", path.display());

@@ -41,7 +41,7 @@ pub fn write_png(frame: &Frame, path: &Path) -> Result<(), OverlayError> {
 }
 
 fn write(frame: &Frame, path: &Path) -> io::Result<()> {
-    let mut file = AtomicFile::replacing_links(path)?;
+    let mut file = AtomicFile::replacing_links(path)?.passing();
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
         .write_image(
             &frame.rgb,

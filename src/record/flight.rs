@@ -3,12 +3,10 @@
 use std::collections::VecDeque;
 use std::io;
 use std::marker::PhantomData;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::rows::Row;
 use super::writer::{Format, encode, head};
-use crate::output;
 
 /// What is kept.
 pub const KEPT: Duration = Duration::from_secs(60);
@@ -52,22 +50,16 @@ impl<T: Row> FlightRecorder<T> {
         Ok(())
     }
 
-    /// Writes the frames of the last minute before `now` as a binary record, and says whether there were any: without
-    /// them there is no file. They stay kept.
-    ///
-    /// # Errors
-    /// Those of the file.
-    pub fn save(&self, now: Instant, path: &Path) -> io::Result<bool> {
+    /// The frames of the last minute before `now` as a binary record, if there are any. They stay kept.
+    pub fn minute(&self, now: Instant) -> Option<Vec<u8>> {
         // Only frames that come drive others out.
         let is_there = |(at, _): &&(Instant, Vec<u8>)| !is_old(*at, now);
         let mut frames = self.frames.iter().filter(is_there).peekable();
-        if frames.peek().is_none() {
-            return Ok(false);
-        }
+        frames.peek()?;
         let mut bytes = head::<T>(Format::Binary);
         bytes.reserve(self.bytes);
         bytes.extend(frames.flat_map(|(_, frame)| frame));
-        output::write(path, &bytes).map(|()| true)
+        Some(bytes)
     }
 }
 
@@ -95,13 +87,15 @@ mod tests {
         flight
     }
 
-    /// Numbers of the frames that are saved `now`; none where there is no file.
+    /// Numbers of the frames that are saved `now`; none where there is nothing to save.
     fn saved(flight: &FlightRecorder<BodiesRow>, now: Instant) -> Vec<u64> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("flight.record");
-        let is_there = flight.save(now, &path).unwrap();
-        assert_eq!(path.exists(), is_there);
-        let bytes = std::fs::read(path).unwrap_or_default();
+        let bytes = flight.minute(now);
+        assert!(
+            bytes
+                .as_ref()
+                .is_none_or(|b| b.len() > head::<BodiesRow>(Format::Binary).len())
+        );
+        let bytes = bytes.unwrap_or_default();
         let mut reader = RowReader::<_, BodiesRow>::new(&bytes[..], "flight");
         let rows = std::iter::from_fn(|| reader.read().unwrap());
         rows.map(|row| row.frame).collect()

@@ -6,6 +6,8 @@ use crate::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationF
 pub trait Times {
     /// Whether it says that the input has ended.
     fn is_end(&self) -> bool;
+    /// Whether it says so of a film. A camera may come back: it ends where its process is started again, too.
+    fn is_film_end(&self) -> bool;
     /// Its frame's number.
     fn number(&self) -> u64;
     /// Gives it another number.
@@ -26,6 +28,10 @@ fn moved(time: u64, published: u64, now: u64) -> u64 {
 impl Times for BodyFrame {
     fn is_end(&self) -> bool {
         self.flags & FLAG_END_OF_STREAM != 0
+    }
+
+    fn is_film_end(&self) -> bool {
+        self.is_end() && self.flags & FLAG_FILE_TIME != 0
     }
 
     fn number(&self) -> u64 {
@@ -61,6 +67,10 @@ impl Times for BodyFrame {
 impl Times for ObservationFrame {
     fn is_end(&self) -> bool {
         self.flags & FLAG_END_OF_STREAM != 0
+    }
+
+    fn is_film_end(&self) -> bool {
+        self.is_end() && self.flags & FLAG_FILE_TIME != 0
     }
 
     fn number(&self) -> u64 {

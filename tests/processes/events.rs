@@ -271,7 +271,7 @@ fn what_happens_is_published_beside_the_bodies() {
 }
 
 /// Takes of one second in one file, and files that are played in a loop, whose passes may follow each other by number
-/// and time: published numbers and times go on all the same.
+/// and time: published numbers and times go on all the same, and so do ids.
 #[test]
 fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
     const FRAMES: u64 = 30;
@@ -300,9 +300,10 @@ fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
         let stream = Subscriber::<EventFrame>::open(&camera).unwrap();
         let args = ["replay", path.to_str().unwrap(), "--name", &camera];
         let _replay = Running::start(&[&args[..], more].concat());
-        let come = [(EventKind::ENTERED, 1), (EventKind::MAIN_PERSON, 1)];
-        let gone = [(EventKind::LEFT, 1), (EventKind::MAIN_PERSON, 0)];
-        let script = [come, gone].into_iter().cycle().take(2 * seen - 1);
+        let come = |id| [(EventKind::ENTERED, id), (EventKind::MAIN_PERSON, id)];
+        let gone = |id| [(EventKind::LEFT, id), (EventKind::MAIN_PERSON, 0)];
+        let script = (1..=seen).flat_map(|id| [come(id), gone(id)]);
+        let script = script.take(2 * seen as usize - 1);
         let script: Vec<_> = script.flatten().collect();
         let (mut told, mut stamps, mut left) = (Vec::new(), Vec::new(), Vec::new());
         while told.len() < script.len() {
@@ -315,7 +316,9 @@ fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
             left.extend(leaves.then_some(frame.sequence));
         }
         assert_eq!(told, script, "{case}");
-        let seams: Vec<u64> = (1..seen as u64).map(|n| takes[0] + n * FRAMES).collect();
+        let seams: Vec<u64> = (1..u64::from(seen))
+            .map(|n| takes[0] + n * FRAMES)
+            .collect();
         assert_eq!(left, seams, "{case}");
         let rises = |a: &(u64, u64), b: &(u64, u64)| a.0 < b.0 && a.1 < b.1;
         assert!(stamps.is_sorted_by(rises), "{stamps:?}");

@@ -39,6 +39,15 @@ fn frame(number: u64) -> BodyFrame {
     frame
 }
 
+/// The end of a stream of such frames.
+fn end_of(flags: u32) -> BodyFrame {
+    BodyFrame {
+        flags: flags | FLAG_END_OF_STREAM,
+        count: 0,
+        ..frame(99)
+    }
+}
+
 fn record<T: Row>(folder: &Path, frames: impl IntoIterator<Item = T::Message>) -> PathBuf {
     let path = folder.join("take.record");
     let mut writer = RecordWriter::<T>::create(&path, Format::Binary).unwrap();
@@ -194,7 +203,7 @@ fn a_replay_in_a_loop_goes_on_until_it_is_stopped() {
 
 /// As of a camera whose processes were started again while it was recorded.
 #[test]
-fn numbers_of_a_record_that_begin_anew_go_on_in_every_pass() {
+fn numbers_and_ids_of_a_record_that_begin_anew_go_on_in_every_pass() {
     let folder = tempfile::tempdir().unwrap();
     let numbered = [70, 71, 0, 1].iter().zip(0..);
     let frames = numbered.map(|(&sequence, n)| BodyFrame {
@@ -209,6 +218,10 @@ fn numbers_of_a_record_that_begin_anew_go_on_in_every_pass() {
     eventually("three passes", || {
         let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
         numbers.push(frame.sequence);
+        // Two people in each take, and two frames.
+        let life = (frame.sequence - 70) as u32 / 2;
+        let ids: Vec<u32> = frame.bodies().iter().map(|b| b.id).collect();
+        assert_eq!(ids, [2 * life + 1, 2 * life + 2], "{}", frame.sequence);
         (numbers.len() == 12).then_some(())
     });
     assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
@@ -252,7 +265,21 @@ fn observations_are_replayed_for_fit() {
         frame
     });
     let path = record::<ObservationsRow>(folder.path(), frames);
+    let zones = folder.path().join("zones.toml");
+    std::fs::write(&zones, "confirm = 0.1\n").unwrap();
     let name = stream("replay-seen");
+    assert_fails(
+        &[
+            "replay",
+            path.to_str().unwrap(),
+            "--name",
+            &name,
+            "--events",
+            zones.to_str().unwrap(),
+        ],
+        64,
+        &["take.record", "fit --events"],
+    );
     let seen = Subscriber::<ObservationFrame>::open(&name).unwrap();
     let args = [
         "replay",
@@ -412,11 +439,36 @@ fn a_recording_begins_with_what_comes_after_its_start() {
     // It begins at once after that; on a busy machine somebody else may have the processor first.
     std::thread::sleep(Duration::from_millis(2000));
     publisher.publish(&frame(7)).unwrap();
-    let mut end = frame(8);
-    (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
-    publisher.publish(&end).unwrap();
+    publisher.publish(&end_of(FLAG_FILE_TIME)).unwrap();
     assert!(run.wait(Duration::from_secs(60)).status.success());
     assert_eq!(rows(&to), [frame(7)]);
+}
+
+/// As where the service of a camera is started again.
+#[test]
+fn a_record_of_a_camera_that_ends_goes_on_when_it_is_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("a.jsonl");
+    let name = stream("comes-back");
+    let mut publisher = Publisher::<BodyFrame>::open(&name).unwrap();
+    let mut run = Running::start(&["record", to.to_str().unwrap(), "--name", &name]);
+    wait_until_it_records(&mut run);
+    eventually("a line in the file", || {
+        publisher.publish(&frame(0)).unwrap();
+        std::fs::metadata(&to).ok().filter(|m| m.len() > 0)
+    });
+    publisher.publish(&end_of(0)).unwrap();
+    let mut said = BufReader::new(run.0.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    assert!(line.contains("goes on when it is back"), "'{line}'");
+    run.0.stderr = Some(said.into_inner());
+    publisher.publish(&frame(7)).unwrap();
+    publisher.publish(&end_of(FLAG_FILE_TIME)).unwrap();
+    assert!(run.wait(Duration::from_secs(60)).status.success());
+    let recorded = rows(&to);
+    assert_eq!(recorded[0], frame(0));
+    assert_eq!(recorded.last(), Some(&frame(7)));
 }
 
 /// A limit on the size of files stands in for a full disk.
@@ -496,9 +548,7 @@ fn a_recording_ends_with_its_input_and_what_cannot_be_is_said() {
         publisher.publish(&frame(0)).unwrap();
         std::fs::metadata(&to).ok().filter(|m| m.len() > 0)
     });
-    let mut end = frame(1);
-    (end.flags, end.count) = (FLAG_END_OF_STREAM, 0);
-    publisher.publish(&end).unwrap();
+    publisher.publish(&end_of(FLAG_FILE_TIME)).unwrap();
     let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
     let recorded = rows(to.as_ref());

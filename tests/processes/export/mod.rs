@@ -311,6 +311,7 @@ fn trc_csv_and_npz_hold_the_joints() {
     let names: Vec<&str> = markers[2..].iter().step_by(3).copied().collect();
     assert_eq!(names[..BODY_JOINTS], JOINT_NAMES);
     for (row, line) in lines[6..].iter().enumerate() {
+        let line = line.strip_suffix('\t').unwrap();
         let numbers: Vec<f64> = line.split('\t').map(|n| n.parse().unwrap()).collect();
         assert_eq!(numbers.len(), 2 + 3 * BODY_JOINTS);
         assert!((numbers[1] - (20 + row) as f64 / 30.0).abs() < 1e-5);
