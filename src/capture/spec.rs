@@ -2,10 +2,10 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{BufReader, ErrorKind};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::str::FromStr;
 
 use super::camera::{CameraSource, ControlSetting, list_cameras};
@@ -26,6 +26,8 @@ const STDIN: &str = "standard input";
 const STAND_IN: &str = "stand-in:";
 /// Folders of /dev in which no devices lie, but what people and programs put there.
 const HOLD_FILES: [&str; 4] = ["shm", "mqueue", "hugepages", "fd"];
+/// Links that are followed at most, one from another: some lead to each other.
+const MOST_LINKS: usize = 8;
 /// Major number of V4L2 device files on Linux.
 const VIDEO_MAJOR: u32 = 81;
 
@@ -112,7 +114,7 @@ pub fn open(spec: &InputSpec, options: &OpenOptions) -> Result<Box<dyn Source>, 
 
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, CaptureError> {
     let io = |e| CaptureError::from_io(path, e);
-    let meta = match std::fs::metadata(path) {
+    let meta = match fs::metadata(path) {
         Err(e) if e.kind() == ErrorKind::NotFound && is_camera_place(path) => {
             return Err(no_such_camera(path));
         }
@@ -151,12 +153,47 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, Capt
     open_stored(path, options.fps)
 }
 
-/// Whether a camera may come where nothing is: its device file, or a link to it in a folder of udev's.
+/// Whether a camera may come where nothing is: its device file, a link to it in a folder of udev's, or a link from
+/// anywhere to one of these.
 pub fn is_camera_place(path: &Path) -> bool {
+    let mut place = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        if is_device_place(&place) {
+            return true;
+        }
+        match fs::read_link(&place) {
+            Ok(target) => place = followed(&place, &target),
+            Err(_) => return false,
+        }
+    }
+    false
+}
+
+fn is_device_place(path: &Path) -> bool {
     path.strip_prefix("/dev").is_ok_and(|below| {
         let holds_files = HOLD_FILES.iter().any(|folder| below.starts_with(folder));
         !holds_files && !is_film(path)
     })
+}
+
+/// Where a link leads that has this target, also where nothing is: a folder of udev's is there with its first device.
+fn followed(link: &Path, target: &Path) -> PathBuf {
+    let folder = match link.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut place = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    for part in target.components() {
+        match part {
+            Component::ParentDir => {
+                place.pop();
+            }
+            Component::CurDir => {}
+            // The root begins anew.
+            other => place.push(other),
+        }
+    }
+    place
 }
 
 /// A device file that is not there, with those that are.
@@ -204,6 +241,30 @@ mod tests {
             ("video0", false),
         ] {
             assert_eq!(is_camera_place(Path::new(path)), may_come, "{path}");
+        }
+    }
+
+    #[test]
+    fn a_camera_comes_where_a_link_leads_that_is_told_from_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = |name: &str, target: &str| {
+            let link = folder.path().join(name);
+            std::os::unix::fs::symlink(target, &link).unwrap();
+            link
+        };
+        let real = folder.path().canonicalize().unwrap();
+        let up = "../".repeat(real.components().count() - 1);
+        for (name, target, may_come) in [
+            ("hall", "/dev/video99", true),
+            ("by-id", "/dev/v4l/by-id/nobody-has-this", true),
+            ("relative", &format!("./{up}dev/video99"), true),
+            ("of-another", "hall", true),
+            ("film", "/nowhere.avi", false),
+            ("film-there", "/dev/none.avi", false),
+            ("beside", "dev/video99", false),
+            ("itself", "itself", false),
+        ] {
+            assert_eq!(is_camera_place(&link(name, target)), may_come, "{name}");
         }
     }
 }

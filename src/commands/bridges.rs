@@ -61,17 +61,10 @@ impl Flight {
 
     /// Saves if somebody has asked, or something `crashed`. A folder that cannot be written stops nothing.
     pub fn look(&self, crashed: bool) {
-        let saved = if self.asked.swap(false, Ordering::Relaxed) {
-            self.sink.save()
+        if self.asked.swap(false, Ordering::Relaxed) {
+            self.sink.save();
         } else if crashed {
-            self.sink.save_after_crash()
-        } else {
-            return;
-        };
-        match saved {
-            Ok(Some(path)) => tracing::warn!("the last minute → {}", path.display()),
-            Ok(None) => {}
-            Err(e) => tracing::error!("the last minute: {e}"),
+            self.sink.save_after_crash();
         }
     }
 }

@@ -22,13 +22,19 @@ const OLD: Duration = Duration::from_secs(2);
 /// How soon a camera that cannot be followed is tried again.
 const TRY_EVERY: Duration = Duration::from_secs(5);
 
+/// A camera that is followed.
+struct Thread {
+    began: Instant,
+    handle: JoinHandle<anyhow::Result<()>>,
+}
+
 /// Cameras by name.
 pub struct Followed {
     hub: Hub,
     stop: Stop,
     /// How long nobody may publish; `None` where cameras are waited for, however long.
     patience: Option<Duration>,
-    threads: BTreeMap<String, JoinHandle<anyhow::Result<()>>>,
+    threads: BTreeMap<String, Thread>,
     /// What was said of those that cannot be followed, and when they are tried again.
     failed: BTreeMap<String, (String, Instant)>,
 }
@@ -50,12 +56,11 @@ impl Followed {
     pub fn look(&mut self, names: &[String]) {
         let ended = self
             .threads
-            .extract_if(.., |_, thread| thread.is_finished());
+            .extract_if(.., |_, thread| thread.handle.is_finished());
         let ended: Vec<_> = ended.collect();
         for (name, thread) in ended {
-            if let Err(e) = joined(thread) {
-                self.fail(&name, &e);
-            }
+            let lived = thread.began.elapsed();
+            self.ended(&name, lived, joined(thread.handle));
         }
         self.failed.retain(|name, _| names.contains(name));
         for name in names {
@@ -72,7 +77,7 @@ impl Followed {
     /// Waits until all have ended, which the user has asked for.
     pub fn end(self) {
         for (name, thread) in self.threads {
-            if let Err(e) = joined(thread) {
+            if let Err(e) = joined(thread.handle) {
                 tracing::debug!("{name}: {}", told(&e));
             }
         }
@@ -85,19 +90,34 @@ impl Followed {
         }
         let (hub, stop, patience) = (self.hub.clone(), self.stop.clone(), self.patience);
         let camera = name.to_owned();
-        let thread = std::thread::Builder::new().name("camera".into());
-        let thread = thread.spawn(move || follow(&camera, &hub, &stop, patience))?;
-        self.threads.insert(name.to_owned(), thread);
+        let began = Instant::now();
+        let handle = std::thread::Builder::new()
+            .name("camera".into())
+            .spawn(move || follow(&camera, &hub, &stop, patience))?;
+        self.threads
+            .insert(name.to_owned(), Thread { began, handle });
         Ok(())
     }
 
-    fn fail(&mut self, name: &str, error: &anyhow::Error) {
+    /// A camera was followed for so long. What it failed of after it was followed well is news, whatever it failed of
+    /// before; whether it is, and was said.
+    fn ended(&mut self, name: &str, lived: Duration, outcome: anyhow::Result<()>) -> bool {
+        if outcome.is_ok() || lived > TRY_EVERY {
+            self.failed.remove(name);
+        }
+        outcome.is_err_and(|e| self.fail(name, &e))
+    }
+
+    /// Has it tried again later; whether the reason is news, which is said.
+    fn fail(&mut self, name: &str, error: &anyhow::Error) -> bool {
         let why = told(error);
-        if self.failed.get(name).is_none_or(|(said, _)| *said != why) {
+        let is_news = self.failed.get(name).is_none_or(|(said, _)| *said != why);
+        if is_news {
             tracing::warn!("{name}: not shown, and tried on: {why}");
         }
         self.failed
             .insert(name.to_owned(), (why, Instant::now() + TRY_EVERY));
+        is_news
     }
 }
 
@@ -230,6 +250,25 @@ mod tests {
             assert_eq!(held(&stem), 0);
         }
         assert!(followed.failed.is_empty(), "{:?}", followed.failed);
+    }
+
+    #[test]
+    fn a_failure_is_said_again_after_the_camera_was_followed_well() {
+        let hub = Hub::new(Duration::ZERO, false);
+        let mut followed = Followed::new(&hub, &Stop::never(), None);
+        let mut ends = |lived, fails: bool| {
+            let outcome = match fails {
+                true => Err(anyhow::anyhow!("no room")),
+                false => Ok(()),
+            };
+            followed.ended("hall", lived, outcome)
+        };
+        assert!(ends(Duration::ZERO, true));
+        assert!(!ends(Duration::ZERO, true), "said already");
+        assert!(ends(2 * TRY_EVERY, true), "it was followed in between");
+        assert!(!ends(Duration::ZERO, true));
+        assert!(!ends(Duration::ZERO, false), "nobody published it any more");
+        assert!(ends(Duration::ZERO, true));
     }
 
     #[test]

@@ -16,8 +16,10 @@ pub const STAGES: [&str; 5] = ["preprocess", "stage1", "association", "stage2", 
 const RECENT: usize = 128;
 /// Without a frame for so long nothing goes on, …
 const SILENT_AFTER: Duration = Duration::from_secs(3);
-/// … or for so many times the interval that was asked for, where that is longer.
+/// … or for so many times the interval that was asked for, or at which frames come, where that is longer.
 const SILENT_INTERVALS: f64 = 2.5;
+/// Frames that are further apart are those of a camera that was away.
+const SLOWEST: Duration = Duration::from_secs(60);
 /// By so much, seconds, the start may shift before it is reported anew: a clock that is slewed would have it jump back
 /// and forth by one.
 const START_SHIFT: u64 = 2;
@@ -50,6 +52,8 @@ struct Counts {
     sequence: Option<u64>,
     /// When frames came, and how old each was, seconds.
     recent: VecDeque<(Instant, Option<f64>)>,
+    /// Between the last two frames, and between the two before.
+    gaps: [Option<Duration>; 2],
     looked: Option<Instant>,
     ended: bool,
 }
@@ -160,10 +164,13 @@ impl Meter {
         if let Some(age) = age {
             counts.latency.observe(age);
         }
-        // Time without pictures says nothing of the rate at which they come.
-        let newest = counts.recent.back().map(|(t, _)| *t);
-        if newest.is_some_and(|t| now.saturating_duration_since(t) >= self.silent_after) {
-            counts.recent.clear();
+        if let Some((newest, _)) = counts.recent.back() {
+            let gap = now.saturating_duration_since(*newest);
+            counts.gaps = [Some(gap.min(SLOWEST)), counts.gaps[0]];
+            // Time without pictures says nothing of the rate at which they come.
+            if gap >= self.patience(&counts) {
+                counts.recent.clear();
+            }
         }
         if counts.recent.len() == RECENT {
             counts.recent.pop_front();
@@ -228,7 +235,7 @@ impl Meter {
         };
         let newest = counts.recent.back();
         let newest = newest.map(|(t, _)| now.saturating_duration_since(*t));
-        let healthy = newest.is_some_and(|age| age < self.silent_after);
+        let healthy = newest.is_some_and(|age| age < self.patience(&counts));
         let mut ages: Vec<f64> = counts.recent.iter().filter_map(|(_, age)| *age).collect();
         ages.sort_by(f64::total_cmp);
         let age = |part: f64| {
@@ -260,6 +267,13 @@ impl Meter {
             stages: counts.stages,
             latency: counts.latency,
         }
+    }
+
+    /// How long no frame may come. One gap, of a camera that was away, makes no slow one.
+    fn patience(&self, counts: &Counts) -> Duration {
+        let interval = counts.gaps.into_iter().flatten().min();
+        let slow = interval.map_or(Duration::ZERO, |i| i.mul_f64(SILENT_INTERVALS));
+        self.silent_after.max(slow)
     }
 
     fn counts(&self) -> MutexGuard<'_, Counts> {
@@ -352,6 +366,27 @@ mod tests {
             assert!(healthy(healthy_for - 0.1), "{interval}");
             assert!(!healthy(healthy_for + 0.1), "{interval}");
         }
+    }
+
+    #[test]
+    fn a_slow_camera_is_well_between_its_frames_and_has_a_rate() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let start = Instant::now();
+        let at = |seconds: u64| start + Duration::from_secs(seconds);
+        for sequence in 0..5 {
+            meter.published_at(at(4 * sequence), &frame(sequence, 0));
+        }
+        let told = |seconds: u64| {
+            let seen = meter.seen_at(at(seconds));
+            (seen.healthy, seen.fps)
+        };
+        assert_eq!(told(16), (true, 0.25));
+        assert_eq!((told(25), told(27)), ((true, 0.25), (false, 0.0)));
+        // It was away: the time until then is none of its gaps.
+        for sequence in 5..7 {
+            meter.published_at(at(3_600 + 4 * sequence), &frame(sequence, 0));
+        }
+        assert_eq!(told(3_624), (true, 0.25));
     }
 
     #[test]

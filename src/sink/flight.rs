@@ -1,18 +1,28 @@
-//! The last minute as a sink, and a handle with which it is saved.
+//! The last minute as a sink, and a handle with which it is saved. A thread of its own writes it: a disk that is slow,
+//! or hangs, holds nothing up.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
 use super::{Packet, Sink, SinkError};
 use crate::message::BodyFrame;
+use crate::output;
 use crate::record::{BodiesRow, FlightRecorder};
 
 /// Crashes save no more often than this: what they save would be the same minute.
 const BETWEEN: Duration = Duration::from_secs(60);
 /// With so many files in the folder crashes save nothing any more: nobody looks at them.
 const MOST_FILES: usize = 20;
+/// How long the end waits for what is being written.
+const LAST: Duration = Duration::from_secs(3);
+
+/// How bytes become a file.
+type Write = fn(&Path, &[u8]) -> io::Result<()>;
 
 /// Keeps the last minute of a camera's bodies. Its clones are the same one.
 #[derive(Debug, Clone)]
@@ -23,8 +33,11 @@ struct Inner {
     flight: FlightRecorder<BodiesRow>,
     folder: PathBuf,
     camera: String,
-    /// When a crash was last saved.
+    write: Write,
+    /// When a crash was last saved, or began to be.
     saved: Option<Instant>,
+    /// Hears the end of what is being written: nothing is sent.
+    under_way: Option<Receiver<()>>,
 }
 
 impl FlightSink {
@@ -33,6 +46,10 @@ impl FlightSink {
     /// # Errors
     /// [`SinkError::Create`].
     pub fn create(folder: &Path, camera: &str) -> Result<Self, SinkError> {
+        Self::with_writer(folder, camera, output::write_passing)
+    }
+
+    fn with_writer(folder: &Path, camera: &str, write: Write) -> Result<Self, SinkError> {
         fs::create_dir_all(folder).map_err(|cause| SinkError::Create {
             path: folder.to_owned(),
             cause,
@@ -41,35 +58,65 @@ impl FlightSink {
             flight: FlightRecorder::default(),
             folder: folder.to_owned(),
             camera: camera.to_owned(),
+            write,
             saved: None,
+            under_way: None,
         }))))
     }
 
-    /// Saves the last minute; where it is now, or `None` where there was nothing.
-    ///
-    /// # Errors
-    /// [`SinkError::Create`].
-    pub fn save(&self) -> Result<Option<PathBuf>, SinkError> {
-        self.lock().save()
+    /// Begins to save the last minute, if there is any and none is being saved; what becomes of it the log says.
+    pub fn save(&self) {
+        self.begin(false);
     }
 
     /// As [`save`](Self::save), because something has crashed: not again and again, and not where there is plenty
     /// already.
-    ///
-    /// # Errors
-    /// As [`save`](Self::save).
-    pub fn save_after_crash(&self) -> Result<Option<PathBuf>, SinkError> {
+    pub fn save_after_crash(&self) {
+        self.begin(true);
+    }
+
+    fn begin(&self, crashed: bool) {
+        let now = Instant::now();
         let mut inner = self.lock();
-        let files = fs::read_dir(&inner.folder).map_or(0, Iterator::count);
-        if inner.saved.is_some_and(|t| t.elapsed() < BETWEEN) || files >= MOST_FILES {
-            return Ok(None);
+        if inner.is_under_way()
+            || crashed
+                && inner
+                    .saved
+                    .is_some_and(|t| now.saturating_duration_since(t) < BETWEEN)
+        {
+            return;
         }
-        let path = inner.save()?;
         // A crash of which nothing was kept leaves the next one its file.
-        if path.is_some() {
-            inner.saved = Some(Instant::now());
+        let Some(bytes) = inner.flight.minute(now) else {
+            return;
+        };
+        let (path, write) = (inner.next_path(), inner.write);
+        let (ends, under_way) = channel();
+        let this = self.clone();
+        let thread = thread::Builder::new().name("flight".into());
+        let begun = thread.spawn(move || {
+            if !keep(&path, &bytes, write, crashed) && crashed {
+                this.lock().saved = None;
+            }
+            drop(ends);
+        });
+        if let Err(e) = begun {
+            tracing::error!("the last minute: {e}");
+            return;
         }
-        Ok(path)
+        inner.under_way = Some(under_way);
+        if crashed {
+            inner.saved = Some(now);
+        }
+    }
+
+    /// Waits so long for what is being written.
+    fn wait(&self, patience: Duration) {
+        let under_way = self.lock().under_way.take();
+        if let Some(under_way) = under_way {
+            // It has ended, or there is no time left.
+            let _ = under_way.recv_timeout(patience);
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -78,15 +125,38 @@ impl FlightSink {
 }
 
 impl Inner {
-    fn save(&self) -> Result<Option<PathBuf>, SinkError> {
+    fn is_under_way(&self) -> bool {
+        let heard = self.under_way.as_ref().map(Receiver::try_recv);
+        heard == Some(Err(TryRecvError::Empty))
+    }
+
+    fn next_path(&self) -> PathBuf {
         let now = SystemTime::now()
             .duration_since(SystemTime::UNIX_EPOCH)
             .unwrap_or_default();
         let name = format!("{}-{}.record", self.camera, now.as_millis());
-        let path = self.folder.join(name);
-        match self.flight.save(Instant::now(), &path) {
-            Ok(is_there) => Ok(is_there.then_some(path)),
-            Err(cause) => Err(SinkError::Create { path, cause }),
+        self.folder.join(name)
+    }
+}
+
+/// Writes the minute, after a crash only where there is not plenty already; whether it is there, which is said.
+fn keep(path: &Path, bytes: &[u8], write: Write, crashed: bool) -> bool {
+    let files = || {
+        let folder = path.parent().map(fs::read_dir);
+        folder.and_then(Result::ok).map_or(0, Iterator::count)
+    };
+    if crashed && files() >= MOST_FILES {
+        return false;
+    }
+    match write(path, bytes) {
+        Ok(()) => {
+            tracing::warn!("the last minute → {}", path.display());
+            true
+        }
+        Err(cause) => {
+            let path = path.to_owned();
+            tracing::error!("the last minute: {}", SinkError::Create { path, cause });
+            false
         }
     }
 }
@@ -104,6 +174,7 @@ impl Sink<BodyFrame> for FlightSink {
     }
 
     fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
+        self.wait(LAST);
         Ok(None)
     }
 }
@@ -112,21 +183,67 @@ impl Sink<BodyFrame> for FlightSink {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_crash_with_nothing_to_save_leaves_the_next_one_its_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut flight = FlightSink::create(folder.path(), "hall").unwrap();
-        assert_eq!(flight.save_after_crash().unwrap(), None, "no frame came");
-        let message = BodyFrame::default();
+    fn take(flight: &mut FlightSink) {
         let packet = Packet {
-            message: &message,
+            message: &BodyFrame::default(),
             source: "",
             picture: None,
         };
         flight.take(&packet).unwrap();
-        let saved = flight.save_after_crash().unwrap().unwrap();
-        assert!(saved.is_file());
-        assert_eq!(flight.save_after_crash().unwrap(), None, "the same minute");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    fn files(folder: &Path) -> usize {
+        fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn a_crash_with_nothing_to_save_leaves_the_next_one_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut flight = FlightSink::create(folder.path(), "hall").unwrap();
+        let after_crash = |flight: &FlightSink| {
+            flight.save_after_crash();
+            flight.wait(Duration::MAX);
+            files(folder.path())
+        };
+        assert_eq!(after_crash(&flight), 0, "no frame came");
+        take(&mut flight);
+        assert_eq!(after_crash(&flight), 1);
+        assert_eq!(after_crash(&flight), 1, "the same minute");
+    }
+
+    #[test]
+    fn a_crash_that_could_not_be_saved_leaves_the_next_one_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let full: Write = |_, _| Err(io::ErrorKind::StorageFull.into());
+        let mut flight = FlightSink::with_writer(folder.path(), "hall", full).unwrap();
+        take(&mut flight);
+        flight.save_after_crash();
+        flight.wait(Duration::MAX);
+        assert!(flight.lock().saved.is_none());
+    }
+
+    /// Held by a test for as long as the disk hangs.
+    static DISK: Mutex<()> = Mutex::new(());
+
+    #[test]
+    fn a_disk_that_hangs_holds_nothing_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let hanging: Write = |path, bytes| {
+            let _disk = DISK.lock();
+            output::write(path, bytes)
+        };
+        let mut flight = FlightSink::with_writer(folder.path(), "hall", hanging).unwrap();
+        let disk = DISK.lock();
+        take(&mut flight);
+        flight.save();
+        take(&mut flight);
+        // One at a time.
+        flight.save();
+        flight.save_after_crash();
+        assert_eq!(files(folder.path()), 0);
+        assert!(flight.lock().is_under_way());
+        drop(disk);
+        flight.wait(Duration::MAX);
+        assert_eq!(files(folder.path()), 1);
     }
 }

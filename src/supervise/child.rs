@@ -50,6 +50,8 @@ pub struct Child {
     heard: Option<Beat>,
     has_lived: bool,
     has_worked: bool,
+    /// It was said that it is not started before an earlier one has ended.
+    said_held: bool,
     starts: u64,
 }
 
@@ -74,6 +76,7 @@ impl Child {
             heard: None,
             has_lived: false,
             has_worked: false,
+            said_held: false,
             starts: 0,
         })
     }
@@ -112,8 +115,13 @@ impl Child {
         self.heard
     }
 
-    /// Starts it when it is time, ends it when it hangs, and returns how it ended if it has since the last call: then
-    /// [`restart`](Self::restart) it or leave it.
+    /// Whether an earlier process of it was killed and has not ended: it waits for a device.
+    pub fn has_left_one(&self) -> bool {
+        !self.left.is_empty()
+    }
+
+    /// Starts it when it is time and few that were killed are left behind, ends it when it hangs, and returns
+    /// how it ended if it has since the last call: then [`restart`](Self::restart) it or leave it.
     ///
     /// # Errors
     /// If the process cannot be started or asked.
@@ -135,7 +143,16 @@ impl Child {
         let activity = || pid.map_or(Activity::Busy, activity);
         match self.policy.look(now, activity) {
             Verdict::Wait => {}
+            Verdict::Start if self.left.are_many() => {
+                if !std::mem::replace(&mut self.said_held, true) {
+                    tracing::warn!(
+                        "{} is not started again before one of those left behind ends; unplug the camera",
+                        self.verb
+                    );
+                }
+            }
             Verdict::Start => {
+                self.said_held = false;
                 // One that could not be started is one that died: the next try waits.
                 self.policy.started(now);
                 self.start()?;
@@ -272,5 +289,28 @@ pub fn describe(status: ExitStatus) -> String {
         (Some(code), _) => format!("exit code {code}"),
         (None, Some(signal)) => format!("signal {signal}"),
         (None, None) => "an unknown cause".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::left::tests::some_left;
+    use super::*;
+
+    #[test]
+    fn none_is_started_while_two_before_it_do_not_end() {
+        let mut child = Child::new("infer", ()).unwrap().of("true");
+        let (left, mut inputs) = some_left(2);
+        child.left = left;
+        for _ in 0..3 {
+            assert!(child.tend().unwrap().is_none());
+        }
+        assert!(child.starts() == 0 && child.has_left_one());
+        inputs.pop();
+        while child.starts() == 0 {
+            child.tend().unwrap();
+            std::thread::yield_now();
+        }
+        assert!(child.has_left_one(), "the other one waits on");
     }
 }

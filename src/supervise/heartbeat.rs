@@ -62,6 +62,11 @@ impl Heartbeat {
         })
     }
 
+    /// Whether there is a supervisor.
+    pub fn is_supervised(&self) -> bool {
+        self.supervised
+    }
+
     /// This process has made a step.
     pub fn beat(&self, kind: Beat) {
         let now = Instant::now();

@@ -187,18 +187,44 @@ mod tests {
 
     const EVERY: Duration = Duration::from_secs(5);
 
+    const UNITS: [&str; 2] = [
+        include_str!("../../deploy/edgecap.service"),
+        include_str!("../../deploy/edgecap-user.service"),
+    ];
+
+    /// What a unit sets this key to.
+    fn setting<'a>(unit: &'a str, key: &str) -> &'a str {
+        let mut lines = unit.lines().filter_map(|line| line.split_once('='));
+        let found = lines.find(|(name, _)| *name == key);
+        found.unwrap_or_else(|| panic!("no {key}= in a unit")).1
+    }
+
     /// Whoever ends the service for it would have it start from the beginning, again and again on a slow machine.
     #[test]
     fn the_units_wait_for_a_child_that_starts() {
-        for unit in [
-            include_str!("../../deploy/edgecap.service"),
-            include_str!("../../deploy/edgecap-user.service"),
-        ] {
-            let mut lines = unit.lines();
-            let allowed = lines.find_map(|l| l.strip_prefix("WatchdogSec="));
-            let allowed = Duration::from_secs(allowed.unwrap().parse().unwrap());
+        for unit in UNITS {
+            let allowed = setting(unit, "WatchdogSec").parse();
+            let allowed = Duration::from_secs(allowed.unwrap());
             // The newest sign of life may be as old as one was due.
             assert!(allowed - allowed / FEEDS > STARTING, "{allowed:?}");
+        }
+    }
+
+    /// Systemd's default ends all of them.
+    #[test]
+    fn a_process_that_is_killed_for_its_memory_takes_no_other_camera_with_it() {
+        for unit in UNITS {
+            assert_eq!(setting(unit, "OOMPolicy"), "continue");
+        }
+    }
+
+    #[test]
+    fn the_units_have_room_for_the_files_of_32_cameras() {
+        // Open in `run` for each with the page, and readers of the page besides.
+        let (of_camera, of_readers) = (36, 1024);
+        for unit in UNITS {
+            let most: u32 = setting(unit, "LimitNOFILE").parse().unwrap();
+            assert!(most >= 32 * of_camera + of_readers, "{most}");
         }
     }
 

@@ -414,6 +414,33 @@ fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
 }
 
 #[test]
+fn one_of_several_cameras_that_cannot_start_at_first_is_tried_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
+    let names = ["apart-again0", "apart-again1"].map(stream);
+    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
+    for (name, camera) in names.iter().zip(&cameras) {
+        let input = camera.input();
+        settings += &format!("[[camera]]\nname = {name:?}\ninput = {input:?}\n");
+    }
+    let file = folder.path().join("edgecap.toml");
+    std::fs::write(&file, settings).unwrap();
+    let taken = Publisher::<ObservationFrame>::open(&names[1]).unwrap();
+    let second = Subscriber::<BodyFrame>::open(&names[1]).unwrap();
+    let mut run = Running::start(&["run", "--config", file.to_str().unwrap()]);
+    let line = run.says("the others go on");
+    assert!(line.contains(&names[1]), "{line}");
+    drop(taken);
+    eventually("bodies of the second camera", || {
+        second.next(Duration::from_millis(200)).unwrap()
+    });
+    drop(second);
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
 fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     let folder = tempfile::tempdir().unwrap();
     let cameras = [

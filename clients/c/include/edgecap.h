@@ -172,7 +172,7 @@ typedef struct edgecap_body {
     float velocity[3];    /* of the pelvis, metres per second */
     float angles[EDGECAP_DOF]; /* root translation (m) and rotation vector (rad), 23 joint angles (rad); edgecap_angle_name */
     float joints3d[EDGECAP_BODY_JOINTS][3];    /* camera space, metres */
-    float joints2d[EDGECAP_BODY_JOINTS][2];    /* the same in the original picture, pixels */
+    float joints2d[EDGECAP_BODY_JOINTS][2];    /* the same in the original picture, pixels; 0, 0 behind the camera */
     float confidence[EDGECAP_BODY_JOINTS];     /* probability that a joint is within 150 mm of the truth */
     float height;                              /* stature, metres */
     float bone_lengths[EDGECAP_BODY_JOINTS];   /* of the bone that ends in each joint, metres; 0 for the pelvis */

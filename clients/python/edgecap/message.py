@@ -132,7 +132,7 @@ class Body(_Person):
     joints3d: Table
     """Camera space, metres, in the order of `JOINT_NAMES`."""
     joints2d: Table
-    """`joints3d` projected into the original picture, pixels."""
+    """`joints3d` projected into the original picture, pixels; 0, 0 of joints behind the camera."""
     confidence: Row
     """Probability that a joint is within 150 mm of the truth, 0-1."""
     height: float

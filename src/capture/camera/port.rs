@@ -74,6 +74,11 @@ impl V4l2Port {
     /// Opens the device file of the camera that was there before, where that has another one now.
     fn open_same(&mut self) -> Result<(Camera, Capabilities, CameraInfo), CaptureError> {
         let path = self.find();
+        // Opening a device that does not answer may wait without end: where another process waits so, or has the
+        // camera, this one must not. One that had a camera before looks for it, also at devices that others have.
+        if self.identity.camera().is_none() && path.exists() {
+            self.lock.hold(&path)?;
+        }
         let (camera, caps) = self.open_device(&path)?;
         let here = CameraInfo::new(path, caps.clone());
         let all = || list_cameras().unwrap_or_default();
@@ -350,6 +355,24 @@ mod tests {
         let range = Sizes::Range([16, 640, 16], [16, 4096, 32]);
         let sizes = [Sizes::One(320, 240), range];
         assert_eq!(fitted(&sizes, wish), [(320, 240), (640, 720)]);
+    }
+
+    #[test]
+    fn a_device_that_another_process_has_is_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = folder.path().join("video0");
+        std::fs::write(&device, "no camera").unwrap();
+        let lock = || DeviceLock::new(folder.path());
+        let mut port = V4l2Port {
+            lock: lock(),
+            ..V4l2Port::new(&device, &OpenOptions::default())
+        };
+        let mut code = || port.open().map(drop).unwrap_err().exit_code();
+        let mut other = lock();
+        other.hold(&device).unwrap();
+        assert_eq!(code(), 75);
+        other.release();
+        assert_ne!(code(), 75, "it was opened");
     }
 
     #[test]

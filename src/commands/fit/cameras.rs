@@ -20,7 +20,7 @@ use crate::commands::stop::Stop;
 use crate::multiview::live::{LeftOut, LiveFit, Synchroniser};
 use crate::multiview::{MOST_VIEWS, to_view};
 use crate::sink::{Packet, Rhythm, Sinks};
-use crate::supervise::{Beat, Heartbeat};
+use crate::supervise::{Beat, Heartbeat, has_worked_before};
 
 /// Observations that may wait while one instant is fitted.
 const WAITING: usize = 64;
@@ -191,7 +191,11 @@ fn fit_all(
     heart: &Heartbeat,
     publish: &mut dyn FnMut(&mut BodyFrame) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    let mut cameras = Cameras::new(names);
+    let mut cameras = Cameras {
+        are_awaited: heart.is_supervised(),
+        have_fitted: has_worked_before(),
+        ..Cameras::new(names)
+    };
     let mut together = Synchroniser::new(names.len());
     let mut out = Box::new(BodyFrame::default());
     let mut fit_us = 0;
@@ -213,7 +217,7 @@ fn fit_all(
             let (camera, mut frame) = came?;
             let view = &fit.views()[camera];
             next = news.try_recv().ok();
-            if !cameras.check(camera, view, &frame)? {
+            if !cameras.check(camera, view, &frame, Instant::now())? {
                 continue;
             }
             // Who publishes observations need not know the calibrated lens.
@@ -271,6 +275,10 @@ struct Cameras<'a> {
     began: Instant,
     names: &'a [String],
     each: Vec<Camera>,
+    /// Somebody starts what they come from, and any that has not come yet may.
+    are_awaited: bool,
+    /// One has fitted the calibration, if not in this process.
+    have_fitted: bool,
 }
 
 #[derive(Clone, Default)]
@@ -281,7 +289,9 @@ struct Camera {
     is_file: bool,
     /// It was said that it is missing.
     said: bool,
-    /// Its pictures are of another shape than before, which was said.
+    /// Since when its pictures are of another shape or size than the calibration's.
+    other: Option<Instant>,
+    /// That was said.
     is_other: bool,
     apart: Apart,
 }
@@ -324,11 +334,13 @@ impl<'a> Cameras<'a> {
             began: Instant::now(),
             names,
             each: vec![Camera::default(); names.len()],
+            are_awaited: false,
+            have_fitted: false,
         }
     }
 
-    /// Whether a frame counts: not where a running camera, which has fitted the calibration before, shows another
-    /// shape.
+    /// Whether a frame that came `now` counts: not where a running camera shows another shape or size than the
+    /// calibration's, and another camera has fitted that, or may.
     ///
     /// # Errors
     /// Where it does not go with the calibration, or not with the other cameras.
@@ -337,10 +349,11 @@ impl<'a> Cameras<'a> {
         camera: usize,
         view: &View,
         frame: &ObservationFrame,
+        now: Instant,
     ) -> anyhow::Result<bool> {
         let name = &self.names[camera];
         let own = &mut self.each[camera];
-        own.rhythm.hear(Instant::now());
+        own.rhythm.hear(now);
         own.ended = frame.flags & FLAG_END_OF_STREAM != 0;
         if own.ended {
             return Ok(true);
@@ -349,21 +362,16 @@ impl<'a> Cameras<'a> {
             tracing::info!("{name} sends observations again");
         }
         own.is_file = frame.flags & FLAG_FILE_TIME != 0;
+        let is_file = own.is_file;
         let size = [frame.width, frame.height];
         if own.size != Some(size) {
             match pictured(view, size, name).map_err(|e| advised(e, view, frame)) {
-                Err(e) if own.size.is_some() && !own.is_file => {
-                    if !std::mem::replace(&mut own.is_other, true) {
-                        tracing::warn!("{}; until then bodies come of the other cameras", told(&e));
-                    }
-                    return Ok(false);
-                }
-                fitting => drop(fitting?),
+                Ok(_) => own.size = Some(size),
+                Err(e) if is_file => return Err(e),
+                Err(e) => return self.leave_out(camera, e, now).map(|()| false),
             }
-            own.size = Some(size);
         }
-        own.is_other = false;
-        let is_file = own.is_file;
+        (own.other, own.is_other) = (None, false);
         let other = self
             .each
             .iter()
@@ -381,6 +389,32 @@ impl<'a> Cameras<'a> {
             .into());
         }
         Ok(true)
+    }
+
+    /// Leaves a camera out that does not go with the calibration, which is said once.
+    ///
+    /// # Errors
+    /// `why`, where none has ever fitted: at once where all have come, else after [`AWAITED`], unless the others are
+    /// awaited for longer.
+    fn leave_out(&mut self, camera: usize, why: anyhow::Error, now: Instant) -> anyhow::Result<()> {
+        let own = &mut self.each[camera];
+        let since = *own.other.get_or_insert(now);
+        let is_long = now.saturating_duration_since(since) >= AWAITED;
+        self.have_fitted |= self.each.iter().any(|c| c.size.is_some());
+        let may_fit = self.each.iter().any(|c| c.other.is_none() && !c.ended);
+        let is_awaited = may_fit && (self.are_awaited || !is_long);
+        if !self.have_fitted && !is_awaited {
+            return Err(why);
+        }
+        // Which of several comes first is chance: one that fits may be about to.
+        let is_sure = self.have_fitted || is_long;
+        if is_sure && !std::mem::replace(&mut self.each[camera].is_other, true) {
+            tracing::warn!(
+                "{}; until then bodies come of the other cameras",
+                told(&why)
+            );
+        }
+        Ok(())
     }
 
     /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.
@@ -439,7 +473,7 @@ mod tests {
                 flags,
                 ..ObservationFrame::default()
             };
-            let checked = Cameras::new(&names).check(0, &view, &frame);
+            let checked = Cameras::new(&names).check(0, &view, &frame, Instant::now());
             told(&checked.unwrap_err())
         };
         let small = refused([540, 960], 0);
@@ -448,6 +482,72 @@ mod tests {
         for (size, flags) in [([540, 960], FLAG_FILE_TIME), ([1920, 1080], 0)] {
             let other = refused(size, flags);
             assert!(!other.contains("--capture-size"), "{other}");
+        }
+    }
+
+    /// Whether a frame of this camera counts that fits the calibration or not, seconds after the start; else the exit
+    /// code.
+    fn checked(
+        cameras: &mut Cameras<'_>,
+        camera: usize,
+        fits: bool,
+        after: f64,
+    ) -> Result<bool, u8> {
+        let view = View::around(0.0);
+        let [width, height] = [[540, 960], [1080, 1920]][usize::from(fits)];
+        let frame = ObservationFrame {
+            width,
+            height,
+            ..ObservationFrame::default()
+        };
+        let now = cameras.began + Duration::from_secs_f64(after);
+        let counts = cameras.check(camera, &view, &frame, now);
+        counts.map_err(|e| crate::commands::exit::code(&e))
+    }
+
+    #[test]
+    fn a_camera_of_another_size_is_left_out_beside_one_that_fits() {
+        let names = ["hall".to_owned(), "yard".to_owned()];
+        // Whichever comes first.
+        for other_first in [false, true] {
+            let mut cameras = Cameras::new(&names);
+            if other_first {
+                assert_eq!(checked(&mut cameras, 1, false, 0.0), Ok(false));
+                assert!(!cameras.each[1].is_other, "said when it is sure");
+            }
+            assert_eq!(checked(&mut cameras, 0, true, 0.1), Ok(true));
+            assert_eq!(checked(&mut cameras, 1, false, 0.2), Ok(false));
+            assert!(cameras.each[1].is_other);
+            assert_eq!(checked(&mut cameras, 1, false, 3600.0), Ok(false));
+            assert_eq!(checked(&mut cameras, 1, true, 3600.1), Ok(true));
+            assert!(!cameras.each[1].is_other, "it is back");
+        }
+        let mut again = Cameras {
+            have_fitted: true,
+            ..Cameras::new(&names)
+        };
+        for camera in 0..2 {
+            assert_eq!(checked(&mut again, camera, false, 60.0), Ok(false));
+        }
+    }
+
+    #[test]
+    fn where_no_camera_fits_the_calibration_is_wrong() {
+        use crate::commands::exit::DATA;
+        let names = ["hall".to_owned(), "yard".to_owned()];
+        for are_awaited in [false, true] {
+            let new = || Cameras {
+                are_awaited,
+                ..Cameras::new(&names)
+            };
+            let mut cameras = new();
+            assert_eq!(checked(&mut cameras, 0, false, 0.0), Ok(false));
+            assert_eq!(checked(&mut cameras, 1, false, 0.1), Err(DATA));
+            // The other one may be plugged in later where somebody waits for it.
+            let mut cameras = new();
+            assert_eq!(checked(&mut cameras, 0, false, 0.0), Ok(false));
+            let later = checked(&mut cameras, 0, false, 5.1);
+            assert_eq!(later, if are_awaited { Ok(false) } else { Err(DATA) });
         }
     }
 

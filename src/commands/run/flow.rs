@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use crate::sink::Rhythm;
+
 /// How long bodies may stay away while observations are published.
 const DRY: Duration = Duration::from_secs(5);
 /// So often processes are started anew before the supervisor gives up.
@@ -25,8 +27,8 @@ pub enum Remedy {
 pub struct Flow {
     /// Since when `infer` publishes and nothing comes out at the other end.
     dry: Option<Instant>,
-    /// When `infer` was last seen to publish.
-    published: Option<Instant>,
+    /// When `infer` was seen to publish.
+    published: Rhythm,
     /// What was done about it in vain.
     attempts: u32,
 }
@@ -34,15 +36,19 @@ pub struct Flow {
 impl Flow {
     /// Looks whether bodies were `received` and observations `published` since the last call.
     pub fn look(&mut self, now: Instant, received: bool, published: bool) -> Remedy {
+        let mut was_pause = false;
+        if published {
+            was_pause = self.published.is_silent(DRY, now) == Some(true);
+            self.published.hear(now);
+        }
         if received {
-            *self = Self::default();
+            (self.dry, self.attempts) = (None, 0);
             return Remedy::Wait;
         }
         if !published {
             return Remedy::Wait;
         }
-        let before = self.published.replace(now);
-        if before.is_some_and(|b| now - b > DRY) {
+        if was_pause {
             // Of a pause in which nothing was seen, no bodies were to come.
             self.dry = None;
         }
@@ -95,6 +101,22 @@ mod tests {
         assert_eq!(look(3600), Remedy::Wait);
         assert_eq!(look(3603), Remedy::Wait);
         assert_eq!(look(3605), Remedy::Fit);
+    }
+
+    #[test]
+    fn bodies_of_a_slow_camera_are_missed_too() {
+        let (mut flow, start) = (Flow::default(), Instant::now());
+        let mut look = |seconds: u64, received| {
+            flow.look(start + Duration::from_secs(seconds), received, !received)
+        };
+        for seconds in (0..30).step_by(10) {
+            assert_eq!(look(seconds, false), Remedy::Wait);
+            assert_eq!(look(seconds + 1, true), Remedy::Wait, "its bodies");
+        }
+        assert_eq!(look(30, false), Remedy::Wait);
+        assert_eq!(look(40, false), Remedy::Fit);
+        assert_eq!(look(50, false), Remedy::Wait);
+        assert_eq!(look(60, false), Remedy::Both);
     }
 
     #[test]

@@ -130,6 +130,12 @@ impl Infers {
         going_on.any(|i| i.child.heard() == Some(beat))
     }
 
+    /// Whether any has left a process behind that waits for its camera.
+    pub fn have_left_one(&self) -> bool {
+        let mut going_on = self.each.iter().filter(|i| !i.ended);
+        going_on.any(|i| i.child.has_left_one())
+    }
+
     /// Ends all that run, to start again.
     pub fn replace(&mut self, why: &str) {
         for infer in self.each.iter_mut().filter(|i| !i.ended) {

@@ -109,7 +109,6 @@ pub fn run(
         }
     }
 
-    Stop::wake_when_children_end()?;
     let mut fit = Child::new("fit", plan.fit)?;
     let mut infers = Infers::new(plan.infers)?;
     let (mut tally, mut silence) = (Tally::default(), Silence::default());
@@ -231,7 +230,8 @@ fn watch(
         let published = infers.heard(Beat::Step);
         if received {
             pulse.beat(Progress::Bodies);
-        } else if infers.heard(Beat::Away) {
+        } else if infers.heard(Beat::Away) || infers.have_left_one() {
+            // To start everything anew would leave more behind, of other cameras too.
             pulse.beat(Progress::Waiting);
         } else if infers.heard(Beat::Waiting) {
             pulse.beat(Progress::Still);

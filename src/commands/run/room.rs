@@ -80,6 +80,7 @@ pub fn run(
     let hub = page.as_ref().map(|p| p.hub());
     let _status = StatusFile::keep(meters);
     let manager = ServiceManager::from_env([plan.name.as_str()]);
+    Stop::wake_when_children_end()?;
     let (table, pulse) = (Table::new(args.table), Pulse::new(&manager, 0));
     live::run(&args, plan, table, &meter, &pulse, hub, stop)
 }

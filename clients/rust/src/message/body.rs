@@ -53,7 +53,7 @@ pub struct Body {
     pub angles: [f32; DOF],
     /// Joints in camera space, metres.
     pub joints3d: [[f32; 3]; BODY_JOINTS],
-    /// `joints3d` projected into the original picture, pixels.
+    /// `joints3d` projected into the original picture, pixels; 0, 0 of joints behind the camera.
     pub joints2d: [[f32; 2]; BODY_JOINTS],
     /// Probability that a joint is within 150 mm of the truth, 0–1.
     pub confidence: [f32; BODY_JOINTS],
