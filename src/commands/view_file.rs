@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use tempfile::NamedTempFile;
 
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::say;
 use crate::camera::DEFAULT_FOV;
 pub use crate::capture::is_film;
@@ -56,7 +56,9 @@ impl ViewFile {
         }
         let folder = tempfile::tempdir()?;
         let record = folder.path().join("observations");
-        look(path, Some(fov), &record)?;
+        if look(path, Some(fov), &record)? == Looked::InPart {
+            say::err(&in_part(camera));
+        }
         Self::of_record(camera, lens, &record, path)
     }
 
@@ -130,28 +132,40 @@ impl ViewFile {
         self.times.windows(2).all(|w| w[0] < w[1])
     }
 
-    /// How many rows are not later than all before them.
+    /// How many rows are out of the order of the others' times.
     pub fn disorder(&self) -> usize {
-        late(&self.times).iter().filter(|is_late| **is_late).count()
+        out_of_order(&self.times).iter().filter(|is| **is).count()
     }
 
-    /// Leaves out rows that are not later than those before them, and says so; tells whether there were any.
+    /// Leaves out rows that are out of order, and says so; tells whether there were any.
     fn leave_out_disorder(&mut self, notes: &mut Vec<String>) -> bool {
-        let out = late(&self.times);
-        let count = self.disorder();
-        if count == 0 {
-            return false;
+        let out = out_of_order(&self.times);
+        let (mut late, mut early) = (0_u64, 0_u64);
+        let mut newest = None;
+        for (time, is_out) in self.times.iter().zip(&out) {
+            match is_out {
+                false => newest = Some(time),
+                true if newest.is_some_and(|newest| time <= newest) => late += 1,
+                true => early += 1,
+            }
         }
         let mut kept = out.iter().map(|is_out| !is_out);
         self.times.retain(|_| kept.next() == Some(true));
         let mut kept = out.iter().map(|is_out| !is_out);
         self.frames.retain(|_| kept.next() == Some(true));
-        notes.push(format!(
-            "camera {}: {} not later than those before; left out",
-            self.name,
-            counted(count as u64, "frame is", "frames are")
-        ));
-        true
+        for (count, what) in [
+            (late, "not later than those before"),
+            (early, "not earlier than those after"),
+        ] {
+            if count > 0 {
+                notes.push(format!(
+                    "camera {}: {} {what}; left out",
+                    self.name,
+                    counted(count, "frame is", "frames are")
+                ));
+            }
+        }
+        late + early > 0
     }
 
     /// Puts the times of views in order where in every one few rows are out of it: these are left out, which is said.
@@ -177,8 +191,9 @@ impl ViewFile {
         )
     }
 
-    /// Takes its frames to be so many a second, whatever its times say.
+    /// Takes its frames to be so many a second from 0 on, whatever its times say.
     pub fn at_rate(&mut self, rate: f64) {
+        self.of_machine = false;
         let number = |k: usize| (1e9 * k as f64 / rate).round() as u64;
         self.times = (0..self.times.len()).map(number).collect();
     }
@@ -199,24 +214,54 @@ impl ViewFile {
     }
 }
 
-/// Which times are not later than all before them.
-fn late(times: &[u64]) -> Vec<bool> {
-    let mut latest: Option<u64> = None;
-    let each = times.iter().map(|t| {
-        let is_late = latest.is_some_and(|latest| *t <= latest);
-        latest = latest.max(Some(*t));
-        is_late
-    });
-    each.collect()
+/// Which times are out of order: all but the most that rise from row to row, so that one wild time costs its own row
+/// alone. Where as many rise in several ways the earlier rows stay.
+fn out_of_order(times: &[u64]) -> Vec<bool> {
+    // From the last row to the first: of the ways in which n + 1 rows rise, `begins[n]` begins the one that begins with
+    // the latest time, and `next` goes on with it.
+    let mut begins: Vec<usize> = Vec::new();
+    let mut next = vec![None; times.len()];
+    for k in (0..times.len()).rev() {
+        let longer = begins.partition_point(|begin| times[*begin] > times[k]);
+        next[k] = longer.checked_sub(1).map(|n| begins[n]);
+        match begins.get_mut(longer) {
+            Some(begin) => *begin = k,
+            None => begins.push(k),
+        }
+    }
+    let mut is_out = vec![true; times.len()];
+    let mut row = begins.last().copied();
+    while let Some(k) = row {
+        is_out[k] = false;
+        row = next[k];
+    }
+    is_out
+}
+
+/// How much of a film could be seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Looked {
+    /// All of it.
+    Whole,
+    /// Pictures are damaged, or it is cut off; `infer` has said which, or where.
+    InPart,
+}
+
+/// What becomes of a camera's film that was seen in part.
+pub fn in_part(camera: &str) -> String {
+    format!(
+        "camera {camera}: its film is damaged or cut off; the pictures that could be read are used"
+    )
 }
 
 /// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its
 /// pictures one by one. `fov` is the lens's horizontal field of view, degrees, where one is known; a whole calibration
-/// would refuse pictures of another shape before the caller can say what is wrong with them.
+/// would refuse pictures of another shape before the caller can say what is wrong with them. The record is complete,
+/// whatever is wrong with the film.
 ///
 /// # Errors
-/// When it fails; it has said why.
-pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<()> {
+/// When it fails, or has seen no picture of a damaged film; it has said why.
+pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<Looked> {
     let lens = fov.map(|degrees| lens_file(degrees, record)).transpose()?;
     let mut command = Command::new(std::env::current_exe()?);
     command
@@ -235,24 +280,21 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<()> 
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .status()?;
-    match status.code() {
-        Some(0) => {
-            if let Some((seen, told)) = missing(record)? {
-                say::err(&format!(
-                    "{}: expected {}, as the film says, found {seen}; if it plays longer, copy it again",
-                    film.display(),
-                    counted(told, "frame", "frames")
-                ));
-            }
-            Ok(())
-        }
+    let code = status.code().and_then(|c| u8::try_from(c).ok());
+    let looked = match code {
+        Some(0) => Looked::Whole,
+        Some(exit::DATA) if reach(record).is_ok_and(|r| r.is_some()) => Looked::InPart,
         // It has said why.
-        code => Err(Failure::silent(
-            code.and_then(|c| u8::try_from(c).ok())
-                .unwrap_or(super::exit::SOFTWARE),
-        )
-        .into()),
+        code => return Err(Failure::silent(code.unwrap_or(exit::SOFTWARE)).into()),
+    };
+    if let Some((seen, told)) = missing(record)? {
+        say::err(&format!(
+            "{}: expected {}, as the film says, found {seen}; if it plays longer, copy it again",
+            film.display(),
+            counted(told, "frame", "frames")
+        ));
     }
+    Ok(looked)
 }
 
 /// How many frames a record of a film reaches to, and how many the film says it has, where these are more. Some films
@@ -261,6 +303,14 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<()> 
 /// # Errors
 /// If the record cannot be read.
 fn missing(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
+    Ok(reach(record)?.filter(|(seen, told)| seen < told))
+}
+
+/// How many frames a record of a film reaches to, and how many the film says it has; `None` where no frame is in it.
+///
+/// # Errors
+/// If the record cannot be read.
+fn reach(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
     let name = record.display().to_string();
     let file = File::open(record).map_err(|e| Failure::no_input(record, &e))?;
     let lens = CameraSource::Recorded {
@@ -268,12 +318,12 @@ fn missing(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
     };
     let mut reader = ObservationReader::new(BufReader::new(file), &name, lens);
     let mut frame = ObservationFrame::default();
-    let (mut seen, mut told) = (0, 0);
+    let mut reach = None;
     while reader.read(&mut frame)? {
         // Films repeat pictures by frames without bytes, which are numbered and not seen.
-        (seen, told) = (frame.sequence + 1, u64::from(frame.frame_total));
+        reach = Some((frame.sequence + 1, u64::from(frame.frame_total)));
     }
-    Ok((seen < told).then_some((seen, told)))
+    Ok(reach)
 }
 
 /// A `camera.toml` beside a record, for as long as it is held.
@@ -288,6 +338,66 @@ fn lens_file(degrees: f64, record: &Path) -> anyhow::Result<NamedTempFile> {
 mod tests {
     use super::*;
     use crate::record::{Format, ObservationsRow, RecordWriter};
+
+    /// A view with these times; every frame shows as many people as its number.
+    fn timed(times: Vec<u64>) -> ViewFile {
+        ViewFile {
+            name: "hall".to_owned(),
+            size: [640, 480],
+            intrinsics: Intrinsics::default(),
+            frames: (0..times.len())
+                .map(|k| vec![Observation::default(); k])
+                .collect(),
+            times,
+            of_machine: true,
+        }
+    }
+
+    #[test]
+    fn a_wild_time_costs_its_own_row_alone() {
+        let hour = 3_600_000_000_000;
+        let even = |count: u64| (0..count).map(|k| 7 + 33_333_333 * k);
+        for (wild, time, word) in [
+            (10, 7 + hour, "1 frame is not earlier than those after"),
+            (0, 7 + hour, "1 frame is not earlier than those after"),
+            (10, 0, "1 frame is not later than those before"),
+            (
+                10,
+                7 + 33_333_333 * 9,
+                "1 frame is not later than those before",
+            ),
+        ] {
+            let mut times: Vec<u64> = even(40).collect();
+            times[wild] = time;
+            let mut views = [timed(times)];
+            assert_eq!(views[0].disorder(), 1, "{time} in row {wild}");
+            let mut notes = Vec::new();
+            assert!(ViewFile::put_in_order(&mut views, &mut notes));
+            assert!(notes.len() == 1 && notes[0].contains(word), "{notes:?}");
+            assert!(views[0].is_in_order());
+            let left = views[0].frames.iter().map(Vec::len);
+            assert!(left.eq((0..40).filter(|k| *k != wild)), "row {wild}");
+        }
+        assert_eq!(timed(even(40).collect()).disorder(), 0);
+        assert_eq!(timed(vec![7; 40]).disorder(), 39);
+    }
+
+    /// A machine that started again counts from 0: two recordings in one file.
+    #[test]
+    fn of_two_recordings_in_one_file_the_longer_one_stays_where_the_other_is_short() {
+        let recording = |from: u64, count: u64| (from..from + count).collect::<Vec<u64>>();
+        for (first, second, left) in [(100, 5, 0..100), (5, 100, 5..105)] {
+            let times = [recording(9000, first), recording(10, second)].concat();
+            let mut views = [timed(times)];
+            assert!(ViewFile::put_in_order(&mut views, &mut Vec::new()));
+            assert!(views[0].frames.iter().map(Vec::len).eq(left));
+        }
+        // Which of two halves is meant nobody can tell.
+        let mut views = [timed([recording(9000, 50), recording(10, 50)].concat())];
+        assert_eq!(views[0].disorder(), 50);
+        assert!(!ViewFile::put_in_order(&mut views, &mut Vec::new()));
+        assert_eq!(views[0].times.len(), 100);
+    }
 
     #[test]
     fn a_record_of_fewer_frames_than_the_film_has_is_noticed() {

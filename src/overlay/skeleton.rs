@@ -3,6 +3,9 @@
 use edgecap_client::joints::{LIMB_JOINTS, PARENTS, PELVIS};
 use edgecap_client::message::{Body, BodyState, JointState, Observation};
 
+/// What a body's `joints2d` are of a joint behind the camera, and of all joints where there is no one picture.
+const NO_PIXEL: [f32; 2] = [0.0; 2];
+
 /// A joint in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
@@ -81,10 +84,10 @@ impl Person for Body {
             label: format!("#{}{lost} {:.2}", self.id, self.score),
             joints: (0..self.joints2d.len())
                 .map(|j| {
-                    // Behind the camera there is no pixel.
-                    let in_front = self.joints3d[j][2] > 0.0;
+                    // `joints3d` do not tell: with a calibration they are in its axes, not in the camera's.
+                    let has_pixel = self.joints2d[j] != NO_PIXEL;
                     let seen = self.joint_states[j] == JointState::OBSERVED;
-                    in_front.then(|| joint(self.joints2d[j], seen)).flatten()
+                    has_pixel.then(|| joint(self.joints2d[j], seen)).flatten()
                 })
                 .collect(),
             bones: (0..PARENTS.len())

@@ -93,7 +93,7 @@ fn bones_and_joints_have_the_identitys_colour() {
 fn occluded_joints_are_hollow() {
     let mut body = body(1);
     body.joint_states[17] = JointState::OCCLUDED;
-    body.joints3d[18][2] = -1.0;
+    (body.joints3d[18][2], body.joints2d[18]) = (-1.0, [0.0; 2]);
     let mut frame = blank();
     draw(&mut frame, &[body]);
     assert_eq!(pixel(&frame, 85.0, 160.0), [100; 3], "the middle is open");
@@ -104,6 +104,19 @@ fn occluded_joints_are_hollow() {
         [100; 3],
         "behind the camera there is no joint"
     );
+    assert_eq!(pixel(&frame, 0.0, 0.0), [100; 3]);
+}
+
+/// With a calibration joints are in its axes: what they say of z is no depth.
+#[test]
+fn joints_in_the_axes_of_a_room_are_drawn_where_they_are_seen() {
+    let mut body = body(1);
+    let mut usual = blank();
+    draw(&mut usual, &[body]);
+    body.joints3d.iter_mut().for_each(|j| j[2] = -1.0);
+    let mut frame = blank();
+    draw(&mut frame, &[body]);
+    assert_eq!(frame, usual);
 }
 
 #[test]

@@ -119,11 +119,25 @@ fn jacobians_agree_with_finite_differences() {
 fn columns_come_in_rising_order_and_are_those_of_the_elimination() {
     let body = MeshBody::shipped();
     let tree = posed(body, &body.rest_pose(), &body.person(&[]));
+    let mut together = vec![[false; FREEDOM]; FREEDOM];
     for joint in 0..JOINTS {
         let mut seen = Vec::new();
         body.jacobian(&tree, joint, |d, _| seen.push(d));
         assert_eq!(seen, kinematics::moved_by(joint));
         assert!(seen.is_sorted());
+        for a in &seen {
+            seen.iter().for_each(|b| together[*a][*b] = true);
+        }
+    }
+    let (rows, envelope) = (body.elimination().rows(), body.elimination().envelope());
+    let mut sorted = rows.to_vec();
+    sorted.sort_unstable();
+    assert!(sorted.into_iter().eq(0..FREEDOM), "every row once");
+    for (d, (meets, &row)) in together.iter().zip(rows).enumerate() {
+        // The first column in which it meets another of the same joint; one that moves no joint meets itself alone.
+        let columns = rows.iter().zip(meets).filter(|(_, meets)| **meets);
+        let first = columns.fold(row, |first, (column, _)| first.min(*column));
+        assert_eq!(envelope[row], first, "freedom {d}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Masks of films of cameras that stand still: what differs from where nobody is, near whom the views saw.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use image::ImageEncoder;
@@ -17,6 +18,9 @@ use crate::multiview::{Background, Detections, Figure, Small, UNKNOWN, mask, squ
 
 /// Pictures of a film from which its background is learned, at most.
 const SAMPLES: usize = 31;
+
+/// What to do about a film that is another.
+const AS_SEEN: &str = "give the film that was looked at";
 
 /// Makes the masks of every camera whose film is known, as far as they are not in the store.
 ///
@@ -118,28 +122,45 @@ impl Film<'_> {
         hear: &mut dyn FnMut(usize, &Frame) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let (mut source, mut frame) = (self.open()?, Frame::default());
-        for k in 0..self.scene.frames.len() {
-            if !source.next_into(&mut frame)? {
-                return Err(self.unlike(format!("{k} frames")));
+        let mut k = 0;
+        while k < self.scene.frames.len() {
+            match source.next_into(&mut frame) {
+                Ok(true) => {
+                    self.expect_size(&frame)?;
+                    hear(k, &frame)?;
+                    k += 1;
+                }
+                Ok(false) => return Err(self.unlike(&format!("{k} frames"), AS_SEEN)),
+                // Of a damaged picture nothing was observed: the next one is of this frame.
+                Err(e) if e.is_skippable() => {}
+                Err(e) => return Err(e.into()),
             }
-            self.expect_size(&frame)?;
-            hear(k, &frame)?;
         }
         Ok(())
     }
 
     fn expect_size(&self, frame: &Frame) -> anyhow::Result<()> {
-        let size = [frame.width, frame.height];
-        if size == self.scene.views[self.number].size {
+        let (wanted, [w, h]) = (
+            self.scene.views[self.number].size,
+            [frame.width, frame.height],
+        );
+        if wanted == [w, h] {
             return Ok(());
         }
-        Err(self.unlike(format!("pictures of {}x{} pixels", size[0], size[1])))
+        let found = format!("pictures of {w}x{h} pixels");
+        Err(match wanted == [h, w] {
+            true => self.unlike(
+                &format!("{found}, turned by 90 degrees"),
+                "turn the film by ffmpeg as 'infer --rotate' turned its pictures",
+            ),
+            false => self.unlike(&found, AS_SEEN),
+        })
     }
 
-    fn unlike(&self, found: String) -> anyhow::Error {
+    fn unlike(&self, found: &str, advice: &str) -> anyhow::Error {
         let view = &self.scene.views[self.number];
         Failure::data(format!(
-            "{}: expected the film of camera {} with {} frames of {}x{} pixels, found {found}; give the film that was looked at",
+            "{}: expected the film of camera {} with {} frames of {}x{} pixels, found {found}; {advice}",
             self.path.display(),
             view.name,
             self.scene.frames.len(),
@@ -183,9 +204,143 @@ fn figures(seen: &Detections, size: [u32; 2]) -> Vec<Figure> {
     each.map(|f| f.shrunk(by)).collect()
 }
 
-fn write(path: &Path, [width, height]: [u32; 2], owners: &[u8]) -> anyhow::Result<()> {
-    let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
+fn write(path: &Path, size: [u32; 2], owners: &[u8]) -> Result<(), Failure> {
+    png(path, size, owners).map_err(|e| Failure::output(path, &e))
+}
+
+fn png(path: &Path, [width, height]: [u32; 2], owners: &[u8]) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::NoFilter)
-        .write_image(owners, width, height, image::ExtendedColorType::L8)?;
-    Ok(file.flush()?)
+        .write_image(owners, width, height, image::ExtendedColorType::L8)
+        .map_err(|e| match e {
+            image::ImageError::IoError(e) => e,
+            other => io::Error::other(other),
+        })?;
+    file.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::View;
+    use crate::capture::AviWriter;
+    use crate::commands::exit::{CANNOT_CREATE, code};
+
+    /// Of one camera, in which nobody is seen.
+    fn scene(size: [u32; 2], frames: usize) -> Scene {
+        Scene {
+            views: vec![View {
+                size,
+                ..View::around(0.0)
+            }],
+            films: vec![None],
+            are_whole: true,
+            frames: vec![vec![Vec::new()]; frames],
+            times: vec![0; frames],
+            of_machine: false,
+            rate: 30.0,
+            offsets: vec![None],
+            in_step: true,
+            in_world: false,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Of a picture that cannot be read `infer` writes no row.
+    #[test]
+    fn frames_are_the_pictures_that_can_be_read() {
+        const SIZE: [u32; 2] = [32, 16];
+        let file = tempfile::Builder::new().suffix(".avi").tempfile().unwrap();
+        let mut avi = AviWriter::new(file.as_file(), SIZE[0], SIZE[1], (30, 1)).unwrap();
+        for level in [Some(40), None, Some(120), Some(200)] {
+            let mut bytes = Vec::new();
+            match level {
+                Some(level) => image::codecs::jpeg::JpegEncoder::new(&mut bytes)
+                    .write_image(
+                        &[level; 3 * 32 * 16],
+                        32,
+                        16,
+                        image::ExtendedColorType::Rgb8,
+                    )
+                    .unwrap(),
+                None => bytes.resize(300, 0),
+            }
+            avi.write_jpeg(&bytes).unwrap();
+        }
+        avi.finish().unwrap();
+        let heard = |frames: usize| {
+            let scene = scene(SIZE, frames);
+            let film = Film {
+                path: file.path(),
+                number: 0,
+                scene: &scene,
+            };
+            let mut levels = Vec::new();
+            let outcome = film.each(&mut |k, frame| {
+                assert_eq!(k, levels.len());
+                levels.push(frame.rgb[0]);
+                Ok(())
+            });
+            (levels, outcome.map_err(|e| e.to_string()))
+        };
+        let (levels, outcome) = heard(3);
+        assert_eq!(outcome, Ok(()));
+        let off = levels
+            .iter()
+            .zip([40, 120, 200])
+            .map(|(a, b): (&u8, _)| a.abs_diff(b));
+        assert!(levels.len() == 3 && off.max() < Some(3), "{levels:?}");
+        let short = heard(4).1.unwrap_err();
+        assert!(
+            short.contains("4 frames") && short.contains("found 3 frames"),
+            "{short}"
+        );
+    }
+
+    #[test]
+    fn a_film_that_was_turned_before_it_was_looked_at_is_told_from_another() {
+        let scene = scene([320, 240], 1);
+        let film = Film {
+            path: Path::new("cam01.mp4"),
+            number: 0,
+            scene: &scene,
+        };
+        let said = |width, height| {
+            let picture = Frame {
+                width,
+                height,
+                ..Frame::default()
+            };
+            film.expect_size(&picture).map_err(|e| e.to_string())
+        };
+        assert_eq!(said(320, 240), Ok(()));
+        let turned = said(240, 320).unwrap_err();
+        assert!(
+            turned.contains("240x320") && turned.contains("'infer --rotate'"),
+            "{turned}"
+        );
+        let other = said(640, 480).unwrap_err();
+        assert!(
+            other.contains("640x480") && !other.contains("turned"),
+            "{other}"
+        );
+    }
+
+    /// A disk that is full is told by its place, whichever write meets it.
+    #[test]
+    fn a_mask_that_cannot_be_written_is_named() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let inside = file.path().join("000000.png");
+        let full = Path::new("/dev/full");
+        for (path, side) in [(inside.as_path(), 8), (full, 8), (full, 512)] {
+            // What cannot be packed fills the buffer before it is flushed.
+            let owners: Vec<u8> = (0..side * side)
+                .map(|k: u32| (k.wrapping_mul(0x9E37_79B1) >> 24) as u8)
+                .collect();
+            let failure = write(path, [side, side], &owners).unwrap_err();
+            let line = failure.to_string();
+            assert!(line.contains(&path.display().to_string()), "{line}");
+            assert_eq!(code(&failure.into()), CANNOT_CREATE, "{line}");
+        }
+    }
 }

@@ -36,7 +36,7 @@ pub struct MaskFolder {
     /// By view.
     folders: Vec<PathBuf>,
     sizes: Vec<[u32; 2]>,
-    /// By view, whether there are to be masks of it.
+    /// By view, whether masks are to be made of it, or the user's folder has any.
     wanted: Vec<bool>,
     /// The value of pixels of which it is not known whose they are.
     unknown: Option<u8>,
@@ -147,19 +147,23 @@ impl MaskFolder {
         })
     }
 
-    /// What to say of cameras of which there were to be masks, and no outline counted in a fit.
+    /// What to say of cameras of which no outline counted in a fit: of all that the user's folder has none of, and of
+    /// those of which some could not be made or are of nobody.
     pub fn without_use(&self, report: &MultiviewReport) -> Vec<String> {
-        let each = report.views.iter().zip(&self.wanted);
-        let idle = each.filter(|(v, wanted)| **wanted && v.weight > 0.0 && v.contours == Some(0));
-        let said = idle.map(|(view, _)| {
-            let why = match self.unknown {
-                Some(_) => format!(
-                    "no mask could be made of camera {}: who is in its film stays in one place, or its light changes",
+        let each = report.views.iter().zip(&self.wanted).zip(&self.folders);
+        let idle = each.filter(|((v, _), _)| v.weight > 0.0 && v.contours == Some(0));
+        let said = idle.filter_map(|((view, wanted), folder)| {
+            let why = match (self.unknown, wanted) {
+                // Films are given of the cameras that the user wants.
+                (Some(_), false) => return None,
+                (Some(_), true) => format!(
+                    "no mask could be made of camera {}: who is in its film stays in one place, its light changes, or 'infer' turned or mirrored its pictures",
                     view.name
                 ),
-                None => format!("no mask of camera {} is of anybody whom it saw", view.name),
+                (None, false) => format!("no masks of camera {} in {}", view.name, folder.display()),
+                (None, true) => format!("no mask of camera {} is of anybody whom it saw", view.name),
             };
-            format!("{why}; joints alone count")
+            Some(format!("{why}; joints alone count"))
         });
         said.collect()
     }
@@ -171,5 +175,67 @@ impl MaskFolder {
     pub fn whole(&self) -> anyhow::Result<()> {
         let mut failed = self.failed.lock().unwrap_or_else(|e| e.into_inner());
         failed.take().map_or(Ok(()), |f| Err(f.into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::multiview::ViewReport;
+
+    fn view(name: &str, weight: f64, contours: usize) -> ViewReport {
+        ViewReport {
+            name: name.into(),
+            weight,
+            offset_s: None,
+            sights: 36,
+            told: 36,
+            contours: Some(contours),
+            joints: 0,
+            median_px: None,
+            mean_px: None,
+            median_percent: None,
+            mean_percent: None,
+            far_percent: None,
+        }
+    }
+
+    /// A folder that is misspelt looks like a camera that has none.
+    #[test]
+    fn cameras_of_which_the_folder_has_no_masks_are_named() {
+        let mut folder = MaskFolder {
+            folders: ["a", "b", "c", "d"]
+                .map(|name| Path::new("masks").join(name))
+                .into(),
+            sizes: vec![[320, 240]; 4],
+            wanted: vec![true, true, false, false],
+            unknown: None,
+            failed: Mutex::new(None),
+        };
+        let report = MultiviewReport {
+            frames: 36,
+            views: vec![
+                view("a", 1.0, 36),
+                view("b", 1.0, 0),
+                view("c", 1.0, 0),
+                view("d", 0.0, 0),
+            ],
+            people: Vec::new(),
+            notes: Vec::new(),
+        };
+        assert_eq!(
+            folder.without_use(&report),
+            [
+                "no mask of camera b is of anybody whom it saw; joints alone count",
+                "no masks of camera c in masks/c; joints alone count",
+            ]
+        );
+        // Of films that are not given there are to be none.
+        folder.unknown = Some(9);
+        let said = folder.without_use(&report);
+        assert!(
+            matches!(&said[..], [line] if line.contains("camera b:")),
+            "{said:?}"
+        );
     }
 }

@@ -21,7 +21,7 @@ use self::masks::MaskFolder;
 use self::store::Store;
 use self::sync::Sync;
 use super::apart::Apart;
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::export::Exports;
 use super::progress;
 use super::say;
@@ -201,6 +201,11 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     bar.finish_and_clear();
     // A mask that cannot be read counts as none: bodies are written all the same.
     let masked = folder.as_ref().map_or(Ok(()), MaskFolder::whole);
+    // So they are of what could be read of a film; what is wrong with it has been said.
+    let seen = match scene.are_whole {
+        true => Ok(()),
+        false => Err(Failure::silent(exit::DATA).into()),
+    };
     if fitted.people.is_empty() {
         masked?;
         return Err(nobody(views, frames.len()));
@@ -208,7 +213,10 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let other = |v: usize, f: usize, all: &[_]| matched(&views[v], &frames[f][v], all);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
     let unused = folder.iter().flat_map(|f| f.without_use(&report));
-    let late: Vec<String> = unused.chain(write::crowded(&fitted)).collect();
+    let late: Vec<String> = unused
+        .chain(write::crowded(&fitted))
+        .chain(write::without_mesh(&fitted, &chosen))
+        .collect();
     for note in &late {
         say::err(note);
     }
@@ -225,7 +233,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     for line in lines {
         say::out(&line);
     }
-    exported.and(masked).and(told)
+    exported.and(masked).and(seen).and(told)
 }
 
 /// Results of its own that an export can have the name of.

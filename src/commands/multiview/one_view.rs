@@ -4,14 +4,14 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
 use super::Sync;
-use super::read::{Scene, named, pictured, view_file};
+use super::read::{Films, Scene, named, pictured};
 use super::store::Store;
-use super::sync::OTHERWISE;
+use super::sync::{OTHERWISE, no_times, on_machine_clock};
 use crate::camera::{Brown, View, calibration};
 use crate::commands::common_time::{Common, by_number, by_times};
 use crate::commands::exit::Failure;
 use crate::commands::fit::settings::fitter;
-use crate::commands::view_file::{ViewFile, is_film};
+use crate::commands::view_file::{ViewFile, in_part, is_film};
 use crate::multiview::{Detections, Sight, Track, one_view, stage_three, to_view};
 
 /// Reads the view, and finds everyone in it.
@@ -47,7 +47,9 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         }
     };
     let known = calibrated.as_ref().map(|(view, _)| view);
-    let mut file = view_file(&name, known, &path, store, &mut 0)?;
+    let mut films = Films::default();
+    let mut file = films.read(&name, known, &path, store)?;
+    notes.extend(films.in_part.iter().map(|camera| in_part(camera)));
     if let Some(fps) = args.fps {
         file.at_rate(fps);
     }
@@ -58,15 +60,30 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
     for people in &mut file.frames {
         to_view(&view, &file.intrinsics, people);
     }
+    let is_whole = args.sync == Sync::None
+        || !ViewFile::put_in_order(std::slice::from_mut(&mut file), &mut notes);
+    let of_machine = on_machine_clock(&file);
+    let is_in_order = file.is_in_order();
+    let common = match args.sync {
+        Sync::Auto | Sync::Times | Sync::Motion if file.tells_times() => {
+            by_times(vec![file], &[0.0], OTHERWISE, &mut notes)?
+        }
+        Sync::Times | Sync::Motion if !is_in_order => return Err(no_times().into()),
+        _ => {
+            if args.sync == Sync::Auto && !is_in_order {
+                notes.push(format!(
+                    "camera {name}: its times do not tell when frames were taken; they go by number"
+                ));
+            }
+            by_number(args.fps, vec![file], &mut notes)?
+        }
+    };
     let Common {
         mut people,
         times,
         rate,
         in_step,
-    } = match args.sync != Sync::None && file.tells_times() {
-        true => by_times(vec![file], &[0.0], OTHERWISE, &mut notes)?,
-        false => by_number(args.fps, vec![file], &mut notes)?,
-    };
+    } = common;
     let people = people.swap_remove(0);
     let frames: Vec<Detections> = people
         .iter()
@@ -78,11 +95,14 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
     let scene = Scene {
         views: vec![view],
         films: vec![is_film(&path).then_some(path)],
+        are_whole: films.in_part.is_empty(),
         frames: frames.into_iter().map(|f| vec![f]).collect(),
         times,
+        of_machine,
         rate,
         offsets: vec![None],
-        in_step,
+        // Masks are numbered by the file's own frames.
+        in_step: in_step && is_whole,
         in_world: args.calibration.is_some(),
         notes,
     };

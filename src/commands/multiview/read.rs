@@ -11,7 +11,7 @@ use crate::camera::{DEFAULT_FOV, View};
 use crate::commands::common_time::Common;
 use crate::commands::exit::Failure;
 use crate::commands::say;
-use crate::commands::view_file::{ViewFile, is_film};
+use crate::commands::view_file::{Looked, ViewFile, in_part, is_film};
 use crate::message::Intrinsics;
 use crate::multiview::{Agreement, Detections, MOST_VIEWS, Sight, agreement, to_view};
 use crate::record::CameraSource;
@@ -36,10 +36,14 @@ pub struct Scene {
     pub views: Vec<View>,
     /// The film of every view, where its file is one.
     pub films: Vec<Option<PathBuf>>,
+    /// Whether all of every film could be seen.
+    pub are_whole: bool,
     /// Per frame, per view, who is seen.
     pub frames: Vec<Vec<Detections>>,
     /// When every frame was taken, nanoseconds, on the first view's clock.
     pub times: Vec<u64>,
+    /// Whether these are of the machine's clock, not of a film.
+    pub of_machine: bool,
     /// Frames a second.
     pub rate: f64,
     /// By how many seconds each view started before the first one, where that was told.
@@ -82,17 +86,19 @@ pub fn scene(
     } = calibration;
     let files = assign(&args.view, &views)?;
     held_out(&args.hold_out, &files, &views)?;
-    let (mut seen, mut found) = (Vec::new(), 0);
+    let (mut seen, mut films) = (Vec::new(), Films::default());
     for (v, file) in &files {
         let view = &views[*v];
-        seen.push(view_file(&view.name, Some(view), file, store, &mut found)?);
+        seen.push(films.read(&view.name, Some(view), file, store)?);
     }
-    if found > 0 {
+    if films.found > 0 {
         say::err(&format!(
-            "goes on: {found} of {} views were looked at before",
+            "goes on: {} of {} views were looked at before",
+            films.found,
             files.len()
         ));
     }
+    notes.extend(films.in_part.iter().map(|camera| in_part(camera)));
     let sizes: Vec<[u32; 2]> = seen.iter().map(|s| s.size).collect();
     let one_pictured = |all: &[View], k: usize| -> anyhow::Result<View> {
         let (v, file) = &files[k];
@@ -106,6 +112,7 @@ pub fn scene(
         used,
         common,
         offsets,
+        of_machine,
     } = bring_together(how, &every, seen, &mut notes)?;
     let Common {
         people,
@@ -163,8 +170,10 @@ pub fn scene(
     Ok(Scene {
         views,
         films: used.iter().map(film).collect(),
+        are_whole: films.in_part.is_empty(),
         frames: sights,
         times,
+        of_machine,
         rate,
         offsets,
         in_step,
@@ -248,25 +257,41 @@ fn expect_two_measured(held: &[String], views: &[View]) -> anyhow::Result<()> {
     .into())
 }
 
-/// What a camera saw, joints in space by the lens that its file tells; the observations of a film are kept, and counted
-/// where they were `found`.
-pub fn view_file(
-    camera: &str,
-    calibrated: Option<&View>,
-    file: &Path,
-    store: &Store,
-    found: &mut usize,
-) -> anyhow::Result<ViewFile> {
-    let fov = calibrated.map(View::fov_degrees);
-    let lens = CameraSource::Recorded {
-        fov_degrees: fov.map_or(DEFAULT_FOV, |degrees| degrees as f32),
-    };
-    if !is_film(file) {
-        return ViewFile::of_record(camera, lens, file, file);
+/// What became of the films of views that were read.
+#[derive(Default)]
+pub struct Films {
+    /// How many of them an earlier run had looked at.
+    pub found: usize,
+    /// Cameras whose film could be seen in part alone.
+    pub in_part: Vec<String>,
+}
+
+impl Films {
+    /// What a camera saw, joints in space by the lens that its file tells; the observations of a film are kept.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or nobody is in it.
+    pub fn read(
+        &mut self,
+        camera: &str,
+        calibrated: Option<&View>,
+        file: &Path,
+        store: &Store,
+    ) -> anyhow::Result<ViewFile> {
+        let fov = calibrated.map(View::fov_degrees);
+        let lens = CameraSource::Recorded {
+            fov_degrees: fov.map_or(DEFAULT_FOV, |degrees| degrees as f32),
+        };
+        if !is_film(file) {
+            return ViewFile::of_record(camera, lens, file, file);
+        }
+        let film = store.film(fov, file)?;
+        self.found += usize::from(film.was_there);
+        if film.looked == Looked::InPart {
+            self.in_part.push(camera.to_owned());
+        }
+        ViewFile::of_record(camera, lens, &film.record, file)
     }
-    let (record, was_there) = store.film(fov, file)?;
-    *found += usize::from(was_there);
-    ViewFile::of_record(camera, lens, &record, file)
 }
 
 /// What the calibration calls its cameras.

@@ -14,7 +14,7 @@ use super::inputs::{difference, film};
 use crate::bounded;
 use crate::commands::exit::Failure;
 use crate::commands::say;
-use crate::commands::view_file::look;
+use crate::commands::view_file::{Looked, look};
 use crate::multiview::Kept;
 use crate::output::{self, AtomicFile, AtomicFolder, is_unfinished};
 
@@ -37,6 +37,24 @@ pub fn is_one(folder: &Path) -> bool {
         Err(_) => fs::read_dir(folder).is_ok_and(|mut all| {
             all.all(|e| e.is_ok_and(|e| e.file_name() == LOCK || is_unfinished(&e.path())))
         }),
+    }
+}
+
+/// The observations of a film.
+pub struct Film {
+    /// The file of them.
+    pub record: PathBuf,
+    /// How much of the film they are of.
+    pub looked: Looked,
+    /// Whether an earlier run has made them.
+    pub was_there: bool,
+}
+
+/// What a film's observations are sealed with: their inputs, and how much of the film could be seen.
+fn ended(inputs: &str, looked: Looked) -> String {
+    match looked {
+        Looked::Whole => inputs.to_owned(),
+        Looked::InPart => format!("{inputs}in part\n"),
     }
 }
 
@@ -145,32 +163,40 @@ impl Store {
         Ok(())
     }
 
-    /// The observations of a film, as a record, and whether they were there; `fov` is the lens's field of view,
-    /// degrees, where one is known.
+    /// The observations of a film; `fov` is the lens's field of view, degrees, where one is known.
     ///
     /// # Errors
     /// When they cannot be computed or written.
-    pub fn film(&self, fov: Option<f64>, path: &Path) -> anyhow::Result<(PathBuf, bool)> {
+    pub fn film(&self, fov: Option<f64>, path: &Path) -> anyhow::Result<Film> {
         self.make()?;
         let inputs = film(path, fov);
         let name = format!("{FILM}{}", &blake3::hash(inputs.as_bytes()).to_hex()[..16]);
         let record = self.folder.join(&name);
-        if self.is_sealed(&name, &inputs) {
-            return Ok((record, true));
+        // What was seen in part, of the same film, comes out no better by another look.
+        for looked in [Looked::Whole, Looked::InPart] {
+            if self.is_sealed(&name, &ended(&inputs, looked)) {
+                return Ok(Film {
+                    record,
+                    looked,
+                    was_there: true,
+                });
+            }
         }
         // Under another name until it is whole: one that is interrupted makes its record complete.
         let part = self.folder.join(format!("{name}.part"));
-        let looked = look(path, fov, &part);
-        if looked.is_err() {
+        let looked = look(path, fov, &part).inspect_err(|_| {
             let _ = fs::remove_file(&part);
-        }
-        looked?;
+        })?;
         let sealed = File::open(&part)
             .and_then(|f| f.sync_all())
             .and_then(|()| fs::rename(&part, &record))
-            .and_then(|()| self.seal(&name, &inputs));
+            .and_then(|()| self.seal(&name, &ended(&inputs, looked)));
         sealed.map_err(|e| Failure::output(&record, &e))?;
-        Ok((record, false))
+        Ok(Film {
+            record,
+            looked,
+            was_there: false,
+        })
     }
 
     /// Where masks of a view go, and whether they are all there; what there is of some is removed. The folder is called

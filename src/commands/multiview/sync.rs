@@ -33,6 +33,8 @@ pub struct Together {
     pub common: Common,
     /// By how many seconds each of these started before the first of them, where that was told.
     pub offsets: Vec<Option<f64>>,
+    /// Whether the instants are of the machine's clock.
+    pub of_machine: bool,
 }
 
 /// Brings views to one time; one file a view.
@@ -54,6 +56,7 @@ pub fn bring_together(
     let is_whole = sync == Sync::None || !ViewFile::put_in_order(&mut seen, notes);
     let timed = seen.iter().all(ViewFile::tells_times);
     let everyone: Vec<usize> = (0..seen.len()).collect();
+    let of_machine = on_machine_clock(&seen[0]);
     let together = match sync {
         Sync::Times | Sync::Auto if timed && (one_clock || sync == Sync::Times) => {
             let shifts = common_time::by_clock(&seen);
@@ -61,24 +64,27 @@ pub fn bring_together(
                 used: everyone,
                 common: common_time::by_times(seen, &shifts, OTHERWISE, notes)?,
                 offsets: shifts.into_iter().map(Some).collect(),
+                of_machine,
             })
         }
         Sync::Auto | Sync::Motion if timed => in_motion(sync, views, seen, notes),
         Sync::None | Sync::Auto => {
             if sync == Sync::Auto {
-                expect_no_other_start(one_clock, &seen)?;
-                notes.extend(seen.iter().filter(|s| !s.is_in_order()).map(ViewFile::by_number));
+                common_time::expect_no_other_start(one_clock, &seen, "--sync none")?;
+                notes.extend(
+                    seen.iter()
+                        .filter(|s| !s.is_in_order())
+                        .map(ViewFile::by_number),
+                );
             }
             Ok(Together {
                 offsets: vec![None; seen.len()],
                 used: everyone,
                 common: common_time::by_number(fps, seen, notes)?,
+                of_machine,
             })
         }
-        Sync::Motion | Sync::Times => Err(Failure::data(
-            "expected files that tell when each frame was taken, found none or unordered times; give --fps, or --sync none",
-        )
-        .into()),
+        Sync::Motion | Sync::Times => Err(no_times().into()),
     };
     let mut together = together?;
     // Masks and films are numbered by the file's own frames.
@@ -86,31 +92,16 @@ pub fn bring_together(
     Ok(together)
 }
 
-/// Refuses to go by number where cameras of one machine's clock were not started together.
-///
-/// # Errors
-/// Naming the first whose times tell nothing, and how far starts are apart.
-fn expect_no_other_start(one_clock: bool, seen: &[ViewFile]) -> anyhow::Result<()> {
-    let Some(bad) = seen.iter().find(|s| !s.is_in_order()) else {
-        return Ok(());
-    };
-    let starts = common_time::by_clock(seen);
-    let [least, most] = [
-        starts.iter().copied().fold(f64::INFINITY, f64::min),
-        starts.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    ];
-    let rate = seen.iter().find_map(ViewFile::rate).unwrap_or(1.0);
-    if !one_clock || most - least < IN_STEP / rate {
-        return Ok(());
-    }
-    Err(Failure::data(format!(
-        "expected times of camera {} that rise from frame to frame, found {} of {} that do not, and cameras that started up to {:.1} s apart; record it again, or give --sync none if frames belong together by number",
-        bad.name,
-        bad.disorder(),
-        bad.times.len(),
-        most - least
-    ))
-    .into())
+/// Whether instants on this view's clock are of the machine's: times in no order are replaced.
+pub fn on_machine_clock(view: &ViewFile) -> bool {
+    view.of_machine && view.is_in_order()
+}
+
+/// Why views do not go by times that the user has asked for.
+pub fn no_times() -> Failure {
+    Failure::data(
+        "expected files that tell when each frame was taken, found none or unordered times; give --fps, or --sync none",
+    )
 }
 
 /// Brings views to one time by what moves in them.
@@ -150,6 +141,7 @@ fn in_motion(
         _ => used.iter().map(offset).collect(),
     };
     let shifts: Vec<f64> = used.iter().map(|k| found[*k].seconds()).collect();
+    let of_machine = on_machine_clock(&seen[used[0]]);
     let mut number = 0..;
     let kept = seen
         .into_iter()
@@ -163,6 +155,7 @@ fn in_motion(
         used,
         common,
         offsets,
+        of_machine,
     })
 }
 

@@ -1,6 +1,6 @@
 //! What a run leaves: bodies as arrays, as lines, as joints over time, as meshes, and the report.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write as _;
 use std::fs::{DirEntry, File};
 use std::io::{self, BufReader, BufWriter, Write};
@@ -14,7 +14,7 @@ use crate::body::mesh::{MeshBody, Skin};
 use crate::commands::exit::Failure;
 use crate::counted::counted;
 use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
-use crate::message::{Body, BodyFrame, MAX_PEOPLE, World};
+use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
 use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
 use crate::npz::{self, Array, Values};
 use crate::output;
@@ -205,6 +205,26 @@ pub fn crowded(fit: &MultiviewFit) -> Option<String> {
     })
 }
 
+/// Which of the frames that are to get meshes have nobody, in words.
+pub fn without_mesh(fit: &MultiviewFit, chosen: &Chosen) -> Option<String> {
+    let Chosen::Some(chosen) = chosen else {
+        return None;
+    };
+    let all = || fit.people.iter().flat_map(|p| &p.frames);
+    let is_empty = |k: &&usize| all().all(|f| f.frame != **k);
+    let empty: BTreeSet<usize> = chosen.iter().filter(is_empty).copied().collect();
+    let names: Vec<String> = empty.iter().map(usize::to_string).collect();
+    let frames = match names.len() {
+        0 => return None,
+        1 => "frame",
+        _ => "frames",
+    };
+    Some(format!(
+        "nobody is in {frames} {}: --obj writes no mesh there",
+        names.join(", ")
+    ))
+}
+
 fn lines(
     to: &mut impl Write,
     body: &MeshBody,
@@ -227,7 +247,10 @@ fn lines(
             sequence: k as u64,
             capture_ns: scene.times[k],
             pose_ns: scene.times[k],
-            publish_ns: scene.times[k],
+            flags: match scene.of_machine {
+                true => 0,
+                false => FLAG_FILE_TIME,
+            },
             count: people.len().min(MAX_PEOPLE) as u32,
             frame_total: scene.frames.len() as u32,
             world,
@@ -360,5 +383,28 @@ mod tests {
         assert_eq!(crowded(&of(MAX_PEOPLE)), None);
         let said = crowded(&of(MAX_PEOPLE + 1)).unwrap();
         assert!(said.contains("more than 32 people in 1 frame:"), "{said}");
+    }
+
+    #[test]
+    fn frames_without_anybody_to_make_a_mesh_of_are_said() {
+        let pose = MeshPose {
+            pelvis: DVec3::ZERO,
+            rotations: [DQuat::IDENTITY; JOINTS],
+        };
+        let fit = MultiviewFit {
+            people: vec![PersonFit {
+                id: 1,
+                betas: vec![0.0; 10],
+                frames: [3, 4, 6].map(|k| PersonFrame::unseen(k, pose)).into(),
+            }],
+            weights: Vec::new(),
+        };
+        let said = |frames: &str| without_mesh(&fit, &super::frames(Some(frames)).unwrap());
+        assert_eq!(said("3,6"), None);
+        assert_eq!(said("all"), None);
+        let one = said("4,5").unwrap();
+        assert!(one.starts_with("nobody is in frame 5:"), "{one}");
+        let two = said("7,3,5,5").unwrap();
+        assert!(two.starts_with("nobody is in frames 5, 7:"), "{two}");
     }
 }

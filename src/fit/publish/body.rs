@@ -45,7 +45,7 @@ pub fn write_body(
     for j in 0..BODY_JOINTS {
         let p = (posed.joints[j] * scale).as_vec3();
         body.joints3d[j] = p.to_array();
-        body.joints2d[j] = pixel(camera, p);
+        body.joints2d[j] = pixel(camera, p).unwrap_or_default();
         let sure = confidence::of(j, &track.known(j, ahead));
         body.confidence[j] = sure as f32;
         sum += sure;

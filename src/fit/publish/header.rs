@@ -53,10 +53,12 @@ impl Header {
     /// prediction.
     pub fn has_left(&self, track: &Track) -> bool {
         let beyond = |joint: usize| {
-            let [u, v] = pixel(&self.intrinsics, track.posed.joints[joint].as_vec3());
-            let inside = (-0.5..self.width as f32 - 0.5).contains(&u)
-                && (-0.5..self.height as f32 - 0.5).contains(&v);
-            !inside
+            let pixel = pixel(&self.intrinsics, track.posed.joints[joint].as_vec3());
+            let is_inside = |[u, v]: [f32; 2]| {
+                (-0.5..self.width as f32 - 0.5).contains(&u)
+                    && (-0.5..self.height as f32 - 0.5).contains(&v)
+            };
+            !pixel.is_some_and(is_inside)
         };
         track.unseen > 0.0 && [NECK, PELVIS].into_iter().all(beyond)
     }
@@ -79,7 +81,24 @@ fn usable_camera(frame: &ObservationFrame) -> Intrinsics {
     }
 }
 
-/// Where a joint is seen. Beside or behind the camera it has no pixel; the nearest depth with one stands in for it.
-pub fn pixel(camera: &Intrinsics, p: Vec3) -> [f32; 2] {
-    camera.project([p.x, p.y, p.z.max(0.05)])
+/// Where a joint is seen; `None` beside or behind the camera. Of one that nearly is beside it, the nearest depth from
+/// which pixels are of use.
+pub fn pixel(camera: &Intrinsics, p: Vec3) -> Option<[f32; 2]> {
+    (p.z > 0.0).then(|| camera.project([p.x, p.y, p.z.max(0.05)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_behind_the_camera_has_no_pixel() {
+        let camera = Intrinsics::from_horizontal_fov(640, 480, 60.0);
+        let seen = pixel(&camera, Vec3::new(0.1, -0.2, 2.0)).unwrap();
+        assert_eq!(seen, camera.project([0.1, -0.2, 2.0]));
+        assert!(pixel(&camera, Vec3::new(0.1, -0.2, 0.001)).is_some());
+        for z in [0.0, -0.001, -2.0] {
+            assert_eq!(pixel(&camera, Vec3::new(0.1, -0.2, z)), None, "at {z}");
+        }
+    }
 }

@@ -7,7 +7,7 @@ use crate::multiview::sight::Sight;
 
 /// Length of every bone as part of the stature, of the shipped body at rest; of `LIMB_JOINTS`.
 const PARTS: [f64; LIMBS] = [
-    0.147, 0.116, 0.143, 0.140, 0.116, 0.143, 0.140, 0.336, 0.237, 0.249, 0.336, 0.237, 0.249,
+    0.155, 0.112, 0.143, 0.140, 0.112, 0.143, 0.140, 0.326, 0.237, 0.249, 0.326, 0.237, 0.249,
 ];
 /// By what factor bones go on beyond their joint: forearms to the hands, shanks to the feet, the head to its crown.
 const BEYOND: [f64; LIMBS] = [
@@ -111,5 +111,29 @@ impl Figure {
     pub fn area(&self) -> f64 {
         let size = self.corners[1] - self.corners[0];
         size.x * size.y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::BodyModel;
+    use crate::body::mesh::{MeshBody, PosedTree};
+    use crate::multiview::stature;
+
+    #[test]
+    fn bones_are_as_long_as_the_shipped_body_s() {
+        let body = MeshBody::shipped();
+        let mut posed = PosedTree::default();
+        body.kinematics(&body.rest_pose(), &body.person(&[]), &mut posed);
+        let (joints, stature) = (posed.reported(), stature(body, &[]));
+        for (k, (child, parent)) in LIMB_JOINTS.into_iter().enumerate() {
+            let part = joints[child].distance(joints[parent]) / stature;
+            assert!(
+                (part - PARTS[k]).abs() < 0.002,
+                "bone {k}: {part:.4} of the stature, not {}",
+                PARTS[k]
+            );
+        }
     }
 }
