@@ -38,10 +38,14 @@ const LEAST_FRAMES: usize = 20;
 /// So many of these are left when some are kept apart, at least.
 const LEAST_USED: usize = LEAST_FRAMES - LEAST_FRAMES / HELD_OUT;
 
+/// So many times as tall as who counts somebody must be to be told of: the few frames of those who are seen seldom tell
+/// a height less well.
+const TALLER: f64 = 1.05;
+
 /// What gives the room its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
-    /// Height of the tallest of those who are seen often, metres.
+    /// Height of the tallest of those who are seen at least half as long as whoever is seen most, metres.
     Stature(f64),
     /// Distance between two cameras, by number, metres.
     Distance(usize, usize, f64),
@@ -77,6 +81,8 @@ pub struct Room {
     pub quality: Vec<ViewQuality>,
     /// Height of the tallest of those who are seen often, metres.
     pub stature: f64,
+    /// Height of somebody who is seen too seldom to count, metres, where that is clearly more.
+    pub taller: Option<f64>,
     /// Whether feet told the floor's slope; else it is level as people hold themselves upright.
     pub floor_by_feet: bool,
 }
@@ -243,6 +249,7 @@ fn stand(
     };
     rescale(&mut cameras, factor);
     let stature = factor * f64::from(CANONICAL_STATURE);
+    let taller = taller(lenses, &cameras, &tracks, stature);
     let joints: Vec<world::Joints> = tracks
         .iter()
         .flat_map(|t| joints(lenses, &cameras, t))
@@ -257,6 +264,7 @@ fn stand(
         quality: quality(&views, &tracks, frames, held_out, stature),
         views,
         stature,
+        taller,
         floor_by_feet: floor.by_feet,
     })
 }
@@ -325,10 +333,28 @@ fn joints(lenses: &[View], cameras: &[Pose], track: &Track) -> Vec<world::Joints
 
 /// Size of the tallest of those who are seen often, as a share of the canonical one.
 fn size(lenses: &[View], cameras: &[Pose], tracks: &[Track]) -> Result<f64, CalibrateError> {
-    let most = tracks.iter().map(|t| t.moments.len()).max().unwrap_or(0);
-    let often = tracks.iter().filter(|t| 2 * t.moments.len() >= most);
+    let is_often = is_often(tracks);
+    let often = tracks.iter().filter(|t| is_often(t));
     let sizes = often.filter_map(|t| world::size(&joints(lenses, cameras, t)));
     sizes.max_by(f64::total_cmp).ok_or(CalibrateError::NoSize)
+}
+
+/// Who is seen at least half as long as whoever is seen most.
+fn is_often(tracks: &[Track]) -> impl Fn(&Track) -> bool {
+    let most = tracks.iter().map(|t| t.moments.len()).max().unwrap_or(0);
+    move |track| 2 * track.moments.len() >= most
+}
+
+/// Height of the tallest of those who are seen more seldom, metres, where it is clearly more than `stature`. `cameras`
+/// are where they are, in metres.
+fn taller(lenses: &[View], cameras: &[Pose], tracks: &[Track], stature: f64) -> Option<f64> {
+    let is_often = is_often(tracks);
+    let others = tracks
+        .iter()
+        .filter(|t| !is_often(t) && t.moments.len() >= LEAST_FRAMES);
+    let sizes = others.filter_map(|t| world::size(&joints(lenses, cameras, t)));
+    let tallest = f64::from(CANONICAL_STATURE) * sizes.max_by(f64::total_cmp)?;
+    Some(tallest).filter(|metres| *metres > TALLER * stature)
 }
 
 fn rescale(cameras: &mut [Pose], factor: f64) {

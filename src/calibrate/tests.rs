@@ -241,6 +241,23 @@ fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
     }
 }
 
+#[test]
+fn somebody_taller_who_is_seen_too_seldom_to_count_is_told_of() {
+    let views = room();
+    for (other, taller) in [(1.95, Some(1.95)), (1.6, None)] {
+        let mut frames = film(&views, &[1.75, other], &EXACT);
+        for all in frames[30..].iter_mut().flatten() {
+            all.truncate(1);
+        }
+        let room = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.75)).unwrap();
+        let off = room.taller.zip(taller).map(|(f, t)| f64::abs(f - t));
+        assert_eq!(room.taller.is_some(), taller.is_some(), "{room:?}");
+        assert!(off.is_none_or(|off| off < 0.05), "{:?}", room.taller);
+        let (degrees, metres) = errors(&room.views, &views);
+        assert!(degrees < 1.0 && metres < 0.08, "{degrees}° {metres} m");
+    }
+}
+
 /// A view names two people the other way round than the others do.
 #[test]
 fn the_order_in_which_a_view_names_people_does_not_matter() {

@@ -89,6 +89,20 @@ pub fn as_if_together(
     otherwise: &str,
     notes: &mut Vec<String>,
 ) -> anyhow::Result<Common> {
+    about_together(seen, 0.0, otherwise, notes)
+}
+
+/// Brings views to one time as if they had started together, which may have started up to `apart` seconds apart; every
+/// one tells its times. `otherwise` as for [`by_times`].
+///
+/// # Errors
+/// When they differ more in length, which tells that they did not, and what [`by_times`] refuses.
+pub fn about_together(
+    seen: Vec<ViewFile>,
+    apart: f64,
+    otherwise: &str,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Common> {
     let seconds = |s: &ViewFile| {
         let span = s.times[s.times.len() - 1] - s.times[0];
         span as f64 * 1e-9
@@ -96,7 +110,7 @@ pub fn as_if_together(
     let by_length = |a: &&ViewFile, b: &&ViewFile| seconds(a).total_cmp(&seconds(b));
     let ends = (seen.iter().min_by(by_length), seen.iter().max_by(by_length));
     if let (Some(least), Some(most)) = ends
-        && seconds(most) - seconds(least) > SPARE
+        && seconds(most) - seconds(least) > apart + SPARE
     {
         return Err(Failure::data(format!(
             "expected views of one length, found {:.1} s of camera {} and {:.1} s of {}; cut them to the same time",
@@ -109,6 +123,38 @@ pub fn as_if_together(
     }
     let shifts = vec![0.0; seen.len()];
     by_times(seen, &shifts, otherwise, notes)
+}
+
+/// Refuses to go by number where cameras of one machine's clock were not started together; `is_one_clock` where all
+/// times are of it. `option` is what goes by number all the same.
+///
+/// # Errors
+/// Naming the first whose times tell nothing, and how far starts are apart.
+pub fn expect_no_other_start(
+    is_one_clock: bool,
+    seen: &[ViewFile],
+    option: &str,
+) -> anyhow::Result<()> {
+    let Some(bad) = seen.iter().find(|s| !s.is_in_order()) else {
+        return Ok(());
+    };
+    let starts = by_clock(seen);
+    let [least, most] = [
+        starts.iter().copied().fold(f64::INFINITY, f64::min),
+        starts.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    let rate = seen.iter().find_map(ViewFile::rate).unwrap_or(1.0);
+    if !is_one_clock || most - least < IN_STEP / rate {
+        return Ok(());
+    }
+    Err(Failure::data(format!(
+        "expected times of camera {} that rise from frame to frame, found {} of {} that do not, and cameras that started up to {:.1} s apart; record it again, or give {option} if frames belong together by number",
+        bad.name,
+        bad.disorder(),
+        bad.times.len(),
+        most - least
+    ))
+    .into())
 }
 
 /// Brings views together frame by frame; `given` is the user's word for the rate, else it is that of the first that
@@ -385,5 +431,25 @@ mod tests {
         let e = e.unwrap_err().to_string();
         assert!(e.contains("50.00 frames a second of camera a"), "{e}");
         assert!(e.contains("25.00 of b"), "{e}");
+    }
+
+    #[test]
+    fn views_may_differ_in_length_by_what_they_may_have_started_apart() {
+        let seconds = |count: u64| (0..30 * count).map(|k| k * 33_333_333);
+        let films = |long| vec![view("a", seconds(long)), view("b", seconds(9))];
+        let mut notes = Vec::new();
+        assert_eq!(
+            about_together(films(10), 1.0, "cut them", &mut notes).map_or(0, |c| c.times.len()),
+            270
+        );
+        assert!(
+            notes[0].contains("camera b has 30 frames less"),
+            "{notes:?}"
+        );
+        for (long, apart) in [(10, 0.0), (11, 1.0)] {
+            let e = about_together(films(long), apart, "cut them", &mut notes).map(|_| ());
+            let e = e.unwrap_err().to_string();
+            assert!(e.contains("expected views of one length"), "{e}");
+        }
     }
 }

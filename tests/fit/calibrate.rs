@@ -75,13 +75,32 @@ fn a_walk_gives_the_calibration_that_multiview_reads() {
     assert!(done.status.success(), "{}", stderr(&done));
 }
 
+/// Where films end of which one begins late.
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    /// After as many frames as the late one has.
+    Cut,
+    /// At one time.
+    Together,
+}
+
 /// Records of films of what views saw, frame by frame; that of the second camera begins so many frames late.
-fn write_films(folder: &Path, views: &[View], seen: &[Vec<Vec<Observation>>], late: usize) {
+fn write_films(
+    folder: &Path,
+    views: &[View],
+    seen: &[Vec<Vec<Observation>>],
+    late: usize,
+    end: End,
+) {
     for (v, view) in views.iter().enumerate() {
         let path = folder.join(format!("{}.jsonl", view.name));
         let mut file = RecordWriter::<ObservationsRow>::create(&path, Format::Jsonl).unwrap();
         let skipped = if v == 1 { late } else { 0 };
-        let frames = seen.iter().skip(skipped).take(seen.len() - late);
+        let most = match end {
+            End::Cut => seen.len() - late,
+            End::Together => seen.len(),
+        };
+        let frames = seen.iter().skip(skipped).take(most);
         for (k, frame) in frames.enumerate() {
             let people = &frame[v];
             let mut message = ObservationFrame {
@@ -106,7 +125,7 @@ fn films_that_did_not_start_together_are_brought_to_one_time() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
     let Trial { views, seen, .. } = own(5, 3, FRAMES, steady(5));
-    write_films(folder.path(), &views, &seen, 5);
+    write_films(folder.path(), &views, &seen, 5, End::Cut);
     let out = at("found.toml");
     let given = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
     let mut args = vec!["calibrate", "--distance", "0,240=7.274613", "--out", &out];
@@ -122,6 +141,53 @@ fn films_that_did_not_start_together_are_brought_to_one_time() {
     for (found, truth) in distances(&found).iter().zip(distances(&views)) {
         assert!((found - truth).abs() < 0.15, "{found} for {truth}");
     }
+}
+
+/// As by hand, one recorder after the other.
+#[test]
+fn films_that_end_together_need_not_start_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let Trial { views, seen, .. } = own(5, 3, FRAMES, steady(5));
+    write_films(folder.path(), &views, &seen, 20, End::Together);
+    let out = at("found.toml");
+    let given = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["calibrate", "--distance", "0,240=7.274613", "--out", &out];
+    args.extend(given.iter().flat_map(|v| ["--view", v]));
+    let done = output(&args);
+    let said = stderr(&done);
+    assert!(done.status.success(), "{said}");
+    let wanted = "camera 120 started 0.667 s after 0, as people move";
+    assert!(said.contains(wanted), "{said}");
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    for (found, truth) in distances(&found).iter().zip(distances(&views)) {
+        assert!((found - truth).abs() < 0.15, "{found} for {truth}");
+    }
+}
+
+/// The clock tells that they did not, and the times of one do not tell what was seen when.
+#[test]
+fn live_cameras_that_did_not_start_together_do_not_go_by_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    files(folder.path(), 2, 60);
+    let [first, second, out] = ["0.jsonl", "120.jsonl", "found.toml"].map(at);
+    let text = std::fs::read_to_string(&second).unwrap();
+    let later = text.lines().enumerate().map(|(k, line)| {
+        let mut row: serde_json::Value = serde_json::from_str(line).unwrap();
+        let back = if k % 6 == 5 { 40_000_000 } else { 0 };
+        for key in ["time_ns", "publish_ns"] {
+            row[key] = (row[key].as_u64().unwrap() + 400_000_000 - back).into();
+        }
+        format!("{row}\n")
+    });
+    let later: String = later.collect();
+    std::fs::write(&second, later).unwrap();
+    let args = ["calibrate", "--stature", "1.7", "--out", &out];
+    let views = ["--view", &first, "--view", &second];
+    let words = ["camera 120", "10 of 60", "0.4 s apart", "--fps"];
+    assert_fails(&[&args[..], &views].concat(), 65, &words);
+    assert!(!Path::new(&out).exists());
 }
 
 /// Whoever walks in a circle seems to walk the same circle some time later, seen by a camera that is turned: only
@@ -155,7 +221,7 @@ fn films_of_a_walk_in_a_circle_are_brought_to_one_time() {
         views.iter().map(of_view).collect()
     });
     let seen: Vec<Vec<Vec<Observation>>> = frames.collect();
-    write_films(folder.path(), &views, &seen, 5);
+    write_films(folder.path(), &views, &seen, 5, End::Cut);
     let out = at("found.toml");
     let apart = format!("0,240={}", views[0].position.distance(views[2].position));
     let given = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
@@ -235,6 +301,14 @@ fn what_cannot_be_calibrated_is_said() {
         65,
         &["at least 20 frames"],
     );
+    let fisheye = at("fisheye.toml");
+    let text = std::fs::read_to_string(&lens).unwrap();
+    std::fs::write(&fisheye, text.replace("fisheye = false", "fisheye = true")).unwrap();
+    refused(
+        &["--view", &second, "--lens", &fisheye],
+        65,
+        &["fisheye.toml", "camera 0 with a fisheye lens"],
+    );
     let nowhere = at("nowhere.toml");
     refused(
         &["--view", &second, "--lens", &nowhere],
@@ -262,6 +336,14 @@ fn what_can_be_known_of_the_command_is_said_before_any_work() {
     }
     let distance = ["calibrate", "--distance", "north,west=3"];
     refused(&distance, &out, 64, &["no --view is of west"]);
+    for verb in [&["calibrate"][..], &board] {
+        let all = ["--lens", "a.toml", "--lens", "b.toml"];
+        let words = ["one --lens for all", "a.toml and b.toml", "CAMERA=FILE"];
+        refused(&[verb, &all].concat(), &out, 64, &words);
+        let one = ["--lens", "north=a.toml", "--lens", "north=b.toml"];
+        let words = ["one --lens for camera north", "a.toml and b.toml"];
+        refused(&[verb, &one].concat(), &out, 64, &words);
+    }
     std::fs::create_dir(at("photos")).unwrap();
     let photos = format!("west={}", at("photos"));
     let photos = ["calibrate", "--view", &photos];

@@ -58,7 +58,7 @@ pub struct Shots {
     pub lens: Option<View>,
     /// Pictures taken, also such as show no board.
     pub pictures: usize,
-    /// Pictures with the board.
+    /// Pictures with the board, at most one of a moment.
     pub shots: Vec<Shot>,
 }
 

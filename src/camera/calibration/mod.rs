@@ -19,8 +19,9 @@ use check::check_lenses;
 pub use colmap::read_colmap;
 use opencv::{is_intri, read_intri, read_opencv_lens};
 pub use opencv::{read_easymocap, read_opencv};
-use pose2sim::is_own;
-pub use pose2sim::{read_pose2sim, write_measured, write_pose2sim};
+use pose2sim::other_scale;
+pub use pose2sim::{read_pose2sim, write_doubtful, write_measured, write_pose2sim};
+use qtm::read_noted;
 pub use qtm::read_qtm;
 
 use super::{CameraError, View};
@@ -28,6 +29,11 @@ use crate::bounded;
 
 /// Parts of a pixel in which QTM counts; Pose2Sim divides distortion by them, too, when it converts.
 const SUBPIXELS: f64 = 64.0;
+/// How many times as large distortion may be meant, and what that is called.
+const SCALES: [(f64, &str); 2] = [
+    (1.0 / SUBPIXELS, "distortion divided by 64"),
+    (SUBPIXELS, "distortion times 64"),
+];
 
 /// Cameras as a file describes them.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,8 +58,19 @@ impl Calibration {
         ))
     }
 
-    /// The same with the other reading of its distortion where QTM's scale of 1/64 may have slipped in or out.
+    /// How many times as large distortion is in the second reading, where there is one.
+    pub fn other_scale(&self) -> Option<f64> {
+        let (_, what) = self.alternative.as_ref()?;
+        let (scale, _) = SCALES.into_iter().find(|(_, other)| other == what)?;
+        Some(scale)
+    }
+
+    /// The same with the other reading of its distortion where QTM's scale of 1/64 may have slipped in or out: `factor`
+    /// is one of [`SCALES`], others have no reading.
     fn or_scaled(mut self, factor: f64) -> Self {
+        let Some((_, what)) = SCALES.into_iter().find(|(scale, _)| *scale == factor) else {
+            return self;
+        };
         let first = |v: &View| v.distortion.radial[0].abs() * factor;
         // A lens that moves a point at r = 0.5 by less than 0.1 %, or by more than a quarter, is nobody's.
         if self
@@ -66,11 +83,6 @@ impl Calibration {
                 other.distortion = v.distortion.scaled(factor);
                 other
             });
-            let what = if factor < 1.0 {
-                "distortion divided by 64"
-            } else {
-                "distortion times 64"
-            };
             self.alternative = Some((scaled.collect(), what));
         }
         self
@@ -128,15 +140,31 @@ fn of_file(path: &Path, want: Want) -> Result<Calibration, CameraError> {
     }
     let content = text(path)?;
     match format(&content) {
-        Format::Qtm => Ok(checked(read_qtm(&content, &name)?)?.or_scaled(1.0 / SUBPIXELS)),
-        Format::Pose2Sim if is_own(&content) => checked(read_pose2sim(&content, &name)?),
-        Format::Pose2Sim => Ok(checked(read_pose2sim(&content, &name)?)?.or_scaled(SUBPIXELS)),
+        Format::Qtm => {
+            let (views, left_out) = read_noted(&content, &name)?;
+            let mut calibration = checked(views)?.or_scaled(1.0 / SUBPIXELS);
+            calibration.notes.splice(0..0, left_out);
+            Ok(calibration)
+        }
+        Format::Pose2Sim => {
+            let calibration = checked(read_pose2sim(&content, &name)?)?;
+            Ok(match other_scale(&content) {
+                Some(scale) => calibration.or_scaled(scale),
+                None => calibration,
+            })
+        }
         Format::OpenCv if want == Want::Lenses && is_intri(&content) => {
             checked(read_intri(&content, &name)?)
         }
         Format::OpenCv => checked(vec![one_camera(path, &content, want)?]),
         Format::OtherStorage(kind) => Err(other_storage(&name, kind)),
     }
+}
+
+/// Whether a file is TOML with the camera matrix of some camera, as no `camera.toml` has one: so it is meant for a
+/// calibration of Pose2Sim or Anipose, whatever is wrong with it.
+pub fn has_matrix(path: &Path) -> bool {
+    text(path).is_ok_and(|content| pose2sim::has_matrix(&content))
 }
 
 fn text(path: &Path) -> Result<String, CameraError> {

@@ -6,6 +6,23 @@ use super::parts::{Parts, pinhole, rotation, vector};
 use super::storage::Storage;
 use crate::camera::{CameraError, View};
 
+/// What programs call the coefficients: OpenCV's own tool first.
+const DISTORTION: [&str; 13] = [
+    "distortion_coefficients",
+    "distortion_coeffs",
+    "distortion_coefs",
+    "distortion",
+    "dist_coefficients",
+    "dist_coeffs",
+    "dist_coeff",
+    "dist_coefs",
+    "distCoeffs",
+    "distCoeff",
+    "dist",
+    "D",
+    "D1",
+];
+
 /// Reads the text of one camera's calibration: `camera_matrix`, `distortion_coefficients`, `image_width`,
 /// `image_height`, and world → camera as `R` or `rvec` with `T` or `tvec`. `name` is the camera's, `file` is for
 /// errors.
@@ -55,9 +72,10 @@ fn one(storage: &Storage, name: &str, place: Place<'_>) -> Result<View, String> 
     if storage
         .names()
         .any(|n| n.contains("fisheye") && storage.is_set(n))
-        || storage
-            .words("model")
-            .is_some_and(|m| m[0].contains("fisheye"))
+        || ["model", "distortion_model"]
+            .iter()
+            .filter_map(|key| storage.words(key))
+            .any(|m| ["fisheye", "equidistant"].iter().any(|f| m[0].contains(f)))
     {
         return Err(fisheye(name));
     }
@@ -79,13 +97,37 @@ fn one(storage: &Storage, name: &str, place: Place<'_>) -> Result<View, String> 
         size,
         focal,
         centre,
-        distortion: storage
-            .numbers(&["distortion_coefficients", "distCoeffs", "dist", "D", "D1"])
-            .unwrap_or(&[]),
+        distortion: distortion(storage, name)?,
         rotation,
         translation,
     }
     .view()
+}
+
+/// The coefficients, under whichever of their names; none where a file tells of no distortion.
+///
+/// # Errors
+/// When something that is called like distortion is not understood: without it the lens would be another.
+fn distortion<'a>(storage: &'a Storage, name: &str) -> Result<&'a [f64], String> {
+    if let Some(coefficients) = storage.numbers(&DISTORTION) {
+        return Ok(coefficients);
+    }
+    let is_unknown = |n: &&str| {
+        let lower = n.to_lowercase();
+        let other = ["distance", "distortion_model", "distortion_type"];
+        lower.starts_with("dist") && !other.iter().any(|o| lower.starts_with(o))
+    };
+    match storage
+        .names()
+        .filter(is_unknown)
+        .find(|n| storage.is_set(n))
+    {
+        Some(unknown) => Err(format!(
+            "camera {name} with {unknown}, which is not understood; call the coefficients {} and give them as numbers: k1 k2 p1 p2 k3",
+            DISTORTION[0]
+        )),
+        None => Ok(&[]),
+    }
 }
 
 /// Whether a text is EasyMocap's `intri.yml`, which holds the lenses of several cameras.
@@ -177,4 +219,47 @@ fn fisheye(name: &str) -> String {
     format!(
         "camera {name} with a fisheye lens, which is not understood; undistort its pictures first"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distortion_is_read_by_its_names_and_refused_by_others() {
+        let read = |distortion: &str| {
+            let text = format!(
+                "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+                 cols: 3\n   dt: d\n   data: [ 600., 0., 320., 0., 600., 240., 0., 0., 1. ]\n{distortion}"
+            );
+            read_opencv_lens(&text, "cam01", "cam01.yml").map_err(|e| e.to_string())
+        };
+        let matrix = |name: &str| {
+            format!(
+                "{name}: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.3, 0.1, 0., 0., 0. ]\n"
+            )
+        };
+        for name in DISTORTION {
+            let view = read(&matrix(name)).unwrap();
+            assert_eq!(view.distortion.radial, [-0.3, 0.1, 0.0], "{name}");
+        }
+        for unknown in ["DistortionParameters", "dist_k"] {
+            let said = read(&matrix(unknown)).unwrap_err();
+            assert!(said.contains(&format!("cam01 with {unknown}")), "{said}");
+            assert!(said.contains("distortion_coefficients"), "{said}");
+        }
+        // Rows in rows are no numbers here.
+        let said = read("dist: [ [ -0.3, 0.1, 0., 0., 0. ] ]\n").unwrap_err();
+        assert!(said.contains("cam01 with dist,"), "{said}");
+        let said = read("distortion_model: equidistant\n").unwrap_err();
+        assert!(said.contains("fisheye"), "{said}");
+        for none in [
+            "",
+            "dist_k: 0\n",
+            "distortion_model: plumb_bob\n",
+            "distance: 2.5\n",
+        ] {
+            assert_eq!(read(none).unwrap().distortion.radial, [0.0; 3], "{none}");
+        }
+    }
 }

@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
+use super::SUBPIXELS;
 use super::parts::{Parts, pinhole, rotation, vector};
 use crate::camera::{CameraError, View};
 
@@ -14,6 +15,8 @@ use crate::camera::{CameraError, View};
 const METADATA: &str = "metadata";
 /// Its key that names who wrote the file, and this program's.
 const WRITER: (&str, &str) = ("writer", "edgecap");
+/// Its key for how many times as large the distortion may be meant, where nobody knows.
+const OTHER_SCALE: &str = "other_scale";
 
 #[derive(Deserialize)]
 struct Camera {
@@ -84,14 +87,25 @@ fn view(key: &str, camera: &Camera) -> Result<View, String> {
     .view()
 }
 
-/// Whether [`write_measured`] wrote a text.
-pub fn is_own(text: &str) -> bool {
+/// Whether a text has a table with a camera matrix.
+pub(super) fn has_matrix(text: &str) -> bool {
+    let tables: Option<toml::Table> = toml::from_str(text).ok();
+    let has = |table: &Value| table.get("matrix").is_some();
+    tables.is_some_and(|all| all.values().any(has))
+}
+
+/// How many times as large the distortion of a text's lenses may be meant: of another program's file as QTM counts, of
+/// this one's as it says, if it says so.
+pub(super) fn other_scale(text: &str) -> Option<f64> {
     let tables: Option<toml::Table> = toml::from_str(text).ok();
     let metadata = tables
         .as_ref()
         .and_then(|all| all.get(METADATA)?.as_table());
-    let writer = metadata.and_then(|table| table.get(WRITER.0)?.as_str());
-    writer == Some(WRITER.1)
+    let told = |key: &str| metadata.and_then(|table| table.get(key));
+    match told(WRITER.0).and_then(Value::as_str) == Some(WRITER.1) {
+        true => told(OTHER_SCALE).and_then(Value::as_float),
+        false => Some(SUBPIXELS),
+    }
 }
 
 /// The text of a `Calib.toml` that Pose2Sim reads. k3 is written as a fifth coefficient where it is not 0.
@@ -135,4 +149,10 @@ pub fn write_measured(views: &[View]) -> String {
     let (key, writer) = WRITER;
     // The metadata are the last table.
     format!("{}{key} = \"{writer}\"\n", write_pose2sim(views))
+}
+
+/// The same of lenses of which nobody knows whether their distortion is meant `scale` times as large, which it says:
+/// whoever reads it has both readings.
+pub fn write_doubtful(views: &[View], scale: f64) -> String {
+    format!("{}{OTHER_SCALE} = {scale:?}\n", write_measured(views))
 }

@@ -1,41 +1,69 @@
 //! Calibrations of Qualisys Track Manager (`.qca.txt`, XML) go in, views come out.
 //!
 //! Pixels are counted in 1/64, positions in millimetres; the rows of the rotation are the camera's axes in the world, x
-//! right, y up, z backward. Distortion coefficients are unscaled and those of OpenCV.
+//! right, y up, z backward. Distortion coefficients are unscaled and those of OpenCV. Cameras that QTM has not
+//! calibrated stand in its files too, with numbers that mean nothing.
 
 use glam::{DMat3, DVec3};
 use roxmltree::{Document, Node};
 
 use super::SUBPIXELS;
-use super::parts::{Parts, proper};
+use super::parts::{Parts, pinhole, proper};
 use crate::camera::{CameraError, View};
 
-/// Reads the text of a calibration; `name` is for errors.
+/// Reads the text of a calibration, leaving out cameras that it says are not calibrated; `name` is for errors.
 ///
 /// # Errors
 /// [`CameraError::Calibration`] when it is no such calibration or a number is missing.
 pub fn read_qtm(text: &str, name: &str) -> Result<Vec<View>, CameraError> {
+    read_noted(text, name).map(|(views, _)| views)
+}
+
+/// The same, with a line about every camera that is left out.
+///
+/// # Errors
+/// As for [`read_qtm`].
+pub(super) fn read_noted(text: &str, name: &str) -> Result<(Vec<View>, Vec<String>), CameraError> {
     let wrong = |found: String| CameraError::Calibration {
         file: name.to_owned(),
         expected: "a QTM calibration (.qca.txt)",
         found,
     };
     let document = Document::parse(text).map_err(|e| wrong(e.to_string()))?;
-    let cameras = document
+    let active = document
         .descendants()
         .filter(|n| n.has_tag_name("camera") && n.attribute("active") != Some("0"));
+    let is_calibrated = |camera: &Node<'_, '_>| {
+        let told = camera.attribute("calibrated").map(str::trim);
+        !told.is_some_and(|told| told == "0" || told.eq_ignore_ascii_case("false"))
+    };
+    let (cameras, others): (Vec<_>, Vec<_>) = active.partition(is_calibrated);
     let views = cameras
+        .into_iter()
         .map(view)
         .collect::<Result<Vec<_>, _>>()
         .map_err(wrong)?;
     if views.is_empty() {
-        return Err(wrong("no active camera".into()));
+        return Err(wrong(match others.len() {
+            0 => "no active camera".into(),
+            _ => "no camera that is calibrated".into(),
+        }));
     }
-    Ok(views)
+    let left_out = others.iter().map(|camera| {
+        format!(
+            "{name}: camera {} is not calibrated; left out",
+            serial(*camera)
+        )
+    });
+    Ok((views, left_out.collect()))
+}
+
+fn serial<'a>(camera: Node<'a, '_>) -> &'a str {
+    camera.attribute("serial").unwrap_or("?")
 }
 
 fn view(camera: Node<'_, '_>) -> Result<View, String> {
-    let name = camera.attribute("serial").unwrap_or("?");
+    let name = serial(camera);
     let part = |tag: &str| {
         let mut children = camera.children();
         children
@@ -51,11 +79,21 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
     // Of video that is cropped the first is the part of the sensor that its pictures show.
     let picture = part("fov_video").or_else(|_| part("fov_video_max"))?;
     let (inner, outer) = (part("intrinsic")?, part("transform")?);
-    let lens = |u: &str, v: &str| -> Result<[f64; 2], String> {
-        Ok([number(inner, u)? / SUBPIXELS, number(inner, v)? / SUBPIXELS])
+    // Older files tell neither of these.
+    let number_or_0 = |key: &str| match inner.has_attribute(key) {
+        true => number(inner, key),
+        false => Ok(0.0),
     };
+    let [f, g, u, v, skew] = [
+        number(inner, "focalLengthU")?,
+        number(inner, "focalLengthV")?,
+        number(inner, "centerPointU")?,
+        number(inner, "centerPointV")?,
+        number_or_0("skew")?,
+    ]
+    .map(|subpixels| subpixels / SUBPIXELS);
+    let (focal, [u, v]) = pinhole(&[f, skew, u, 0.0, g, v, 0.0, 0.0, 1.0], name)?;
     // The principal point is counted from the sensor's corner.
-    let [u, v] = lens("centerPointU", "centerPointV")?;
     let centre = [u - number(picture, "left")?, v - number(picture, "top")?];
     let row = |k: usize| -> Result<DVec3, String> {
         Ok(DVec3::new(
@@ -82,13 +120,14 @@ fn view(camera: Node<'_, '_>) -> Result<View, String> {
     Parts {
         name,
         size: [pixels("left", "right")?, pixels("top", "bottom")?],
-        focal: lens("focalLengthU", "focalLengthV")?,
+        focal,
         centre,
         distortion: &[
             number(inner, "radialDistortion1")?,
             number(inner, "radialDistortion2")?,
             number(inner, "tangentalDistortion1")?,
             number(inner, "tangentalDistortion2")?,
+            number_or_0("radialDistortion3")?,
         ],
         rotation,
         translation: -(rotation * millimetres) * 1e-3,
@@ -156,6 +195,43 @@ mod tests {
         );
         let same = "<fov_video bottom=\"1919\" left=\"0\" right=\"1087\" top=\"0\"/><transform";
         assert_eq!(read(&ONE.replace("<transform", same)), whole);
+    }
+
+    #[test]
+    fn a_third_radial_coefficient_is_read_and_a_skewed_lens_refused() {
+        let with = |more: &str| {
+            let text = ONE.replace("radialDistortion1=\"0\"", more);
+            read_qtm(&text, "one").map_err(|e| e.to_string())
+        };
+        let three = "radialDistortion1=\"-0.2\" radialDistortion3=\"0.03\" skew=\"0.000\"";
+        let views = with(three).unwrap();
+        assert_eq!(views[0].distortion.radial, [-0.2, 0.0, 0.03]);
+        // 0.2 % of the focal length; a tenth of that is rounding.
+        let said = with("radialDistortion1=\"0\" skew=\"215\"").unwrap_err();
+        assert!(said.contains("cam01 with a skewed"), "{said}");
+        assert!(with("radialDistortion1=\"0\" skew=\"21\"").is_ok());
+        let said = with("radialDistortion1=\"0\" radialDistortion3=\"much\"").unwrap_err();
+        assert!(said.contains("radialDistortion3"), "{said}");
+    }
+
+    #[test]
+    fn cameras_that_are_not_calibrated_are_left_out() {
+        let mark = |text: &str, told: &str| {
+            text.replace("serial=", &format!("calibrated=\"{told}\" serial="))
+        };
+        let raw = "<camera active=\"1\" calibrated=\"false\" serial=\"cam02\"/></cameras>";
+        let two = mark(ONE, "true").replace("</cameras>", raw);
+        let (views, notes) = read_noted(&two, "one").unwrap();
+        assert_eq!(views, read_qtm(ONE, "one").unwrap());
+        assert!(
+            notes.len() == 1 && notes[0].contains("cam02 is not calibrated"),
+            "{notes:?}"
+        );
+        let e = read_qtm(&mark(ONE, "false"), "one").unwrap_err();
+        assert!(
+            e.to_string().contains("no camera that is calibrated"),
+            "{e}"
+        );
     }
 
     #[test]

@@ -298,6 +298,32 @@ fn distortion_off_by_64_is_read_both_ways() {
     }
 }
 
+#[test]
+fn a_second_reading_of_the_distortion_comes_back_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("Calib.toml");
+    for (size, scale, what) in [
+        (1.0, 1.0 / 64.0, "distortion divided by 64"),
+        (1.0 / 64.0, 64.0, "distortion times 64"),
+    ] {
+        let mut views = ring(2);
+        for v in &mut views {
+            v.distortion = v.distortion.scaled(size);
+        }
+        fs::write(&path, write_doubtful(&views, scale)).unwrap();
+        let read = read(&path).unwrap();
+        assert_eq!(read.other_scale(), Some(scale));
+        let (other, told) = read.alternative.unwrap();
+        assert_eq!(told, what);
+        for (a, b) in views.iter().zip(&other) {
+            assert_eq!(a.distortion.scaled(scale), b.distortion);
+        }
+    }
+    // Somebody's own number is none of the two.
+    fs::write(&path, write_doubtful(&ring(2), 3.0)).unwrap();
+    assert_eq!(read(&path).unwrap().alternative, None);
+}
+
 /// What OpenCV writes of one webcam, which says nothing of where that stands.
 fn lens_alone(v: &View) -> String {
     let (k, d) = lens(v);

@@ -1,6 +1,6 @@
 //! Lenses that the user knows: files go in, cameras without a place come out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -30,8 +30,8 @@ enum Lens {
     Calibrated {
         views: Vec<View>,
         path: PathBuf,
-        /// Whether they may be meant otherwise than they are written.
-        is_doubtful: bool,
+        /// How many times as large their distortion may be meant as it is written, where nobody knows.
+        other_scale: Option<f64>,
     },
 }
 
@@ -39,39 +39,26 @@ impl Lenses {
     /// Reads what `--lens` names, for these cameras.
     ///
     /// # Errors
-    /// When a file cannot be read, or is for no camera.
+    /// When a file cannot be read, is for no camera, or two are for the same.
     pub fn read(given: &[String], cameras: &[(String, PathBuf)]) -> anyhow::Result<Self> {
         let mut known = Vec::new();
-        for text in given {
-            let (camera, file) = match told(text) {
-                Some((camera, file)) => (Some(camera), PathBuf::from(file)),
-                None => (None, PathBuf::from(text)),
-            };
-            if let Some(camera) = camera
-                && !cameras.iter().any(|(n, _)| n == camera)
-            {
-                return Err(Failure::usage(format!(
-                    "expected one of the cameras in --lens {text}, found {camera}"
-                ))
-                .into());
-            }
+        for (camera, file) in of_cameras(given, cameras)? {
             // A file that is no camera.toml may be another program's calibration.
             let lens = match CameraFile::read(&file) {
                 Ok(lens) => Lens::File(lens),
                 Err(own) => match calibration::read_lenses(&file) {
                     Ok(calibration) => {
+                        calibration.notes.iter().for_each(|note| say::err(note));
                         if let Some(note) = calibration.as_written(&file) {
                             say::err(&note);
                         }
                         Lens::Calibrated {
-                            is_doubtful: calibration.alternative.is_some(),
+                            other_scale: calibration.other_scale(),
                             views: calibration.views,
                             path: file,
                         }
                     }
-                    Err(_) if file.extension().is_some_and(|e| e == "toml") => {
-                        return Err(own.into());
-                    }
+                    Err(_) if is_camera_toml(&file) => return Err(own.into()),
                     Err(other) => return Err(other.into()),
                 },
             };
@@ -80,18 +67,20 @@ impl Lenses {
         Ok(Self { known })
     }
 
-    /// Whether some lens may be meant otherwise than its file is read.
-    pub fn are_doubtful(&self) -> bool {
-        let doubtful = |lens: &Lens| {
-            matches!(
-                lens,
-                Lens::Calibrated {
-                    is_doubtful: true,
-                    ..
-                }
-            )
-        };
-        self.known.iter().any(|(_, lens)| doubtful(lens))
+    /// How many times as large the distortion of some lens may be meant as its file has it; every such scale once.
+    pub fn other_scales(&self) -> Vec<f64> {
+        let mut scales: Vec<f64> = Vec::new();
+        for (_, lens) in &self.known {
+            if let Lens::Calibrated {
+                other_scale: Some(scale),
+                ..
+            } = lens
+                && !scales.contains(scale)
+            {
+                scales.push(*scale);
+            }
+        }
+        scales
     }
 
     /// Whether a lens was given for a camera, or for all.
@@ -168,6 +157,45 @@ impl Lenses {
             }
         }
     }
+}
+
+/// The files of `--lens`, each with the camera that it is for, if it is for one.
+///
+/// # Errors
+/// When a file is for none of these cameras, or two are for the same: nobody can choose between them.
+fn of_cameras<'a>(
+    given: &'a [String],
+    cameras: &[(String, PathBuf)],
+) -> Result<Vec<(Option<&'a str>, PathBuf)>, Failure> {
+    let mut all: Vec<(Option<&str>, PathBuf)> = Vec::new();
+    for text in given {
+        let (camera, file) = match told(text) {
+            Some((camera, file)) => (Some(camera), PathBuf::from(file)),
+            None => (None, PathBuf::from(text)),
+        };
+        if let Some(camera) = camera
+            && !cameras.iter().any(|(n, _)| n == camera)
+        {
+            return Err(Failure::usage(format!(
+                "expected one of the cameras in --lens {text}, found {camera}"
+            )));
+        }
+        if let Some((_, other)) = all.iter().find(|(of, _)| *of == camera) {
+            let whose = camera.map_or("all cameras".to_owned(), |name| format!("camera {name}"));
+            return Err(Failure::usage(format!(
+                "expected one --lens for {whose}, found {} and {}; say which camera each is of by CAMERA=FILE",
+                other.display(),
+                file.display()
+            )));
+        }
+        all.push((camera, file));
+    }
+    Ok(all)
+}
+
+/// Whether a file that nobody can read is meant for a `camera.toml`, not for a calibration.
+fn is_camera_toml(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e == "toml") && !calibration::has_matrix(file)
 }
 
 /// A camera on its side; on which one, only a principal point off the middle tells.

@@ -15,7 +15,9 @@ use super::multiview::{named as one_named, told};
 use super::say;
 use crate::board::Board;
 use crate::camera::View;
-use crate::camera::calibration::{check, read_pose2sim, write_measured, write_pose2sim};
+use crate::camera::calibration::{
+    check, read_pose2sim, write_doubtful, write_measured, write_pose2sim,
+};
 use crate::output;
 
 /// Options of `edgecap calibrate`.
@@ -45,7 +47,8 @@ pub struct CalibrateArgs {
     /// [default: that of the record; of a film a field of view of 60 degrees]
     #[arg(long, value_name = "[CAMERA=]FILE")]
     pub lens: Vec<String>,
-    /// Height of the tallest person in view, metres: it gives the room its size
+    /// Height of the tallest person of those who are seen at least half as long as whoever is seen most, metres: it
+    /// gives the room its size
     #[arg(long, value_name = "METRES", value_parser = stature)]
     pub stature: Option<f64>,
     /// Distance between two cameras, as in left,right=3.2; it gives the room its size, more exactly than a height
@@ -132,16 +135,18 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     Ok(all)
 }
 
-/// Writes a calibration, if it is one that is read again; unless a given lens file can be read two ways, the file says
-/// that edgecap wrote it.
+/// Writes a calibration, if it is one that is read again, which says that edgecap wrote it; where a given lens file can
+/// be read two ways, so can this one.
 ///
 /// # Errors
 /// When `multiview` would refuse the cameras, or the file cannot be written.
 fn write(out: &Path, views: &[View], lenses: &Lenses) -> anyhow::Result<()> {
     let name = out.display().to_string();
-    let text = match lenses.are_doubtful() {
-        true => write_pose2sim(views),
-        false => write_measured(views),
+    let text = match lenses.other_scales()[..] {
+        [] => write_measured(views),
+        [scale] => write_doubtful(views, scale),
+        // Of lenses from several files no one scale is the other's.
+        _ => write_pose2sim(views),
     };
     let again = read_pose2sim(&text, &name).and_then(|views| check(&name, views));
     again.map_err(|e| Failure::data(e.to_string()))?;
@@ -201,6 +206,30 @@ mod tests {
         let said = write(&out, &same, &lenses).unwrap_err().to_string();
         assert!(said.contains("every camera once"), "{said}");
         assert!(!out.exists());
+    }
+
+    #[test]
+    fn lenses_of_qtm_keep_their_second_reading() {
+        let folder = tempfile::tempdir().unwrap();
+        let [lens, out] = ["lens.qca.txt", "Calib.toml"].map(|name| folder.path().join(name));
+        let text = r#"<calibration><cameras><camera active="1" serial="a" viewrotation="0">
+            <fov_video_max left="0" top="0" right="639" bottom="479"/>
+            <transform r11="0" r12="1" r13="0" r21="0" r22="0" r23="1" r31="1" r32="0" r33="0" x="3000" y="0" z="1500"/>
+            <intrinsic centerPointU="20448" centerPointV="15328" focalLengthU="38400" focalLengthV="38400"
+              radialDistortion1="-0.2" radialDistortion2="0" tangentalDistortion1="0" tangentalDistortion2="0"/>
+            </camera></cameras></calibration>"#;
+        std::fs::write(&lens, text).unwrap();
+        let cameras = ["a", "b"].map(|name| (name.to_owned(), PathBuf::from("none")));
+        let lenses = Lenses::read(&[lens.display().to_string()], &cameras).unwrap();
+        let mut cameras = views(["a", "b"]);
+        for view in &mut cameras {
+            view.distortion = lenses.of(&view.name, view.size).unwrap().distortion;
+        }
+        write(&out, &cameras, &lenses).unwrap();
+        let read = crate::camera::calibration::read(&out).unwrap();
+        let (other, what) = read.alternative.unwrap();
+        assert_eq!(what, "distortion divided by 64");
+        assert!((other[0].distortion.radial[0] + 0.2 / 64.0).abs() < 1e-12);
     }
 
     #[test]

@@ -8,7 +8,9 @@ use super::{CalibrateArgs, report, write};
 use crate::calibrate::{CalibrateError, Room, Scale, ViewQuality, calibrate as find};
 use crate::camera::{DEFAULT_FOV, View};
 use crate::capture::is_photo;
-use crate::commands::common_time::{Common, as_if_together, by_clock, by_number, by_times};
+use crate::commands::common_time::{
+    Common, about_together, by_clock, by_number, by_times, expect_no_other_start,
+};
 use crate::commands::exit::Failure;
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
@@ -91,8 +93,10 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     }
     notes.extend(guessed(&unknown, names.len()));
     notes.extend(views.iter().filter_map(folded));
+    let is_one_clock = args.fps.is_none() && seen.iter().all(|s| s.of_machine);
     if args.fps.is_none() {
         ViewFile::put_in_order(&mut seen, &mut notes);
+        expect_no_other_start(is_one_clock, &seen, "--fps")?;
         notes.extend(
             seen.iter()
                 .filter(|s| !s.is_in_order())
@@ -100,12 +104,12 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         );
     }
     let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
-    let is_by_clock = timed && seen.iter().all(|s| s.of_machine);
+    let is_by_clock = timed && is_one_clock;
     let is_of_films = timed && !is_by_clock;
     let mut said = Vec::new();
     let found = if is_of_films {
         // Places are not known yet by which what moves would tell the time between films.
-        let common = as_if_together(seen.clone(), OTHERWISE, &mut said)?;
+        let common = about_together(seen.clone(), MOST_APART, OTHERWISE, &mut said)?;
         Found::of_films(&seen, &views, (common, said), scale, &mut notes).map_err(refused)?
     } else {
         let common = if timed {
@@ -123,6 +127,11 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
             "feet were in one place: the floor is level as people hold themselves; walk about for a slope".into(),
         );
     }
+    notes.extend(
+        args.stature
+            .zip(room.taller)
+            .map(|(given, taller)| too_seldom(given, taller)),
+    );
     let doubts = (0..room.quality.len()).filter_map(|v| doubt(&room.quality, v, is_by_clock));
     notes.extend(doubts);
     for note in &notes {
@@ -380,6 +389,13 @@ fn doubt(all: &[ViewQuality], view: usize, is_by_clock: bool) -> Option<String> 
     ))
 }
 
+/// What to say of somebody who measures `taller` metres where `--stature` is `given`, which is of others.
+fn too_seldom(given: f64, taller: f64) -> String {
+    format!(
+        "somebody who is seen less than half as long as whoever is seen most measures {taller:.2} m: --stature {given} was taken for the tallest of the others; if it is this one's, let them stay in view"
+    )
+}
+
 fn refused(e: CalibrateError) -> anyhow::Error {
     Failure::data(e.to_string()).into()
 }
@@ -497,6 +513,15 @@ mod tests {
             let said = doubt(view(rms, far, alone), true).unwrap();
             assert!(!said.contains("films"), "{said}");
         }
+    }
+
+    #[test]
+    fn whose_height_was_taken_is_said() {
+        let said = too_seldom(1.78, 1.954);
+        assert!(
+            said.contains("1.95 m") && said.contains("--stature 1.78"),
+            "{said}"
+        );
     }
 
     #[test]

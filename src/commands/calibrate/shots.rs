@@ -1,7 +1,8 @@
 //! One camera's pictures of a board: photos or a film go in, corners come out.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::ffi::OsStr;
+use std::path::Path;
 
 use crate::board::{Board, Corner, Finder};
 use crate::capture::{self, CaptureError, Frame, InputSpec, OpenOptions, Source};
@@ -12,6 +13,8 @@ use crate::commands::progress;
 const FILM_RATE: f64 = 2.0;
 /// A picture this little before a moment is of it, seconds.
 const SLACK: f64 = 1e-6;
+/// Endings of photos' names; what else follows a dot is a name's own.
+const ENDINGS: [&str; 5] = ["jpg", "jpeg", "jpe", "jfif", "png"];
 /// More refused pictures than this are told by their reasons.
 const MOST_LINES: usize = 8;
 
@@ -41,7 +44,7 @@ impl Pictures {
     /// Looks at every photo of a folder, or at two pictures a second of a film.
     ///
     /// # Errors
-    /// When there are no pictures, they have several sizes, or none shows the board.
+    /// When there are no pictures, they have several sizes, two with the board are of one moment, or none shows it.
     pub fn read(camera: &str, path: &Path, board: &Board) -> anyhow::Result<Self> {
         let finder = Finder::new(board).map_err(Failure::usage)?;
         let source = capture::open(&InputSpec::Path(path.into()), &OpenOptions::default())?;
@@ -123,6 +126,12 @@ impl Pictures {
         }
         self.count += 1;
         match finder.find(&frame.rgb, size) {
+            Ok(_) if self.found.iter().any(|p| p.moment == moment) => {
+                return Err(Failure::data(format!(
+                    "camera {camera}: expected one picture called {moment} that shows the board, found several, which differ in their ending only; rename or leave out all but one"
+                ))
+                .into());
+            }
             Ok(corners) => self.found.push(Picture { moment, corners }),
             Err(miss) => self.refused.push((moment, miss.to_string())),
         }
@@ -179,9 +188,21 @@ fn moment(
     if let Some(film) = film {
         return film.next(time_ns);
     }
-    let path = PathBuf::from(source.picture());
-    let stem = path.file_stem().filter(|_| source.is_stills());
-    Some(stem.map_or_else(|| number.to_string(), |s| s.to_string_lossy().into_owned()))
+    if !source.is_stills() {
+        return Some(number.to_string());
+    }
+    let name = without_ending(Path::new(&source.picture()));
+    Some(name.unwrap_or_else(|| number.to_string()))
+}
+
+/// A photo's name without its ending: shot.1 and shot.2 are two.
+fn without_ending(path: &Path) -> Option<String> {
+    let is_ending = |e: &OsStr| ENDINGS.iter().any(|k| e.eq_ignore_ascii_case(k));
+    let name = match path.extension().is_some_and(is_ending) {
+        true => path.file_stem(),
+        false => path.file_name(),
+    };
+    name.map(|name| name.to_string_lossy().into_owned())
 }
 
 /// The moments of a film, by the times of its pictures: films of phones have no even rate, others repeat pictures.
@@ -287,6 +308,52 @@ mod tests {
         let of_file = shown(0);
         assert!(of_file.contains("in none of 3 "), "{of_file}");
         assert_eq!(shown(2), of_file);
+    }
+
+    #[test]
+    fn only_a_photo_s_ending_is_cut_off_its_name() {
+        for (file, name) in [
+            ("photos/3.png", "3"),
+            ("photos/3.JPG", "3"),
+            ("photos/shot.1", "shot.1"),
+            ("photos/2026.11.30.jpeg", "2026.11.30"),
+            ("photos/board", "board"),
+        ] {
+            assert_eq!(without_ending(Path::new(file)).as_deref(), Some(name));
+        }
+    }
+
+    /// Such as 3.png beside 3.jpg.
+    #[test]
+    fn two_pictures_of_one_moment_are_refused() {
+        const SIZE: [u32; 2] = [480, 360];
+        let colour = |k: u32| {
+            let (x, y) = (k % SIZE[0] / 40, k / SIZE[0] / 40);
+            let is_on = (1..11).contains(&x) && (1..8).contains(&y);
+            [if is_on && (x + y) % 2 == 0 { 40 } else { 215 }; 3]
+        };
+        let frame = Frame {
+            width: SIZE[0],
+            height: SIZE[1],
+            rgb: (0..SIZE[0] * SIZE[1]).flat_map(colour).collect(),
+            ..Frame::default()
+        };
+        let finder = Finder::new(&"9x6".parse().unwrap()).unwrap();
+        let mut read = Pictures {
+            size: [0; 2],
+            count: 0,
+            found: Vec::new(),
+            refused: Vec::new(),
+        };
+        let mut look = |moment: &str| read.look("hall", &frame, moment.to_owned(), &finder);
+        look("3").unwrap();
+        look("4").unwrap();
+        let said = look("3").unwrap_err().to_string();
+        assert!(
+            said.contains("camera hall") && said.contains("one picture called 3 "),
+            "{said}"
+        );
+        assert_eq!(read.found.len(), 2);
     }
 
     /// Names of the pictures at these times, seconds.

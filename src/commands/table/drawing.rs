@@ -41,7 +41,7 @@ impl Drawing {
     /// Draws on `terminal`; `None` where the system has no thread for it.
     pub fn on(terminal: Term) -> Option<Self> {
         let (orders, taken) = sync_channel(WAITING);
-        let draws = move || draw(terminal, &taken);
+        let draws = move || draw(ProgressDrawTarget::term(terminal, RATE), &taken);
         let thread = std::thread::Builder::new().name("table".into());
         thread.spawn(draws).ok().map(|_| Self { orders })
     }
@@ -79,8 +79,8 @@ impl Drop for Drawing {
     }
 }
 
-fn draw(terminal: Term, orders: &Receiver<Order>) {
-    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::term(terminal, RATE));
+fn draw(target: ProgressDrawTarget, orders: &Receiver<Order>) {
+    let bar = ProgressBar::with_draw_target(None, target);
     bar.set_style(spinner());
     for order in orders {
         match order {
@@ -89,12 +89,7 @@ fn draw(terminal: Term, orders: &Receiver<Order>) {
                 total,
                 message,
             } => {
-                if let Some(total) = total
-                    && bar.length().is_none()
-                {
-                    bar.set_length(total);
-                    bar.set_style(progress());
-                }
+                set_total(&bar, total);
                 bar.set_position(position);
                 bar.set_message(message);
             }
@@ -108,6 +103,23 @@ fn draw(terminal: Term, orders: &Receiver<Order>) {
     }
 }
 
+/// Makes it a bar of so many frames, or a spinner where nobody knows how many: another film or a camera may follow one.
+fn set_total(bar: &ProgressBar, total: Option<u64>) {
+    if bar.length() == total {
+        return;
+    }
+    match total {
+        Some(total) => {
+            bar.set_style(progress());
+            bar.set_length(total);
+        }
+        None => {
+            bar.set_style(spinner());
+            bar.unset_length();
+        }
+    }
+}
+
 fn spinner() -> ProgressStyle {
     ProgressStyle::with_template("{spinner} frame {pos}  {msg}").expect("a valid template")
 }
@@ -115,4 +127,82 @@ fn spinner() -> ProgressStyle {
 fn progress() -> ProgressStyle {
     ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left  {msg}")
         .expect("a valid template")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::sync::{Arc, Mutex};
+
+    use indicatif::TermLike;
+
+    use super::*;
+
+    /// A terminal that keeps all that was ever written.
+    #[derive(Debug, Clone, Default)]
+    struct Paper(Arc<Mutex<String>>);
+
+    impl TermLike for Paper {
+        fn width(&self) -> u16 {
+            200
+        }
+
+        fn move_cursor_up(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_down(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_right(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_left(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn write_line(&self, text: &str) -> io::Result<()> {
+            self.write_str(&format!("{text}\n"))
+        }
+
+        fn write_str(&self, text: &str) -> io::Result<()> {
+            self.0.lock().unwrap().push_str(text);
+            Ok(())
+        }
+
+        fn clear_line(&self) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn flush(&self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn every_film_has_a_bar_of_its_own_length_and_a_camera_none() {
+        let (orders, taken) = sync_channel(WAITING);
+        for (position, total) in [(150, Some(300)), (1500, Some(3000)), (7, None)] {
+            let message = String::new();
+            let order = Order::Table {
+                position,
+                total,
+                message,
+            };
+            orders.send(order).unwrap();
+        }
+        drop(orders);
+        let paper = Paper::default();
+        let target = ProgressDrawTarget::term_like(Box::new(paper.clone()));
+        draw(target, &taken);
+        let shown = paper.0.lock().unwrap().clone();
+        for wanted in ["150/300 frames", "1500/3000 frames", "frame 7 "] {
+            assert!(shown.contains(wanted), "{wanted}: {shown}");
+        }
+        for wrong in ["1500/300 ", "7/3"] {
+            assert!(!shown.contains(wrong), "{wrong}: {shown}");
+        }
+    }
 }
