@@ -182,6 +182,20 @@ impl View {
             position: -3.0 * (rotation.transpose() * DVec3::Z),
         }
     }
+
+    /// A webcam behind a lens that bends by this radial coefficient alone: with -0.3, r·(1 − 0.3·r²) is 0.7027 at most.
+    pub(crate) fn barrel(k1: f64) -> Self {
+        Self {
+            size: [1280, 720],
+            focal: DVec2::splat(600.0),
+            centre: DVec2::new(639.5, 359.5),
+            distortion: Brown {
+                radial: [k1, 0.0, 0.0],
+                tangential: [0.0; 2],
+            },
+            ..Self::around(0.0)
+        }
+    }
 }
 
 #[cfg(test)]
@@ -225,24 +239,13 @@ mod tests {
 
     #[test]
     fn pixels_beyond_the_fold_are_not_shown() {
-        let barrel = |k1: f64| View {
-            size: [1280, 720],
-            focal: DVec2::splat(600.0),
-            centre: DVec2::new(639.5, 359.5),
-            distortion: Brown {
-                radial: [k1, 0.0, 0.0],
-                tangential: [0.0; 2],
-            },
-            ..View::around(0.0)
-        };
-        // r·(1 − 0.3·r²) is 0.7027 at most.
-        let wide = barrel(-0.3);
+        let wide = View::barrel(-0.3);
         let beside = |r: f64| wide.shown(wide.centre + DVec2::new(600.0 * r, 0.0));
         assert!(beside(0.69).is_some_and(|p| (0.9..1.0542).contains(&p.x)));
         assert_eq!([beside(0.71), beside(-0.9)], [None, None]);
         let fold = wide.folds_at().unwrap();
         assert!((fold - 421.6).abs() < 2.0, "{fold}");
-        assert_eq!(barrel(-0.05).folds_at(), None);
+        assert_eq!(View::barrel(-0.05).folds_at(), None);
     }
 
     #[test]

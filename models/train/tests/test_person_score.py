@@ -1,17 +1,25 @@
-"""The least score by looks at photos without people. No data needed."""
+"""The score of people: what it learns, and the least one by looks at photos without people. No data needed."""
 
 from __future__ import annotations
 
+import json
 import pathlib
+import shutil
 import sys
+import tempfile
+import tomllib
 import unittest
 
 import numpy as np
 
 KIT = pathlib.Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(KIT))
+sys.path[:0] = [str(KIT), str(KIT / "tests")]
 
+import person_score
+from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
+from crowd import crowd
 from person_score import FEATURES, collect, score, threshold
+from skeleton import LIMBS, NB, NJ
 
 
 def row(source: str, *heights: float) -> dict:
@@ -33,6 +41,77 @@ class LeastScore(unittest.TestCase):
         c = collect([row("a.jpg"), row("b.jpg")])
         s = score(c, np.zeros(FEATURES), 0.0)
         self.assertEqual((len(s), threshold(c, s, 0.97)), (0, 0.0))
+
+
+class Scores(unittest.TestCase):
+    FEATURES = 2 * NJ + len(LIMBS) + 3
+
+    def lines(self, folder: pathlib.Path, people: int, pictures: int, clear: float, similar: float) -> pathlib.Path:
+        """Pictures of one candidate each: right where the first joint is clear."""
+        path = folder / f"{people}-{clear}.jsonl"
+        features = [clear] + [0.5] * (self.FEATURES - 1)
+        candidate = dict(features=features, oks=[similar] * people)
+        row = dict(settings=[0.4, 0.2, 0.1, 0.05], set=path.name, source="a.jpg", crowd=[False] * people, candidates=[candidate])
+        path.write_text(f"{json.dumps(row)}\n" * pictures)
+        return path
+
+    def test_whom_a_candidate_is_taken_for(self) -> None:
+        similar = np.array([[0.9, 0.2], [0.8, 0.0], [0.1, 0.3]])
+        own, counts = person_score.assign(similar, np.array([False, False]))
+        self.assertEqual((own.tolist(), counts.tolist()), ([0.9, 0.0, 0.3], [True] * 3))  # the second is a double
+        own, counts = person_score.assign(similar, np.array([False, True]))
+        self.assertEqual(counts.tolist(), [False, True, False])  # too near somebody who does not count
+        own, counts = person_score.assign(np.zeros((2, 0)), np.zeros(0, bool))
+        self.assertEqual((own.tolist(), counts.tolist()), ([0.0, 0.0], [True, True]))
+
+    def test_what_is_learnt_tells_people_from_nobody(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            folder = pathlib.Path(d)
+            some = self.lines(folder, 1, 30, 0.9, 0.8).read_text() + self.lines(folder, 0, 30, 0.1, 0.0).read_text()
+            (folder / "all.jsonl").write_text(some)
+            toml = folder / "association.toml"
+            shutil.copy(KIT.parent / "association.toml", toml)
+            before = tomllib.loads(toml.read_text())
+            person_score.main([str(folder / "all.jsonl"), "--held", str(folder / "all.jsonl"), "--toml", str(toml)])
+            after = tomllib.loads(toml.read_text())
+            fitted = {*person_score.KEYS, "min_score", "score"}
+            self.assertEqual(*({k: v for k, v in x.items() if k not in fitted} for x in (before, after)))
+            self.assertEqual([after[k] for k in person_score.KEYS], [0.4, 0.2, 0.1, 0.05])
+            c = person_score.load(folder / "all.jsonl")[0.4, 0.2, 0.1, 0.05]
+            weights, bias = person_score.fit(c)
+            s = person_score.score(c, weights, bias)
+            self.assertLess(abs(s[:30].mean() - 0.8), 0.05)  # the score is the similarity to be expected
+            self.assertLess(s[30:].max(), 0.05)
+            self.assertAlmostEqual(after["score"]["joint"][0], float(weights[0]), places=3)
+            self.assertTrue(s[30:].max() < after["min_score"] < s[:30].min())
+
+    def test_reports_end_where_they_do_more_harm_than_good(self) -> None:
+        similar = np.array([0.9, 0.2, 0.5, 0.1, 0.2])  # worth 0.6, -0.1, 0.2, -0.2, -0.1
+        nothing = np.zeros(5)
+        c = person_score.Candidates(nothing, similar, nothing, nothing, {}, {})
+        scores = np.array([0.8, 0.6, 0.5, 0.4, 0.1])
+        self.assertAlmostEqual(person_score.best_threshold(c, scores), 0.45)
+        c.similarity = np.full(5, 0.9)
+        self.assertAlmostEqual(person_score.best_threshold(c, scores), 0.05)
+
+    def test_without_photos_of_nobody_there_is_no_threshold(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            c = person_score.load(self.lines(pathlib.Path(d), 1, 3, 0.9, 0.0))[0.4, 0.2, 0.1, 0.05]
+        with self.assertRaisesRegex(SystemExit, "expected photos without people"):
+            person_score.threshold(c, np.ones(3), 0.95)
+
+    def test_a_file_of_other_keys_is_refused(self) -> None:
+        with self.assertRaisesRegex(SystemExit, "expected one line 'bias = …'"):
+            person_score.written("min_score = 1\n", dict(bias=2.0))
+
+    def test_composites_say_who_can_be_seen(self) -> None:
+        joints = crowd((80, 60), (500, 300))[0].numpy()
+        labelled = np.ones((2, NJ), bool)
+        labelled[0, 3] = False
+        codes = visibility(joints, labelled)
+        self.assertEqual((codes[0, 3], codes[0, 4], codes[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
+        p = person(7, joints[0], codes[0])
+        self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
 
 
 if __name__ == "__main__":

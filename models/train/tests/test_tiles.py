@@ -1,4 +1,4 @@
-"""Edges of training tiles: what lies beyond a scene, joints beyond a tile, people behind others, photos shown whole. No data needed."""
+"""Training tiles: what lies beyond a scene, joints beyond a tile, people behind others, turned and close ones, photos shown whole. No data needed."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ sys.path[:0] = [str(KIT), str(KIT / "tests")]
 import targets
 import train
 from augment import GREYS
+from crowd import PERSON, crowd
 from pool import Pool
 from real import People, RealBatch
-from skeleton import LIMBS, NB, NJ, STRIDE
-from test_kit import PERSON, crowd
+from skeleton import LIMBS, NB, NJ, ROOT, STRIDE
 
 CPU = torch.device("cpu")
 ELBOW, WRIST = 3, 4
@@ -132,6 +132,52 @@ class Behind(unittest.TestCase):
     def test_a_joint_without_a_label_is_left_open_where_the_person_can_be_seen(self) -> None:
         t = self.labels(False)
         self.assertEqual(float(t.weight[0, WRIST, 12, 8]), 0)
+
+
+class Tiles(unittest.TestCase):
+    def test_depth_labels_turn_with_the_picture(self) -> None:
+        """Seen from far away, a bone's x and y are its pixels over a scale, however the tile is turned; some tiles lie on their side."""
+        g = torch.Generator().manual_seed(5)
+        rel = torch.randn(1, 1, 21, 3, generator=g) * 0.3
+        rel = rel - rel[:, :, ROOT : ROOT + 1]
+        pixels = 40.0
+        data = dict(
+            image=torch.zeros(1, 3, 96, 96, dtype=torch.uint8),
+            joints2d=rel[:, :, :NJ, :2] * pixels + 48,
+            visible=torch.ones(1, 1, NJ, dtype=torch.uint8),
+            joints3d=rel + torch.tensor([0.0, 0.0, 9.0]),
+            rel3d=rel,
+            size_px=torch.full((1, 1), 68.0),
+        )
+        t = Pool(data, 1, seed=3).draw(400, 96, 96, zoom=(1.0, 1.0))
+        seen = (t.joints2d - t.joints2d[:, :, 1:2]) / pixels
+        told = (t.rel3d[:, :, :NJ] - t.rel3d[:, :, 1:2])[..., :2]
+        self.assertLess(float((seen - told).abs().max()), 1e-4)
+        up = told[:, 0, 0] / told[:, 0, 0].norm(dim=-1, keepdim=True)
+        own = (rel[0, 0, 0] - rel[0, 0, 1])[:2]
+        own = own / own.norm()
+        mirrored = own * torch.tensor([-1.0, 1.0])
+        turned = torch.maximum((up @ own), (up @ mirrored)) < 0.7
+        self.assertGreater(int(turned.sum()), 10)
+        self.assertLess(int(turned.sum()), 70)
+
+
+    def test_close_people_are_as_large_as_asked_and_show_their_heads(self) -> None:
+        for side in (256, 1024):  # what is rendered larger may come closer
+            joints = torch.full((1, 1, NJ, 2), 0.5 * side) + torch.linspace(-0.4, 0.4, NJ)[:, None] * torch.tensor([0.0, side])
+            data = dict(
+                image=torch.zeros(1, 3, side, side, dtype=torch.uint8),
+                joints2d=joints,
+                visible=torch.ones(1, 1, NJ, dtype=torch.uint8),
+                joints3d=torch.randn(1, 1, NB, 3) + torch.tensor([0.0, 0.0, 9.0]),
+                rel3d=torch.randn(1, 1, NB, 3),
+                size_px=torch.full((1, 1), 0.8 * side),
+            )
+            t = Pool(data, 1, seed=3).draw(200, 96, 96, zoom=(0.5, 2.0), roll=0.0, close=(200.0, 600.0))
+            most = min(600.0, 1.6 * side)
+            self.assertTrue(bool(((t.size_px > 199) & (t.size_px < most + 1)).all()))
+            self.assertGreater(float(t.size_px.max()), 0.9 * most)
+            self.assertGreater(float(t.visible[:, 0, 0].float().mean()), 0.5)
 
 
 class Photos(unittest.TestCase):

@@ -395,15 +395,7 @@ mod tests {
     fn a_lens_that_folds_inside_the_picture_is_told() {
         let lens = |k1: f64| View {
             name: "door".into(),
-            size: [1280, 720],
-            focal: DVec2::splat(600.0),
-            centre: DVec2::new(639.5, 359.5),
-            distortion: Brown {
-                radial: [k1, 0.0, 0.0],
-                tangential: [0.0; 2],
-            },
-            rotation: DMat3::IDENTITY,
-            position: DVec3::ZERO,
+            ..View::barrel(k1)
         };
         let said = folded(&lens(-0.3)).unwrap();
         assert!(

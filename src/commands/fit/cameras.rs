@@ -13,7 +13,7 @@ use super::STEP;
 use super::pace::{Fresh, Pace};
 use crate::camera::{Sleep, View, calibration, monotonic_ns};
 use crate::commands::exit::{Failure, told};
-use crate::commands::multiview::{names, pictured};
+use crate::commands::multiview::{names, no_such_camera, pictured};
 use crate::commands::outputs::finish;
 use crate::commands::say;
 use crate::commands::stop::Stop;
@@ -78,10 +78,9 @@ pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
     for text in cameras {
         let (camera, name) = text.split_once('=').unwrap_or((text, text));
         let Some(view) = all.iter().find(|v| v.name == camera) else {
+            let unknown = no_such_camera(&all, &format!("of {}", file.display()), camera);
             return Err(Failure::usage(format!(
-                "--cameras {text}: expected one of the cameras {} of {}, found {camera}; CAMERA=NAME tells whose observations have another name",
-                names(&all),
-                file.display()
+                "--cameras {text}: {unknown}; CAMERA=NAME tells whose observations have another name"
             ))
             .into());
         };

@@ -14,7 +14,7 @@ pub(super) use read::{expect_few, named, told};
 
 use std::path::PathBuf;
 
-pub(super) use read::{names, pictured};
+pub(super) use read::{names, no_such_camera, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use self::masks::MaskFolder;

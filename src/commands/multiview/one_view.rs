@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
 use super::Sync;
-use super::read::{Films, Scene, named, pictured};
+use super::read::{Films, Scene, named, no_such_camera, pictured};
 use super::store::Store;
 use super::sync::{OTHERWISE, no_times, on_machine_clock};
 use crate::camera::{Brown, View, calibration};
@@ -36,13 +36,8 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
             let views = calibration.views;
             let own = views.iter().find(|v| v.name == name);
             let own = own.or(views.first().filter(|_| views.len() == 1));
-            let view = own.ok_or_else(|| {
-                let all: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
-                Failure::usage(format!(
-                    "expected one of the cameras {} in --view, found {name}",
-                    all.join(", ")
-                ))
-            })?;
+            let view =
+                own.ok_or_else(|| Failure::usage(no_such_camera(&views, "in --view", &name)))?;
             Some((view.clone(), path))
         }
     };

@@ -303,6 +303,12 @@ pub fn names(views: &[View]) -> String {
         .join(", ")
 }
 
+/// What is said of a camera that is not among these. `place`: whose they are, such as "of Calib.toml".
+pub fn no_such_camera(views: &[View], place: &str, name: &str) -> String {
+    let all = names(views);
+    format!("expected one of the cameras {all} {place}, found {name}")
+}
+
 /// Camera and file of `CAMERA=FILE`.
 pub fn told(text: &str) -> Option<(&str, &str)> {
     let told = text.split_once('=');
@@ -329,10 +335,7 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
         files.push(match told(text) {
             Some((name, file)) => {
                 let found = camera(name).ok_or_else(|| {
-                    Failure::usage(format!(
-                        "expected one of the cameras {} in --view {text}, found {name}",
-                        names(views)
-                    ))
+                    Failure::usage(no_such_camera(views, &format!("in --view {text}"), name))
                 })?;
                 (Some(found), file.into())
             }

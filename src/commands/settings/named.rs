@@ -11,7 +11,7 @@ use super::together;
 use crate::camera::{CameraFile, calibration};
 use crate::capture::{self, InputSpec};
 use crate::commands::exit::{self, Failure};
-use crate::commands::multiview::names;
+use crate::commands::multiview::no_such_camera;
 use crate::config::{Mistake, Origin, Setting};
 use crate::output;
 
@@ -87,11 +87,8 @@ impl Effective {
             if views.iter().any(|view| view.name == name) {
                 return None;
             }
-            let error = Failure::usage(format!(
-                "expected one of the cameras {} of {}, found {name}; call it as the calibration does",
-                names(&views),
-                file.display()
-            ));
+            let unknown = no_such_camera(&views, &format!("of {}", file.display()), name);
+            let error = Failure::usage(format!("{unknown}; call it as the calibration does"));
             Some(Fault::new(camera, &["name", "calibration"], error).about(file.display()))
         });
         unknown.collect()

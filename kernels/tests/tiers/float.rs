@@ -1,0 +1,224 @@
+//! f32 convolutions: close to scalar, and scalar close to the definition.
+
+use edgecap_kernels::{Algorithm, FConv, FConvParams, Isa, Layout, Scratch, Tensor, TensorMut};
+use proptest::prelude::*;
+
+use super::{Case, Numbers, Values, any_case, conv, layer_shapes, sliced};
+use crate::guarded::Guarded;
+
+/// `Σ` in another order and with fused products: within 4 · 2⁻²⁴ · √terms… bounded here by 1e-5 of the sum of
+/// magnitudes. Winograd's is that of a tile: what some of its outputs do not see cancels only nearly in them.
+const F32_TOLERANCE: f32 = 1e-5;
+
+/// An f32 convolution over buffers that end where the memory does.
+struct FloatRun<'a> {
+    case: &'a Case,
+    in_layout: Layout,
+    out_layout: Layout,
+    weights: Vec<f32>,
+    bias: Vec<f32>,
+    input: Vec<f32>,
+    residual: Vec<f32>,
+}
+
+impl<'a> FloatRun<'a> {
+    /// Elements outside of the output.
+    const UNTOUCHED: f32 = 99.0;
+
+    fn new(case: &'a Case) -> Self {
+        let Case { shape, around, .. } = *case;
+        let mut numbers = Numbers(case.seed | 1);
+        let weights = (0..shape.weight_len()).map(|_| numbers.float()).collect();
+        let bias = (0..shape.out_channels()).map(|_| numbers.float()).collect();
+        let channels = shape.in_channels();
+        let halo = shape.input_halo();
+        let in_layout = sliced(case.height, case.width, channels, around, halo);
+        let input = (0..in_layout.buffer_len())
+            .map(|_| match case.values {
+                // Few and large ones, beside which most outputs see nothing.
+                Values::Ends if numbers.within(0, 19) > 0 => 0.0,
+                _ => numbers.float(),
+            })
+            .collect();
+        let out_layout = sliced(
+            shape.output_len(case.height),
+            shape.output_len(case.width),
+            shape.out_channels(),
+            around,
+            case.parts % 2,
+        );
+        let len = out_layout.buffer_len();
+        let residual = (0..len).map(|_| numbers.float()).collect();
+        Self {
+            case,
+            in_layout,
+            out_layout,
+            weights,
+            bias,
+            input,
+            residual,
+        }
+    }
+
+    /// The same of absolute values; of inputs the greatest of those as far as another of a Winograd tile.
+    fn magnitudes(&self, algorithm: Algorithm) -> Self {
+        let of = |values: &[f32]| values.iter().map(|v| v.abs()).collect::<Vec<_>>();
+        let mut input = of(&self.input);
+        if algorithm == Algorithm::Winograd {
+            let (layout, halo) = (&self.in_layout, self.case.shape.input_halo() as isize);
+            let side = |n: usize| -halo..n as isize + halo;
+            let near = |at: isize, n: usize| (at - 5).max(-halo)..(at + 6).min(n as isize + halo);
+            for y in side(layout.height()) {
+                for x in side(layout.width()) {
+                    for c in 0..layout.channels() {
+                        let all = near(y, layout.height())
+                            .flat_map(|y| near(x, layout.width()).map(move |x| (y, x)));
+                        let all = all.map(|(y, x)| self.input[layout.index(y, x) + c].abs());
+                        input[layout.index(y, x) + c] = all.fold(0.0, f32::max);
+                    }
+                }
+            }
+        }
+        Self {
+            weights: of(&self.weights),
+            bias: of(&self.bias),
+            input,
+            residual: of(&self.residual),
+            ..*self
+        }
+    }
+
+    fn run(&self, isa: Isa, algorithm: Algorithm, relu: bool) -> Vec<f32> {
+        let conv = FConv::new(
+            isa,
+            &FConvParams {
+                shape: self.case.shape,
+                weights: &Guarded::new(&self.weights),
+                bias: &Guarded::new(&self.bias),
+                relu,
+                residual: self.case.residual,
+                algorithm,
+            },
+        )
+        .unwrap();
+        let (input, residual) = (Guarded::new(&self.input), Guarded::new(&self.residual));
+        let mut output = Guarded::new(&vec![Self::UNTOUCHED; residual.len()]);
+        let mut scratch = Scratch::new(conv.scratch_bytes());
+        let residual_layout = self.case.residual.then_some(&self.out_layout);
+        conv.check(
+            (&self.in_layout, input.len()),
+            residual_layout.map(|layout| (layout, residual.len())),
+            (&self.out_layout, output.len()),
+        )
+        .unwrap();
+        for index in 0..self.case.parts {
+            let part = conv.part(self.out_layout.height(), index, self.case.parts);
+            // SAFETY: checked above; the buffers are separate and nobody else touches them.
+            unsafe {
+                conv.run_part(
+                    input.as_ptr(),
+                    &self.in_layout,
+                    residual_layout.map(|layout| (residual.as_ptr(), layout)),
+                    output.as_mut_ptr(),
+                    &self.out_layout,
+                    &part,
+                    &mut scratch,
+                );
+            }
+        }
+        output.to_vec()
+    }
+}
+
+pub fn check_f(case: &Case) {
+    let float = FloatRun::new(case);
+    for &algorithm in Algorithm::candidates(&case.shape) {
+        let expected = float.run(Isa::Scalar, algorithm, case.to_f32);
+        let bound = float
+            .magnitudes(algorithm)
+            .run(Isa::Scalar, Algorithm::Direct, false);
+        let definition = float.run(Isa::Scalar, Algorithm::Direct, case.to_f32);
+        let close = |found: &[f32], expected: &[f32], what: &str| {
+            for i in 0..found.len() {
+                let untouched = expected[i] == FloatRun::UNTOUCHED;
+                let allowed = if untouched {
+                    0.0
+                } else {
+                    bound[i] * F32_TOLERANCE
+                };
+                assert!(
+                    (found[i] - expected[i]).abs() <= allowed,
+                    "{what} {algorithm:?} at {i}: {} for {}, {case:?}",
+                    found[i],
+                    expected[i]
+                );
+            }
+        };
+        close(&expected, &definition, "scalar");
+        for isa in Isa::available() {
+            let found = float.run(isa, algorithm, case.to_f32);
+            close(&found, &expected, isa.name());
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn f32_of_any_shape_is_close_to_scalar(case in any_case()) {
+        check_f(&case);
+    }
+}
+
+#[test]
+#[cfg_attr(
+    miri,
+    ignore = "hours under Miri; small_layers_equal_scalar is the same on small shapes"
+)]
+fn f32_layers_are_close_to_scalar() {
+    for (i, shape) in layer_shapes().into_iter().enumerate() {
+        check_f(&Case {
+            shape,
+            height: 7,
+            width: 9,
+            input_max: 0,
+            values: Values::Any,
+            around: i % 3,
+            residual: i % 2 == 0,
+            to_f32: i % 3 == 0,
+            parts: 1 + i % 3,
+            seed: 1 + i as u64,
+        });
+    }
+}
+
+#[test]
+fn relu_of_what_is_no_number_is_zero() {
+    let shape = conv(2, 9, 1, 1, 1);
+    let layout = |channels| Layout::dense(1, 9, channels, 0).unwrap();
+    let mut input = vec![1.0f32; layout(2).buffer_len()];
+    input[2 * 5] = f32::NAN;
+    for isa in Isa::available() {
+        let params = FConvParams {
+            shape,
+            weights: &[0.5; 18],
+            bias: &[0.0; 9],
+            relu: true,
+            residual: false,
+            algorithm: Algorithm::Direct,
+        };
+        let conv = FConv::new(isa, &params).unwrap();
+        let mut output = vec![-1.0f32; layout(9).buffer_len()];
+        conv.run(
+            Tensor::new(&input, layout(2)),
+            None,
+            TensorMut::new(&mut output, layout(9)),
+            &mut Scratch::new(conv.scratch_bytes()),
+        )
+        .unwrap();
+        for (i, found) in output.iter().enumerate() {
+            let expected = if i / 9 == 5 { 0.0 } else { 1.0 };
+            assert_eq!(*found, expected, "{isa} at {i}");
+        }
+    }
+}

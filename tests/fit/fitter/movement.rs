@@ -1,0 +1,171 @@
+//! Movement that is easily lost: out of the picture, up to the lens, turned round, in jumps.
+
+use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::{EVIDENCE_JOINTS, NECK, PELVIS};
+use edgecap::message::{BodyFrame, BodyState};
+use glam::Vec3;
+
+use super::{FPS, dress, facing, standing};
+use crate::scene::people::{self, Activity, Person};
+use crate::scene::{Noise, Scene};
+
+#[test]
+fn whoever_walks_out_is_not_drawn_walking_on() {
+    let ways = [[(0.0, 4.0), (5.0, 4.0)], [(0.5, 3.0), (-5.0, 3.0)]];
+    for (seed, way) in ways.iter().enumerate() {
+        let person = Person::new(3, people::walk(0.5, 1.2, way), Activity::Wave);
+        let mut scene = Scene::new(vec![person], Noise::NONE, FPS, seed as u64);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let (mut tracked, mut outside) = (0, 0);
+        for _ in 0..150 {
+            let (frame, truths) = scene.next();
+            fitter.update(&frame, &mut out);
+            // Pixel centres are integers: the picture begins half a pixel before the first of them.
+            let inside = |[u, v]: [f32; 2]| {
+                (-0.5..out.width as f32 - 0.5).contains(&u)
+                    && (-0.5..out.height as f32 - 0.5).contains(&v)
+            };
+            for body in out.bodies() {
+                let predicted = body.state == BodyState::PREDICTED;
+                let trunk = [NECK, PELVIS].map(|j| inside(body.joints2d[j]));
+                assert!(!predicted || trunk.contains(&true), "{trunk:?}");
+                tracked += usize::from(!predicted);
+            }
+            let truth = truths[0].joints[PELVIS].as_vec3().to_array();
+            outside += usize::from(!inside(frame.intrinsics.project(truth)));
+        }
+        assert!(tracked > 30, "seen in {tracked} frames");
+        assert!(outside > 30, "beyond the edge in {outside} frames");
+        assert_eq!(out.count, 0);
+        assert_eq!(fitter.counters().births, 1);
+    }
+}
+
+#[test]
+fn whoever_hides_their_hips_and_walks_is_followed_at_few_frames_a_second() {
+    for fps in [5.0, 4.0, 3.0, 2.0] {
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for n in 0..(6.0 * fps) as u32 {
+            let seconds = f64::from(n) / fps;
+            // From the last frame of the first two seconds on.
+            let walked = 1.2 * (seconds - 2.0 + 1.0 / fps).max(0.0);
+            let mut frame = facing(1.0 + seconds, -2.5 + walked, 5.0);
+            let seen = &mut frame.people[0];
+            match seconds < 2.0 {
+                true => dress(seen, Some(10), 20),
+                false => seen.joints2d[8..].fill([0.0; 3]),
+            }
+            fitter.update(&frame, &mut out);
+            let found: Vec<_> = out.bodies().iter().map(|b| (b.id, b.state)).collect();
+            assert_eq!(found, [(1, BodyState::TRACKED)], "{fps} fps, {seconds} s");
+        }
+    }
+}
+
+#[test]
+fn whoever_walks_up_to_the_camera_is_not_taken_through_the_lens() {
+    const SPEED: f64 = 1.4;
+    let (from, last, stops) = (3.2, 1.2, 0.8);
+    // The camera gives no frame for so long, while the last half metre is walked.
+    for gap in [0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98] {
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let mut update = |seconds: f64, z: f64| {
+            fitter.update(&facing(1.0 + seconds, 0.0, z), &mut out);
+            let [body] = out.bodies() else {
+                panic!("gap of {gap} s, {z} m: {} bodies of one person", out.count);
+            };
+            assert_eq!((body.id, body.state), (1, BodyState::TRACKED));
+            let found = f64::from(body.position[2]);
+            assert!(
+                (found / z - 1.0).abs() < 0.1,
+                "gap of {gap} s: {found} m instead of {z}"
+            );
+        };
+        let frames = ((from - last) / SPEED * FPS) as u32;
+        for n in 0..=frames {
+            let seconds = f64::from(n) / FPS;
+            update(seconds, from - SPEED * seconds);
+        }
+        for n in 1..7 {
+            update(f64::from(frames + n) / FPS + gap, stops);
+        }
+    }
+}
+
+#[test]
+fn whoever_comes_back_turned_round_is_seen_from_behind() {
+    const SHOULDERS: (usize, usize) = (2, 5);
+    // Frames without them: more than a quarter of a second, and less than they are expected for.
+    for gap in [12, 20, 60] {
+        let mut scene = Scene::new(vec![standing(3, 0.0, 4.0)], Noise::NONE, FPS, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        for n in 0..60 + gap + 30 {
+            if n == 60 {
+                scene.people[0].facing += std::f64::consts::PI;
+            }
+            let (mut frame, truths) = scene.next();
+            if (60..60 + gap).contains(&n) {
+                frame.count = 0;
+            }
+            fitter.update(&frame, &mut out);
+            if n < 60 + gap + 5 {
+                continue;
+            }
+            let (r, l) = SHOULDERS;
+            let body = &out.bodies()[0];
+            let [right, left] = [r, l].map(|j| Vec3::from_array(body.joints3d[j]));
+            let truth = truths[0].joints;
+            let truth = (truth[l] - truth[r]).as_vec3().normalize();
+            let alike = (left - right).normalize().dot(truth);
+            assert!(alike > 0.8, "away for {gap} frames, frame {n}: {alike}");
+        }
+    }
+}
+
+#[test]
+fn a_jump_is_doubted_for_a_moment_at_any_frame_rate() {
+    const WRIST: usize = 4;
+    for (fps, doubted, followed) in [(30.0, 2, 8), (6.0, 0, 2)] {
+        let person = Person::new(
+            3,
+            people::walk(0.0, 1.0, &[(0.0, 4.0), (0.0, 4.0)]),
+            Activity::Stand,
+        );
+        let mut scene = Scene::new(vec![person.of_height(1.70)], Noise::NONE, fps, 4);
+        let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+        let mut out = BodyFrame::default();
+        let jump = (2.0 * fps) as usize;
+        let mut gaps = Vec::new();
+        for f in 0..jump + 10 {
+            let (mut frame, truths) = scene.next();
+            let seen = &mut frame.people[0];
+            let root = truths[0].joints[PELVIS].as_vec3();
+            let shoulder = Vec3::from_array(seen.joints3d[2]);
+            let raised = [(3, 0.26), (WRIST, 0.50), (17, 0.60)];
+            if f >= jump {
+                for (joint, above) in raised {
+                    let p = shoulder - above * Vec3::Y;
+                    seen.joints3d[joint] = p.to_array();
+                    if joint < EVIDENCE_JOINTS {
+                        let [u, v] = frame.intrinsics.project((root + p).to_array());
+                        seen.joints2d[joint] = [u, v, 0.9];
+                    }
+                }
+            }
+            fitter.update(&frame, &mut out);
+            if f >= jump {
+                let body = &out.bodies()[0];
+                let [wrist, pelvis] = [WRIST, PELVIS].map(|j| Vec3::from_array(body.joints3d[j]));
+                gaps.push((wrist - pelvis - (shoulder - 0.50 * Vec3::Y)).length());
+            }
+        }
+        for gap in &gaps[..doubted] {
+            assert!(*gap > 0.5, "followed at once at {fps} fps: {gaps:?}");
+        }
+        assert!(gaps[followed] < 0.2, "not followed at {fps} fps: {gaps:?}");
+    }
+}

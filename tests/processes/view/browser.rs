@@ -1,0 +1,438 @@
+//! The page in a browser: what it draws, tells, and does by keys. Needs Debian's chromium.
+
+use std::time::Duration;
+
+use edgecap_client::Publisher;
+use edgecap_client::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
+use edgecap_client::message::{
+    BodyFrame, EventFrame, EventKind, Hand, Intrinsics, World, WorldState,
+};
+use serde_json::{Value, json};
+
+use super::{View, crowd, recorded};
+use crate::program::browser::Browser;
+use crate::program::{eventually, stream};
+
+/// Ten people cross the page: what is drawn is what was published. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_who_is_published() {
+    let view = View::start("browser", &[]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let name = format!("{:?}", view.camera);
+    for sequence in 0..150 {
+        publisher.publish(&crowd(10, sequence)).unwrap();
+        std::thread::sleep(Duration::from_millis(33));
+    }
+    browser.until(&format!(
+        "edgecap.scene().camera === {name} && edgecap.scene().sequence === 149"
+    ));
+    let scene = browser.value("edgecap.scene()");
+    shows(&scene, &crowd(10, 149));
+    assert!(
+        scene["state"].as_str().unwrap().ends_with(": live"),
+        "{scene}"
+    );
+    assert!(scene["trailPoints"].as_u64().unwrap() > 20, "{scene}");
+    assert_eq!(scene["frustum"].as_array().unwrap().len(), 4);
+    let work = scene["workMs"].as_f64().unwrap();
+    println!("the page's own work: {work:.1} ms a frame");
+    // On an idle machine it is below 8; others may be at work on this one.
+    assert!(work < 40.0, "{work} ms a frame");
+    let rows = browser.value("document.querySelectorAll('#people tbody tr').length");
+    assert_eq!(rows, 10);
+
+    // What happens stands beside it, the newest first; and what had happened by an earlier frame.
+    let mut events = Publisher::<EventFrame>::open(&view.camera).unwrap();
+    for (sequence, kind) in [(30, EventKind::ENTERED), (140, EventKind::WAVED)] {
+        let mut frame = EventFrame {
+            sequence,
+            time_ns: crowd(10, sequence).pose_ns,
+            count: 1,
+            ..EventFrame::default()
+        };
+        let event = &mut frame.events[0];
+        (event.kind, event.person, event.hand) = (kind, 3, Hand::NONE);
+        if kind == EventKind::WAVED {
+            event.hand = Hand::LEFT;
+        }
+        events.publish(&frame).unwrap();
+    }
+    let lines = "[...document.querySelectorAll('#events tr')].map((r) => [...r.cells].map((c) => c.textContent))";
+    browser.until(&format!("{lines}.length === 2"));
+    assert_eq!(
+        browser.value(lines),
+        json!([
+            ["#3", "waved with the left hand", "0 s ago"],
+            ["#3", "came", "0 s ago"]
+        ])
+    );
+
+    // Back to an earlier frame, and to the newest again.
+    let all = browser.value("edgecap.frames()");
+    let all: Vec<u64> = serde_json::from_value(all).unwrap();
+    assert!(all.len() > 100 && all.is_sorted(), "{} frames", all.len());
+    browser.value("edgecap.seek(-2.0)");
+    browser.until("edgecap.scene().sequence < 120");
+    let scene = browser.value("edgecap.scene()");
+    shows(&scene, &crowd(10, scene["sequence"].as_u64().unwrap()));
+    browser.until(&format!("{lines}.length === 1"));
+    browser.value("edgecap.seek(0)");
+    browser.until("edgecap.scene().sequence === 149");
+    if let Some(path) = std::env::var_os("EDGECAP_SCREENSHOT") {
+        browser.screenshot(path.as_ref());
+    }
+    // Opened again it has the past that was there before it.
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.frames().length > 100");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+
+    drop(view);
+    browser.until("edgecap.scene().state.startsWith('not connected')");
+}
+
+/// Who lacks the token is told so; a room of several cameras has no one lens to be away from. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_a_room_to_who_has_the_token() {
+    let view = View::start("browser-room", &["--token", "a-token-of-ours"]);
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    browser.open(&format!("http://{}/?token=an-older-one", view.host()));
+    browser.until("window.edgecap");
+    let said = "document.getElementById('say').textContent";
+    browser.until(&format!("{said}.startsWith('not let in: ')"));
+    let refused = browser.value(said);
+    assert!(refused.as_str().unwrap().contains("?token="), "{refused}");
+
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut frame = crowd(2, 1);
+    (frame.width, frame.height) = (0, 0);
+    frame.intrinsics = Intrinsics::default();
+    let mut at = |sequence: u64| {
+        frame.sequence = sequence;
+        frame.publish_ns = 2_000_000 + sequence * 33_000_000;
+        publisher.publish(&frame).unwrap();
+        std::thread::sleep(Duration::from_millis(33));
+    };
+    (0..20).for_each(&mut at);
+    browser.until("edgecap.scene().sequence === 19");
+    let cell = "document.querySelector('#people tbody tr').cells[3].textContent";
+    browser.until(&format!("{cell} !== ''"));
+    let [x, _, z] = frame.in_world(&frame.bodies[0]).unwrap().joints3d[PELVIS];
+    assert_eq!(browser.value(cell), *format!("{x:.2}, {z:.2} m"));
+    let place = browser.value("document.getElementById('place').textContent");
+    assert_eq!(place, "at x, z");
+    let floor = "[...document.querySelectorAll('#times tr')].some((r) => r.cells[0].textContent === 'floor')";
+    assert_eq!(browser.value(floor), false);
+    assert_eq!(browser.value("edgecap.scene().frustum.length"), 0);
+
+    // A name stands above the head, whichever way is up in the room's own axes: here its z.
+    let quarter = std::f32::consts::FRAC_1_SQRT_2;
+    frame.world = World {
+        rotation: [-quarter, 0.0, 0.0, quarter],
+        translation: [0.0; 3],
+        state: WorldState::GIVEN,
+    };
+    frame.sequence = 20;
+    frame.publish_ns = 2_000_000 + 20 * 33_000_000;
+    publisher.publish(&frame).unwrap();
+    browser.until("edgecap.scene().sequence === 20");
+    let scene = browser.value("edgecap.scene()");
+    let head = JOINT_NAMES.iter().position(|n| *n == "head_top").unwrap();
+    for (drawn, body) in scene["people"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(frame.bodies())
+    {
+        let at: [f32; 3] = serde_json::from_value(drawn["labelAt"].clone()).unwrap();
+        let [x, y, z] = frame.in_world(body).unwrap().joints3d[head];
+        for (a, b) in at.into_iter().zip([x, y + 0.2, z]) {
+            assert!((a - b).abs() < 1e-3, "{at:?}, above {x}, {y}, {z}");
+        }
+    }
+}
+
+/// Holds what the page drew against a frame: every joint in the floor's axes, every name.
+fn shows(scene: &Value, frame: &BodyFrame) {
+    let people = scene["people"].as_array().unwrap();
+    assert_eq!(people.len(), frame.bodies().len());
+    for (drawn, body) in people.iter().zip(frame.bodies()) {
+        assert_eq!(drawn["id"], body.id);
+        let label = format!("#{}  {:.0} %", body.id, body.score * 100.0);
+        assert_eq!(drawn["label"], *label);
+        let wanted = frame.in_world(body).unwrap();
+        let joints: Vec<[f32; 3]> = serde_json::from_value(drawn["joints"].clone()).unwrap();
+        for (j, (a, b)) in joints.iter().zip(wanted.joints3d).enumerate() {
+            let off = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-3, "body {}, joint {j}: {a:?}, not {b:?}", body.id);
+        }
+        assert_eq!(joints.len(), BODY_JOINTS);
+        let pelvis = joints[PELVIS];
+        assert!((pelvis[1] - wanted.position[1]).abs() < 1e-3);
+    }
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_goes_through_a_record_by_keys() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (take, other) = (folder.path().join("take"), folder.path().join("other"));
+    recorded(&take, 1200);
+    recorded(&other, 30);
+    let (take, other) = (take.to_str().unwrap(), other.to_str().unwrap());
+    let view = View::of(
+        "take",
+        &["view", "--record", take, "--listen", "127.0.0.1:0"],
+    );
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.scene().sequence === 1199");
+    // The way of ten seconds, however many frames they have: each is a line further.
+    let trail = browser.value("edgecap.scene().trailPoints");
+    assert!(trail.as_u64().unwrap() > 1900, "{trail} points");
+    // What happened is found in the record: nobody was there before its first frame.
+    browser.until("edgecap.events().map((e) => e.event).join() === 'main_person,entered'");
+    browser.value("edgecap.seek(-11.9)");
+    browser.until("edgecap.scene().sequence < 20 && edgecap.events().length === 0");
+    browser.value("edgecap.seek(0)");
+    browser.until("edgecap.scene().sequence === 1199");
+
+    browser.value(
+        "window.press = (key, more, at = document.body) => at.dispatchEvent(new KeyboardEvent('keydown', \
+         { key, code: key, bubbles: true, cancelable: true, ...more }))",
+    );
+    // Quicker one after the other than the tables are written: in the end they are those of the frame that is shown.
+    browser.value("for (const ms of [0, 40, 80]) setTimeout(() => press('ArrowLeft'), ms)");
+    browser.until("edgecap.scene().sequence === 1196");
+    browser.until("document.querySelector('#times').textContent.includes('frame1196')");
+    // What the browser itself does by a key, and who chooses a camera, moves nothing.
+    browser.value("press('ArrowLeft', { altKey: true }); press('ArrowLeft', { ctrlKey: true })");
+    browser.value("press('ArrowLeft', {}, document.getElementById('camera'))");
+    // Nor does who turns the view.
+    let turned = browser.value("edgecap.scene().turned").as_f64().unwrap();
+    let canvas = "document.getElementById('space')";
+    assert_eq!(browser.value(&format!("{canvas}.tabIndex")), 0);
+    browser.value(&format!(
+        "press('ArrowLeft', {{ shiftKey: true }}, {canvas})"
+    ));
+    let after = browser.value("edgecap.scene().turned").as_f64().unwrap();
+    assert!((after - turned).abs() > 0.05, "{turned} and {after}");
+    browser.value("press('ArrowLeft')");
+    browser.until("edgecap.scene().sequence === 1195");
+    // The slider goes along though it was used before.
+    browser.value("document.getElementById('scrub').focus()");
+    browser.value("press('ArrowLeft', {}, document.activeElement)");
+    browser.until("Math.abs(document.getElementById('scrub').valueAsNumber + 0.05) < 0.002");
+
+    // Dragged to its right end it is at the end of the record, however many milliseconds that is long.
+    let slider = "document.getElementById('scrub')";
+    let length = browser.value(&format!("-Number({slider}.min)"));
+    let length = length.as_f64().unwrap();
+    assert!((length - 11.993).abs() < 1e-6, "{length} s");
+    let [left, right, y] = ["left", "right", "y"].map(|key| {
+        let place = format!("{slider}.getBoundingClientRect().{key}");
+        browser.value(&place).as_f64().unwrap()
+    });
+    browser.drag([(left + right) / 2.0, y + 5.0], [right + 20.0, y + 5.0]);
+    browser.until("document.getElementById('when').textContent === 'end'");
+    browser.until("edgecap.scene().sequence === 1199");
+
+    // Another record at the same address is shown without anybody's doing.
+    let host = view.host().to_owned();
+    drop(view);
+    let _view = View::of("other", &["view", "--record", other, "--listen", &host]);
+    browser.until("window.edgecap && edgecap.scene().camera === 'other'");
+    assert_eq!(browser.value("edgecap.frames().length"), 30);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// As where the network breaks off. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_whose_connections_break_off_shows_all_of_a_record_once() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let take = folder.path().join("take");
+    // Somebody enters, and nothing else happens.
+    recorded(&take, 50);
+    let take = take.to_str().unwrap();
+    let view = View::of(
+        "take",
+        &["view", "--record", take, "--listen", "127.0.0.1:0"],
+    );
+    // The first connection of each stream ends after so many messages.
+    browser.before(
+        "{ const Own = WebSocket; const most = { bodies: 10, events: 1 }; window.heard = { bodies: 0, events: 0 }; \
+         window.WebSocket = class extends Own { constructor(url) { super(url); \
+         const kind = new URL(url).pathname.slice(1); let left = most[kind]; most[kind] = 0; \
+         this.addEventListener('message', () => { heard[kind]++; if (--left === 0) this.close(); }); } }; }",
+    );
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.frames().length === 50");
+    assert_eq!(browser.value("heard.bodies"), 60);
+    browser.until("heard.events === 2");
+    assert_eq!(browser.value("edgecap.events().length"), 1);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_waits_for_a_slow_camera_and_lets_go_of_who_has_gone() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let gone = stream("page-gone");
+    let view = View::start("page-slow", &["--camera", &gone]);
+    let mut slow = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut other = Publisher::<BodyFrame>::open(&gone).unwrap();
+    // The page's time, so that nobody has to wait for it.
+    browser.before(
+        "{ const now = performance.now.bind(performance); window.later = 0; \
+         performance.now = () => now() + window.later; }",
+    );
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let mut sequence = 0;
+    let mut slowly = |browser: &mut Browser, wanted: &str| {
+        eventually(wanted, || {
+            sequence += 1;
+            let mut frame = crowd(0, sequence);
+            frame.publish_ns = sequence * 5_000_000_000;
+            slow.publish(&frame).unwrap();
+            (browser.value(wanted) == Value::Bool(true)).then_some(())
+        });
+    };
+    slowly(&mut browser, "edgecap.frames().length > 3");
+    let cameras = "[...document.getElementById('camera').options].map((o) => o.value).join()";
+    let both = format!("{cameras} === '{},{gone}'", view.camera);
+    let mut sequence = 0;
+    let mut are_both = |browser: &mut Browser| {
+        eventually("both cameras on the page", || {
+            sequence += 1;
+            other.publish(&crowd(1, sequence)).unwrap();
+            (browser.value(&both) == Value::Bool(true)).then_some(())
+        });
+    };
+    are_both(&mut browser);
+
+    // Back to who was there before nobody came any more.
+    browser.value(&format!("edgecap.choose('{gone}')"));
+    browser.until("edgecap.scene().people.length === 0");
+    browser.value("window.dispatchEvent(new KeyboardEvent('keydown', { code: 'ArrowLeft' }))");
+    browser.until("edgecap.scene().people.length === 1");
+    browser.value(&format!("edgecap.choose('{}')", view.camera));
+
+    // A frame is not late in twice the time between the last ones.
+    browser.value("window.known = edgecap.frames().at(-1)");
+    slowly(&mut browser, "edgecap.frames().at(-1) > window.known");
+    browser.value("window.later = 5000");
+    std::thread::sleep(Duration::from_millis(300));
+    let state = browser.value("edgecap.scene().state");
+    assert_eq!(state, format!("{}: live", view.camera));
+    browser.value("window.later = 200000");
+    browser.until("edgecap.scene().state.endsWith(': no frames come')");
+    // Nothing is kept of who has been away for a minute, but of who is looked at.
+    browser.until(&format!("{cameras} === '{}'", view.camera));
+    are_both(&mut browser);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let second = stream("second");
+    let view = View::start("first", &["--camera", &second]);
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut other = Publisher::<BodyFrame>::open(&second).unwrap();
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let shown = |browser: &mut Browser, publisher: &mut Publisher<BodyFrame>, frame: &BodyFrame| {
+        let name = format!("{:?}", view.camera);
+        let wanted = format!(
+            "edgecap.scene().camera === {name} && edgecap.scene().sequence === {}",
+            frame.sequence
+        );
+        eventually("a frame on the page", || {
+            publisher.publish(frame).unwrap();
+            (browser.value(&wanted) == Value::Bool(true)).then_some(())
+        });
+    };
+    // The view goes along with the floor when it becomes known.
+    let mut floorless = crowd(2, 0);
+    floorless.world = World::default();
+    shown(&mut browser, &mut publisher, &floorless);
+    let scene = browser.value("edgecap.scene()");
+    assert!(scene["floor"].as_f64().unwrap() < -0.5, "{scene}");
+    shown(&mut browser, &mut publisher, &crowd(2, 1));
+    let scene = browser.value("edgecap.scene()");
+    assert_eq!(scene["floor"], 0, "{scene}");
+    let height = scene["looksAt"][1].as_f64().unwrap();
+    assert!((height - 0.9).abs() < 0.01, "{scene}");
+
+    // Paused for longer than a minute: the frame stays.
+    for sequence in 2..60 {
+        shown(&mut browser, &mut publisher, &crowd(2, sequence));
+    }
+    browser.value("edgecap.seek(-1.0)");
+    browser.until("edgecap.scene().sequence < 59");
+    let paused = browser.value("edgecap.scene().sequence");
+    for late in 1..=40 {
+        let mut frame = crowd(2, 60 * late);
+        frame.sequence = 1000 + late;
+        publisher.publish(&frame).unwrap();
+        browser.until(&format!("edgecap.frames().at(-1) === {}", 1000 + late));
+    }
+    browser.until("!edgecap.frames().includes(59)");
+    assert_eq!(browser.value("edgecap.scene().sequence"), paused);
+    let frames = browser.value("edgecap.frames()");
+    assert!(
+        frames.as_array().unwrap().contains(&paused),
+        "{frames}: without {paused}"
+    );
+    browser.value("edgecap.seek(0)");
+    browser.until("edgecap.scene().sequence === 1040");
+
+    // One is gone without a word, another goes on.
+    let mut sequence = 0;
+    eventually("that no frames come", || {
+        sequence += 1;
+        other.publish(&crowd(1, sequence)).unwrap();
+        let said = browser.value("edgecap.scene().state");
+        (said == format!("{}: no frames come", view.camera)).then_some(())
+    });
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+
+    browser.before(
+        "const get = HTMLCanvasElement.prototype.getContext; \
+         HTMLCanvasElement.prototype.getContext = function (kind, ...more) { \
+         return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); };",
+    );
+    browser.open(&view.url);
+    browser.until("document.getElementById('say')?.textContent.includes('has no WebGL')");
+}
