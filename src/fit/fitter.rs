@@ -11,7 +11,9 @@ use crate::fit::energy::MotionModel;
 use crate::fit::energy::PoseSolver;
 use crate::fit::evidence::Evidence;
 use crate::fit::identity::Appearance;
-use crate::fit::identity::{confirms, dissimilarity, looks_may_tell, reidentification};
+use crate::fit::identity::{
+    confirmation, confirmed, dissimilarity, looks_may_tell, reidentification,
+};
 use crate::fit::publish::Header;
 use crate::fit::publish::write_body;
 use crate::fit::scene::FloorEstimate;
@@ -453,17 +455,16 @@ impl Fitter {
         }
         let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
         // Newcomers where somebody stood in the last frame, long ago, as whom nobody of this one is recognised.
-        let is_confirmed: Vec<bool> = ready
-            .iter()
-            .map(|&t| {
-                let mut left = absent.iter().enumerate();
-                left.any(|(k, (who, away))| {
-                    pause.is_some_and(|pause| *away <= pause)
-                        && !pairs.contains(&Some(k))
-                        && confirms(&self.present[t], self.track(*who), *away, config)
-                })
-            })
-            .collect();
+        let is_confirmed = confirmed(&pairs, absent.len(), |newcomer, k| {
+            let (who, away) = absent[k];
+            match pause {
+                Some(pause) if away <= pause => {
+                    let newcomer = &self.present[ready[newcomer]];
+                    confirmation(newcomer, self.track(who), away, config)
+                }
+                _ => f64::INFINITY,
+            }
+        });
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
         for ((&t, pair), is_confirmed) in ready.iter().zip(pairs).zip(is_confirmed) {
             let Some(who) = pair else {

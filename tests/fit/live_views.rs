@@ -605,6 +605,77 @@ fn without_colours_somebody_is_found_at_an_instant_in_four_seconds() {
 }
 
 #[test]
+fn without_colours_whoever_left_makes_sure_of_one_newcomer() {
+    let views = views(3);
+    let [left, near, far] = [0.0, -0.4, 1.2].map(|x| grey(standing(21, x, 4.2)));
+    let frames = instants(&views, 0.25, 12.0, &|_, t| match t < 1.0 {
+        true => vec![&left],
+        false => vec![&near, &far],
+    });
+    let counts: Vec<u32> = frames.iter().map(|(_, frame)| frame.count).collect();
+    assert_eq!(counts, [0, 1, 2]);
+    let (t, frame) = &frames[1];
+    let off = error(&frame.bodies[0].joints3d, &near, *t);
+    assert!(off < 0.05, "who stands nearest: {off} m");
+}
+
+/// The same person in other light, which makes other colours of the clothes.
+fn lit(mut person: Person) -> Person {
+    person.clothes = standing(22, 0.0, 0.0).clothes;
+    person
+}
+
+#[test]
+fn whom_two_views_see_where_one_follows_them_is_the_same_in_any_light() {
+    for count in [3, 4] {
+        let first = standing(21, -0.6, 4.2);
+        let other_light = lit(standing(21, -0.6, 4.2));
+        let frames = instants(&views(count), 20.0, 3.0, &|v, t| match t {
+            _ if v == 0 || t < 1.5 => vec![&first],
+            t if t < 2.0 => vec![],
+            _ => vec![&other_light],
+        });
+        for (t, frame) in frames.iter().filter(|(t, _)| *t >= 2.0) {
+            assert_eq!(ids(frame), [1], "{count} views, {t} s");
+            let off = error(&frame.bodies[0].joints3d, &first, *t);
+            assert!(off < 0.05, "{count} views, {t} s: {off} m");
+        }
+    }
+}
+
+#[test]
+fn whoever_has_walked_where_rays_meet_all_the_way_is_the_same_in_any_light() {
+    let views = views(2);
+    let across = || {
+        let ends = [(-1.5, 4.2), (1.5, 4.2)];
+        let legs = walk(0.3, 1.1, &ends.repeat(2));
+        Person::new(21, legs, Activity::Stand)
+    };
+    let (first, other_light) = (across(), lit(across()));
+    let show = |other: &Person| {
+        instants(&views, 20.0, 7.0, &|v, t| match t {
+            _ if v == 0 || t < 1.5 => vec![&first],
+            t if t < 1.7 => vec![],
+            _ => vec![other],
+        })
+    };
+    for (t, frame) in show(&other_light).iter().filter(|(t, _)| *t > 4.5) {
+        assert_eq!(ids(frame), [1], "{t} s");
+        let off = error(&frame.bodies[0].joints3d, &first, *t);
+        assert!(off < 0.05, "{t} s: {off} m");
+    }
+    // They go by somebody who stands there.
+    for (x, z) in [(-0.6, 4.2), (0.0, 4.8), (1.2, 5.0)] {
+        let other = standing(22, x, z);
+        for (t, frame) in show(&other).iter().filter(|(t, _)| *t > 1.7) {
+            assert_eq!(ids(frame), [1], "{x} {z}: {t} s");
+            let off = |person| error(&frame.bodies[0].joints3d, person, *t);
+            assert!(off(&first) < off(&other), "{x} {z}: {t} s");
+        }
+    }
+}
+
+#[test]
 fn after_a_pause_whoever_stands_there_is_known_by_looks() {
     let there = walk(0.0, 1.0, &[(0.0, 4.2), (0.0, 4.2)]);
     let views = views(3);

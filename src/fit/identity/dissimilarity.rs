@@ -116,27 +116,40 @@ fn is_colourless(a: Option<&Appearance>, b: Option<&Appearance>) -> bool {
 
 /// How unlike a newcomer and somebody last seen `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
-    let looks = match unlike(newcomer, left, config) {
-        Some(unlike) => unlike,
-        // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => by_place(apart(newcomer, left), gone),
-        None => return f64::INFINITY,
-    };
-    looks + besides_looks(newcomer, left, gone)
+    let (unlike, apart) = (unlike(newcomer, left, config), apart(newcomer, left));
+    by_looks_or_place(unlike, apart, gone) + besides_looks(newcomer, left, gone)
 }
 
-/// Whether somebody stands where another one, whom looks do not tell from them, stood a frame of `gone` seconds ago:
-/// after so long nothing says that they are the same, but that two were seen there makes sure that somebody is.
-pub fn confirms(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> bool {
-    gone >= BY_PLACE
-        && unlike(newcomer, left, config).is_none()
-        && by_place(apart(newcomer, left), BY_PLACE) <= 1.0
+/// How far a newcomer stands from where somebody stood `gone` seconds ago who may make sure of them.
+pub fn confirmation(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
+    let (unlike, apart) = (unlike(newcomer, left, config), apart(newcomer, left));
+    by_former_place(unlike, apart, gone)
 }
 
 /// Difference of looks as a share of the most that one person has; `None` where looks tell nothing.
 fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64> {
     let (a, b) = (newcomer.appearance.as_ref()?, left.appearance.as_ref()?);
     a.unlike(b, config.reidentify_appearance)
+}
+
+/// How unlike two are whose looks differ by so much, as a share of the most that one person has, or tell nothing, and
+/// who are so many metres apart after `gone` seconds; up to 1 they may be the same person.
+pub fn by_looks_or_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
+    match unlike {
+        Some(unlike) => unlike,
+        // Nothing tells people apart: only somebody who vanished just now and just here.
+        None if gone < BY_PLACE => by_place(apart, gone),
+        None => f64::INFINITY,
+    }
+}
+
+/// The same of where somebody stood at the last sight: after so long that nothing says that they are the same, two seen
+/// about there make sure that somebody is, up to 1. Infinite where the looks tell, or a short absence does.
+pub fn by_former_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
+    match unlike {
+        None if gone >= BY_PLACE => by_place(apart, BY_PLACE),
+        _ => f64::INFINITY,
+    }
 }
 
 /// How unlike two are by the place alone, so many metres apart after `gone` seconds; up to 1 they may be the same

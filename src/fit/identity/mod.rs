@@ -1,9 +1,12 @@
 //! Who is who. In: what is remembered of people, and what is seen. Out: how unlike each pair is. XNect §5.1.
 
 mod appearance;
+mod confirmation;
 mod dissimilarity;
 
 pub use appearance::Appearance;
+pub use confirmation::confirmed;
 pub use dissimilarity::{
-    BY_PLACE, VETO, by_place, confirms, dissimilarity, looks_may_tell, reidentification,
+    VETO, by_former_place, by_looks_or_place, confirmation, dissimilarity, looks_may_tell,
+    reidentification,
 };

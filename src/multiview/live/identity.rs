@@ -2,7 +2,7 @@
 
 use super::person::Person;
 use crate::assignment::assign;
-use crate::fit::{BY_PLACE, FitConfig, by_place};
+use crate::fit::{FitConfig, by_former_place, by_looks_or_place, confirmed};
 use crate::multiview::people::{ONE_VIEW, PROOF, is_one_body, is_proven};
 
 /// Seconds without two views after which somebody without identity whom one view still sees is let go.
@@ -81,33 +81,27 @@ impl Identities {
         let missed: Vec<usize> = (0..present.len())
             .filter(|&k| present[k].id != 0 && present[k].unseen > MISSED)
             .collect();
-        let known = missed.len() + self.gone.len();
-        let mut costs = Vec::with_capacity(ready.len() * known);
+        let each_missed = missed.iter().map(|&m| (&present[m], present[m].unseen));
+        let each_gone = self.gone.iter().map(|g| (&g.person, g.seconds(now_ns)));
+        let absent: Vec<(&Person, f64)> = each_missed.chain(each_gone).collect();
+        let mut costs = Vec::with_capacity(ready.len() * absent.len());
         for &k in &ready {
-            for &m in &missed {
-                let old = &present[m];
-                costs.push(dissimilarity(&present[k], old, old.unseen, config));
-            }
-            for gone in &self.gone {
-                let seconds = gone.seconds(now_ns);
-                costs.push(dissimilarity(&present[k], &gone.person, seconds, config));
+            for (old, gone) in &absent {
+                costs.push(dissimilarity(&present[k], old, *gone, config));
             }
         }
-        let pairs = assign(&costs, ready.len(), known, 1.0);
+        let pairs = assign(&costs, ready.len(), absent.len(), 1.0);
         // Newcomers near where somebody stood at the last instant before the pause, if nobody was recognised as that
         // one.
-        let is_confirmed: Vec<bool> = ready
-            .iter()
-            .map(|&k| {
-                let mut gone = self.gone.iter().zip(missed.len()..);
-                gone.any(|(gone, w)| {
-                    let seconds = gone.seconds(now_ns);
-                    pause.is_some_and(|pause| seconds <= pause + ROUNDING)
-                        && !pairs.contains(&Some(w))
-                        && confirms(&present[k], &gone.person, seconds, config)
-                })
-            })
-            .collect();
+        let is_confirmed = confirmed(&pairs, absent.len(), |newcomer, w| {
+            let (old, gone) = absent[w];
+            match pause {
+                Some(pause) if gone <= pause + ROUNDING => {
+                    confirmation(&present[ready[newcomer]], old, gone, config)
+                }
+                _ => f64::INFINITY,
+            }
+        });
         let (mut from_present, mut from_gone) = (Vec::new(), Vec::new());
         for ((&k, pair), is_confirmed) in ready.iter().zip(pairs).zip(is_confirmed) {
             let old = match pair {
@@ -223,26 +217,19 @@ fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f
         return f64::INFINITY;
     }
     let apart = new.pose.position.distance(old.pose.position);
-    let looks = match new.unlike(old, config.identity.reidentify_appearance) {
-        Some(unlike) => unlike,
-        // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => by_place(apart, gone),
-        None => return f64::INFINITY,
-    };
+    let unlike = new.unlike(old, config.identity.reidentify_appearance);
+    let looks = by_looks_or_place(unlike, apart, gone);
     let taller = new.build.difference(&old.build);
     let taller = taller.map_or(0.0, |d| (d / STATURE_NOISE - 1.0).max(0.0));
     let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
     looks + 0.5 * taller + 0.5 * farther + 0.001 * gone
 }
 
-/// Whether somebody stands where another one, whom looks do not tell from them, stood so many seconds ago: after so
-/// long nothing says that they are the same, but that two were seen there makes sure that somebody is.
-fn confirms(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> bool {
-    gone >= BY_PLACE
-        && new
-            .unlike(old, config.identity.reidentify_appearance)
-            .is_none()
-        && by_place(new.pose.position.distance(old.pose.position), BY_PLACE) <= 1.0
+/// How far somebody new stands from where somebody stood `gone` seconds ago who may make sure of them.
+fn confirmation(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f64 {
+    let unlike = new.unlike(old, config.identity.reidentify_appearance);
+    let apart = new.pose.position.distance(old.pose.position);
+    by_former_place(unlike, apart, gone)
 }
 
 fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {

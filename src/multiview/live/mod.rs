@@ -44,6 +44,8 @@ const LOOKS: [f64; 2] = [0.6, 0.15];
 const NEWCOMER: f32 = 0.6;
 /// Pelvis and neck of somebody new are nobody known's, who is no nearer than this to both, metres.
 const APART: f64 = 0.25;
+/// Part of the views' distance that nobody else goes along with whom one view follows, so that rays meet all the way.
+const ALONG: f64 = 0.3;
 
 /// Fits everyone whom calibrated cameras see, instant by instant. Pure and deterministic: time comes from the frames
 /// alone.
@@ -257,7 +259,7 @@ impl LiveFit {
 
     /// Mends what was chosen for those whom fewer than two views saw at the last instant.
     fn rejoin(
-        &self,
+        &mut self,
         seen: &[Vec<Option<Seen>>],
         ahead: &[Joints],
         chosen: &mut Vec<Vec<Option<usize>>>,
@@ -281,7 +283,31 @@ impl LiveFit {
             let seen = seen[v][d].as_ref();
             seen.is_some_and(|seen| self.likeness(&self.present[k], v, seen) > 0.0)
         };
+        let all = |_, _, _| true;
+        let mut by_rays = chosen.clone();
         rejoin(&self.views, &sights, &followed, may_be, chosen);
+        rejoin(&self.views, &sights, &followed, all, &mut by_rays);
+        self.believe(by_rays, chosen);
+    }
+
+    /// Where rays meet in somebody whom one view follows, looks do not speak against it any longer when two other views
+    /// see them there, or when they have gone along. `by_rays`: what would be chosen whatever anybody looks like.
+    fn believe(&mut self, by_rays: Vec<Vec<Option<usize>>>, chosen: &mut [Vec<Option<usize>>]) {
+        let count = |own: &[Option<usize>]| own.iter().flatten().count();
+        for ((person, chosen), by_rays) in self.present.iter_mut().zip(chosen).zip(by_rays) {
+            let met = count(&by_rays);
+            if met <= count(chosen) || person.unseen > 0.0 {
+                person.doubted = None;
+                continue;
+            }
+            let here = person.pose.position;
+            let gone = person.doubted.get_or_insert(here).distance(here);
+            let own = self.views.iter().zip(&by_rays);
+            let far = own.filter_map(|(view, own)| own.map(|_| view.position.distance(here)));
+            if met > 2 || gone > ALONG * far.fold(0.0, f64::max) {
+                *chosen = by_rays;
+            }
+        }
     }
 
     /// Fits everyone who was seen, lets the others coast.

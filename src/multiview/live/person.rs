@@ -74,6 +74,9 @@ pub struct Person {
     pub apart: f64,
     /// By view, whether it saw them when somebody last did.
     pub seen_by: Vec<bool>,
+    /// Where they were when looks alone began to speak against a view whose rays meet those of the one that follows
+    /// them, world axes, metres.
+    pub doubted: Option<DVec3>,
     /// How each joint is known.
     pub states: [JointState; BODY_JOINTS],
     /// Recent distance between fit and where rays meet, metres.
@@ -104,6 +107,7 @@ impl Person {
             unseen: 0.0,
             apart: 0.0,
             seen_by: seen.iter().map(Option::is_some).collect(),
+            doubted: None,
             states: [JointState::OCCLUDED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             exchanged: 0.0,
@@ -133,6 +137,7 @@ impl Person {
             unseen: 0.0,
             apart: 0.0,
             seen_by: Vec::new(),
+            doubted: None,
             states: [JointState::OCCLUDED; BODY_JOINTS],
             deviations: [0.05; BODY_JOINTS],
             exchanged: 0.0,
@@ -182,6 +187,7 @@ impl Person {
         self.unseen = 0.0;
         self.apart = if count > 1 { 0.0 } else { self.apart + dt };
         self.seen_by = seen.iter().map(Option::is_some).collect();
+        self.doubted = self.doubted.filter(|_| count < 2);
         // Farther than anybody goes in a step.
         let elsewhere = mean_distance(&joints, &expected).is_some_and(|d| d > reach(0.0, dt));
         if !((wrong_sides || elsewhere) && self.restart(&seen, &joints, cx).is_some()) {

@@ -106,6 +106,26 @@ fn where_frames_are_farther_apart_than_the_place_tells_the_second_sight_is_enoug
 }
 
 #[test]
+fn without_colours_whoever_left_makes_sure_of_one_newcomer() {
+    let cast = vec![
+        standing(3, -1.0, 4.0),
+        standing(4, -0.5, 4.0),
+        standing(5, 1.0, 4.0),
+    ];
+    let mut stage = Stage::at(0.2, cast);
+    let mut frame = |shown: &[usize]| {
+        stage.frame(|k, seen| {
+            seen.score = 0.8;
+            dress(seen, None, 0);
+            shown.contains(&k)
+        })
+    };
+    assert_eq!(frame(&[0]), [None; 3]);
+    assert_eq!(frame(&[1, 2]), [None, Some(1), None], "who stands nearest");
+    assert_eq!(frame(&[1, 2]), [None, Some(2), Some(3)]);
+}
+
+#[test]
 fn what_is_forgotten_at_once_is_no_frame_of_a_slow_camera() {
     // Frames a second, seconds without frames, and who is there afterwards.
     for (fps, pause, id) in [(0.8, 0, 1), (FPS, 0, 1), (FPS, 5, 2)] {
