@@ -294,9 +294,10 @@ impl LiveFit {
     /// see them there, or when they have gone along. `by_rays`: what would be chosen whatever anybody looks like.
     fn believe(&mut self, by_rays: Vec<Vec<Option<usize>>>, chosen: &mut [Vec<Option<usize>>]) {
         let count = |own: &[Option<usize>]| own.iter().flatten().count();
-        for ((person, chosen), by_rays) in self.present.iter_mut().zip(chosen).zip(by_rays) {
+        for (k, by_rays) in by_rays.into_iter().enumerate() {
+            let person = &mut self.present[k];
             let met = count(&by_rays);
-            if met <= count(chosen) || person.unseen > 0.0 {
+            if met <= count(&chosen[k]) || person.unseen > 0.0 {
                 person.doubted = None;
                 continue;
             }
@@ -304,8 +305,14 @@ impl LiveFit {
             let gone = person.doubted.get_or_insert(here).distance(here);
             let own = self.views.iter().zip(&by_rays);
             let far = own.filter_map(|(view, own)| own.map(|_| view.position.distance(here)));
-            if met > 2 || gone > ALONG * far.fold(0.0, f64::max) {
-                *chosen = by_rays;
+            let is_believed = met > 2 || gone > ALONG * far.fold(0.0, f64::max);
+            // Whom looks give to somebody else stays theirs.
+            let is_free = |(v, d): (usize, &Option<usize>)| {
+                let mut others = chosen.iter().enumerate().filter(|(other, _)| *other != k);
+                d.is_none() || !others.any(|(_, other)| other[v] == *d)
+            };
+            if is_believed && by_rays.iter().enumerate().all(is_free) {
+                chosen[k] = by_rays;
             }
         }
     }
