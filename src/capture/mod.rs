@@ -56,7 +56,7 @@ pub use paced::PacedSource;
 pub use photo::{PhotoDecoder, PhotoSource};
 pub use rate::Rate;
 pub use raw::{RawDecoder, RawPicture};
-pub use resize::{PADDING, Part, Resizer};
+pub use resize::{Crop, PADDING, Resizer};
 pub use source::Source;
 pub use spec::{InputSpec, OpenOptions, is_camera_place, open};
 pub use stand_in::StandIn;

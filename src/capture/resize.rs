@@ -1,5 +1,5 @@
-//! A picture of any size goes in, the network's input or a part of it comes out: letterboxed RGB, 8 bits a channel, rows
-//! without padding.
+//! A picture of any size goes in, the network's input or a part of it comes out: letterboxed RGB, 8 bits a channel,
+//! rows without padding.
 //!
 //! Shrinking by 2 or more averages the area under each input pixel, exactly; otherwise the picture is sampled
 //! bilinearly. Rows are mixed first (weights of 8 bits, 16-bit sums, which vectorise on any machine), then columns
@@ -19,7 +19,7 @@ const AREA_FROM: f64 = 2.0;
 
 /// A part of the network's input, its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
+pub struct Crop {
     /// Pixels of the input left of it.
     pub left: usize,
     /// Pixels of the input above it.
@@ -30,7 +30,7 @@ pub struct Part {
     pub height: usize,
 }
 
-impl Part {
+impl Crop {
     /// All of an input of `width` × `height` pixels.
     pub fn whole(width: usize, height: usize) -> Self {
         Self {
@@ -212,34 +212,34 @@ impl Resizer {
     }
 
     /// All of the network's input.
-    pub fn whole(&self) -> Part {
-        Part::whole(self.width as usize, self.height as usize)
+    pub fn whole(&self) -> Crop {
+        Crop::whole(self.width as usize, self.height as usize)
     }
 
     /// Fills `out` with the letterboxed picture, grey beside it, and says where the picture lies.
     ///
     /// # Panics
-    /// As [`run_part`](Self::run_part).
+    /// As [`run_crop`](Self::run_crop).
     pub fn run(&mut self, frame: &Frame, out: &mut [u8]) -> Letterbox {
-        self.run_part(frame, self.whole(), out)
+        self.run_crop(frame, self.whole(), out)
     }
 
-    /// Fills `out` with a `part` of what [`run`](Self::run) fills it with, byte for byte, and says where the picture
-    /// lies in that part.
+    /// Fills `out` with a `crop` of what [`run`](Self::run) fills it with, byte for byte, and says where the picture
+    /// lies in that crop.
     ///
     /// # Panics
-    /// When `part` is empty or not within the input, `out` has not 3 bytes for every pixel of it, or `frame` has not `3
+    /// When `crop` is empty or not within the input, `out` has not 3 bytes for every pixel of it, or `frame` has not `3
     /// * width * height` bytes, or has no pixel.
-    pub fn run_part(&mut self, frame: &Frame, part: Part, out: &mut [u8]) -> Letterbox {
+    pub fn run_crop(&mut self, frame: &Frame, crop: Crop, out: &mut [u8]) -> Letterbox {
         let whole = self.whole();
-        let (right, bottom) = (part.left + part.width, part.top + part.height);
+        let (right, bottom) = (crop.left + crop.width, crop.top + crop.height);
         assert!(
-            part.area() > 0 && right <= whole.width && bottom <= whole.height,
-            "expected a part of {}x{}, found {part:?}",
+            crop.area() > 0 && right <= whole.width && bottom <= whole.height,
+            "expected a crop of {}x{}, found {crop:?}",
             whole.width,
             whole.height
         );
-        assert_eq!(out.len(), 3 * part.area(), "bytes of the network's input");
+        assert_eq!(out.len(), 3 * crop.area(), "bytes of the network's input");
         let (width, height) = (frame.width as usize, frame.height as usize);
         assert_eq!(frame.rgb.len(), 3 * width * height, "bytes of the picture");
         let plan = match self.plan.take() {
@@ -247,10 +247,10 @@ impl Resizer {
             _ => Plan::new((frame.width, frame.height), (self.width, self.height)),
         };
         let (rows, columns) = (&plan.rows, &plan.columns);
-        let covered = columns.within(part.left..right);
+        let covered = columns.within(crop.left..right);
         let first = columns.source(covered.clone());
         self.row.resize(3 * first.len(), 0);
-        for (y, target) in (part.top..).zip(out.chunks_exact_mut(3 * part.width)) {
+        for (y, target) in (crop.top..).zip(out.chunks_exact_mut(3 * crop.width)) {
             if !rows.covers(y) || covered.is_empty() {
                 target.fill(PADDING);
                 continue;
@@ -258,7 +258,7 @@ impl Resizer {
             let (from, weights) = rows.taps(y - rows.first);
             let start = 3 * (width * from + first.start);
             mix_rows(&frame.rgb[start..], 3 * width, weights, &mut self.row);
-            let at = |column: usize| 3 * (columns.first + column - part.left);
+            let at = |column: usize| 3 * (columns.first + column - crop.left);
             let (before, after) = (at(covered.start), at(covered.end));
             target[..before].fill(PADDING);
             target[after..].fill(PADDING);
@@ -270,8 +270,8 @@ impl Resizer {
         let letterbox = plan.letterbox;
         self.plan = Some(plan);
         Letterbox {
-            offset_u: letterbox.offset_u - part.left as f32,
-            offset_v: letterbox.offset_v - part.top as f32,
+            offset_u: letterbox.offset_u - crop.left as f32,
+            offset_v: letterbox.offset_v - crop.top as f32,
             ..letterbox
         }
     }

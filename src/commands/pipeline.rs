@@ -7,7 +7,7 @@ use anyhow::Context;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
-use crate::capture::{Frame, Part, Resizer};
+use crate::capture::{Crop, Frame, Resizer};
 use crate::config::Mistake;
 use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Maps, Model, Network, Precision};
@@ -137,12 +137,12 @@ impl Pipeline {
         self.sharing((width, height), resizer)
     }
 
-    /// The stages for parts of this input, so many pixels across and down, which share packed weights and threads with
+    /// The stages for crops of this input, so many pixels across and down, which share packed weights and threads with
     /// these.
     ///
     /// # Errors
     /// If the network does not take this size.
-    pub fn for_parts(&self, width: usize, height: usize) -> anyhow::Result<Self> {
+    pub fn for_crops(&self, width: usize, height: usize) -> anyhow::Result<Self> {
         self.sharing((width, height), self.resizer.clone())
     }
 
@@ -160,13 +160,13 @@ impl Pipeline {
         })
     }
 
-    /// The whole input, pixels across and down.
+    /// The whole input, pixels across and down, also where these stages are for crops of it.
     pub fn size(&self) -> (usize, usize) {
         let whole = self.resizer.whole();
         (whole.width, whole.height)
     }
 
-    /// What sides of inputs, and places of parts of them, are multiples of.
+    /// What sides of inputs, and places of crops of them, are multiples of.
     pub fn step(&self) -> usize {
         Maps::step(&[self.multiple])
     }
@@ -175,30 +175,33 @@ impl Pipeline {
     ///
     /// # Errors
     /// If a kernel refuses its tensors, which would be a fault of this program.
+    ///
+    /// # Panics
+    /// When these stages are for crops.
     pub fn process(
         &mut self,
         frame: &Frame,
         intrinsics: &Intrinsics,
     ) -> anyhow::Result<FrameObservations<'_>> {
         let whole = self.resizer.whole();
-        self.process_part(frame, intrinsics, whole)
+        self.process_crop(frame, intrinsics, whole)
     }
 
-    /// Everyone in a part of the frame: `part` of the whole input, of the size that these stages are for.
+    /// Everyone in a part of the frame: `crop` of the whole input, of the size that these stages are for.
     ///
     /// # Errors
     /// As [`process`](Self::process).
     ///
     /// # Panics
-    /// When the part is of another size or not within the input.
-    pub fn process_part(
+    /// When the crop is of another size or not within the input.
+    pub fn process_crop(
         &mut self,
         frame: &Frame,
         intrinsics: &Intrinsics,
-        part: Part,
+        crop: Crop,
     ) -> anyhow::Result<FrameObservations<'_>> {
         let start = Instant::now();
-        let letterbox = self.resizer.run_part(frame, part, &mut self.input);
+        let letterbox = self.resizer.run_crop(frame, crop, &mut self.input);
         let letterboxed = Instant::now();
         let maps = match &mut self.flip_test {
             Some(both) => both.run(&mut self.engine, &self.input),

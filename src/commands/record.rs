@@ -125,6 +125,11 @@ fn take<T: Row<Message = M>, M: Message + Times>(
             if frame.is_end() {
                 ended = frame.is_film_end().then(Instant::now);
                 if ended.is_none() {
+                    let synced = file.sync();
+                    synced.map_err(|cause| SinkError::Write {
+                        path: args.to.clone(),
+                        cause,
+                    })?;
                     say::err(
                         "the camera has ended; the record goes on when it is back (Ctrl-C stops)",
                     );

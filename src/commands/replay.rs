@@ -105,7 +105,8 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     let firsts = heads.iter().filter_map(|head| head.first);
     let together = firsts.min().filter(|_| are_together);
     if are_together {
-        let ends = |n: usize, time: u64| heads[n].ends_before(&args.records[n], time);
+        let ends =
+            |n: usize, time: u64| heads[n].ends_before(&args.records[n], time, || stop.requested());
         for (record, seconds) in detached(&heads, ends) {
             tracing::warn!(
                 "{}: begins {seconds:.0} s after the first record, when those before it have ended; where that is of \
@@ -198,12 +199,13 @@ impl Head {
         })
     }
 
-    /// Whether the record, of which times of capture are kept, has no frame that is due at `time` or later.
-    fn ends_before(&self, record: &Path, time: u64) -> bool {
+    /// Whether the record, of which times of capture are kept, has no frame that is due at `time` or later; `false`
+    /// where the user stops the look.
+    fn ends_before(&self, record: &Path, time: u64, is_stopped: impl Fn() -> bool) -> bool {
         let mut clock = Clock::new(1.0, Instant::now(), self.step, None);
         let mut goes_on = false;
         let mut look = |due| {
-            goes_on = clock.look(due) >= time;
+            goes_on = clock.look(due) >= time || is_stopped();
             Ok(!goes_on)
         };
         let read = match self.kind {
@@ -619,7 +621,7 @@ mod tests {
         }
         writer.finish().unwrap();
         let head = Head::read(&path, true).unwrap();
-        let lasts = [1_020, 1_021].map(|ms| !head.ends_before(&path, ms * 1_000_000));
+        let lasts = [1_020, 1_021].map(|ms| !head.ends_before(&path, ms * 1_000_000, || false));
         assert_eq!(lasts, [true, false]);
     }
 

@@ -91,6 +91,15 @@ impl<T: Row> GrowingRecord<T> {
         self.write_at(Instant::now(), message, source)
     }
 
+    /// Has the disk take what was written, in a thread: no frame may follow for a while.
+    ///
+    /// # Errors
+    /// Those of the file, of an earlier time.
+    pub fn sync(&mut self) -> io::Result<()> {
+        self.synced = Instant::now();
+        self.syncer.begin(&self.file)
+    }
+
     fn write_at(&mut self, now: Instant, message: &T::Message, source: &str) -> io::Result<()> {
         let by_name = now.saturating_duration_since(self.synced) >= SYNC_EVERY;
         if by_name {

@@ -1,6 +1,6 @@
 //! The network's input against exact arithmetic and against another library.
 
-use edgecap::capture::{Frame, Letterbox, PADDING, Part, Resizer};
+use edgecap::capture::{Crop, Frame, Letterbox, PADDING, Resizer};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use proptest::prelude::*;
@@ -228,18 +228,18 @@ proptest! {
 
 proptest! {
     #[test]
-    fn a_part_is_what_the_whole_has_there(
+    fn a_crop_is_what_the_whole_has_there(
         (w, h) in (1u32..200, 1u32..200),
         (left, top) in (0usize..64, 0usize..40),
         (right, bottom) in (1usize..=64, 1usize..=40),
     ) {
-        let part = Part { left, top, width: right.max(left + 1) - left, height: bottom.max(top + 1) - top };
+        let crop = Crop { left, top, width: right.max(left + 1) - left, height: bottom.max(top + 1) - top };
         let frame = picture(w, h);
         let (whole, there) = run(&frame, 64, 40);
-        let mut out = vec![1; 3 * part.area()];
-        let here = Resizer::new(64, 40).run_part(&frame, part, &mut out);
-        let rows = whole.chunks_exact(3 * 64).skip(top).take(part.height);
-        let expected: Vec<u8> = rows.flat_map(|row| &row[3 * left..][..3 * part.width]).copied().collect();
+        let mut out = vec![1; 3 * crop.area()];
+        let here = Resizer::new(64, 40).run_crop(&frame, crop, &mut out);
+        let rows = whole.chunks_exact(3 * 64).skip(top).take(crop.height);
+        let expected: Vec<u8> = rows.flat_map(|row| &row[3 * left..][..3 * crop.width]).copied().collect();
         prop_assert_eq!(out, expected);
         let [u, v] = there.to_input(3.0, 5.0);
         let [pu, pv] = here.to_input(3.0, 5.0);

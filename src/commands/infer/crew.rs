@@ -83,11 +83,6 @@ impl Crew {
         self.sizes[self.levels[level].chosen]
     }
 
-    /// Whether the next picture of the input `level` is one of a trial.
-    pub fn is_in_trial(&self, level: usize) -> bool {
-        self.levels[level].trial.is_some()
-    }
-
     /// Whether the next picture of the input `level` is one of a trial, with other threads than usual.
     pub fn is_trying(&self, level: usize) -> bool {
         self.levels[level].next() != self.levels[level].chosen

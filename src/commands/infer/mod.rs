@@ -2,14 +2,15 @@
 
 mod change;
 mod crew;
+mod crops;
 mod engine_args;
 mod feed;
 mod inputs;
+mod kept;
 mod looks;
 mod observer;
 mod pace;
 mod pace_args;
-mod parts;
 mod pipelines;
 mod region;
 mod shapes;

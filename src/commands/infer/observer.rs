@@ -34,8 +34,8 @@ pub struct Observer {
     reference: Option<Brightness>,
     spare: Frame,
     plan: Plan,
-    /// What the stages take, seconds.
-    busy: f32,
+    /// What the stages take for a part of a picture and for all of one, seconds.
+    busy: [f32; 2],
     picture: Frame,
     /// Whether `picture` is the one that was observed last.
     has_picture: bool,
@@ -95,7 +95,7 @@ impl Observer {
             pace,
             reference: None,
             spare: Frame::default(),
-            busy: 0.0,
+            busy: [0.0; 2],
             picture: Frame::default(),
             has_picture: false,
             has_told_of_shape: false,
@@ -229,12 +229,14 @@ impl Observer {
         self.has_fitted = true;
         let intrinsics = self.mounting.intrinsics(lens, width, height);
         let idle = self.pace.is_idle();
+        let is_whole = idle || self.pipelines.choose(&self.picture)?;
+        let kind = usize::from(is_whole);
         if !idle {
             // The next one is taken and decoded while the network is at work on this one.
             if self.is_live {
                 self.plan = self.pace.plan(now);
             }
-            self.order(Duration::from_secs_f32(self.busy));
+            self.order(Duration::from_secs_f32(self.busy[kind]));
         }
         let start = Instant::now();
         let seen = if idle {
@@ -254,7 +256,8 @@ impl Observer {
             seen
         };
         fill(message, &self.picture, &seen);
-        self.busy += SMOOTH * (start.elapsed().as_secs_f32() - self.busy);
+        let busy = &mut self.busy[kind];
+        *busy += SMOOTH * (start.elapsed().as_secs_f32() - *busy);
         message.intrinsics = intrinsics;
         message.flags = if self.is_live { 0 } else { FLAG_FILE_TIME };
         let total = picture.total.unwrap_or(0);

@@ -5,16 +5,16 @@ use std::time::Instant;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::crew::{Change, Crew};
+use super::crops::Crops;
 use super::engine_args::EngineArgs;
 use super::inputs::{Inputs, fitted, inputs_of, whole_scale};
 use super::looks::{Looks, sum};
-use super::parts::Parts;
 use super::region::{Input, Region};
 use super::shapes::Shapes;
 use super::speed::Speed;
 use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
-use crate::capture::{Frame, Letterbox};
+use crate::capture::{Crop, Frame, Letterbox};
 use crate::commands::pipeline::{FrameObservations, Pipeline};
 
 /// The stages for every input that pictures may ask for. All share one set of packed weights and one team of threads.
@@ -37,14 +37,25 @@ struct Following {
     /// The largest of [`SHARES`] that is wanted.
     largest: usize,
     zoom: Zoom,
-    /// The part of it that shows everybody.
+    /// The crop of it that shows everybody.
     region: Region,
-    parts: Parts,
+    crops: Crops,
     /// What `region` knows people in: pixels of pictures of this size, and which of [`SHARES`].
     seen_in: ((usize, usize), usize),
+    /// How the next picture is looked at, where that has been chosen.
+    choice: Option<Choice>,
     /// How tall people are by the present input and by another, pixels of the largest one.
     here: Vec<f32>,
     elsewhere: Vec<f32>,
+}
+
+/// How a picture is looked at.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    /// The input, counted as [`SHARES`].
+    level: usize,
+    /// What of it; `None` for all.
+    crop: Option<Crop>,
 }
 
 impl Following {
@@ -54,11 +65,26 @@ impl Following {
             largest,
             zoom: Zoom::default(),
             region: Region::default(),
-            parts: Parts::default(),
+            crops: Crops::default(),
             seen_in: Default::default(),
+            choice: None,
             here: Vec::new(),
             elsewhere: Vec::new(),
         })
+    }
+
+    /// How the next picture is looked at on a machine that has time for no larger input than `limit`.
+    fn choose(&mut self, frame: &Frame, limit: usize) -> anyhow::Result<Choice> {
+        let picture = size_of(frame);
+        let built = self.shapes.of(sizes_of(picture))?;
+        self.zoom.limit(limit.max(self.largest));
+        let level = self.zoom.level();
+        let seen_in = (picture, level);
+        if std::mem::replace(&mut self.seen_in, seen_in) != seen_in {
+            self.region.forget();
+        }
+        let crop = self.region.crop(frame, &input_of(&built[level], picture));
+        Ok(Choice { level, crop })
     }
 }
 
@@ -81,6 +107,19 @@ impl Pipelines {
             speed: Speed::new(target),
             crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
         })
+    }
+
+    /// Chooses how the frame that [`process`](Self::process) is given next is looked at; whether all of it is.
+    ///
+    /// # Errors
+    /// When the network does not take its shape.
+    pub fn choose(&mut self, frame: &Frame) -> anyhow::Result<bool> {
+        let Stages::Following(following) = &mut self.stages else {
+            return Ok(true);
+        };
+        let choice = following.choose(frame, self.speed.limit())?;
+        following.choice = Some(choice);
+        Ok(choice.crop.is_none())
     }
 
     /// Everyone in the frame.
@@ -113,21 +152,22 @@ impl Pipelines {
             }
             Stages::Following(following) => following,
         };
+        let Choice { level, crop } = match following.choice.take() {
+            Some(choice) => choice,
+            None => following.choose(frame, speed.limit())?,
+        };
         let Following {
             shapes,
-            largest,
             zoom,
             region,
-            parts,
-            seen_in,
+            crops,
             here,
             elsewhere,
+            ..
         } = &mut **following;
         let picture = size_of(frame);
         let built = shapes.of(sizes_of(picture))?;
         let heights = heights_in(picture);
-        zoom.limit(speed.limit().max(*largest));
-        let level = zoom.level();
         let other = zoom.look_elsewhere(frame.time_ns);
         let mut beside = StageTimes::default();
         if let Some(other) = other {
@@ -136,34 +176,30 @@ impl Pipelines {
             beside = seen.times;
             heights(seen.people, elsewhere);
         }
-        if std::mem::replace(seen_in, (picture, level)) != (picture, level) {
-            region.forget();
-        }
         let whole = &mut built[level];
-        let part = match crew.is_in_trial(level) {
-            // Times of parts of several sizes cannot be compared.
-            true => None,
-            false => region.part(frame, &input_of(whole, picture)),
-        };
-        whole.use_threads(crew.threads(level));
+        // Times of crops of several sizes cannot be compared.
+        whole.use_threads(match crop {
+            None => crew.threads(level),
+            Some(_) => crew.usual(level),
+        });
         let start = Instant::now();
-        let seen = match part {
+        let seen = match crop {
             None => whole.process(frame, intrinsics)?,
-            Some(part) => {
-                let size = (part.width, part.height);
-                let stages = parts.of(whole, size)?;
-                stages.process_part(frame, intrinsics, part)?
+            Some(crop) => {
+                let size = (crop.width, crop.height);
+                let stages = crops.of(whole, size)?;
+                stages.process_crop(frame, intrinsics, crop)?
             }
         };
         let now = monotonic_ns();
-        region.seen(frame, seen.people, part.is_none());
-        if !crew.is_trying(level) {
+        region.seen(frame, seen.people, crop.is_none());
+        if crop.is_some() || !crew.is_trying(level) {
             let seconds = start.elapsed().as_secs_f32();
-            if let Some(slower) = speed.took(now, level, seconds, part.is_none()) {
+            if let Some(slower) = speed.took(now, level, seconds, crop.is_none()) {
                 tracing::warn!("{}", slower.line());
             }
         }
-        if part.is_none() {
+        if crop.is_none() {
             let input = fitted(picture, SHARES[level]);
             log(crew.took(now, level, network_seconds(&seen)), Some(input));
         }
@@ -414,7 +450,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_picture_shows_those_who_are_there_and_nobody_who_comes_is_missed() {
+    fn a_crop_of_the_picture_shows_those_who_are_there_and_nobody_who_comes_is_missed() {
         let (mut pipelines, lens) = (following(None), lens());
         let mut look = |picture: &mut Frame, k: u64| {
             picture.time_ns = k * SECOND / 30;
@@ -423,14 +459,14 @@ mod tests {
             let Stages::Following(following) = &pipelines.stages else {
                 panic!("expected the input that follows people");
             };
-            (people, following.parts.count())
+            (people, following.crops.count())
         };
         let (mut few, mut many) = (far_away(), more_come());
-        let (whole, parts) = look(&mut few, 0);
-        assert!(!whole.is_empty() && parts == 0);
-        let (part, parts) = look(&mut few, 1);
-        assert_eq!((part.len(), parts), (whole.len(), 1));
-        for (a, b) in part.iter().zip(&whole) {
+        let (whole, crops) = look(&mut few, 0);
+        assert!(!whole.is_empty() && crops == 0);
+        let (crop, crops) = look(&mut few, 1);
+        assert_eq!((crop.len(), crops), (whole.len(), 1));
+        for (a, b) in crop.iter().zip(&whole) {
             for (p, q) in a
                 .joints2d
                 .iter()
@@ -442,7 +478,7 @@ mod tests {
             }
         }
         let (all, _) = look(&mut many, 2);
-        assert!(all.len() > part.len(), "{} people", all.len());
+        assert!(all.len() > crop.len(), "{} people", all.len());
     }
 
     #[test]

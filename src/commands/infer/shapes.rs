@@ -2,6 +2,7 @@
 
 use super::engine_args::EngineArgs;
 use super::inputs::fitted;
+use super::kept::Kept;
 use crate::commands::pipeline::Pipeline;
 
 /// Shapes of pictures whose stages are kept: each has its buffers.
@@ -11,13 +12,7 @@ const SHAPES: usize = 4;
 pub struct Shapes {
     /// Has the weights and threads that the others share.
     first: Pipeline,
-    /// Those used last at the end.
-    built: Vec<Shape>,
-}
-
-struct Shape {
-    sizes: Vec<(usize, usize)>,
-    stages: Vec<Pipeline>,
+    built: Kept<Vec<(usize, usize)>, Vec<Pipeline>>,
 }
 
 impl Shapes {
@@ -28,7 +23,7 @@ impl Shapes {
     pub fn new(engine: &EngineArgs) -> anyhow::Result<Self> {
         Ok(Self {
             first: engine.build_near(fitted((16, 10), 0.5))?,
-            built: Vec::new(),
+            built: Kept::new(SHAPES),
         })
     }
 
@@ -43,28 +38,18 @@ impl Shapes {
     /// # Errors
     /// As [`Pipeline::resized`].
     pub fn of(&mut self, sizes: Vec<(usize, usize)>) -> anyhow::Result<&mut [Pipeline]> {
-        let shape = match self.built.iter().position(|s| s.sizes == sizes) {
-            Some(k) => self.built.remove(k),
-            None => {
-                if self.built.len() == SHAPES {
-                    self.built.remove(0);
-                }
-                tracing::debug!(inputs = ?sizes, "stages of another shape");
-                let stages = sizes.iter().map(|&(w, h)| self.first.resized(w, h));
-                Shape {
-                    stages: stages.collect::<Result<_, _>>()?,
-                    sizes,
-                }
-            }
-        };
-        self.built.push(shape);
-        let last = self.built.last_mut().expect("one was pushed");
-        Ok(&mut last.stages)
+        let first = &self.first;
+        let stages = self.built.of(sizes, |sizes| {
+            tracing::debug!(inputs = ?sizes, "stages of another shape");
+            let stages = sizes.iter().map(|&(w, h)| first.resized(w, h));
+            stages.collect::<Result<Vec<_>, _>>()
+        })?;
+        Ok(stages)
     }
 
     /// The sizes of the stages used last.
     #[cfg(test)]
     pub fn last(&self) -> Option<&[(usize, usize)]> {
-        self.built.last().map(|s| &s.sizes[..])
+        self.built.last().map(|(sizes, _)| &sizes[..])
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::assignment::assign;
 
-/// What the farthest place weighs beside one newcomer more.
+/// Small, so that one newcomer more counts for more than any distance.
 const FARTHER: f64 = 1e-3;
 
 /// Which newcomers are made sure of by one of so many who `left`. `pairs` says as whom each newcomer is recognised;

@@ -38,7 +38,7 @@ const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
 pub const VETO: f64 = 1.35;
 /// Longest absence, seconds, after which somebody is recognised by the place alone.
-pub const BY_PLACE: f64 = 3.0;
+const BY_PLACE: f64 = 3.0;
 /// Handicap per second without being seen, up to one second.
 const ABSENT: f64 = 0.25;
 
@@ -143,8 +143,9 @@ pub fn by_looks_or_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
     }
 }
 
-/// The same of where somebody stood at the last sight: after so long that nothing says that they are the same, two seen
-/// about there make sure that somebody is, up to 1. Infinite where the looks tell, or a short absence does.
+/// How far somebody is from where another one stood who left [`BY_PLACE`] seconds ago or longer; up to 1 is near. They
+/// need not be the same, but two sights of one place make sure that somebody is there. Infinite where looks tell, or the
+/// absence was shorter.
 pub fn by_former_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
     match unlike {
         None if gone >= BY_PLACE => by_place(apart, BY_PLACE),
@@ -154,7 +155,7 @@ pub fn by_former_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
 
 /// How unlike two are by the place alone, so many metres apart after `gone` seconds; up to 1 they may be the same
 /// person.
-pub fn by_place(apart: f64, gone: f64) -> f64 {
+fn by_place(apart: f64, gone: f64) -> f64 {
     apart / (0.5 + PACE[1] * gone)
 }
 

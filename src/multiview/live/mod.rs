@@ -44,7 +44,8 @@ const LOOKS: [f64; 2] = [0.6, 0.15];
 const NEWCOMER: f32 = 0.6;
 /// Pelvis and neck of somebody new are nobody known's, who is no nearer than this to both, metres.
 const APART: f64 = 0.25;
-/// Part of the views' distance that nobody else goes along with whom one view follows, so that rays meet all the way.
+/// Whoever has walked this share of the views' distance while rays met in them is the one whom one view follows: nobody
+/// else stays on its rays for so long.
 const ALONG: f64 = 0.3;
 
 /// Fits everyone whom calibrated cameras see, instant by instant. Pure and deterministic: time comes from the frames
@@ -290,8 +291,8 @@ impl LiveFit {
         self.believe(by_rays, chosen);
     }
 
-    /// Where rays meet in somebody whom one view follows, looks do not speak against it any longer when two other views
-    /// see them there, or when they have gone along. `by_rays`: what would be chosen whatever anybody looks like.
+    /// Where rays meet in somebody whom one view follows, looks are overruled when two other views see them there, or
+    /// when rays have met all along a walk. `by_rays`: what would be chosen whatever anybody looks like.
     fn believe(&mut self, by_rays: Vec<Vec<Option<usize>>>, chosen: &mut [Vec<Option<usize>>]) {
         let count = |own: &[Option<usize>]| own.iter().flatten().count();
         for (k, by_rays) in by_rays.into_iter().enumerate() {

@@ -139,7 +139,7 @@ impl Film {
 
     /// Goes on in the next file that is not there: nobody has named it to be replaced.
     fn next_part(&mut self) -> io::Result<()> {
-        self.end_part()?;
+        self.end_part(false)?;
         self.number += 1;
         while fs::symlink_metadata(self.part_path()).is_ok() {
             self.number += 1;
@@ -158,9 +158,14 @@ impl Film {
     }
 
     /// Completes the file that is being written; the name that it got in place of its own, if it did.
-    fn end_part(&mut self) -> io::Result<Option<PathBuf>> {
+    fn end_part(&mut self, is_last: bool) -> io::Result<Option<PathBuf>> {
         match std::mem::replace(&mut self.part, Part::None) {
-            Part::Open(film) => film.finish()?.finish_beside(),
+            Part::Open(film) => {
+                let file = film.finish()?;
+                // Pictures go on, and do not wait for the disk.
+                let file = if is_last { file } else { file.passing() };
+                file.finish_beside()
+            }
             // Without a picture there is no film.
             Part::Waiting(_) | Part::None => Ok(None),
         }
@@ -187,7 +192,7 @@ impl Film {
     /// # Errors
     /// [`SinkError::Write`].
     pub fn finish(mut self) -> Result<Option<String>, SinkError> {
-        let beside = self.end_part().map_err(|e| self.failed(e))?;
+        let beside = self.end_part(true).map_err(|e| self.failed(e))?;
         let mut files = vec![self.path];
         files.append(&mut self.more);
         if let Some(beside) = beside {
