@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::program::looking::{close_up, people, rendered};
+use crate::program::looking::{close_up, joints, people, rendered};
 
 /// A picture of one person, rendered, and the same from a third of the distance.
 fn far_and_near(folder: &Path) -> [image::DynamicImage; 2] {
@@ -49,11 +49,37 @@ fn somebody_who_comes_close_is_looked_at_with_a_smaller_input() {
     assert!(all(&auto[22..], &large[0]));
 }
 
+/// How far apart two people's joints that both were seen for sure are on average, pixels.
+fn apart(a: &Value, b: &Value) -> f64 {
+    let (a, b): (Vec<[f64; 3]>, Vec<[f64; 3]>) = (joints(a), joints(b));
+    let both = a.iter().zip(&b).filter(|(a, b)| a[2].min(b[2]) > 0.3);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in both {
+        sum += (a[0] - b[0]).hypot(a[1] - b[1]);
+        count += 1.0;
+    }
+    if count > 3.0 {
+        sum / count
+    } else {
+        f64::INFINITY
+    }
+}
+
 #[test]
 #[ignore = "long: the demo twice at full size on one thread"]
-fn long_the_demo_needs_no_other_input() {
+fn long_the_demo_is_seen_in_crops_as_it_is_in_whole_pictures() {
     let demo = Path::new("demo");
-    assert_eq!(people(demo, &[]), people(demo, &["--size", "512x320"]));
+    let whole = people(demo, &["--size", "512x320"]);
+    let crops = people(demo, &[]);
+    assert_ne!(crops, whole, "expected crops");
+    for (k, (crop, whole)) in crops.iter().zip(&whole).enumerate() {
+        assert_eq!(crop.len(), whole.len(), "frame {k}");
+        for person in crop {
+            let nearest = whole.iter().map(|other| apart(person, other));
+            let nearest = nearest.fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1.0, "frame {k}: {nearest} px");
+        }
+    }
 }
 
 #[test]
