@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
+use signal_hook::SigId;
+use signal_hook::consts::SIGUSR1;
 
 use super::exit::Failure;
 use super::input::path_in_words;
@@ -50,13 +52,19 @@ pub struct BridgeArgs {
 pub struct Flight {
     sink: FlightSink,
     asked: Arc<AtomicBool>,
+    /// Of the handler, which goes with this.
+    handler: SigId,
 }
 
 impl Flight {
     fn new(sink: FlightSink) -> anyhow::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
-        signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&asked))?;
-        Ok(Self { sink, asked })
+        let handler = signal_hook::flag::register(SIGUSR1, Arc::clone(&asked))?;
+        Ok(Self {
+            sink,
+            asked,
+            handler,
+        })
     }
 
     /// Saves if somebody has asked, or something `crashed`. A folder that cannot be written stops nothing.
@@ -66,6 +74,12 @@ impl Flight {
         } else if crashed {
             self.sink.save_after_crash();
         }
+    }
+}
+
+impl Drop for Flight {
+    fn drop(&mut self) {
+        signal_hook::low_level::unregister(self.handler);
     }
 }
 
@@ -175,4 +189,21 @@ fn vmc_address<'de, D: Deserializer<'de>>(from: D) -> Result<Option<SocketAddr>,
 
 fn failed(flag: &str, to: SocketAddr, e: std::io::Error) -> Failure {
     Failure::unavailable(format!("--{flag} {to}: {e}; choose another address"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera that is tried again and again would leave one each time.
+    #[test]
+    fn the_handler_of_a_flight_goes_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let sink = FlightSink::create(folder.path(), "hall").unwrap();
+        let flight = Flight::new(sink).unwrap();
+        let asked = Arc::downgrade(&flight.asked);
+        assert!(asked.strong_count() > 1);
+        drop(flight);
+        assert_eq!(asked.strong_count(), 0);
+    }
 }

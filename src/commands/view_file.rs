@@ -21,6 +21,8 @@ use crate::supervise::tie;
 const MOST_RATE: f64 = 10_000.0;
 /// Share of a view's rows out of order beyond which its times tell nothing.
 const DISORDER: f64 = 0.1;
+/// Pictures beyond which numbers are no film's: four days at 30 a second.
+const MOST_PICTURES: u64 = 10_000_000;
 
 /// One view over time.
 #[derive(Clone)]
@@ -35,13 +37,16 @@ pub struct ViewFile {
     pub frames: Vec<Vec<Observation>>,
     /// When every frame was taken, nanoseconds.
     pub times: Vec<u64>,
+    /// The film's number of every frame's picture, rising; empty where frames are of no film. Numbers that lack are of
+    /// pictures without a frame: damaged ones, and repetitions of the one before.
+    pub numbers: Vec<u64>,
     /// Times are those of the machine's clock, which every frame of a live camera was published by; not of a film.
     pub of_machine: bool,
 }
 
 impl ViewFile {
     /// Reads what `camera` saw from JSON lines or a record; a film goes through `edgecap infer` first. `lens` tells its
-    /// camera, `fov` its field of view for `infer`, degrees.
+    /// camera, `fov` its field of view for `infer`, degrees. Also how much of a film could be seen.
     ///
     /// # Errors
     /// When the file cannot be read, its pictures change size, or nobody is in it.
@@ -50,16 +55,18 @@ impl ViewFile {
         lens: CameraSource<'_>,
         fov: f64,
         path: &Path,
-    ) -> anyhow::Result<Self> {
+    ) -> anyhow::Result<(Self, Looked)> {
         if !is_film(path) {
-            return Self::of_record(camera, lens, path, path);
+            let seen = Self::of_record(camera, lens, path, path)?;
+            return Ok((seen, Looked::Whole));
         }
         let folder = tempfile::tempdir()?;
         let record = folder.path().join("observations");
-        if look(path, Some(fov), &record)? == Looked::InPart {
+        let looked = look(path, Some(fov), &record)?;
+        if looked == Looked::InPart {
             say::err(&in_part(camera));
         }
-        Self::of_record(camera, lens, &record, path)
+        Ok((Self::of_record(camera, lens, &record, path)?, looked))
     }
 
     /// Reads what `camera` saw from JSON lines or a record, which is called `named` where something is wrong with it.
@@ -81,8 +88,10 @@ impl ViewFile {
             intrinsics: Intrinsics::default(),
             frames: Vec::new(),
             times: Vec::new(),
+            numbers: Vec::new(),
             of_machine: true,
         };
+        let mut is_of_film = true;
         let mut frame = ObservationFrame::default();
         while reader.read(&mut frame)? {
             let size = [frame.width, frame.height];
@@ -97,6 +106,9 @@ impl ViewFile {
             }
             seen.frames.push(frame.people().to_vec());
             seen.times.push(frame.capture_ns);
+            is_of_film &= frame.flags & FLAG_FILE_TIME != 0;
+            is_of_film &= seen.numbers.last().is_none_or(|n| *n < frame.sequence);
+            seen.numbers.push(frame.sequence);
             // Rows of other programs may tell neither flags nor when they were published.
             let is_live = frame.flags & FLAG_FILE_TIME == 0;
             seen.of_machine &= is_live && frame.publish_ns > frame.capture_ns;
@@ -116,6 +128,12 @@ impl ViewFile {
             }
             (false, false) => {}
         }
+        let [first, last] = [seen.numbers[0], seen.numbers[seen.numbers.len() - 1]];
+        if !is_of_film || last - first > MOST_PICTURES {
+            seen.numbers.clear();
+        } else if is_film(named) {
+            seen.begin_with_film();
+        }
         if seen.frames.iter().all(Vec::is_empty) {
             return Err(Failure::data(format!(
                 "{name}: expected people in the view of camera {}, found nobody in {}; leave the view out",
@@ -125,6 +143,45 @@ impl ViewFile {
             .into());
         }
         Ok(seen)
+    }
+
+    /// Puts rows of nobody before the first one for the film's pictures there: by them it began.
+    fn begin_with_film(&mut self) {
+        let lacking = self.numbers[0];
+        let (first, next) = (self.times[0], self.times.get(1).copied().unwrap_or(0));
+        let pictures = self.numbers.get(1).map_or(1, |n| n - lacking);
+        let step = next.saturating_sub(first) / pictures;
+        let time = |k: u64| first.saturating_sub((lacking - k).saturating_mul(step));
+        self.numbers.splice(0..0, 0..lacking);
+        self.times.splice(0..0, (0..lacking).map(time));
+        let nobody = (0..lacking).map(|_| Vec::new());
+        self.frames.splice(0..0, nobody);
+    }
+
+    /// Puts a row of nobody, at a time between its neighbours, for every picture of its film that has no frame: frames
+    /// of several views that go by number, and masks, are those of the films' pictures.
+    pub fn fill(&mut self) {
+        let numbers = std::mem::take(&mut self.numbers);
+        if numbers.is_empty() {
+            return;
+        }
+        let frames = std::mem::take(&mut self.frames);
+        let times = std::mem::take(&mut self.times);
+        for ((number, people), time) in numbers.into_iter().zip(frames).zip(times) {
+            if let (Some(&before), Some(&since)) = (self.numbers.last(), self.times.last()) {
+                let pictures = u128::from(number - before);
+                let apart = u128::from(time.saturating_sub(since));
+                for k in 1..number - before {
+                    self.numbers.push(before + k);
+                    self.frames.push(Vec::new());
+                    self.times
+                        .push(since + (apart * u128::from(k) / pictures) as u64);
+                }
+            }
+            self.numbers.push(number);
+            self.frames.push(people);
+            self.times.push(time);
+        }
     }
 
     /// Whether every frame was taken after the one before.
@@ -153,6 +210,8 @@ impl ViewFile {
         self.times.retain(|_| kept.next() == Some(true));
         let mut kept = out.iter().map(|is_out| !is_out);
         self.frames.retain(|_| kept.next() == Some(true));
+        let mut kept = out.iter().map(|is_out| !is_out);
+        self.numbers.retain(|_| kept.next() == Some(true));
         for (count, what) in [
             (late, "not later than those before"),
             (early, "not earlier than those after"),
@@ -191,8 +250,9 @@ impl ViewFile {
         )
     }
 
-    /// Takes its frames to be so many a second from 0 on, whatever its times say.
+    /// Takes its frames to be so many a second from 0 on, whatever its times say; of a film, its pictures.
     pub fn at_rate(&mut self, rate: f64) {
+        self.fill();
         self.of_machine = false;
         let number = |k: usize| (1e9 * k as f64 / rate).round() as u64;
         self.times = (0..self.times.len()).map(number).collect();
@@ -205,10 +265,24 @@ impl ViewFile {
 
     /// Frames a second while somebody is in view; steps over frames that the file lacks do not count.
     pub fn rate(&self) -> Option<f64> {
+        self.rate_of(|_| 1)
+    }
+
+    /// The same by number: of a film, pictures a second.
+    pub fn rate_by_number(&self) -> Option<f64> {
+        self.rate_of(|k| match self.numbers.get(k..k + 2) {
+            Some(pair) => pair[1] - pair[0],
+            None => 1,
+        })
+    }
+
+    /// The usual rate where `frames` tells of how many frames the step after a row is.
+    fn rate_of(&self, frames: impl Fn(usize) -> u64) -> Option<f64> {
         let each = self.times.windows(2).zip(self.frames.windows(2));
-        let steps = each.filter_map(|(times, seen)| {
+        let steps = each.enumerate().filter_map(|(k, (times, seen))| {
             let step = times[1].checked_sub(times[0]).filter(|step| *step > 0)?;
-            Some((step as f64 * 1e-9, seen.iter().all(|s| !s.is_empty())))
+            let step = step as f64 * 1e-9 / frames(k) as f64;
+            Some((step, seen.iter().all(|s| !s.is_empty())))
         });
         usual_rate(steps).map(|rate| rate.min(MOST_RATE))
     }
@@ -349,6 +423,7 @@ mod tests {
                 .map(|k| vec![Observation::default(); k])
                 .collect(),
             times,
+            numbers: Vec::new(),
             of_machine: true,
         }
     }
@@ -397,6 +472,77 @@ mod tests {
         assert_eq!(views[0].disorder(), 50);
         assert!(!ViewFile::put_in_order(&mut views, &mut Vec::new()));
         assert_eq!(views[0].times.len(), 100);
+    }
+
+    #[test]
+    fn rows_of_a_film_are_its_pictures_where_it_goes_by_number() {
+        let numbers = [2, 3, 4, 7, 8];
+        let mut view = timed(numbers.map(|n| 40_000_000 * n).to_vec());
+        view.numbers = numbers.to_vec();
+        view.begin_with_film();
+        view.fill();
+        assert_eq!(view.numbers, (0..9).collect::<Vec<_>>());
+        let even: Vec<u64> = (0..9).map(|n| 40_000_000 * n).collect();
+        assert_eq!(view.times, even);
+        let people: Vec<usize> = view.frames.iter().map(Vec::len).collect();
+        assert_eq!(people, [0, 0, 0, 1, 2, 0, 0, 3, 4]);
+        view.fill();
+        assert_eq!(view.times, even, "nothing lacks");
+
+        // One that repeats every other picture.
+        let mut view = timed((0..20).map(|k| 80_000_000 * k).collect());
+        view.numbers = (0..20).map(|k| 2 * k).collect();
+        assert!((view.rate().unwrap() - 12.5).abs() < 1e-6);
+        assert!((view.rate_by_number().unwrap() - 25.0).abs() < 1e-6);
+        view.at_rate(25.0);
+        assert_eq!(view.times.len(), 39);
+        assert_eq!(view.frames[38].len(), 19);
+        assert_eq!(view.times[38], 38 * 40_000_000);
+    }
+
+    #[test]
+    fn numbers_are_kept_of_frames_of_a_film_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("seen");
+        let numbers = |all: &[u64], flags: u32, named: &str| {
+            let mut file =
+                RecordWriter::<ObservationsRow>::create(&record, Format::Binary).unwrap();
+            for &sequence in all {
+                let frame = ObservationFrame {
+                    sequence,
+                    capture_ns: 1000 * sequence,
+                    flags,
+                    width: 640,
+                    height: 480,
+                    intrinsics: Intrinsics::from_horizontal_fov(640, 480, 60.0),
+                    count: 1,
+                    ..ObservationFrame::default()
+                };
+                file.write(&frame, "").unwrap();
+            }
+            file.finish().unwrap();
+            let lens = CameraSource::Recorded {
+                fov_degrees: DEFAULT_FOV,
+            };
+            let seen = ViewFile::of_record("hall", lens, &record, named.as_ref()).unwrap();
+            (seen.numbers, seen.times)
+        };
+        let at = |all: &[u64]| (all.to_vec(), all.iter().map(|n| 1000 * n).collect());
+        assert_eq!(
+            numbers(&[2, 3, 5], FLAG_FILE_TIME, "a.jsonl"),
+            at(&[2, 3, 5])
+        );
+        assert_eq!(
+            numbers(&[2, 3, 5], FLAG_FILE_TIME, "a.avi"),
+            at(&[0, 1, 2, 3, 5])
+        );
+        for (all, flags) in [
+            (&[2, 3, 5], 0),
+            (&[2, 2, 5], FLAG_FILE_TIME),
+            (&[2, 3, u64::MAX >> 12], FLAG_FILE_TIME),
+        ] {
+            assert!(numbers(all, flags, "a.jsonl").0.is_empty());
+        }
     }
 
     #[test]

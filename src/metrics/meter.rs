@@ -42,7 +42,7 @@ struct Counts {
     people: u32,
     stages: [Histogram; STAGES.len()],
     latency: Histogram,
-    restarts: Vec<(&'static str, u64)>,
+    starts: Vec<(&'static str, Starts)>,
     reconnects: u64,
     is_away: bool,
     /// When, since this machine started, and what.
@@ -56,6 +56,21 @@ struct Counts {
     gaps: [Option<Duration>; 2],
     looked: Option<Instant>,
     ended: bool,
+}
+
+/// How often a process was started.
+#[derive(Debug, Clone, Copy, Default)]
+struct Starts {
+    /// Before the camera began anew.
+    before: u64,
+    since: u64,
+}
+
+impl Starts {
+    /// Once is not again.
+    fn again(self) -> u64 {
+        (self.before + self.since).saturating_sub(1)
+    }
 }
 
 /// How a camera is doing at this moment.
@@ -110,7 +125,7 @@ impl Meter {
             started: since_boot(),
             silent_after: SILENT_AFTER,
             counts: Mutex::new(Counts {
-                restarts: processes.iter().map(|p| (*p, 0)).collect(),
+                starts: processes.iter().map(|p| (*p, Starts::default())).collect(),
                 ..Counts::default()
             }),
         }
@@ -178,11 +193,18 @@ impl Meter {
         counts.recent.push_back((now, age));
     }
 
-    /// A process has been started so often.
+    /// A process has been started so often since the camera began.
     pub fn started(&self, process: &str, starts: u64) {
         let mut counts = self.counts();
-        if let Some((_, n)) = counts.restarts.iter_mut().find(|(p, _)| *p == process) {
-            *n = starts.saturating_sub(1);
+        if let Some((_, n)) = counts.starts.iter_mut().find(|(p, _)| *p == process) {
+            n.since = starts;
+        }
+    }
+
+    /// The camera has ended and begins anew; so do those who count its processes.
+    pub fn begins_anew(&self) {
+        for (_, n) in &mut self.counts().starts {
+            n.before += std::mem::take(&mut n.since);
         }
     }
 
@@ -257,9 +279,9 @@ impl Meter {
             latency_ms: age(0.5),
             latency_p99_ms: age(0.99),
             restarts: counts
-                .restarts
+                .starts
                 .iter()
-                .map(|(process, n)| ((*process).to_owned(), *n))
+                .map(|(process, n)| ((*process).to_owned(), n.again()))
                 .collect(),
             reconnects: counts.reconnects,
             last_error: counts.last_error.as_ref().map(|(_, what)| what.clone()),
@@ -338,6 +360,18 @@ mod tests {
             meter.camera(is_there);
         }
         assert_eq!(meter.snapshot().reconnects, 1);
+    }
+
+    #[test]
+    fn restarts_go_on_where_a_camera_begins_anew() {
+        let meter = Meter::new("hall", "camera", &["infer"]);
+        let told = |starts: u64| {
+            meter.started("infer", starts);
+            meter.snapshot().restarts[0].1
+        };
+        assert_eq!([0, 1, 3].map(told), [0, 0, 2]);
+        meter.begins_anew();
+        assert_eq!([0, 1, 2].map(told), [2, 3, 4]);
     }
 
     #[test]

@@ -78,12 +78,14 @@ impl FlightSink {
     fn begin(&self, crashed: bool) {
         let now = Instant::now();
         let mut inner = self.lock();
-        if inner.is_under_way()
-            || crashed
-                && inner
-                    .saved
-                    .is_some_and(|t| now.saturating_duration_since(t) < BETWEEN)
-        {
+        if inner.is_under_way() {
+            if !crashed {
+                tracing::warn!("the last minute is still being written; ask again later");
+            }
+            return;
+        }
+        let is_same = |t| now.saturating_duration_since(t) < BETWEEN;
+        if crashed && inner.saved.is_some_and(is_same) {
             return;
         }
         // A crash of which nothing was kept leaves the next one its file.

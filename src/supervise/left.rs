@@ -6,9 +6,6 @@ use std::time::{Duration, Instant};
 
 /// How often is looked whether one is gone.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
-/// With so many left behind the next one would be, too: each takes memory and a process number.
-const MOST: usize = 2;
-
 /// Waits for a process until a time at most; the process, where it is not gone by then.
 pub fn wait(mut process: Child, until: Instant) -> Option<Child> {
     while matches!(process.try_wait(), Ok(None)) {
@@ -43,11 +40,6 @@ impl Left {
         self.0.is_empty()
     }
 
-    /// Whether there are so many that no other is to be started before one of them is gone.
-    pub fn are_many(&self) -> bool {
-        self.0.len() >= MOST
-    }
-
     /// Forgets those that are gone, so that the system can, too.
     pub fn look(&mut self) {
         self.0.retain_mut(|p| matches!(p.try_wait(), Ok(None)));
@@ -59,23 +51,19 @@ pub(super) mod tests {
     use super::*;
     use std::process::{ChildStdin, Command, Stdio};
 
-    /// Some that end when their inputs do: until then they are as those that no signal reaches.
-    pub fn some_left(count: usize) -> (Left, Vec<ChildStdin>) {
-        let mut inputs = Vec::new();
-        let mut start = |_| {
-            let mut cat = Command::new("cat");
-            let cat = cat.stdin(Stdio::piped()).stdout(Stdio::null());
-            let mut process = cat.spawn().unwrap();
-            inputs.extend(process.stdin.take());
-            wait(process, Instant::now()).expect("it goes on")
-        };
-        let left = Left((0..count).map(&mut start).collect());
-        (left, inputs)
+    /// One that ends when its input does: until then it is as one that no signal reaches.
+    pub fn one_left() -> (Left, Option<ChildStdin>) {
+        let mut cat = Command::new("cat");
+        let cat = cat.stdin(Stdio::piped()).stdout(Stdio::null());
+        let mut process = cat.spawn().unwrap();
+        let input = process.stdin.take();
+        let process = wait(process, Instant::now()).expect("it goes on");
+        (Left(vec![process]), input)
     }
 
     #[test]
     fn nobody_waits_for_one_that_does_not_end() {
-        let (mut left, input) = some_left(1);
+        let (mut left, input) = one_left();
         left.look();
         assert_eq!(left.0.len(), 1);
         drop(input);

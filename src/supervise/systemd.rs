@@ -92,6 +92,12 @@ impl ServiceManager {
         self.told().cameras[camera].is_over = true;
     }
 
+    /// Whether it has heard that the service is ready.
+    #[cfg(test)]
+    pub(crate) fn is_ready(&self) -> bool {
+        self.told().is_ready
+    }
+
     /// The end begins.
     pub fn stopping(&self) {
         if !std::mem::replace(&mut self.told().is_stopping, true) {
@@ -220,8 +226,8 @@ mod tests {
 
     #[test]
     fn the_units_have_room_for_the_files_of_32_cameras() {
-        // Open in `run` for each with the page, and readers of the page besides.
-        let (of_camera, of_readers) = (36, 1024);
+        // Open in `run` for each with pictures on the page, and readers of the page besides.
+        let (of_camera, of_readers) = (53, 1024);
         for unit in UNITS {
             let most: u32 = setting(unit, "LimitNOFILE").parse().unwrap();
             assert!(most >= 32 * of_camera + of_readers, "{most}");

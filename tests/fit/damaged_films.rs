@@ -4,16 +4,22 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::Path;
 
+use edgecap::camera::calibration::{self, write_pose2sim};
 use edgecap::capture::AviWriter;
 use edgecap::lab::multiview::own::{own, steady};
+use edgecap::message::{FLAG_FILE_TIME, ObservationFrame};
 use edgecap::multiview::Mask;
+use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use image::ImageEncoder;
+use serde_json::Value;
 
-use crate::many_views::files;
-use crate::program::{assert_fails, output, stderr};
+use crate::program::{assert_fails, output, stderr, stdout};
 
 /// Frames of a film.
-const FRAMES: usize = 12;
+const FRAMES: usize = 24;
+/// The picture of the first film that is damaged; it and the second end inside others.
+const DAMAGED: usize = 5;
+const ENDS: [usize; 2] = [20, 21];
 
 /// Where the bytes of every picture of an AVI begin, and how many there are.
 fn pictures(avi: &[u8]) -> Vec<(usize, usize)> {
@@ -38,15 +44,15 @@ fn what_could_be_read_of_films_is_used_and_looked_at_once() {
     args.extend(["--frames", &count, "--out", &hall]);
     let out = output(&args);
     assert!(out.status.success(), "{}", stderr(&out));
-    // A picture of the first is of zeros, the second ends inside one.
+    // A picture of the first is of zeros, both end inside one.
     let films = ["hall/cam01.avi", "hall/cam02.avi"].map(at);
-    let mut first = fs::read(&films[0]).unwrap();
-    let (start, length) = pictures(&first)[5];
-    first[start..start + length].fill(0);
-    fs::write(&films[0], first).unwrap();
+    damage(&films[0], DAMAGED);
     let second = fs::read(&films[1]).unwrap();
-    let (start, length) = pictures(&second)[FRAMES / 2];
-    fs::write(&films[1], &second[..start + length / 2]).unwrap();
+    for (film, end) in films.iter().zip(ENDS) {
+        let whole = fs::read(film).unwrap();
+        let (start, length) = pictures(&whole)[end];
+        fs::write(film, &whole[..start + length / 2]).unwrap();
+    }
 
     let (calibration, run) = (at("hall/Calib.toml"), at("run"));
     let args = ["multiview", "--calibration", &calibration, "--sync", "none"];
@@ -57,7 +63,7 @@ fn what_could_be_read_of_films_is_used_and_looked_at_once() {
     let said = stderr(&out);
     assert_eq!(out.status.code(), Some(64), "{said}");
     assert!(
-        said.contains("frame 5: ") && said.contains("frames 0 to 5"),
+        said.contains("frame 5: ") && said.contains("frames 0 to 19"),
         "{said}"
     );
     let out = output(&args);
@@ -68,8 +74,10 @@ fn what_could_be_read_of_films_is_used_and_looked_at_once() {
         !said.contains("frame 5: "),
         "it was looked at again: {said}"
     );
+    // The picture that could not be read keeps its number.
     let lines = fs::read_to_string(at("run/bodies.jsonl")).unwrap();
-    assert_eq!(lines.lines().count(), FRAMES / 2);
+    let last: Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
+    assert_eq!(last["frame"], ENDS[0] - 1, "{last}");
     let report = fs::read_to_string(at("run/report.json")).unwrap();
     for camera in ["cam01", "cam02"] {
         let note = format!("camera {camera}: its film is damaged or cut off");
@@ -86,7 +94,7 @@ fn what_could_be_read_of_films_is_used_and_looked_at_once() {
     // Of one without any picture there is nothing to keep.
     let mut nothing = fs::read(&films[1]).unwrap();
     let all = pictures(&second);
-    for (start, length) in &all[..FRAMES / 2] {
+    for (start, length) in &all[..ENDS[1]] {
         nothing[*start..start + length].fill(0);
     }
     let (film, none) = (at("nothing.avi"), at("none"));
@@ -99,7 +107,42 @@ fn what_could_be_read_of_films_is_used_and_looked_at_once() {
     assert!(!Path::new(&none).exists());
 }
 
-/// A film of outlines before an even wall; `None` is a picture of zeros.
+#[test]
+fn cameras_are_found_by_what_could_be_read_of_films() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let hall = at("hall");
+    let synth = "synth --views 2 --people 1 --fps 30 --width 640 --height 400 --seed 2 --frames 36";
+    let mut args: Vec<&str> = synth.split(' ').collect();
+    args.extend(["--out", &hall]);
+    let out = output(&args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let (lens, found) = (at("hall/Calib.toml"), at("found.toml"));
+    let films = ["hall/cam01.avi", "hall/cam02.avi"].map(at);
+    damage(&films[0], DAMAGED);
+    let args = ["calibrate", "--stature", "1.7", "--lens", &lens];
+    let views = ["--view", &films[0], "--view", &films[1], "--out", &found];
+    let out = output(&[&args[..], &views].concat());
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(65), "{said}");
+    assert!(
+        said.contains("frame 5: ") && said.contains("camera cam01: its film is damaged"),
+        "{said}"
+    );
+    assert!(stdout(&out).contains("held out px"), "{}", stdout(&out));
+    assert_eq!(calibration::read(found.as_ref()).unwrap().views.len(), 2);
+}
+
+/// Fills a picture of an AVI with zeros.
+fn damage(film: &str, picture: usize) {
+    let mut bytes = fs::read(film).unwrap();
+    let (start, length) = pictures(&bytes)[picture];
+    bytes[start..start + length].fill(0);
+    fs::write(film, bytes).unwrap();
+}
+
+/// A film of outlines before an even wall, which is all there is where an outline is of nobody; `None` is a picture of
+/// zeros.
 fn film(path: &str, pictures: &[Option<Mask>]) {
     let [w, h] = pictures.iter().flatten().next().unwrap().size;
     let file = BufWriter::new(File::create(path).unwrap());
@@ -121,31 +164,65 @@ fn film(path: &str, pictures: &[Option<Mask>]) {
     avi.finish().unwrap();
 }
 
-/// `infer` writes no row of a picture that it cannot read: the film's other pictures are the record's frames.
+/// Somebody who leaves: a mask that is made of the picture after its frame's is of nobody in the last frame.
 #[test]
 fn masks_are_of_the_pictures_that_were_observed() {
-    const ROWS: usize = 6;
+    const ROWS: usize = 15;
+    const LEAVES: usize = 7;
+    const LOST: usize = 2;
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    files(folder.path(), 3, ROWS);
-    let trial = own(5, 3, ROWS, steady(5));
-    let mut pictures: Vec<Option<Mask>> = (0..ROWS).map(|k| Some(trial.mask(k, 0))).collect();
-    film(&at("whole.avi"), &pictures);
-    pictures.insert(2, None);
-    film(&at("damaged.avi"), &pictures);
+    let trial = own(5, 3, LEAVES, steady(5));
     let calibration = at("Calib.toml");
-    let records = trial.views.iter().map(|v| at(&format!("{}.jsonl", v.name)));
-    let records: Vec<String> = records.collect();
-    let bodies = ["whole", "damaged"].map(|name| {
+    fs::write(&calibration, write_pose2sim(&trial.views)).unwrap();
+    let outlines = (0..ROWS).map(|k| {
+        let mut mask = trial.mask(k.min(LEAVES - 1), 0);
+        if k >= LEAVES {
+            mask.owners.fill(0);
+        }
+        Some(mask)
+    });
+    let mut pictures: Vec<Option<Mask>> = outlines.collect();
+    film(&at("whole.avi"), &pictures);
+    pictures[LOST] = None;
+    film(&at("damaged.avi"), &pictures);
+    let contours = ["whole", "damaged"].map(|name| {
         let (run, film) = (at(name), at(&format!("{name}.avi")));
         let film = format!("{}={film}", trial.views[0].name);
         let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
         args.extend(["--sync", "none", "--no-dct", "--masks", "background"]);
         args.extend(["--film", &film]);
+        let records = trial.views.iter().enumerate().map(|(v, view)| {
+            let path = at(&format!("{}.jsonl", view.name));
+            let mut file =
+                RecordWriter::<ObservationsRow>::create(path.as_ref(), Format::Jsonl).unwrap();
+            // `infer` writes no row of a picture that it cannot read, and counts it.
+            let is_lost = |k: usize| name == "damaged" && v == 0 && k == LOST;
+            for k in (0..ROWS).filter(|k| !is_lost(*k)) {
+                let people = trial.seen.get(k).map_or(&[][..], |views| &views[v]);
+                let mut message = ObservationFrame {
+                    sequence: k as u64,
+                    capture_ns: k as u64 * 33_333_333,
+                    flags: FLAG_FILE_TIME,
+                    width: view.size[0],
+                    height: view.size[1],
+                    intrinsics: view.intrinsics(),
+                    count: people.len() as u32,
+                    ..ObservationFrame::default()
+                };
+                message.people[..people.len()].copy_from_slice(people);
+                file.write(&message, "").unwrap();
+            }
+            file.finish().unwrap();
+            path
+        });
+        let records: Vec<String> = records.collect();
         args.extend(records.iter().flat_map(|r| ["--view", r]));
         let out = output(&args);
         assert!(out.status.success(), "{name}: {}", stderr(&out));
-        fs::read(at(&format!("{name}/bodies.npz"))).unwrap()
+        let report = fs::read_to_string(at(&format!("{name}/report.json"))).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        report["views"][0]["contours"].as_u64().unwrap() as usize
     });
-    assert!(bodies[0] == bodies[1], "the masks are of other frames");
+    assert_eq!(contours, [LEAVES, LEAVES - 1]);
 }

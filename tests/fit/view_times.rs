@@ -125,6 +125,8 @@ fn results_tell_whose_clock_their_times_are_of() {
         &files[0],
         "--view",
         &files[1],
+        "--view",
+        &files[2],
     ];
     let file = u64::from(FLAG_FILE_TIME);
     assert_eq!(flags("live", &all), [0; 8]);

@@ -9,7 +9,7 @@ use edgecap::body::skeleton::{Posed, Skeleton};
 use edgecap::camera::calibration::write_pose2sim;
 use edgecap::camera::{View, monotonic_ns};
 use edgecap::message::{
-    BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame,
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame,
 };
 use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use edgecap_client::{Publisher, Subscriber};
@@ -413,21 +413,27 @@ fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
     assert!(out.status.success(), "{}", stderr(&out));
 }
 
+/// A settings file for cameras of these names that have nothing to do with each other.
+fn apart(folder: &Path, names: &[String], cameras: &[StandIn]) -> String {
+    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
+    for (name, camera) in names.iter().zip(cameras) {
+        let input = camera.input();
+        settings += &format!("[[camera]]\nname = {name:?}\ninput = {input:?}\n");
+    }
+    let file = folder.join("edgecap.toml");
+    std::fs::write(&file, settings).unwrap();
+    file.display().to_string()
+}
+
 #[test]
 fn one_of_several_cameras_that_cannot_start_at_first_is_tried_again() {
     let folder = tempfile::tempdir().unwrap();
     let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
     let names = ["apart-again0", "apart-again1"].map(stream);
-    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
-    for (name, camera) in names.iter().zip(&cameras) {
-        let input = camera.input();
-        settings += &format!("[[camera]]\nname = {name:?}\ninput = {input:?}\n");
-    }
-    let file = folder.path().join("edgecap.toml");
-    std::fs::write(&file, settings).unwrap();
+    let file = apart(folder.path(), &names, &cameras);
     let taken = Publisher::<ObservationFrame>::open(&names[1]).unwrap();
     let second = Subscriber::<BodyFrame>::open(&names[1]).unwrap();
-    let mut run = Running::start(&["run", "--config", file.to_str().unwrap()]);
+    let mut run = Running::start(&["run", "--config", &file]);
     let line = run.says("the others go on");
     assert!(line.contains(&names[1]), "{line}");
     drop(taken);
@@ -438,6 +444,50 @@ fn one_of_several_cameras_that_cannot_start_at_first_is_tried_again() {
     signal(run.pid(), "TERM");
     let out = run.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn a_stop_while_one_of_several_cameras_is_tried_again_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
+    let names = ["apart-stop0", "apart-stop1"].map(stream);
+    let file = apart(folder.path(), &names, &cameras);
+    let _taken = Publisher::<ObservationFrame>::open(&names[1]).unwrap();
+    let first = Subscriber::<BodyFrame>::open(&names[0]).unwrap();
+    let mut run = Running::start(&["run", "--config", &file]);
+    run.says("the others go on");
+    eventually("bodies of the first camera", || {
+        first.next(Duration::from_millis(200)).unwrap()
+    });
+    drop(first);
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn a_camera_that_is_tried_again_says_once_what_it_publishes() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
+    let names = ["apart-once0", "apart-once1"].map(stream);
+    let file = apart(folder.path(), &names, &cameras);
+    // Its process for bodies publishes events, too, and cannot.
+    let taken = Publisher::<EventFrame>::open(&names[1]).unwrap();
+    let second = Subscriber::<BodyFrame>::open(&names[1]).unwrap();
+    let mut run = Running::start(&["run", "--config", &file]);
+    let line = run.says("the others go on");
+    assert!(line.contains(&names[1]), "{line}");
+    drop(taken);
+    eventually("bodies of the second camera", || {
+        second.next(Duration::from_millis(200)).unwrap()
+    });
+    drop(second);
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    let again = |line: &&str| line.contains("→ shared memory") && line.contains(&names[1]);
+    assert_eq!(said.lines().find(again), None, "{said}");
 }
 
 #[test]

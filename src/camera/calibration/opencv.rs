@@ -7,7 +7,7 @@ use super::storage::Storage;
 use crate::camera::{CameraError, View};
 
 /// What programs call the coefficients: OpenCV's own tool first.
-const DISTORTION: [&str; 13] = [
+const DISTORTION: [&str; 15] = [
     "distortion_coefficients",
     "distortion_coeffs",
     "distortion_coefs",
@@ -18,6 +18,8 @@ const DISTORTION: [&str; 13] = [
     "dist_coefs",
     "distCoeffs",
     "distCoeff",
+    "distCoefs",
+    "distCoef",
     "dist",
     "D",
     "D1",

@@ -67,20 +67,12 @@ impl Lenses {
         Ok(Self { known })
     }
 
-    /// How many times as large the distortion of some lens may be meant as its file has it; every such scale once.
-    pub fn other_scales(&self) -> Vec<f64> {
-        let mut scales: Vec<f64> = Vec::new();
-        for (_, lens) in &self.known {
-            if let Lens::Calibrated {
-                other_scale: Some(scale),
-                ..
-            } = lens
-                && !scales.contains(scale)
-            {
-                scales.push(*scale);
-            }
+    /// How many times as large the distortion of a camera's lens may be meant as its file has it, where nobody knows.
+    pub fn other_scale(&self, name: &str) -> Option<f64> {
+        match self.lens(name) {
+            Some(Lens::Calibrated { other_scale, .. }) => *other_scale,
+            Some(Lens::File(_)) | None => None,
         }
-        scales
     }
 
     /// Whether a lens was given for a camera, or for all.

@@ -15,9 +15,7 @@ use super::multiview::{named as one_named, told};
 use super::say;
 use crate::board::Board;
 use crate::camera::View;
-use crate::camera::calibration::{
-    check, read_pose2sim, write_doubtful, write_measured, write_pose2sim,
-};
+use crate::camera::calibration::{check, read_pose2sim, write_doubtful, write_measured};
 use crate::output;
 
 /// Options of `edgecap calibrate`.
@@ -135,22 +133,37 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     Ok(all)
 }
 
-/// Writes a calibration, if it is one that is read again, which says that edgecap wrote it; where a given lens file can
-/// be read two ways, so can this one.
+/// Writes a calibration, if it is one that is read again, which says that edgecap wrote it; where the files of all lenses
+/// can be read in the same two ways, so can this one.
 ///
 /// # Errors
 /// When `multiview` would refuse the cameras, or the file cannot be written.
 fn write(out: &Path, views: &[View], lenses: &Lenses) -> anyhow::Result<()> {
     let name = out.display().to_string();
-    let text = match lenses.other_scales()[..] {
-        [] => write_measured(views),
-        [scale] => write_doubtful(views, scale),
-        // Of lenses from several files no one scale is the other's.
-        _ => write_pose2sim(views),
+    let scales = views.iter().map(|view| lenses.other_scale(&view.name));
+    let scales: Vec<Option<f64>> = scales.collect();
+    let is_one = scales.windows(2).all(|pair| pair[0] == pair[1]);
+    let text = match scales.first() {
+        Some(Some(scale)) if is_one => write_doubtful(views, *scale),
+        // One scale for all would change lenses of which nobody doubts.
+        _ => {
+            let doubtful = views.iter().zip(&scales).filter(|(_, s)| s.is_some());
+            for (view, _) in doubtful {
+                say::err(&as_taken(&view.name));
+            }
+            write_measured(views)
+        }
     };
     let again = read_pose2sim(&text, &name).and_then(|views| check(&name, views));
     again.map_err(|e| Failure::data(e.to_string()))?;
     output::write(out, text.as_bytes()).map_err(|e| Failure::output(out, &e).into())
+}
+
+/// What is said of a camera whose lens may be meant in another scale, where those of others may not.
+fn as_taken(camera: &str) -> String {
+    format!(
+        "camera {camera}: the second reading of its lens is not written, as it is not that of all cameras; if places are wrong, give --lens {camera}=FILE with its distortion in the other scale"
+    )
 }
 
 /// Prints the report for people, where it does not mix with the result.
@@ -171,6 +184,7 @@ mod tests {
 
     use super::*;
     use crate::camera::Brown;
+    use crate::camera::calibration::write_pose2sim;
 
     fn views(names: [&str; 2]) -> Vec<View> {
         let one = |(k, name): (usize, &str)| View {
@@ -230,6 +244,39 @@ mod tests {
         let (other, what) = read.alternative.unwrap();
         assert_eq!(what, "distortion divided by 64");
         assert!((other[0].distortion.radial[0] + 0.2 / 64.0).abs() < 1e-12);
+    }
+
+    /// Of two cameras one is of QTM's file, which can be read two ways; that of a third is not used.
+    #[test]
+    fn lenses_with_one_reading_get_no_second_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let mut cameras = views(["a", "b"]);
+        for view in &mut cameras {
+            // As QTM would have it, -0.19.
+            view.distortion.radial[0] = -0.003;
+        }
+        std::fs::write(at("other.toml"), write_pose2sim(&cameras)).unwrap();
+        std::fs::write(at("own.toml"), write_measured(&cameras)).unwrap();
+        let given = |lens: &str, of: &str| format!("{of}={}", at(lens).display());
+        let all = ["a", "b", "c"].map(|name| (name.to_owned(), PathBuf::from("none")));
+        for (of, has_both) in [("b", false), ("a", false), ("c", false), ("both", true)] {
+            let lens = match of {
+                "both" => vec![at("other.toml").display().to_string()],
+                of => vec![
+                    at("own.toml").display().to_string(),
+                    given("other.toml", of),
+                ],
+            };
+            let lenses = Lenses::read(&lens, &all).unwrap();
+            write(&at("Calib.toml"), &cameras, &lenses).unwrap();
+            let read = crate::camera::calibration::read(&at("Calib.toml")).unwrap();
+            assert_eq!(read.alternative.is_some(), has_both, "{of}");
+            assert_eq!(
+                lenses.other_scale("c").is_some(),
+                ["c", "both"].contains(&of)
+            );
+        }
     }
 
     #[test]

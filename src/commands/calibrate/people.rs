@@ -11,10 +11,10 @@ use crate::capture::is_photo;
 use crate::commands::common_time::{
     Common, about_together, by_clock, by_number, by_times, expect_no_other_start,
 };
-use crate::commands::exit::Failure;
+use crate::commands::exit::{self, Failure};
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
-use crate::commands::view_file::{ViewFile, is_film};
+use crate::commands::view_file::{Looked, ViewFile, is_film};
 use crate::message::Observation;
 use crate::multiview::{Detections, Sight, agreement, to_view};
 use crate::record::CameraSource;
@@ -31,7 +31,7 @@ const SEVERAL: f64 = 3.0;
 const NOISE: f64 = 3.0;
 /// Seconds by which the time of a film is tried first, and then; at last by a frame.
 const STEPS: [f64; 2] = [0.4, 0.1];
-/// Farthest that films are looked for apart, seconds.
+/// Farthest that films are looked for apart, and most by which they may differ in length, seconds.
 const MOST_APART: f64 = 1.0;
 /// Rays must meet so many times better at another time.
 const BETTER: f64 = 1.02;
@@ -47,7 +47,8 @@ const OTHERWISE: &str = "give files of one time, or --fps if frames belong toget
 /// Cameras by what they saw of people.
 ///
 /// # Errors
-/// When a file cannot be read, views do not go together, or too little was seen of anybody.
+/// When a file cannot be read, views do not go together, or too little was seen of anybody; where a film could be seen
+/// in part alone, after the cameras are written.
 pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::Result<()> {
     if files.len() < 2 {
         return Err(Failure::usage(format!(
@@ -70,12 +71,14 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     let mut notes = Vec::new();
     let scale = scale(args, &names, &mut notes)?;
     let (mut seen, mut views, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
+    let mut are_whole = true;
     for (name, file) in files {
         let fov = lenses.fov_degrees(name);
         let told = CameraSource::Recorded {
             fov_degrees: fov as f32,
         };
-        let mut read = ViewFile::read(name, told, fov, file)?;
+        let (mut read, looked) = ViewFile::read(name, told, fov, file)?;
+        are_whole &= looked == Looked::Whole;
         // Films are looked at as they are shown; records may be of pictures that were turned.
         let view = match is_film(file) {
             true => lenses.of(name, read.size),
@@ -138,7 +141,12 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         say::err(note);
     }
     write(&args.out, &room.views, &lenses)?;
-    report(&args.out, &table(&room))
+    let told = report(&args.out, &table(&room));
+    // Places are of what could be read of a film; what is wrong with it has been said.
+    match are_whole {
+        true => told,
+        false => Err(Failure::silent(exit::DATA).into()),
+    }
 }
 
 /// Cameras by views that were brought to one time.
@@ -258,6 +266,7 @@ impl<'a> Search<'a> {
                 name: view.name.clone(),
                 frames: each.collect(),
                 times: view.times.clone(),
+                numbers: view.numbers.clone(),
                 ..*view
             }
         };

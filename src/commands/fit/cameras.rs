@@ -247,7 +247,11 @@ fn fit_all(
             is_idle = false;
         }
         if is_idle {
-            heart.beat(Beat::Idle);
+            let beat = match cameras.are_of_no_use(Instant::now()) {
+                true => Beat::Away,
+                false => Beat::Idle,
+            };
+            heart.beat(beat);
         }
         if together.has_ended() {
             break;
@@ -408,12 +412,17 @@ impl<'a> Cameras<'a> {
         // Which of several comes first is chance: one that fits may be about to.
         let is_sure = self.have_fitted || is_long;
         if is_sure && !std::mem::replace(&mut self.each[camera].is_other, true) {
-            tracing::warn!(
-                "{}; until then bodies come of the other cameras",
-                told(&why)
-            );
+            tracing::warn!("{}; until then it is left out", told(&why));
         }
         Ok(())
+    }
+
+    /// Whether some camera is left out, and none comes `now` that goes with the calibration.
+    fn are_of_no_use(&self, now: Instant) -> bool {
+        let mut going_on = self.each.iter().filter(|c| !c.ended);
+        let counts =
+            |c: &Camera| c.other.is_none() && c.size.is_some() && !c.is_silent(self.began, now);
+        going_on.clone().any(|c| c.other.is_some()) && !going_on.any(counts)
     }
 
     /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.
@@ -548,6 +557,30 @@ mod tests {
             let later = checked(&mut cameras, 0, false, 5.1);
             assert_eq!(later, if are_awaited { Ok(false) } else { Err(DATA) });
         }
+    }
+
+    #[test]
+    fn cameras_that_are_all_left_out_are_of_no_use() {
+        let names = ["hall".to_owned(), "yard".to_owned()];
+        let mut cameras = Cameras {
+            are_awaited: true,
+            ..Cameras::new(&names)
+        };
+        let began = cameras.began;
+        let are_of_no_use = |cameras: &Cameras<'_>, after: f64| {
+            cameras.are_of_no_use(began + Duration::from_secs_f64(after))
+        };
+        assert!(!are_of_no_use(&cameras, 0.0), "none has come");
+        assert_eq!(checked(&mut cameras, 0, false, 0.1), Ok(false));
+        assert!(are_of_no_use(&cameras, 0.1), "the other one has not come");
+        assert_eq!(checked(&mut cameras, 1, true, 1.0), Ok(true));
+        assert_eq!(checked(&mut cameras, 0, false, 1.1), Ok(false));
+        assert!(!are_of_no_use(&cameras, 1.1));
+        // The one that fits is unplugged.
+        assert_eq!(checked(&mut cameras, 0, false, 9.0), Ok(false));
+        assert!(are_of_no_use(&cameras, 9.0));
+        assert_eq!(checked(&mut cameras, 0, true, 9.1), Ok(true));
+        assert!(!are_of_no_use(&cameras, 9.1));
     }
 
     #[test]

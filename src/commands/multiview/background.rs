@@ -116,22 +116,31 @@ impl Film<'_> {
         )?)
     }
 
-    /// Hears every picture of a frame of the scene.
+    /// Hears every picture of a frame of the scene; frames of pictures that the film repeats or that cannot be read have
+    /// none.
     fn each(
         &self,
         hear: &mut dyn FnMut(usize, &Frame) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let (mut source, mut frame) = (self.open()?, Frame::default());
+        let numbers = &self.scene.pictures[self.number];
+        let count = self.scene.frames.len();
         let mut k = 0;
-        while k < self.scene.frames.len() {
+        while k < count {
             match source.next_into(&mut frame) {
                 Ok(true) => {
                     self.expect_size(&frame)?;
-                    hear(k, &frame)?;
-                    k += 1;
+                    let is_before = |k: usize| numbers.get(k).is_some_and(|n| *n < frame.sequence);
+                    while k < count && is_before(k) {
+                        k += 1;
+                    }
+                    // Without numbers the pictures that can be read are the frames.
+                    if k < count && numbers.get(k).is_none_or(|n| *n == frame.sequence) {
+                        hear(k, &frame)?;
+                        k += 1;
+                    }
                 }
                 Ok(false) => return Err(self.unlike(&format!("{k} frames"), AS_SEEN)),
-                // Of a damaged picture nothing was observed: the next one is of this frame.
                 Err(e) if e.is_skippable() => {}
                 Err(e) => return Err(e.into()),
             }
@@ -237,6 +246,7 @@ mod tests {
             are_whole: true,
             frames: vec![vec![Vec::new()]; frames],
             times: vec![0; frames],
+            pictures: vec![Vec::new()],
             of_machine: false,
             rate: 30.0,
             offsets: vec![None],
@@ -246,9 +256,9 @@ mod tests {
         }
     }
 
-    /// Of a picture that cannot be read `infer` writes no row.
+    /// Of a picture that cannot be read `infer` writes no row, and counts it.
     #[test]
-    fn frames_are_the_pictures_that_can_be_read() {
+    fn frames_are_of_the_pictures_of_their_numbers() {
         const SIZE: [u32; 2] = [32, 16];
         let file = tempfile::Builder::new().suffix(".avi").tempfile().unwrap();
         let mut avi = AviWriter::new(file.as_file(), SIZE[0], SIZE[1], (30, 1)).unwrap();
@@ -268,8 +278,9 @@ mod tests {
             avi.write_jpeg(&bytes).unwrap();
         }
         avi.finish().unwrap();
-        let heard = |frames: usize| {
-            let scene = scene(SIZE, frames);
+        let heard = |frames: usize, numbers: &[u64]| {
+            let mut scene = scene(SIZE, frames);
+            scene.pictures = vec![numbers.to_vec()];
             let film = Film {
                 path: file.path(),
                 number: 0,
@@ -277,20 +288,32 @@ mod tests {
             };
             let mut levels = Vec::new();
             let outcome = film.each(&mut |k, frame| {
-                assert_eq!(k, levels.len());
-                levels.push(frame.rgb[0]);
+                levels.push((k, frame.rgb[0]));
                 Ok(())
             });
             (levels, outcome.map_err(|e| e.to_string()))
         };
-        let (levels, outcome) = heard(3);
-        assert_eq!(outcome, Ok(()));
-        let off = levels
-            .iter()
-            .zip([40, 120, 200])
-            .map(|(a, b): (&u8, _)| a.abs_diff(b));
-        assert!(levels.len() == 3 && off.max() < Some(3), "{levels:?}");
-        let short = heard(4).1.unwrap_err();
+        for (frames, numbers, wanted) in [
+            (3, &[][..], &[(0, 40), (1, 120), (2, 200)][..]),
+            (3, &[0, 2, 3], &[(0, 40), (1, 120), (2, 200)]),
+            (4, &[0, 1, 2, 3], &[(0, 40), (2, 120), (3, 200)]),
+            (3, &[0, 1, 2, 3], &[(0, 40), (2, 120)]),
+            (2, &[2, 3], &[(0, 120), (1, 200)]),
+            // The shorter of the views ends with a picture that cannot be read.
+            (2, &[0, 1, 2, 3], &[(0, 40)]),
+        ] {
+            let (heard, outcome) = heard(frames, numbers);
+            assert_eq!(outcome, Ok(()), "{numbers:?}");
+            let is_near = |((k, level), (of, wanted)): (&(usize, u8), &(usize, u8))| {
+                k == of && level.abs_diff(*wanted) < 3
+            };
+            assert_eq!(heard.len(), wanted.len(), "{numbers:?}: {heard:?}");
+            assert!(
+                heard.iter().zip(wanted).all(is_near),
+                "{numbers:?}: {heard:?}"
+            );
+        }
+        let short = heard(4, &[]).1.unwrap_err();
         assert!(
             short.contains("4 frames") && short.contains("found 3 frames"),
             "{short}"

@@ -76,6 +76,7 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
     let Common {
         mut people,
         times,
+        numbers: pictures,
         rate,
         in_step,
     } = common;
@@ -93,6 +94,7 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
         are_whole: films.in_part.is_empty(),
         frames: frames.into_iter().map(|f| vec![f]).collect(),
         times,
+        pictures,
         of_machine,
         rate,
         offsets: vec![None],

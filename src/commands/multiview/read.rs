@@ -42,6 +42,8 @@ pub struct Scene {
     pub frames: Vec<Vec<Detections>>,
     /// When every frame was taken, nanoseconds, on the first view's clock.
     pub times: Vec<u64>,
+    /// Per view, per frame, the number of its picture in the film; empty where nothing tells it.
+    pub pictures: Vec<Vec<u64>>,
     /// Whether these are of the machine's clock, not of a film.
     pub of_machine: bool,
     /// Frames a second.
@@ -117,6 +119,7 @@ pub fn scene(
     let Common {
         people,
         times,
+        numbers: pictures,
         rate,
         in_step,
     } = common;
@@ -173,6 +176,7 @@ pub fn scene(
         are_whole: films.in_part.is_empty(),
         frames: sights,
         times,
+        pictures,
         of_machine,
         rate,
         offsets,

@@ -2,12 +2,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
-
-use edgecap_client::LinkError;
 
 use super::RunArgs;
+use super::again::OneOfSeveral;
 use super::live::{self, Plan};
 use super::own::expect_each_its_own;
 use super::pulse::Pulse;
@@ -23,13 +20,6 @@ use crate::commands::table::Table;
 use crate::http::{Answer, Server};
 use crate::metrics::{Meter, exposition};
 use crate::supervise::ServiceManager;
-
-/// So soon a camera is tried again that failed of what may pass; twice as late each time, …
-const FIRST_PAUSE: Duration = Duration::from_millis(500);
-/// … and no later than this.
-const LONGEST_PAUSE: Duration = Duration::from_secs(10);
-/// How often one that waits looks whether the others go on.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// The processes of a camera.
 pub const PROCESSES: [&str; 2] = ["infer", "fit"];
@@ -82,19 +72,31 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
             .map(|(place, (((args, chosen), meter), free))| {
                 let (pulse, running) = (Pulse::new(&manager, place), &running);
                 threads.spawn(move || {
-                    let ended = run_again(free, meter, running, stop, &mut || {
+                    let one = OneOfSeveral {
+                        meter,
+                        pulse: &pulse,
+                        running,
+                        stop,
+                        no_wait: args.no_wait,
+                    };
+                    let ended = one.run_again(free, &mut |is_again| {
                         let table = Table::of_several(&chosen.name);
-                        let plan = Plan::of_camera(args, chosen);
+                        let plan = Plan {
+                            is_again,
+                            ..Plan::of_camera(args, chosen)
+                        };
                         live::run(args, plan, table, meter, &pulse, hub, stop)
                     });
                     meter.ended();
                     if let Err(e) = &ended {
-                        meter.failed(told_again(e));
-                        tracing::error!(
-                            "{}: ended, the others go on: {}",
-                            chosen.name,
-                            told_again(e)
-                        );
+                        let (name, why) = (&chosen.name, told_again(e));
+                        match running.load(Ordering::Acquire) {
+                            0 => {
+                                tracing::error!("{name}: ended, and none of the others runs: {why}")
+                            }
+                            _ => tracing::error!("{name}: ended, the others go on: {why}"),
+                        }
+                        meter.failed(why);
                     }
                     // Without a sign of life of it the service manager starts everything anew.
                     if !ended.as_ref().is_err_and(|e| exit::may_pass(exit::code(e))) {
@@ -111,64 +113,6 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         });
         outcome(ended)
     })
-}
-
-/// Counts a camera among those that run, from when it was counted to where this is dropped.
-struct Runs<'a>(&'a AtomicUsize);
-
-impl Drop for Runs<'_> {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
-/// Runs one of several cameras, which is counted as `running` and whose name is `free` or not, and again where it
-/// failed of what may pass, such as a name that another process has still. Meanwhile it shows no sign of life.
-///
-/// # Errors
-/// What it failed of, where that would come again, no other camera runs, or the user stops it.
-fn run_again(
-    mut free: Result<(), LinkError>,
-    meter: &Meter,
-    running: &AtomicUsize,
-    stop: &Stop,
-    run: &mut dyn FnMut() -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
-    let name = meter.name();
-    let (mut pause, mut said) = (FIRST_PAUSE, String::new());
-    loop {
-        let before = meter.snapshot().frames;
-        let counted = Runs(running);
-        let ended = free.map_err(anyhow::Error::from).and_then(|()| run());
-        drop(counted);
-        let Err(e) = ended else {
-            return Ok(());
-        };
-        let others_run = || running.load(Ordering::Acquire) > 0;
-        if stop.requested() || !exit::may_pass(exit::code(&e)) || !others_run() {
-            return Err(e);
-        }
-        if meter.snapshot().frames > before {
-            (pause, said) = (FIRST_PAUSE, String::new());
-        }
-        let why = told_again(&e);
-        if said != why {
-            tracing::warn!("{name}: ended, the others go on; starting it again: {why}");
-            meter.failed(&why);
-            said = why;
-        }
-        let failed = Instant::now();
-        while failed.elapsed() < pause {
-            if stop.requested() || !others_run() {
-                return Err(e);
-            }
-            meter.looked();
-            sleep(LOOK_EVERY);
-        }
-        pause = LONGEST_PAUSE.min(2 * pause);
-        running.fetch_add(1, Ordering::AcqRel);
-        free = taken::are_free([name]).into_iter().collect();
-    }
 }
 
 /// How a run of several cameras has ended: with the first failure, but of what may pass before what would come again,
@@ -271,54 +215,5 @@ mod tests {
         let all = vec![failed(exit::CONFIG), failed(exit::DATA), Ok(())];
         assert_eq!(code(all), Err(exit::CONFIG));
         assert_eq!(code(vec![Ok(()), Ok(())]), Ok(()));
-    }
-
-    fn unavailable() -> anyhow::Result<()> {
-        Err(Failure::silent(exit::UNAVAILABLE).into())
-    }
-
-    #[test]
-    fn one_of_several_that_fails_of_what_may_pass_is_tried_again() {
-        let meter = Meter::new("nobody-publishes-this", "camera", &[]);
-        let (running, mut times) = (AtomicUsize::new(2), 0);
-        let taken = Err(LinkError::Busy {
-            service: "hall".into(),
-        });
-        let ended = run_again(taken, &meter, &running, &Stop::never(), &mut || {
-            times += 1;
-            match times {
-                1 => unavailable(),
-                _ => Ok(()),
-            }
-        });
-        assert!(ended.is_ok() && times == 2);
-        assert_eq!(running.into_inner(), 1, "the other one");
-        assert!(meter.snapshot().last_error.is_some());
-    }
-
-    #[test]
-    fn one_that_would_fail_again_or_is_the_last_ends() {
-        let meter = Meter::new("nobody-publishes-this", "camera", &[]);
-        let stop = Stop::never();
-        for (others, code) in [(1, exit::CONFIG), (0, exit::UNAVAILABLE)] {
-            let (running, mut times) = (AtomicUsize::new(1 + others), 0);
-            let ended = run_again(Ok(()), &meter, &running, &stop, &mut || {
-                times += 1;
-                Err(Failure::silent(code).into())
-            });
-            assert_eq!((ended.map_err(|e| exit::code(&e)), times), (Err(code), 1));
-        }
-        // The other one ends while it waits.
-        let running = AtomicUsize::new(2);
-        let ended = std::thread::scope(|threads| {
-            let waits =
-                threads.spawn(|| run_again(Ok(()), &meter, &running, &stop, &mut unavailable));
-            while meter.snapshot().last_error.is_none() {
-                std::thread::yield_now();
-            }
-            drop(Runs(&running));
-            waits.join().unwrap()
-        });
-        assert!(ended.is_err());
     }
 }

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::sink::Rhythm;
+use crate::supervise::Beat;
 
 /// How long bodies may stay away while observations are published.
 const DRY: Duration = Duration::from_secs(5);
@@ -29,13 +30,26 @@ pub struct Flow {
     dry: Option<Instant>,
     /// When `infer` was seen to publish.
     published: Rhythm,
+    /// `fit` hears observations and can use none of them: no bodies are to come.
+    is_of_no_use: bool,
     /// What was done about it in vain.
     attempts: u32,
 }
 
 impl Flow {
-    /// Looks whether bodies were `received` and observations `published` since the last call.
-    pub fn look(&mut self, now: Instant, received: bool, published: bool) -> Remedy {
+    /// Looks whether bodies were `received` and observations `published` since the last call, and which sign of life
+    /// `fit` showed.
+    pub fn look(
+        &mut self,
+        now: Instant,
+        received: bool,
+        published: bool,
+        fit: Option<Beat>,
+    ) -> Remedy {
+        if let Some(beat) = fit {
+            self.is_of_no_use = beat == Beat::Away;
+        }
+        let published = published && !self.is_of_no_use;
         let mut was_pause = false;
         if published {
             was_pause = self.published.is_silent(DRY, now) == Some(true);
@@ -74,7 +88,7 @@ mod tests {
         let start = Instant::now();
         let looks = (0..seconds * 10).map(|t| {
             let now = start + Duration::from_millis(100 * t);
-            (t / 10, flow.look(now, received, published))
+            (t / 10, flow.look(now, received, published, None))
         });
         looks.filter(|(_, r)| *r != Remedy::Wait).collect()
     }
@@ -96,7 +110,10 @@ mod tests {
     #[test]
     fn a_pause_in_which_nothing_was_published_is_no_drought() {
         let (mut flow, start) = (Flow::default(), Instant::now());
-        let mut look = |seconds: u64| flow.look(start + Duration::from_secs(seconds), false, true);
+        let mut look = |seconds: u64| {
+            let now = start + Duration::from_secs(seconds);
+            flow.look(now, false, true, None)
+        };
         assert_eq!(look(0), Remedy::Wait);
         assert_eq!(look(3600), Remedy::Wait);
         assert_eq!(look(3603), Remedy::Wait);
@@ -107,7 +124,8 @@ mod tests {
     fn bodies_of_a_slow_camera_are_missed_too() {
         let (mut flow, start) = (Flow::default(), Instant::now());
         let mut look = |seconds: u64, received| {
-            flow.look(start + Duration::from_secs(seconds), received, !received)
+            let now = start + Duration::from_secs(seconds);
+            flow.look(now, received, !received, None)
         };
         for seconds in (0..30).step_by(10) {
             assert_eq!(look(seconds, false), Remedy::Wait);
@@ -117,6 +135,28 @@ mod tests {
         assert_eq!(look(40, false), Remedy::Fit);
         assert_eq!(look(50, false), Remedy::Wait);
         assert_eq!(look(60, false), Remedy::Both);
+    }
+
+    #[test]
+    fn of_observations_that_are_of_no_use_no_bodies_are_missed() {
+        let (mut flow, start) = (Flow::default(), Instant::now());
+        for t in 0..600 {
+            // Signs of life come less often than looks; the first says nothing yet.
+            let fit = match t {
+                0 => Some(Beat::Idle),
+                _ => (t % 2 == 0).then_some(Beat::Away),
+            };
+            let now = start + Duration::from_millis(50 * t);
+            assert_eq!(flow.look(now, false, true, fit), Remedy::Wait, "{t}");
+        }
+        // Another camera's are.
+        let start = start + Duration::from_secs(30);
+        let fits = Some(Beat::Idle);
+        let mut looks = (0..120).map(|t| {
+            let now = start + Duration::from_millis(50 * t);
+            flow.look(now, false, true, fits)
+        });
+        assert!(looks.any(|remedy| remedy == Remedy::Fit));
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub struct Infers {
 struct Infer {
     camera: String,
     child: Child,
+    /// It may come later than the start.
+    waits: bool,
     /// Its input has ended, or it failed for good.
     ended: bool,
     /// It failed of what may pass.
@@ -38,6 +40,7 @@ impl Infers {
         let each = tasks.into_iter().map(|(camera, task)| {
             Ok(Infer {
                 camera,
+                waits: task.waits,
                 child: Child::new("infer", task)?,
                 ended: false,
                 failed: false,
@@ -50,7 +53,8 @@ impl Infers {
     }
 
     /// Looks after all of them. One of several that fails leaves the others running, and is started again where what it
-    /// failed of may pass, such as a stream that another process publishes still, or no room in shared memory.
+    /// failed of may pass, such as a stream that another process publishes still, or no room in shared memory; not one
+    /// that was to be there at the start and was not.
     ///
     /// # Errors
     /// The failure of the last one.
@@ -59,11 +63,17 @@ impl Infers {
             if self.each[k].ended {
                 continue;
             }
-            let Infer { camera, child, .. } = &mut self.each[k];
+            let Infer {
+                camera,
+                child,
+                waits,
+                ..
+            } = &mut self.each[k];
+            let may_wait = *waits || child.has_worked();
             match look_after(child, camera, meter) {
                 Ok(ended) => self.each[k].ended = ended,
                 Err(e) => {
-                    let may_pass = exit::may_pass(exit::code(&e));
+                    let may_pass = may_wait && exit::may_pass(exit::code(&e));
                     self.each[k].failed = may_pass;
                     self.each[k].ended = !may_pass;
                     if !self.each.iter().any(Infer::goes_on) {
@@ -146,5 +156,49 @@ impl Infers {
     /// All of them.
     pub fn children(&mut self) -> impl Iterator<Item = &mut Child> {
         self.each.iter_mut().map(|i| &mut i.child)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use super::*;
+    use crate::supervise::stop_all;
+
+    /// A busy machine takes its time; one that neither ends nor is tried again would be waited for without end.
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    #[test]
+    fn one_that_was_to_be_there_at_the_start_is_not_tried_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let infer = |camera: &str, script: &str, waits| {
+            let verb = folder.path().join(camera);
+            std::fs::write(&verb, script).unwrap();
+            let verb = verb.to_str().unwrap().to_owned().leak();
+            Infer {
+                camera: camera.to_owned(),
+                child: Child::new(verb, ()).unwrap().of("/bin/sh"),
+                waits,
+                ended: false,
+                failed: false,
+                away: false,
+            }
+        };
+        for waits in [false, true] {
+            let missing = infer("hall", "exit 69", waits);
+            let there = infer("yard", "exec sleep 1000", waits);
+            let each = vec![missing, there];
+            let mut infers = Infers { each };
+            let (meter, since) = (Meter::new("room", "hall, yard", &["infer"]), Instant::now());
+            while !infers.each[0].ended && infers.each[0].child.starts() < 2 {
+                infers.look_after(&meter).unwrap();
+                assert!(since.elapsed() < PATIENCE);
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            assert_eq!(infers.each[0].ended, !waits);
+            assert!(!infers.have_ended());
+            stop_all(&mut infers.children().collect::<Vec<_>>());
+        }
     }
 }

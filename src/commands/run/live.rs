@@ -40,6 +40,8 @@ pub struct Plan {
     pub source: String,
     /// The bundled clip plays because there is no camera.
     pub stands_in: bool,
+    /// It was begun before, and what is said at the start has been said.
+    pub is_again: bool,
     /// One process a camera, with its name.
     pub infers: Vec<(String, InferTask)>,
     /// What is fitted.
@@ -53,6 +55,7 @@ impl Plan {
             name: chosen.name.clone(),
             source: chosen.spec.to_string(),
             stands_in: chosen.stands_in,
+            is_again: false,
             infers: vec![(chosen.name.clone(), args.infer_task(chosen))],
             fit: FitTask {
                 name: Some(chosen.name.clone()),
@@ -94,21 +97,9 @@ pub fn run(
     if let Some((first, _)) = plan.infers.first().filter(|(first, _)| *first != plan.name) {
         pictures.extend(PictureRelay::to_page(first, &plan.name, page, priority)?);
     }
-    let stream = service_name::<BodyFrame>(&plan.name);
-    table.say(&format!(
-        "{} → shared memory {stream} (Ctrl-C stops)",
-        plan.source
-    ));
-
-    if plan.stands_in {
-        table.say("there is no camera: the bundled clip plays over and over in its place");
+    if !plan.is_again {
+        say_what_begins(&plan, &table);
     }
-    if plan.stands_in || table.is_on_terminal() {
-        for line in hints::lines(&plan.name) {
-            table.say(&line);
-        }
-    }
-
     let mut fit = Child::new("fit", plan.fit)?;
     let mut infers = Infers::new(plan.infers)?;
     let (mut tally, mut silence) = (Tally::default(), Silence::default());
@@ -151,6 +142,23 @@ pub fn run(
         args.conclude(&tally, &words);
     }
     ended
+}
+
+/// Says what is published where, and how to look at it.
+fn say_what_begins(plan: &Plan, table: &Table) {
+    let stream = service_name::<BodyFrame>(&plan.name);
+    table.say(&format!(
+        "{} → shared memory {stream} (Ctrl-C stops)",
+        plan.source
+    ));
+    if plan.stands_in {
+        table.say("there is no camera: the bundled clip plays over and over in its place");
+    }
+    if plan.stands_in || table.is_on_terminal() {
+        for line in hints::lines(&plan.name) {
+            table.say(&line);
+        }
+    }
 }
 
 /// Who hears how the cameras are doing.
@@ -227,16 +235,19 @@ fn watch(
             flight.look(now > starts && now > 1 + infers.count() as u64);
         }
         starts = now;
-        let published = infers.heard(Beat::Step);
         if received {
             pulse.beat(Progress::Bodies);
-        } else if infers.heard(Beat::Away) || infers.have_left_one() {
+        } else if infers.heard(Beat::Away)
+            || infers.have_left_one()
+            || fit.heard() == Some(Beat::Away)
+        {
             // To start everything anew would leave more behind, of other cameras too.
             pulse.beat(Progress::Waiting);
         } else if infers.heard(Beat::Waiting) {
             pulse.beat(Progress::Still);
         }
-        match flow.look(Instant::now(), received, published) {
+        let published = infers.heard(Beat::Step);
+        match flow.look(Instant::now(), received, published, fit.heard()) {
             Remedy::Wait => {}
             Remedy::Fit => fit.replace("publishes nothing"),
             Remedy::Both => {

@@ -3,6 +3,7 @@
 //! Several cameras have a pair of their own each, and one supervisor; where they see the same people, one process that
 //! fits for all of them.
 
+mod again;
 pub mod args;
 mod cameras;
 mod file;

@@ -50,6 +50,7 @@ pub fn run(
         name: name.unwrap_or_else(|| ROOM.to_owned()),
         source: names.join(", "),
         stands_in: false,
+        is_again: false,
         infers: runs
             .iter()
             .zip(&chosen)
