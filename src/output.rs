@@ -1,7 +1,7 @@
 //! Files and folders that appear whole or not at all: written beside their place, then renamed. What is no file, such
 //! as `/dev/null` or a named pipe, is written into as it is, and so is what this process has open already, such as
-//! `/dev/stdout`; a link stays a link, but where the program itself chose the name. Before a single file has its name it
-//! is on the disk, so that not even a power cut leaves half of it.
+//! `/dev/stdout`; a link stays a link, but where the program itself chose the name. Before a single file has its name
+//! it is on the disk, so that not even a power cut leaves half of it.
 
 mod device;
 mod folder;
