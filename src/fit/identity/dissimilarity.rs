@@ -144,8 +144,8 @@ pub fn by_looks_or_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
 }
 
 /// How far somebody is from where another one stood who left [`BY_PLACE`] seconds ago or longer; up to 1 is near. They
-/// need not be the same, but two sights of one place make sure that somebody is there. Infinite where looks tell, or the
-/// absence was shorter.
+/// need not be the same, but two sights of one place make sure that somebody is there. Infinite where looks tell, or
+/// the absence was shorter.
 pub fn by_former_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
     match unlike {
         None if gone >= BY_PLACE => by_place(apart, BY_PLACE),
