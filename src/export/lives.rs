@@ -21,8 +21,8 @@ impl Lives {
     /// the times of a camera by more than [`RESTART_NS`].
     pub fn count_on(&mut self, frame: &mut BodyFrame) {
         let counts_anew = self.last.is_some_and(|last| frame.sequence < last);
-        // The clock of cameras goes back where the machine was started again. Where a film's times go back, its publisher
-        // goes on, and so do ids.
+        // The clock of cameras goes back where the machine was started again. Where a film's times go back, its
+        // publisher goes on, and so do ids.
         let goes_back = frame.flags & FLAG_FILE_TIME == 0
             && frame.pose_ns.saturating_add(RESTART_NS) < self.newest;
         if counts_anew || goes_back {

@@ -133,8 +133,8 @@ fn named(given: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     Ok(all)
 }
 
-/// Writes a calibration, if it is one that is read again, which says that edgecap wrote it; where the files of all lenses
-/// can be read in the same two ways, so can this one.
+/// Writes a calibration, if it is one that is read again, which says that edgecap wrote it; where the files of all
+/// lenses can be read in the same two ways, so can this one.
 ///
 /// # Errors
 /// When `multiview` would refuse the cameras, or the file cannot be written.

@@ -116,8 +116,8 @@ impl Film<'_> {
         )?)
     }
 
-    /// Hears every picture of a frame of the scene; frames of pictures that the film repeats or that cannot be read have
-    /// none.
+    /// Hears every picture of a frame of the scene; frames of pictures that the film repeats or that cannot be read
+    /// have none.
     fn each(
         &self,
         hear: &mut dyn FnMut(usize, &Frame) -> anyhow::Result<()>,
