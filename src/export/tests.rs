@@ -426,7 +426,7 @@ fn arrays_are_made_and_written_one_after_the_other() {
         assert_eq!(numbers("frame").data[39], 46.0);
         let positions = numbers("position");
         assert_eq!(positions.shape, [40, 40, 3]);
-        let is_there = |n: usize| n / 3 % 41 == 0;
+        let is_there = |n: usize| (n / 3).is_multiple_of(41);
         let nan = positions.data.iter().map(|v| v.is_nan());
         assert!(nan.zip(0..).all(|(nan, n)| nan != is_there(n)));
     }
