@@ -49,7 +49,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.finish()
 }
 
-/// As [`write`], of what is worth nothing after a power cut: the disk is not waited for.
+/// As [`write`](write()), of what is worth nothing after a power cut: the disk is not waited for.
 ///
 /// # Errors
 /// As there.

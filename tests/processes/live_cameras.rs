@@ -18,6 +18,15 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use crate::program::stand_in::{StandIn, processes_of};
 use crate::program::{Running, assert_fails, eventually, signal, stderr, stream};
 
+/// Asks a run to stop, which is no failure; what was said.
+fn stopped(run: Running) -> String {
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    said
+}
+
 /// Cameras round the origin of a world whose y points up.
 fn views(count: usize, size: [u32; 2]) -> Vec<View> {
     (0..count)
@@ -408,9 +417,7 @@ fn a_camera_of_a_room_that_cannot_start_at_first_is_tried_again() {
         second.next(Duration::from_millis(200)).unwrap()
     });
     drop(second);
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(60));
-    assert!(out.status.success(), "{}", stderr(&out));
+    stopped(run);
 }
 
 /// A settings file for cameras of these names that have nothing to do with each other.
@@ -425,68 +432,73 @@ fn apart(folder: &Path, names: &[String], cameras: &[StandIn]) -> String {
     file.display().to_string()
 }
 
+/// Two cameras that have nothing to do with each other; something of the second one is another's.
+struct Apart<T> {
+    _folder: tempfile::TempDir,
+    _cameras: [StandIn; 2],
+    names: [String; 2],
+    taken: T,
+    run: Running,
+}
+
+impl<T> Apart<T> {
+    /// Runs them until the second has failed of what `take` takes of its name.
+    fn start(tag: &str, take: impl Fn(&str) -> T) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
+        let names = [0, 1].map(|k| stream(&format!("{tag}{k}")));
+        let file = apart(folder.path(), &names, &cameras);
+        let taken = take(&names[1]);
+        let mut run = Running::start(&["run", "--config", &file]);
+        let line = run.says("the others go on");
+        assert!(line.contains(&names[1]), "{line}");
+        Self {
+            _folder: folder,
+            _cameras: cameras,
+            names,
+            taken,
+            run,
+        }
+    }
+}
+
+/// Waits for bodies of a camera.
+fn has_bodies(name: &str) {
+    let bodies = Subscriber::<BodyFrame>::open(name).unwrap();
+    eventually("bodies of a camera", || {
+        bodies.next(Duration::from_millis(200)).unwrap()
+    });
+}
+
+/// Takes a camera's stream of observations.
+fn observations(name: &str) -> Publisher<ObservationFrame> {
+    Publisher::open(name).unwrap()
+}
+
 #[test]
 fn one_of_several_cameras_that_cannot_start_at_first_is_tried_again() {
-    let folder = tempfile::tempdir().unwrap();
-    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
-    let names = ["apart-again0", "apart-again1"].map(stream);
-    let file = apart(folder.path(), &names, &cameras);
-    let taken = Publisher::<ObservationFrame>::open(&names[1]).unwrap();
-    let second = Subscriber::<BodyFrame>::open(&names[1]).unwrap();
-    let mut run = Running::start(&["run", "--config", &file]);
-    let line = run.says("the others go on");
-    assert!(line.contains(&names[1]), "{line}");
-    drop(taken);
-    eventually("bodies of the second camera", || {
-        second.next(Duration::from_millis(200)).unwrap()
-    });
-    drop(second);
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(60));
-    assert!(out.status.success(), "{}", stderr(&out));
+    let two = Apart::start("apart-again", observations);
+    drop(two.taken);
+    has_bodies(&two.names[1]);
+    stopped(two.run);
 }
 
 #[test]
 fn a_stop_while_one_of_several_cameras_is_tried_again_is_no_failure() {
-    let folder = tempfile::tempdir().unwrap();
-    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
-    let names = ["apart-stop0", "apart-stop1"].map(stream);
-    let file = apart(folder.path(), &names, &cameras);
-    let _taken = Publisher::<ObservationFrame>::open(&names[1]).unwrap();
-    let first = Subscriber::<BodyFrame>::open(&names[0]).unwrap();
-    let mut run = Running::start(&["run", "--config", &file]);
-    run.says("the others go on");
-    eventually("bodies of the first camera", || {
-        first.next(Duration::from_millis(200)).unwrap()
-    });
-    drop(first);
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(60));
-    assert!(out.status.success(), "{}", stderr(&out));
+    let two = Apart::start("apart-stop", observations);
+    has_bodies(&two.names[0]);
+    stopped(two.run);
 }
 
 #[test]
 fn a_camera_that_is_tried_again_says_once_what_it_publishes() {
-    let folder = tempfile::tempdir().unwrap();
-    let cameras = [StandIn::new(15.0), StandIn::new(15.0)];
-    let names = ["apart-once0", "apart-once1"].map(stream);
-    let file = apart(folder.path(), &names, &cameras);
     // Its process for bodies publishes events, too, and cannot.
-    let taken = Publisher::<EventFrame>::open(&names[1]).unwrap();
-    let second = Subscriber::<BodyFrame>::open(&names[1]).unwrap();
-    let mut run = Running::start(&["run", "--config", &file]);
-    let line = run.says("the others go on");
-    assert!(line.contains(&names[1]), "{line}");
-    drop(taken);
-    eventually("bodies of the second camera", || {
-        second.next(Duration::from_millis(200)).unwrap()
-    });
-    drop(second);
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(60));
-    let said = stderr(&out);
-    assert!(out.status.success(), "{said}");
-    let again = |line: &&str| line.contains("→ shared memory") && line.contains(&names[1]);
+    let events = |name: &str| Publisher::<EventFrame>::open(name).unwrap();
+    let two = Apart::start("apart-once", events);
+    drop(two.taken);
+    has_bodies(&two.names[1]);
+    let said = stopped(two.run);
+    let again = |line: &&str| line.contains("→ shared memory") && line.contains(&two.names[1]);
     assert_eq!(said.lines().find(again), None, "{said}");
 }
 
@@ -541,8 +553,6 @@ fn a_run_of_calibrated_cameras_has_one_fit_for_all() {
     eventually("the third camera", || {
         third.next(Duration::from_millis(200)).unwrap()
     });
-    signal(run.pid(), "TERM");
-    let out = run.wait(Duration::from_secs(60));
-    assert!(out.status.success(), "{}", stderr(&out));
+    stopped(run);
     assert_eq!(verbs(&name), Vec::<String>::new(), "nothing is left");
 }
