@@ -228,8 +228,8 @@ impl Resizer {
     /// lies in that crop.
     ///
     /// # Panics
-    /// When `crop` is empty or not within the input, `out` has not 3 bytes for every pixel of it, or `frame` has not `3
-    /// * width * height` bytes, or has no pixel.
+    /// When `crop` is empty or not within the input, `out` has not 3 bytes for every pixel of it, or `frame` has no
+    /// pixel or not 3 bytes for every one.
     pub fn run_crop(&mut self, frame: &Frame, crop: Crop, out: &mut [u8]) -> Letterbox {
         let whole = self.whole();
         let (right, bottom) = (crop.left + crop.width, crop.top + crop.height);

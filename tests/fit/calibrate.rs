@@ -9,11 +9,11 @@ use edgecap::lab::multiview::Trial;
 use edgecap::lab::multiview::own::{RATE, Walker, own, ring, steady};
 use edgecap::lab::synth::detector::Flaws;
 use edgecap::lab::synth::noise::Dice;
-use edgecap::message::{FLAG_FILE_TIME, Observation, ObservationFrame};
+use edgecap::message::{FLAG_FILE_TIME, Observation};
 use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use glam::{DQuat, DVec3};
 
-use crate::many_views::files;
+use crate::many_views::{files, seen_by};
 use crate::program::{assert_fails, output, stderr, stdout};
 
 /// Distances between all cameras: the same in any axes.
@@ -102,18 +102,8 @@ fn write_films(
         };
         let frames = seen.iter().skip(skipped).take(most);
         for (k, frame) in frames.enumerate() {
-            let people = &frame[v];
-            let mut message = ObservationFrame {
-                sequence: k as u64,
-                capture_ns: k as u64 * 33_333_333,
-                flags: FLAG_FILE_TIME,
-                width: view.size[0],
-                height: view.size[1],
-                intrinsics: view.intrinsics(),
-                count: people.len() as u32,
-                ..ObservationFrame::default()
-            };
-            message.people[..people.len()].copy_from_slice(people);
+            let mut message = seen_by(view, k, &frame[v]);
+            message.flags = FLAG_FILE_TIME;
             file.write(&message, "").unwrap();
         }
         file.finish().unwrap();

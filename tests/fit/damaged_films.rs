@@ -7,12 +7,13 @@ use std::path::Path;
 use edgecap::camera::calibration::{self, write_pose2sim};
 use edgecap::capture::AviWriter;
 use edgecap::lab::multiview::own::{own, steady};
-use edgecap::message::{FLAG_FILE_TIME, ObservationFrame};
+use edgecap::message::FLAG_FILE_TIME;
 use edgecap::multiview::Mask;
 use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use image::ImageEncoder;
 use serde_json::Value;
 
+use crate::many_views::seen_by;
 use crate::program::{assert_fails, output, stderr, stdout};
 
 /// Frames of a film.
@@ -200,17 +201,8 @@ fn masks_are_of_the_pictures_that_were_observed() {
             let is_lost = |k: usize| name == "damaged" && v == 0 && k == LOST;
             for k in (0..ROWS).filter(|k| !is_lost(*k)) {
                 let people = trial.seen.get(k).map_or(&[][..], |views| &views[v]);
-                let mut message = ObservationFrame {
-                    sequence: k as u64,
-                    capture_ns: k as u64 * 33_333_333,
-                    flags: FLAG_FILE_TIME,
-                    width: view.size[0],
-                    height: view.size[1],
-                    intrinsics: view.intrinsics(),
-                    count: people.len() as u32,
-                    ..ObservationFrame::default()
-                };
-                message.people[..people.len()].copy_from_slice(people);
+                let mut message = seen_by(view, k, people);
+                message.flags = FLAG_FILE_TIME;
                 file.write(&message, "").unwrap();
             }
             file.finish().unwrap();

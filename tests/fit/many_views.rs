@@ -203,24 +203,30 @@ pub fn files(folder: &Path, count: usize, frames: usize) -> Vec<View> {
     views
 }
 
+/// Frame `k` of 30 a second as a view saw it.
+pub fn seen_by(view: &View, k: usize, people: &[Observation]) -> ObservationFrame {
+    let mut message = ObservationFrame {
+        sequence: k as u64,
+        capture_ns: k as u64 * 33_333_333,
+        width: view.size[0],
+        height: view.size[1],
+        intrinsics: view.intrinsics(),
+        count: people.len() as u32,
+        ..ObservationFrame::default()
+    };
+    message.people[..people.len()].copy_from_slice(people);
+    message
+}
+
 /// A record of every view, called like it.
 fn record(folder: &Path, views: &[View], seen: &[Vec<Vec<Observation>>]) {
     for (v, view) in views.iter().enumerate() {
         let path = folder.join(format!("{}.jsonl", view.name));
         let mut file = RecordWriter::<ObservationsRow>::create(&path, Format::Jsonl).unwrap();
         for (k, frame) in seen.iter().enumerate() {
-            let mut message = ObservationFrame {
-                sequence: k as u64,
-                capture_ns: k as u64 * 33_333_333,
-                // As of live cameras of one machine.
-                publish_ns: k as u64 * 33_333_333 + 40_000_000,
-                width: view.size[0],
-                height: view.size[1],
-                intrinsics: view.intrinsics(),
-                count: frame[v].len() as u32,
-                ..ObservationFrame::default()
-            };
-            message.people[..frame[v].len()].copy_from_slice(&frame[v]);
+            let mut message = seen_by(view, k, &frame[v]);
+            // As of live cameras of one machine.
+            message.publish_ns = message.capture_ns + 40_000_000;
             file.write(&message, "").unwrap();
         }
         file.finish().unwrap();
