@@ -21,6 +21,7 @@ pub mod engine;
 pub mod events;
 pub mod export;
 pub mod fit;
+pub mod flow;
 pub mod http;
 pub mod lab;
 pub mod lift;

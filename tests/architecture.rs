@@ -27,6 +27,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("capture", &["camera", "counted"]),
     ("engine", &["bounded", "output"]),
     ("detect", &["assignment", "engine"]),
+    ("flow", &["capture"]),
     ("lift", &["camera", "capture", "detect", "engine"]),
     ("overlay", &["capture", "output"]),
     // After shared memory: these never do.

@@ -1,6 +1,5 @@
 //! `edgecap events`: what happens in front of a camera, a line of JSON an event.
 
-use std::fs::File;
 use std::io::{self, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{
@@ -20,7 +19,7 @@ use crate::bounded;
 use crate::config::{Mistake, Setting};
 use crate::counted::counted;
 use crate::events::{EventConfig, Line};
-use crate::record::{BodiesRow, RowReader};
+use crate::record::{self, BodiesRow, RowReader};
 use crate::sink::{EventSink, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
@@ -158,7 +157,7 @@ fn follow<M: Message>(
 /// is more where they have.
 fn of_record(path: &Path, found: &mut EventSink, stop: &Stop) -> anyhow::Result<()> {
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
     let lines = Lines::start()?;
     let mut read = || -> anyhow::Result<()> {

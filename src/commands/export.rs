@@ -1,6 +1,5 @@
 //! `edgecap export`: a record of bodies as a file of another program.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -13,7 +12,7 @@ use super::say;
 use crate::export::{ExportError, Exported, Format, Take, encode};
 use crate::message::BodyFrame;
 use crate::output::{self, AtomicFile};
-use crate::record::{BodiesRow, Format as RecordFormat, Kind};
+use crate::record::{self, BodiesRow, Format as RecordFormat, Kind};
 use crate::sink::{Packet, RecordSink, Sink, SinkError, Sinks};
 
 /// For more files of one take the disk is not waited for one after the other: of a week's visitors that takes minutes.
@@ -95,7 +94,7 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
 }
 
 fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
-    let open = || File::open(path).map_err(|e| Failure::no_input(path, &e));
+    let open = || record::open(path).map_err(|e| Failure::no_input(path, &e));
     // A pipe can be read once.
     if path.is_file() && Kind::of(&mut BufReader::new(open()?)) == Some(Kind::Observations) {
         let message = format!(

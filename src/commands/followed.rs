@@ -9,7 +9,7 @@ use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{LinkError, Priority, Subscriber};
 
 use super::exit::told;
-use super::relay::{EventRelay, PictureRelay};
+use super::relay::{EventRelay, PictureRelay, is_of_now};
 use super::stop::Stop;
 use crate::bridge::websocket::Hub;
 use crate::camera::monotonic_ns;
@@ -17,8 +17,6 @@ use crate::sink::Silence;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
-/// Who was published longer ago before anybody looked is shown to nobody.
-const OLD: Duration = Duration::from_secs(2);
 /// How soon a camera that cannot be followed is tried again.
 const TRY_EVERY: Duration = Duration::from_secs(5);
 
@@ -131,11 +129,6 @@ fn is_published(camera: &str) -> Result<bool, LinkError> {
     Ok(Subscriber::<BodyFrame>::open(camera)?.publisher_count() > 0)
 }
 
-/// Whether a frame is so new that whoever was in it may be there yet.
-fn is_of_now(frame: &BodyFrame, now_ns: u64) -> bool {
-    now_ns.saturating_sub(frame.publish_ns) <= OLD.as_nanos() as u64
-}
-
 /// Hands on a camera's frames until the user stops it, or nobody has published any for as long as `patience` says; the
 /// same camera may end and come back.
 fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> anyhow::Result<()> {
@@ -147,7 +140,7 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
     let (mut silence, mut newest) = (Silence::default(), Box::<BodyFrame>::default());
     // What is there at once may be all that a run of hours ago has left.
     let left = bodies.next(Duration::ZERO)?;
-    let mut left = left.filter(|frame| is_of_now(frame, monotonic_ns()));
+    let mut left = left.filter(|frame| is_of_now(frame.publish_ns, monotonic_ns()));
     while !stop.requested() {
         let next = match left.take() {
             Some(frame) => Some(frame),
@@ -204,11 +197,6 @@ mod tests {
 
     #[test]
     fn who_was_published_more_than_two_seconds_ago_is_not_of_now() {
-        let published = |publish_ns| BodyFrame {
-            publish_ns,
-            ..BodyFrame::default()
-        };
-        let frame = published(7_000_000_000);
         for (now, wanted) in [
             (6, true),
             (7, true),
@@ -216,7 +204,11 @@ mod tests {
             (10, false),
             (40_000, false),
         ] {
-            assert_eq!(is_of_now(&frame, now * 1_000_000_000), wanted, "at {now} s");
+            assert_eq!(
+                is_of_now(7_000_000_000, now * 1_000_000_000),
+                wanted,
+                "at {now} s"
+            );
         }
     }
 

@@ -7,9 +7,9 @@ use anyhow::Context;
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::exit::Failure;
-use crate::capture::{Crop, Frame, Resizer};
+use crate::capture::{Crop, Frame, Letterbox, Resizer};
 use crate::config::Mistake;
-use crate::detect::{AssociationConfig, Associator};
+use crate::detect::{AssociationConfig, Associator, Detection};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Maps, Model, Network, Precision};
 use crate::lift::{Encodings, Lifter};
 
@@ -55,7 +55,8 @@ pub struct Pipeline {
     resizer: Resizer,
     /// What the engine takes.
     input: Vec<u8>,
-    /// Of the last frame.
+    /// Of the last frame: where it lies in what the engine takes, and how long its stages took.
+    letterbox: Letterbox,
     times: StageTimes,
 }
 
@@ -122,6 +123,7 @@ impl Pipeline {
             engine,
             multiple,
             flip_test: options.flip_test.then(FlipTest::default),
+            letterbox: Letterbox::fit(1, 1, 1, 1),
             times: StageTimes::default(),
         })
     }
@@ -156,6 +158,7 @@ impl Pipeline {
             lifter: self.lifter.clone(),
             input: vec![0; 3 * width * height],
             resizer,
+            letterbox: self.letterbox,
             times: StageTimes::default(),
         })
     }
@@ -213,6 +216,7 @@ impl Pipeline {
         self.lifter
             .lift(detections, frame, &letterbox, intrinsics)?;
         let lifted = Instant::now();
+        self.letterbox = letterbox;
         let us = |a: Instant, b: Instant| (b - a).as_micros() as u32;
         self.times = StageTimes {
             preprocess_us: us(start, letterboxed),
@@ -236,6 +240,16 @@ impl Pipeline {
     /// Most people that are reported with these weights.
     pub fn max_people(&self) -> usize {
         self.associator.config().max_people
+    }
+
+    /// Everyone in the last frame before lifting, and where the frame lies in the input that they are in.
+    pub fn found(&self) -> (&[Detection], Letterbox) {
+        (self.associator.found(), self.letterbox)
+    }
+
+    /// Stage II.
+    pub fn lifter(&self) -> &Lifter {
+        &self.lifter
     }
 
     /// Everyone in the last frame.

@@ -3,11 +3,20 @@
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, PictureFrame};
-use edgecap_client::{LinkError, Priority, Subscriber};
+use edgecap_client::{LinkError, Priority, Received, Subscriber};
 
 use super::bridges::BridgeArgs;
 use crate::bridge::websocket::Hub;
+use crate::camera::monotonic_ns;
 use crate::sink::{Packet, Silence, SinkError, Sinks};
+
+/// What was published longer ago before anybody looked is shown to nobody.
+const OLD: Duration = Duration::from_secs(2);
+
+/// Whether something was published so lately that whoever was in view may be there yet; nanoseconds.
+pub fn is_of_now(publish_ns: u64, now_ns: u64) -> bool {
+    now_ns.saturating_sub(publish_ns) <= OLD.as_nanos() as u64
+}
 
 /// Where the bodies have just fallen silent nobody is shown any more until the next ones, nor a picture of them.
 pub fn hush<'a>(
@@ -24,6 +33,8 @@ pub fn hush<'a>(
 /// From a camera's stream of events to sinks.
 pub struct EventRelay {
     events: Subscriber<EventFrame>,
+    /// What was there at the first look and is to be handed on.
+    left: Option<Received<EventFrame>>,
     sinks: Sinks<EventFrame>,
 }
 
@@ -42,25 +53,37 @@ impl EventRelay {
         bridges.add_events_to(&mut sinks, camera, page)?;
         match sinks.is_empty() {
             true => Ok(None),
-            false => Ok(Some(Self::new(camera, priority, sinks)?)),
+            // Who listens does something at an event: once, though a run was started again within a moment.
+            false => Ok(Some(Self::new(camera, priority, sinks, |_| false)?)),
         }
     }
 
-    /// To everybody who listens at a page.
+    /// To everybody who listens at a page, which shows who is there at once: what has just happened as well.
     ///
     /// # Errors
     /// Shared memory's.
     pub fn to_page(camera: &str, hub: &Hub) -> Result<Self, LinkError> {
         let mut sinks = Sinks::default();
         sinks.push(hub.sink(camera));
-        Self::new(camera, Priority::Reader, sinks)
+        Self::new(camera, Priority::Reader, sinks, |left| {
+            is_of_now(left.publish_ns, monotonic_ns())
+        })
     }
 
-    fn new(camera: &str, priority: Priority, sinks: Sinks<EventFrame>) -> Result<Self, LinkError> {
-        let events = Subscriber::open_with(camera, priority)?;
-        // Who listens does something at an event: not at one of hours ago.
-        events.next(Duration::ZERO)?;
-        Ok(Self { events, sinks })
+    /// `is_wanted`: whether what was there before is to be handed on, which may be of hours ago.
+    fn new(
+        camera: &str,
+        priority: Priority,
+        sinks: Sinks<EventFrame>,
+        is_wanted: impl FnOnce(&EventFrame) -> bool,
+    ) -> Result<Self, LinkError> {
+        let events = Subscriber::<EventFrame>::open_with(camera, priority)?;
+        let left = events.next(Duration::ZERO)?.filter(|left| is_wanted(left));
+        Ok(Self {
+            events,
+            left,
+            sinks,
+        })
     }
 
     /// Hands on what has come since the last look; waits for nothing.
@@ -68,7 +91,14 @@ impl EventRelay {
     /// # Errors
     /// Shared memory's and the sinks'.
     pub fn look(&mut self) -> Result<(), SinkError> {
-        while let Some(message) = self.events.next(Duration::ZERO)? {
+        loop {
+            let next = match self.left.take() {
+                None => self.events.next(Duration::ZERO)?,
+                left => left,
+            };
+            let Some(message) = next else {
+                return Ok(());
+            };
             if message.flags & FLAG_END_OF_STREAM == 0 {
                 self.sinks.take(&Packet {
                     message: &*message,
@@ -77,7 +107,6 @@ impl EventRelay {
                 })?;
             }
         }
-        Ok(())
     }
 }
 
@@ -137,5 +166,44 @@ impl PictureRelay {
     /// Whether nobody publishes any.
     pub fn is_missing(&self) -> bool {
         self.pictures.publisher_count() == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpStream;
+
+    use edgecap_client::Publisher;
+
+    use super::*;
+    use crate::http::Server;
+
+    #[test]
+    fn a_page_hears_of_what_happened_just_before_it_was_looked_for() {
+        let camera = format!("test-relay-{}", std::process::id());
+        let hub = Hub::new(Duration::from_secs(60), false);
+        let asked = hub.clone();
+        let server = Server::start(([127, 0, 0, 1], 0).into(), move |request| {
+            asked.answer(request)
+        });
+        let address = server.as_ref().unwrap().address();
+        let url = format!("ws://{address}/events?format=binary");
+        let stream = TcpStream::connect(address).unwrap();
+        let (mut client, _) = tungstenite::client(url, stream).unwrap();
+        let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
+        // A gesture of three seconds ago is over; its camera may have been unplugged after it.
+        for (sequence, ago_ns) in [(1, 3_000_000_000), (2, 0)] {
+            let happened = EventFrame {
+                sequence,
+                publish_ns: monotonic_ns() - ago_ns,
+                count: 1,
+                ..EventFrame::default()
+            };
+            publisher.publish(&happened).unwrap();
+            let mut relay = EventRelay::to_page(&camera, &hub).unwrap();
+            relay.look().unwrap();
+        }
+        let told = client.read().unwrap().into_data();
+        assert_eq!(told[8..16], 2_u64.to_le_bytes());
     }
 }

@@ -2,7 +2,7 @@
 //! played on one clock: what their cameras saw at one instant has one time again.
 
 use std::fs::{self, File};
-use std::io::BufReader;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -22,7 +22,7 @@ use crate::config::Setting;
 use crate::counted::counted;
 use crate::events::EventConfig;
 use crate::export::{self, Lives, RATE, Stamp, usual_step};
-use crate::record::{BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
+use crate::record::{self, BodiesRow, CameraSource, Kind, ObservationReader, RowReader, Times};
 use crate::sink::{EventSink, Packet, SharedMemorySink, Sink, SinkError, Sinks, Streamed};
 
 /// How long a signal may take to be heard.
@@ -79,7 +79,9 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
         return Err(Failure::usage("--loop plays one record: give one, or leave it out").into());
     }
     for record in &args.records {
-        let found = fs::metadata(record).map_err(|e| Failure::no_input(record, &e))?;
+        let no_input = |e: io::Error| Failure::no_input(record, &e);
+        let found = fs::metadata(record).map_err(no_input)?;
+        record::expect_no_folder(&found).map_err(no_input)?;
         if !found.is_file() {
             return Err(Failure::usage(format!(
                 "{}: expected a file, which is read from its start more than once, found something else; \
@@ -270,7 +272,7 @@ fn observations(
 }
 
 fn open(path: &Path) -> anyhow::Result<BufReader<File>> {
-    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
     Ok(BufReader::new(file))
 }
 

@@ -1,6 +1,5 @@
 //! `edgecap view`: shows what running cameras publish on a page, and hands it on over WebSocket.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -16,7 +15,7 @@ use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
 use crate::events::EventConfig;
 use crate::export::Clock;
-use crate::record::{BodiesRow, RowReader, Times};
+use crate::record::{self, BodiesRow, RowReader, Times};
 use crate::sink::{EventSink, Sinks};
 
 /// How long to wait before looking at the signals again.
@@ -85,7 +84,7 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
 /// Shows a record until the user stops it.
 fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| Failure::no_input(path, &e))?;
+    let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
     let camera = path.file_stem().unwrap_or_default().to_string_lossy();
     let server = PageServer::start("--listen", page, Past::Record, false)?;

@@ -1,6 +1,5 @@
 //! One view's file: a record, JSON lines, or a film that is looked at first.
 
-use std::fs::File;
 use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -14,7 +13,7 @@ pub use crate::capture::is_film;
 use crate::counted::counted;
 use crate::export::usual_rate;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
-use crate::record::{CameraSource, ObservationReader};
+use crate::record::{self, CameraSource, ObservationReader};
 use crate::supervise::tie;
 
 /// Frames a second beyond which times say nothing.
@@ -79,7 +78,7 @@ impl ViewFile {
         record: &Path,
         named: &Path,
     ) -> anyhow::Result<Self> {
-        let file = File::open(record).map_err(|e| Failure::no_input(named, &e))?;
+        let file = record::open(record).map_err(|e| Failure::no_input(named, &e))?;
         let name = named.display().to_string();
         let mut reader = ObservationReader::new(BufReader::new(file), &name, lens);
         let mut seen = Self {
@@ -386,7 +385,7 @@ fn missing(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
 /// If the record cannot be read.
 fn reach(record: &Path) -> anyhow::Result<Option<(u64, u64)>> {
     let name = record.display().to_string();
-    let file = File::open(record).map_err(|e| Failure::no_input(record, &e))?;
+    let file = record::open(record).map_err(|e| Failure::no_input(record, &e))?;
     let lens = CameraSource::Recorded {
         fov_degrees: DEFAULT_FOV,
     };

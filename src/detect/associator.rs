@@ -67,6 +67,11 @@ impl Associator {
         self.without_neck
     }
 
+    /// The people of the last maps, best first.
+    pub fn found(&self) -> &[Detection] {
+        &self.detections[..self.found]
+    }
+
     /// The people of `maps`, best first. Values that are not finite count as no evidence.
     ///
     /// # Panics

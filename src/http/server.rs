@@ -13,12 +13,17 @@ use rustix::net::sockopt;
 
 use super::Request;
 
-/// How long a connection may take to ask, and to take what is written at once.
+/// How long a connection may take to ask, and to take some more of its answer.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// How long it may take to take all of it: the largest is 140 kB.
+const ANSWERED: Duration = Duration::from_secs(10);
 /// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Connections at a time, streams among them. Who comes then is told to come later.
-const MOST: usize = 32;
+const MOST: usize = 48;
+/// Streams at a time. The other places are for short answers: a browser asks for six at once, and a page that lacks one
+/// of its files shows nothing.
+const MOST_STREAMS: usize = 32;
 /// Bytes of a request that are read although it is refused unheard.
 const UNHEARD: u64 = 1 << 20;
 /// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far
@@ -88,12 +93,37 @@ impl Ends {
     }
 }
 
+/// How many there are.
+#[derive(Debug, Clone, Default)]
+struct Taken {
+    connections: Arc<AtomicUsize>,
+    streams: Arc<AtomicUsize>,
+}
+
+/// One of so many, until it is dropped, whatever ends its thread.
+struct Place(Arc<AtomicUsize>);
+
+impl Place {
+    /// `None` where all are taken.
+    fn take(taken: &Arc<AtomicUsize>, most: usize) -> Option<Self> {
+        let before = taken.fetch_add(1, Ordering::Relaxed);
+        let place = Self(Arc::clone(taken));
+        (before < most).then_some(place)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
 /// Serves until it is dropped.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
     ends: Ends,
-    connections: Arc<AtomicUsize>,
+    taken: Taken,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -109,8 +139,8 @@ impl Server {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
-        let (ends, connections) = (Ends::default(), Arc::<AtomicUsize>::default());
-        let (end, count) = (ends.clone(), Arc::clone(&connections));
+        let (ends, taken) = (Ends::default(), Taken::default());
+        let (end, count) = (ends.clone(), taken.clone());
         let answer: Arc<dyn Fn(&Request) -> Answer + Send + Sync> = Arc::new(answer);
         let serve = move || {
             while !end.now() {
@@ -126,7 +156,7 @@ impl Server {
         Ok(Self {
             address,
             ends,
-            connections,
+            taken,
             thread: Some(thread),
         })
     }
@@ -145,39 +175,37 @@ impl Drop for Server {
         }
         // Who does not end in time ends with the process.
         let began = Instant::now();
-        while self.connections.load(Ordering::Relaxed) > 0 && began.elapsed() < PATIENCE {
+        while self.taken.connections.load(Ordering::Relaxed) > 0 && began.elapsed() < PATIENCE {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
+}
+
+/// What who comes gets where all places are taken.
+fn busy() -> Answer {
+    // A browser that was to show the answer itself asks again on its own.
+    let headers = &[("Retry-After", "5"), ("Refresh", "5")];
+    let line = "too many connections: close one";
+    Answer::refusal_with("503 Service Unavailable", headers, line)
 }
 
 fn connect(
     mut stream: TcpStream,
     answer: &Arc<dyn Fn(&Request) -> Answer + Send + Sync>,
     ends: &Ends,
-    connections: &Arc<AtomicUsize>,
+    taken: &Taken,
 ) {
-    /// One fewer, whatever ends its thread.
-    struct Counted(Arc<AtomicUsize>);
-    impl Drop for Counted {
-        fn drop(&mut self) {
-            self.0.fetch_sub(1, Ordering::Relaxed);
-        }
-    }
-    let before = connections.fetch_add(1, Ordering::Relaxed);
-    let counted = Counted(Arc::clone(connections));
-    if before >= MOST {
-        let _ = stream.set_write_timeout(Some(LOOK_EVERY));
-        let busy = Answer::refusal("503 Service Unavailable", "too many connections: close one");
-        let _ = write(&mut stream, &busy);
+    let Some(place) = Place::take(&taken.connections, MOST) else {
+        let _ = write(&mut stream, &busy(), LOOK_EVERY);
         let _ = take_leave(&mut stream);
         return;
-    }
+    };
     let (answer, ends) = (Arc::clone(answer), ends.clone());
+    let streams = Arc::clone(&taken.streams);
     let talk = move || {
-        let _counted = counted;
+        let _place = place;
         // Who left before the end of the answer does not need it.
-        let _ = talk(stream, &*answer, ends);
+        let _ = talk(stream, &*answer, ends, &streams);
     };
     // Without a thread the connection is closed, and whoever asked asks again.
     let _ = std::thread::Builder::new()
@@ -195,7 +223,12 @@ fn take_leave(stream: &mut TcpStream) -> io::Result<()> {
     Ok(())
 }
 
-fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) -> io::Result<()> {
+fn talk(
+    mut stream: TcpStream,
+    answer: &dyn Fn(&Request) -> Answer,
+    ends: Ends,
+    streams: &Arc<AtomicUsize>,
+) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let request = match Request::read(&mut stream, PATIENCE) {
@@ -203,31 +236,34 @@ fn talk(mut stream: TcpStream, answer: &dyn Fn(&Request) -> Answer, ends: Ends) 
         Ok(None) => return Ok(()),
         Err(e) if e.kind() == ErrorKind::InvalidData => {
             let refusal = Answer::refusal("431 Request Header Fields Too Large", e);
-            return write(&mut stream, &refusal);
+            return write(&mut stream, &refusal, ANSWERED);
         }
         Err(e) => return Err(e),
     };
     match &*request.method {
         "GET" => match answer(&request) {
             Answer::Stream(talk) => {
+                let Some(_place) = Place::take(streams, MOST_STREAMS) else {
+                    return write(&mut stream, &busy(), ANSWERED);
+                };
                 keep_asking(&stream)?;
                 talk(stream, ends);
                 Ok(())
             }
-            body => write(&mut stream, &body),
+            body => write(&mut stream, &body, ANSWERED),
         },
         "HEAD" => match answer(&request) {
             Answer::Stream(_) => {
                 let line = "expected GET: a stream has no head alone";
                 let refusal = Answer::refusal_with(NOT_ALLOWED, &[("Allow", "GET")], line);
-                write_head(&mut stream, &refusal)
+                write_head(&mut Timed::new(&stream, ANSWERED), &refusal)
             }
-            body => write_head(&mut stream, &body),
+            body => write_head(&mut Timed::new(&stream, ANSWERED), &body),
         },
         _ => {
             let allowed = &[("Allow", "GET, HEAD")];
             let refusal = Answer::refusal_with(NOT_ALLOWED, allowed, "expected GET or HEAD");
-            write(&mut stream, &refusal)
+            write(&mut stream, &refusal, ANSWERED)
         }
     }
 }
@@ -244,16 +280,47 @@ fn keep_asking(stream: &TcpStream) -> io::Result<()> {
     Ok(())
 }
 
-fn write(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
-    write_head(stream, answer)?;
+/// A connection that is written to for so long in all: who takes a little now and then would keep its place for ever.
+struct Timed<'a> {
+    stream: &'a TcpStream,
+    until: Instant,
+}
+
+impl<'a> Timed<'a> {
+    fn new(stream: &'a TcpStream, patience: Duration) -> Self {
+        Self {
+            stream,
+            until: Instant::now() + patience,
+        }
+    }
+}
+
+impl Write for Timed<'_> {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        let left = self.until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        self.stream.set_write_timeout(Some(left.min(PATIENCE)))?;
+        self.stream.write(buffer)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
+}
+
+fn write(stream: &mut TcpStream, answer: &Answer, patience: Duration) -> io::Result<()> {
+    let mut timed = Timed::new(stream, patience);
+    write_head(&mut timed, answer)?;
     match answer {
-        Answer::Body { body, .. } => stream.write_all(body),
+        Answer::Body { body, .. } => timed.write_all(body),
         Answer::Stream(_) => Ok(()),
     }
 }
 
 /// Writes what comes before the body, whose length it says.
-fn write_head(stream: &mut TcpStream, answer: &Answer) -> io::Result<()> {
+fn write_head(stream: &mut Timed<'_>, answer: &Answer) -> io::Result<()> {
     let Answer::Body {
         status,
         kind,
@@ -325,8 +392,9 @@ mod tests {
             let cookie = "c".repeat(10_000);
             write!(client, "GET / HTTP/1.1\r\nCookie: {cookie}\r\n\r\n").unwrap();
             let (stream, _) = listener.accept().unwrap();
-            let connections = Arc::new(AtomicUsize::new(taken));
-            connect(stream, &found, &Ends::default(), &connections);
+            let taken_now = Taken::default();
+            taken_now.connections.store(taken, Ordering::Relaxed);
+            connect(stream, &found, &Ends::default(), &taken_now);
             let mut answer = String::new();
             client.read_to_string(&mut answer).unwrap();
             let wanted = format!("HTTP/1.1 {status}");
@@ -334,6 +402,84 @@ mod tests {
             let (_, line) = answer.split_once("\r\n\r\n").unwrap();
             assert_eq!(line.lines().count(), 1, "{answer}");
         }
+    }
+
+    #[test]
+    fn streams_leave_places_for_short_answers() {
+        let server = Server::start(([127, 0, 0, 1], 0).into(), |request| {
+            match &*request.path {
+                // Until the client leaves.
+                "/stream" => Answer::Stream(Box::new(|mut stream, _| {
+                    let _ = stream.write_all(b"begun");
+                    let _ = stream.set_read_timeout(None);
+                    let _ = stream.read(&mut [0]);
+                })),
+                _ => Answer::refusal("200 OK", "found"),
+            }
+        });
+        let server = server.unwrap();
+        let ask = |path: &str| {
+            let mut client = TcpStream::connect(server.address()).unwrap();
+            write!(client, "GET {path} HTTP/1.1\r\n\r\n").unwrap();
+            client
+        };
+        let read = |mut client: TcpStream| {
+            let mut answer = String::new();
+            client.read_to_string(&mut answer).unwrap();
+            answer
+        };
+        let begin = |_| {
+            let mut client = ask("/stream");
+            let mut begun = [0; 5];
+            client.read_exact(&mut begun).unwrap();
+            assert_eq!(&begun, b"begun");
+            client
+        };
+        let mut streams: Vec<_> = (0..MOST_STREAMS).map(begin).collect();
+        let refused = read(ask("/stream"));
+        assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
+        assert!(refused.contains("\r\nRetry-After: 5\r\n"), "{refused}");
+        // All that are left, at once; the one that was refused may not have gone yet.
+        let answers: Vec<_> = (1..MOST - MOST_STREAMS).map(|_| ask("/")).collect();
+        for answer in answers.into_iter().map(read) {
+            assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
+        }
+        // Who leaves makes room.
+        streams.pop();
+        while server.taken.streams.load(Ordering::Relaxed) == MOST_STREAMS {
+            std::thread::yield_now();
+        }
+        begin(0);
+    }
+
+    #[test]
+    fn who_takes_an_answer_little_by_little_is_left() {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        sockopt::set_socket_recv_buffer_size(&client, 2048).unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        // Little lies in the kernel: there is room for more every few milliseconds, for more than a minute.
+        sockopt::set_socket_send_buffer_size(&stream, 4096).unwrap();
+        let large = Answer::Body {
+            status: "200 OK",
+            kind: "text/plain",
+            headers: &[],
+            body: vec![0; 16 << 20].into(),
+        };
+        let is_over = AtomicBool::new(false);
+        std::thread::scope(|threads| {
+            threads.spawn(|| {
+                let mut client = client;
+                while !is_over.load(Ordering::Relaxed) {
+                    let _ = client.read(&mut [0; 2048]).unwrap();
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+            });
+            let written = write(&mut stream, &large, 4 * LOOK_EVERY);
+            is_over.store(true, Ordering::Relaxed);
+            let kinds = [ErrorKind::TimedOut, ErrorKind::WouldBlock];
+            assert!(kinds.contains(&written.unwrap_err().kind()));
+        });
     }
 
     #[test]

@@ -19,7 +19,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 /// Packed with gzip, which every browser unpacks.
 const PACKED: &str = "/three.min.js";
 
-const ASSETS: [Asset; 11] = [
+const ASSETS: [Asset; 13] = [
     Asset {
         path: "/",
         kind: HTML,
@@ -34,6 +34,16 @@ const ASSETS: [Asset; 11] = [
         path: "/main.js",
         kind: SCRIPT,
         body: include_bytes!("assets/main.js"),
+    },
+    Asset {
+        path: "/load.js",
+        kind: SCRIPT,
+        body: include_bytes!("assets/load.js"),
+    },
+    Asset {
+        path: "/connections.js",
+        kind: SCRIPT,
+        body: include_bytes!("assets/connections.js"),
     },
     Asset {
         path: "/decode.js",

@@ -56,6 +56,31 @@ fn inputs_that_are_not_there() {
     assert_eq!(left, 0, "a failed run leaves no folder");
 }
 
+/// A folder opens as a file does: without a look at what was opened it fails as a disk would.
+#[test]
+fn a_folder_is_no_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let take = at("take");
+    std::fs::create_dir(&take).unwrap();
+    let name = stream("folder");
+    for args in [
+        &["events", "--input", &take][..],
+        &["view", "--record", &take, "--listen", "127.0.0.1:0"],
+        &["plot", &take, "--to", &at("plot.svg")],
+        &["export", &take, "--to", &at("take.bvh")],
+        &["fit", "--input", &take, "--jsonl", &at("bodies.jsonl")],
+        &["multiview", "--view", &take, "--out", &at("shapes")],
+        &["replay", &take, "--name", &name],
+    ] {
+        let expected =
+            format!("cannot open {take}: expected a record, found a folder; check the path");
+        assert_fails(args, 66, &[&expected]);
+    }
+    let left = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(left, 1, "only the folder is left");
+}
+
 /// Tried again, it would lead nowhere again.
 #[test]
 fn an_input_that_cannot_exist_ends_a_film_that_would_play_without_end() {

@@ -171,6 +171,90 @@ fn a_masked_service_stays_masked() {
     assert_eq!(mode(Path::new("/dev/null")), device);
 }
 
+/// The administrator's units come before those of packages, of whatever version they are.
+#[test]
+fn an_installation_that_another_one_comes_before_is_refused() {
+    let unit = "etc/systemd/system/edgecap.service";
+    let packaged = ["--system", "--prefix", "/usr"];
+    for prefix in ["/usr/local", "/opt/edge \"cap\" 50%"] {
+        let root = tempfile::tempdir().unwrap();
+        let earlier = ["--system", "--prefix", prefix];
+        install(root.path(), &earlier);
+        let there = files(root.path());
+        let out = try_install(root.path(), &packaged);
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(69), "{said}");
+        let unit = root.path().join(unit);
+        let remedy = format!("'sudo {prefix}/bin/edgecap install --system --uninstall'");
+        for words in [unit.to_str().unwrap(), &remedy] {
+            assert!(said.contains(words), "{words} in {said}");
+        }
+        assert_eq!(files(root.path()), there, "nothing is written");
+        // It may be repeated, and gives way.
+        install(root.path(), &earlier);
+        install(root.path(), &[&earlier[..], &["--uninstall"]].concat());
+        install(root.path(), &packaged);
+    }
+    // What 'systemctl edit --full' leaves is the same service.
+    let root = tempfile::tempdir().unwrap();
+    install(root.path(), &packaged);
+    let own = root.path().join("usr/lib/systemd/system/edgecap.service");
+    let copy = root.path().join(unit);
+    std::fs::create_dir_all(copy.parent().unwrap()).unwrap();
+    let text = std::fs::read_to_string(own).unwrap();
+    let wrapped = text.replace("=/usr/bin/edgecap", "=/usr/bin/taskset 3 /usr/bin/edgecap");
+    for text in [text, wrapped] {
+        std::fs::write(&copy, text).unwrap();
+        install(root.path(), &packaged);
+    }
+}
+
+/// A package cannot refuse halfway: it says what the machine runs instead.
+#[test]
+fn a_package_says_that_another_installation_comes_first() {
+    let root = tempfile::tempdir().unwrap();
+    let bin = root.path().join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    for name in [
+        "systemd-sysusers",
+        "systemd-tmpfiles",
+        "udevadm",
+        "systemctl",
+        "deb-systemd-helper",
+        "deb-systemd-invoke",
+    ] {
+        script(&bin.join(name), "#!/bin/sh\n");
+    }
+    let unit = root.path().join("edgecap.service");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/debian/postinst");
+    let text = std::fs::read_to_string(source).unwrap();
+    let place = "/etc/systemd/system/edgecap.service";
+    assert!(text.contains(place));
+    let postinst = root.path().join("postinst");
+    script(&postinst, &text.replace(place, unit.to_str().unwrap()));
+    let path = std::env::var("PATH").unwrap_or_default();
+    let said = || {
+        let out = Command::new(&postinst)
+            .arg("configure")
+            .env("PATH", format!("{}:{path}", bin.display()))
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{}", stderr(&out));
+        stderr(&out)
+    };
+    assert_eq!(said(), "");
+    for (program, is_other) in [("/opt/bin/edgecap", true), ("/usr/bin/edgecap", false)] {
+        std::fs::write(&unit, format!("[Service]\nExecStart={program} run\n")).unwrap();
+        let said = said();
+        assert_eq!(said.contains("comes first"), is_other, "{said}");
+        assert_eq!(said.contains(program), is_other, "{said}");
+        assert_eq!(said.is_empty(), !is_other, "{said}");
+    }
+    std::fs::remove_file(&unit).unwrap();
+    symlink("/dev/null", &unit).unwrap();
+    assert_eq!(said(), "", "a mask is wanted");
+}
+
 #[test]
 fn what_a_link_leads_to_stays_as_it_is() {
     let root = tempfile::tempdir().unwrap();

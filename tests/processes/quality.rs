@@ -1,4 +1,4 @@
-//! `infer --quality`: how many looks a picture gets, and at which size.
+//! `infer --quality` and `--looks`: how many looks a picture gets, and at which size; which pictures get none.
 
 use std::path::Path;
 
@@ -75,6 +75,45 @@ fn the_others_look_once() {
     let film = |options: &[&str]| first(quality(&[options, &["--fps", "4"]].concat()));
     assert_eq!(film(&["fast"]), first(sized("384x240")));
     assert_eq!(film(&["balanced"]), first(sized("512x320")));
+}
+
+#[test]
+fn with_fewer_looks_everybody_is_in_every_picture_all_the_same() {
+    let demo = Path::new("demo");
+    let (all, fewer) = (people(demo, &[]), people(demo, &["--looks", "10"]));
+    let count = |of: &[Vec<Value>]| of.iter().map(Vec::len).sum::<usize>();
+    assert_eq!((all.len(), &all[0]), (fewer.len(), &fewer[0]));
+    assert_ne!(all[1], fewer[1], "looked at");
+    let missed = count(&all).abs_diff(count(&fewer));
+    assert!(20 * missed < count(&all), "{missed} of {}", count(&all));
+}
+
+#[test]
+fn looks_are_counted_where_pictures_follow_each_other_and_each_gets_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let stills = pictures(folder.path());
+    let photos = [
+        "infer",
+        "--looks",
+        "15",
+        "--input",
+        stills.to_str().unwrap(),
+    ];
+    crate::program::assert_fails(&photos, 64, &["--looks", "found photos"]);
+    let twice = [
+        "infer",
+        "--input",
+        "demo",
+        "--quality",
+        "best",
+        "--looks",
+        "15",
+    ];
+    crate::program::assert_fails(&twice, 64, &["--looks", "--quality best"]);
+    for wrong in ["0", "0.5", "nan", "many"] {
+        let args = ["infer", "--input", "demo", "--looks", wrong];
+        crate::program::assert_fails(&args, 64, &[wrong, "expected looks per second"]);
+    }
 }
 
 #[test]

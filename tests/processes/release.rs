@@ -28,13 +28,33 @@ fn path_with_stand_ins(working: &Path) -> String {
 fn release(working: &Path, folder: &str) -> Output {
     stand_in(working, "cargo", "exit 9");
     stand_in(working, "maturin", "exit 9");
+    release_with_stand_ins(working, folder)
+}
+
+fn release_with_stand_ins(working: &Path, folder: &str) -> Output {
     Command::new(script("release"))
         .arg(folder)
         .current_dir(working)
         .env("PATH", path_with_stand_ins(working))
         .env("SOURCE_DATE_EPOCH", "0")
+        .env("CARGO_TARGET_DIR", working.join("target"))
+        .env_remove("FEATURES")
         .output()
         .unwrap()
+}
+
+/// What lies in a folder and what is in it, sorted.
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path());
+    let content = |path: PathBuf| {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        (name.to_owned(), std::fs::read(&path).unwrap())
+    };
+    let mut contents: Vec<_> = entries.map(content).collect();
+    contents.sort();
+    contents
 }
 
 #[test]
@@ -59,6 +79,73 @@ fn a_folder_with_files_of_others_is_refused_before_anything_is_built() {
         std::fs::remove_file(file).unwrap();
     }
     assert!(earlier.iter().all(|name| place.join(name).exists()));
+}
+
+/// Builds of several machines and of both weights are offered together.
+#[test]
+fn a_release_replaces_its_own_kind_and_only_once_it_is_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let (place, built) = (
+        folder.path().join("out"),
+        folder.path().join("target/release"),
+    );
+    for made in [&place, &built] {
+        std::fs::create_dir_all(made).unwrap();
+    }
+    for name in ["edgecap", "libedgecap_c.so", "libedgecap_c.a"] {
+        std::fs::write(built.join(name), "").unwrap();
+    }
+    let machine = Command::new("uname").arg("-m").output().unwrap();
+    let machine = stdout(&machine);
+    let machine = machine.trim();
+    let replaced = [
+        format!("edgecap-0.0.1-{machine}-linux.tar.gz"),
+        format!("edgecap-c-0.0.1-{machine}-linux.tar.gz"),
+        format!("edgecap-0.0.1-py3-none-manylinux_2_31_{machine}.whl"),
+    ];
+    let others = [
+        format!("edgecap-open-0.0.1-{machine}-linux.tar.gz"),
+        format!("edgecap-0.0.1+open-py3-none-manylinux_2_31_{machine}.whl"),
+        "edgecap-0.0.1-another-linux.tar.gz".to_owned(),
+        "edgecap-c-0.0.1-another-linux.tar.gz".to_owned(),
+        "edgecap-0.0.1-py3-none-manylinux_2_31_another.whl".to_owned(),
+    ];
+    for name in replaced.iter().chain(&others) {
+        std::fs::write(place.join(name), "earlier").unwrap();
+    }
+    std::fs::write(place.join("SHA256SUMS"), "earlier").unwrap();
+    let before = contents(&place);
+    stand_in(folder.path(), "cargo", "");
+    let git = "case $1 in ls-files) printf 'README.md\\0' ;; describe) echo 0123456789ab ;; esac";
+    stand_in(folder.path(), "git", git);
+    stand_in(folder.path(), "maturin", "exit 9");
+    let out = release_with_stand_ins(folder.path(), "out");
+    assert_eq!(out.status.code(), Some(9), "{}", stderr(&out));
+    assert_eq!(contents(&place), before, "the wheel is not built");
+
+    // Where the wheel goes is its last argument.
+    let wheel = format!("edgecap-9.9.9-py3-none-manylinux_2_34_{machine}.whl");
+    let maturin = format!("for out; do :; done\necho built >\"$out/{wheel}\"");
+    stand_in(folder.path(), "maturin", &maturin);
+    let out = release_with_stand_ins(folder.path(), "out");
+    assert!(out.status.success(), "{}", stderr(&out));
+    let after = contents(&place);
+    let names: Vec<&str> = after.iter().map(|(name, _)| &**name).collect();
+    let version = env!("CARGO_PKG_VERSION");
+    let made = [
+        format!("edgecap-{version}-{machine}-linux.tar.gz"),
+        format!("edgecap-c-{version}-{machine}-linux.tar.gz"),
+        wheel,
+    ];
+    let mut expected: Vec<&str> = made.iter().chain(&others).map(|name| &**name).collect();
+    let sums = stdout(&out);
+    for name in &expected {
+        assert!(sums.contains(&format!("  {name}\n")), "{name} in {sums}");
+    }
+    expected.push("SHA256SUMS");
+    expected.sort_unstable();
+    assert_eq!(names, expected);
+    assert!(after.contains(&("SHA256SUMS".to_owned(), sums.into_bytes())));
 }
 
 #[test]

@@ -129,8 +129,8 @@ def open_in(folder: str, kind: Kind) -> Ring | None:
         return None
     except PermissionError as e:
         raise AccessError(
-            f"{kind.service} belongs to user {owner.st_uid}: expected that user or a member of group {owner.st_gid}, "
-            f"found user {os.geteuid()}; add this user to the group"
+            f"{kind.service} belongs to user {owner.st_uid}: expected that user or a member of group "
+            f"{_group(path, owner.st_gid)}, found user {os.geteuid()}; add this user to the group"
         ) from e
     except OSError as e:
         raise EdgecapError(f"{path}: {e.strerror}; `edgecap doctor` looks closer") from e
@@ -151,6 +151,14 @@ def open_in(folder: str, kind: Kind) -> Ring | None:
             os.close(fd)
 
 
+def _group(path: str, otherwise: int) -> int:
+    """The group that a file belongs to; `otherwise` where its folder may not be looked into."""
+    try:
+        return os.lstat(path).st_gid
+    except OSError:
+        return otherwise
+
+
 def _read_header(fd: int) -> Header | None:
     """None where the file is none of ours."""
     data = os.pread(fd, _HEADER.size, 0)
@@ -168,7 +176,8 @@ def _refuse_other_version(folder: str, kind: Kind) -> None:
         return
     for name in names:
         other = re.fullmatch(re.escape(kind.stem) + r"\.v(\d+)", name)
-        if not other:
+        # One of the reader's own version came just now: the next look finds it.
+        if not other or int(other[1]) == kind.version:
             continue
         try:
             # A pipe would be waited for.

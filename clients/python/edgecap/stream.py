@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import itertools
 import logging
@@ -11,7 +12,7 @@ import threading
 import time
 import weakref
 from collections.abc import Iterable, Iterator
-from typing import Any, Final, Generic
+from typing import Any, Final, Generic, NoReturn
 
 from .errors import EdgecapError, NoFrame, UnknownName
 from .event import EventFrame
@@ -41,7 +42,8 @@ class Stream(Generic[M]):
     Where it is there it begins with the newest message; one of bodies or observations with the next where that is more
     than two seconds old and does not end the stream.
 
-    Any thread may close it, and that ends a loop of another one; messages are taken by one thread at a time.
+    Any thread and any signal's handler may close it, and that ends a loop over it; messages are taken by one thread at
+    a time.
 
     Raises `AccessError` where the stream may not be read, `VersionError` where it has messages of another version.
     """
@@ -50,6 +52,7 @@ class Stream(Generic[M]):
         self, camera: str, stream: str, version: int, message: type[M], timeout_s: float | None = None
     ) -> None:
         self._lock = threading.RLock()
+        self._is_at_work, self._is_closing = False, False
         self._ring: Ring | None = None
         self._left: tuple[int, int] | None = None
         """Life of the publisher that was read before, and number of its message that comes next."""
@@ -83,13 +86,13 @@ class Stream(Generic[M]):
     def newest(self, timeout_s: float | None = 1.0) -> M | None:
         """The newest message, leaving out older ones and all of a publisher that another one has followed; waits up to
         `timeout_s` (None: for ever) where all are read."""
-        with self._lock:
+        with self._work():
             self._open_wake()
             self._look(leave=True)
             self._skip()
         newest = self._take(timeout_s)
         while newest is not None:
-            with self._lock:
+            with self._work():
                 self._skip()
                 newer = self._read()
             if newer is None:
@@ -99,7 +102,7 @@ class Stream(Generic[M]):
 
     def publishers(self) -> int:
         """Processes that publish this stream now, 0 or 1.  One that died is gone within a second."""
-        with self._lock:
+        with self._work():
             self._open_wake()
             self._look()
             return int(self._alive)
@@ -108,15 +111,22 @@ class Stream(Generic[M]):
         """For event loops: readable when a message has come, until `next(0)` has given None.
 
         It tells nothing of a run that begins: call `next(0)` once a second as well.  Raises `EdgecapError` where the
-        kernel has none left for this user.
+        kernel has none left for this user, or none that watches one file more.
         """
-        fd = self._open_wake().fileno()
-        if fd < 0:
-            raise EdgecapError(
-                f"{self._kind.service}: this user has no inotify instance left; call next() with a timeout instead, or "
-                "raise fs.inotify.max_user_instances (sysctl)"
-            )
-        return fd
+        with self._work():
+            wake = self._open_wake()
+            fd = wake.fileno()
+            if fd < 0:
+                self._refuse("instance", "max_user_instances")
+            if self._ring and not wake.watches():
+                self._refuse("watch", "max_user_watches")
+            return fd
+
+    def _refuse(self, lacks: str, limit: str) -> NoReturn:
+        raise EdgecapError(
+            f"{self._kind.service}: this user has no inotify {lacks} left; call next() with a timeout instead, or "
+            f"raise fs.inotify.{limit} (sysctl)"
+        )
 
     def __iter__(self) -> Iterator[M]:
         """Every message until a file ends or the stream is closed.  A camera's run that has stopped is waited for:
@@ -128,7 +138,7 @@ class Stream(Generic[M]):
         watch = _Watch(self._kind, self._timeout_s)
         while self._wake is not None:
             message = self._take(watch.patience())
-            with self._lock:
+            with self._work():
                 if self._wake is None:
                     return
                 is_alive = self.publishers() > 0
@@ -144,11 +154,30 @@ class Stream(Generic[M]):
     def close(self) -> None:
         """Lets go of everything; a stream that is let go of does it itself.  A thread that waits for a message is woken
         and gets none."""
+        self._is_closing = True
         with self._lock:
+            # A signal's handler, or what it calls: what this thread was at ends first.
+            if self._is_at_work:
+                return
             self._forget()
             if self._wake:
                 self._wake.close()
                 self._wake = None
+
+    @contextlib.contextmanager
+    def _work(self) -> Iterator[None]:
+        """Has the stream for itself.  What a signal's handler closes meanwhile is closed at the end."""
+        try:
+            with self._lock:
+                was_at_work = self._is_at_work
+                try:
+                    self._is_at_work = True
+                    yield
+                finally:
+                    self._is_at_work = was_at_work
+        finally:
+            if self._is_closing:
+                self.close()
 
     def __enter__(self) -> Stream[M]:
         return self
@@ -165,12 +194,12 @@ class Stream(Generic[M]):
 
     def _renew_locks(self) -> None:
         """For a child that was forked: the threads that had them locked are not in it."""
-        self._lock = threading.RLock()
+        self._lock, self._is_at_work = threading.RLock(), False
         if self._wake:
             self._wake.renew_lock()
 
     def _open_wake(self) -> Wake:
-        with self._lock:
+        with self._work():
             if self._wake is None:
                 raise EdgecapError(f"{self._kind.service}: this stream was closed; open another one")
             if not self._wake.is_of_this_process():
@@ -184,14 +213,13 @@ class Stream(Generic[M]):
         """As `next`; None, too, where another thread closes the stream meanwhile."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
-            with self._lock:
+            with self._work():
                 if self._wake is None:
                     return None
                 wake = self._open_wake()
+                # Also of who always finds a message there: a publisher in an earlier folder would never be seen.
+                self._look()
                 message = self._read()
-                if message is None:
-                    self._look()
-                    message = self._read()
                 every = self._every()
                 left = every if deadline is None else deadline - time.monotonic()
                 if message is None and left <= 0:
@@ -216,6 +244,7 @@ class Stream(Generic[M]):
         self._looked = time.monotonic()
         if self._ring:
             self._alive, self._is_followed = self._ring.is_published(), False
+            self._open_wake().watches()
             if self._alive:
                 self._return_to_those_before(self._ring)
                 return

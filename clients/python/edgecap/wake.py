@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import select
 import threading
@@ -24,13 +25,16 @@ class Wake:
     _CLOEXEC: Final = 0o2000000
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        # A signal's handler may close it while its own thread has it locked.
+        self._lock = threading.RLock()
         self._waiting, self._is_closed = 0, False
         self._process = os.getpid()
+        self._path: str | None = None
         self._watched = -1
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._fd: int = self._libc.inotify_init1(self._NONBLOCK | self._CLOEXEC)
         self._is_told = self._fd >= 0
+        self._is_refused = False
 
     def is_of_this_process(self) -> bool:
         """False in a child that was forked: what wakes one of both the other would not get."""
@@ -38,7 +42,7 @@ class Wake:
 
     def renew_lock(self) -> None:
         """For a child that was forked: the thread that had it locked may not be in it."""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
 
     def fileno(self) -> int:
         """Readable when something has changed; negative where the kernel does not tell."""
@@ -49,16 +53,23 @@ class Wake:
         if self._fd < 0:
             return
         self._unwatch()
-        self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(path), self._ATTRIB)
-        self._is_told = self._watched >= 0
+        self._path = path
+        self._add()
+
+    def watches(self) -> bool:
+        """Tries again to watch the file where the kernel refused it; whether it refuses no more."""
+        if self._is_refused and self._fd >= 0:
+            self._add()
+        return not self._is_refused
 
     def wait(self, timeout_s: float) -> None:
         """Until something changes or another thread closes it, at most so long."""
+        # From here on nobody closes the descriptor.
         with self._lock:
-            if self._is_closed:
-                return
             self._waiting += 1
         try:
+            if self._is_closed:
+                return
             if not self._is_told:
                 time.sleep(min(timeout_s, _STEP_S))
                 return
@@ -88,6 +99,13 @@ class Wake:
                 self._unwatch()
             self._let_go()
 
+    def _add(self) -> None:
+        assert self._path is not None
+        self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(self._path), self._ATTRIB)
+        self._is_told = self._watched >= 0
+        # A file that has gone meanwhile is nothing that the kernel has refused.
+        self._is_refused = not self._is_told and ctypes.get_errno() != errno.ENOENT
+
     def _unwatch(self) -> None:
         if self._watched >= 0:
             # The kernel tells that, too, so that who waits wakes.
@@ -96,7 +114,8 @@ class Wake:
 
     def _let_go(self) -> None:
         # Who still waits would read from whatever gets the number next; in a forked child nobody waits.
-        if self._is_closed and self._fd >= 0 and not (self._waiting and self.is_of_this_process()):
+        if self._is_closed and not (self._waiting and self.is_of_this_process()):
             # In this order, or a child that is forked in between closes whatever has the number by then.
             fd, self._fd = self._fd, -1
-            os.close(fd)
+            if fd >= 0:
+                os.close(fd)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import logging
 import os
@@ -21,7 +22,7 @@ from unittest import mock
 
 from writer import Writer, edgecap, frame
 
-from edgecap.ring import open_in
+from edgecap.ring import Ring, open_in
 
 CLIENT = pathlib.Path(__file__).parents[1]
 REPOSITORY = CLIENT.parents[1]
@@ -139,6 +140,40 @@ class Streams(InPlace):
                 self.assertEqual(stream.next(5).sequence, 3)
                 thread.join()
             writer.close()
+
+    def test_a_descriptor_that_could_not_fire_is_refused(self) -> None:
+        libc = mock.Mock(wraps=ctypes.CDLL(None, use_errno=True))
+        watch = libc.inotify_add_watch
+
+        def fails(why: int) -> mock.Mock:
+            def call(*_: object) -> int:
+                ctypes.set_errno(why)
+                return -1
+
+            return mock.Mock(side_effect=call)
+
+        writer = Writer(self.folder)
+        with mock.patch("ctypes.CDLL", return_value=libc):
+            libc.inotify_add_watch = fails(errno.ENOSPC)
+            with edgecap.bodies() as stream:
+                with self.assertRaisesRegex(edgecap.EdgecapError, "no inotify watch left.*max_user_watches"):
+                    stream.fileno()
+                libc.inotify_add_watch = watch
+                self.assertGreaterEqual(stream.fileno(), 0, "one was given back")
+                writer.publish(frame(1))
+                self.assertTrue(select.select([stream.fileno()], [], [], 30)[0])
+            libc.inotify_add_watch = fails(errno.ENOSPC)
+            with edgecap.bodies() as stream:
+                libc.inotify_add_watch = watch
+                stream._looked = 0.0
+                stream.next(0)
+                writer.publish(frame(2))
+                self.assertTrue(select.select([stream._wake.fileno()], [], [], 30)[0], "it is tried at each look")
+            # The file has gone in between.
+            libc.inotify_add_watch = fails(errno.ENOENT)
+            with edgecap.bodies() as stream:
+                self.assertGreaterEqual(stream.fileno(), 0)
+        writer.close()
 
     def test_a_publisher_that_comes_later_goes_and_comes_back_is_followed(self) -> None:
         stream, got = edgecap.bodies(), []
@@ -278,6 +313,39 @@ class Streams(InPlace):
             with self.assertRaisesRegex(edgecap.EdgecapError, "closed; open another"):
                 call()
         writer.close()
+
+    def test_a_signals_handler_may_close_what_its_thread_reads(self) -> None:
+        writer, read = Writer(self.folder), Ring.read
+        opened = len(os.listdir("/proc/self/fd"))
+
+        def closes(ring: Ring, n: int, into: edgecap.BodyFrame) -> bool:
+            stream.close()
+            return read(ring, n, into)
+
+        for call in (lambda: list(stream), lambda: stream.next(5), lambda: stream.newest(5)):
+            stream = edgecap.bodies()
+            writer.publish(frame(1))
+            with mock.patch.object(Ring, "read", closes):
+                call()
+            self.assertEqual(len(os.listdir("/proc/self/fd")), opened)
+            with self.assertRaisesRegex(edgecap.EdgecapError, "closed; open another"):
+                stream.next(0)
+        writer.close()
+
+    def test_a_signals_handler_may_close_who_begins_or_ends_a_wait(self) -> None:
+        opened = len(os.listdir("/proc/self/fd"))
+        stream = edgecap.bodies()
+
+        def close() -> None:
+            with stream._wake._lock:
+                stream.close()
+
+        # One that is stuck does not keep the tests from ending.
+        thread = threading.Thread(target=close, daemon=True)
+        thread.start()
+        thread.join(30)
+        self.assertFalse(thread.is_alive())
+        self.assertEqual(len(os.listdir("/proc/self/fd")), opened)
 
     def test_a_folder_of_a_service_that_is_closed_is_said_while_nobody_publishes(self) -> None:
         service, own = self.folder / "service", self.folder / "own"
@@ -445,6 +513,44 @@ class Streams(InPlace):
             edgecap.bodies()
         writer.close()
 
+    def test_who_comes_just_after_the_look_is_of_no_other_version(self) -> None:
+        writers, listed = [], os.listdir
+
+        def comes(folder: str) -> list[str]:
+            writers.append(Writer(self.folder))
+            return listed(folder)
+
+        with mock.patch("os.listdir", comes):
+            stream = edgecap.bodies()
+        [writer] = writers
+        writer.publish(frame(1))
+        self.assertEqual(stream.next(5).sequence, 1)
+        stream.close()
+        writer.close()
+
+    def test_the_group_that_may_read_is_the_files(self) -> None:
+        writer = Writer(self.folder)
+        user, group = os.geteuid(), self.folder.stat().st_gid + 1
+        look, opens = os.lstat, os.open
+
+        def seen(path: str) -> os.stat_result:
+            found = look(path)
+            return os.stat_result([*found[:5], group, *found[6:]]) if str(path) == str(writer.path) else found
+
+        def refused(path: str, *more: int) -> int:
+            if str(path) == str(writer.path):
+                raise PermissionError
+            return opens(path, *more)
+
+        expected = f"a member of group {group}, found user {user};"
+        with mock.patch("os.open", refused):
+            with mock.patch("os.lstat", seen), self.assertRaisesRegex(edgecap.AccessError, expected):
+                edgecap.bodies()
+            # Where the file may not be looked at, the folder's.
+            with self.assertRaisesRegex(edgecap.AccessError, f"group {group - 1},"):
+                edgecap.bodies()
+        writer.close()
+
     def test_who_has_read_once_is_told_of_messages_of_another_version_too(self) -> None:
         writer = Writer(self.folder)
         stream = edgecap.bodies()
@@ -476,6 +582,28 @@ class Streams(InPlace):
             stream._looked = 0.0
             self.assertEqual(stream.next(5).sequence, 2)
             self.assertIsNone(stream.next(0))
+        for writer in writers:
+            writer.close()
+
+    def test_a_reader_that_always_has_a_message_returns_to_the_folder_that_comes_first(self) -> None:
+        own, service = self.folder / "own", self.folder / "service"
+        for folder in (own, service):
+            folder.mkdir(mode=0o700)
+        writers = [Writer(service)]
+        with mock.patch("edgecap.stream.reading_dirs", lambda: [str(own), str(service)]), edgecap.bodies() as stream:
+            writers.append(Writer(own))
+            # On a busy machine signs of life may come late.
+            for n in range(1000):
+                time.sleep(0.01 * min(n, 1))
+                writers[0].publish(frame(n))
+                stream._looked, stream._looked_before = 0.0, stream._looked_before - 1.0
+                stream.next(0)
+                if stream._ring.folder == str(own):
+                    break
+            else:
+                self.fail("it stays where it is")
+            writers[1].publish(frame(1000))
+            self.assertEqual(stream.next(5).sequence, 1000)
         for writer in writers:
             writer.close()
 

@@ -13,6 +13,7 @@ use rustix::io::Errno;
 use super::STEP;
 use crate::commands::exit::Failure;
 use crate::commands::stop::Stop;
+use crate::record;
 
 /// Bytes that are asked for at a time.
 const BUFFER: usize = 1 << 16;
@@ -42,11 +43,12 @@ impl Lines {
                 .map_err(io::Error::from),
         };
         let file = file.map_err(no_input)?;
-        let has_end = file.metadata().map_err(no_input)?.is_file();
+        let found = file.metadata().map_err(no_input)?;
+        record::expect_no_folder(&found).map_err(no_input)?;
         let stop = stop.clone();
         Ok(Self {
             from: Box::new(BufReader::with_capacity(BUFFER, UntilStop { file, stop })),
-            has_end,
+            has_end: found.is_file(),
         })
     }
 }

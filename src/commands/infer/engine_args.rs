@@ -11,6 +11,9 @@ use crate::commands::exit::Failure;
 use crate::commands::input::path_in_words;
 use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
 
+/// Looks at a film per second where little time is to be spent.
+const FAST_LOOKS: f64 = 15.0;
+
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -30,6 +33,10 @@ pub struct EngineArgs {
     /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
+    /// Look at no more pictures than these, per second; in those between, joints are followed by the optical flow
+    /// [default: every picture; 15 with --quality fast]
+    #[arg(long, value_name = "PER SECOND", value_parser = parse_looks)]
+    pub looks: Option<f64>,
     /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that
     /// is measured to be faster]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -89,6 +96,15 @@ impl fmt::Display for InputSize {
     }
 }
 
+fn parse_looks(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(looks) if (1.0..=1000.0).contains(&looks) => Ok(looks),
+        _ => Err(format!(
+            "'{text}': expected looks per second, from 1 to 1000, such as 15"
+        )),
+    }
+}
+
 /// WIDTHxHEIGHT in multiples of 16.
 pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
     let wrong = || {
@@ -123,7 +139,26 @@ impl EngineArgs {
                 "--size auto follows people from picture to picture: expected a film, a camera or a folder of its frames with --fps, found photos: give --size WxH",
             ));
         }
-        Ok(Inputs::new(self.size, self.quality, film))
+        let needs = |what: &str| {
+            Failure::usage(format!(
+                "--looks follows joints from a picture to the next: expected {what}: leave it out"
+            ))
+        };
+        match Inputs::new(self.size, self.quality, film) {
+            _ if self.looks.is_some() && !film => Err(needs(
+                "a film, a camera or a folder of its frames with --fps, found photos",
+            )),
+            Inputs::Looks(_) if self.looks.is_some() => Err(needs(
+                "one look at a picture, found --quality best, which looks twice",
+            )),
+            inputs => Ok(inputs),
+        }
+    }
+
+    /// Nanoseconds from one look at a film to the next; `None` where every picture is looked at.
+    pub fn looks_apart(&self) -> Option<u64> {
+        let usual = (self.quality == Some(Quality::Fast)).then_some(FAST_LOOKS);
+        self.looks.or(usual).map(|looks| (1e9 / looks) as u64)
     }
 
     /// Threads that there are for a picture: so many as are set, else this camera's part of the cores.

@@ -1,8 +1,10 @@
 //! `edgecap infer`: pictures in, observations out. Beside `run` on a file, the only process that sees pictures.
 
+mod between;
 mod change;
 mod crew;
 mod crops;
+mod due;
 mod engine_args;
 mod feed;
 mod inputs;

@@ -7,7 +7,7 @@ use edgecap_client::message::{FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame};
 use super::engine_args::EngineArgs;
 use super::feed::{Delivery, Feed, Order, Picture};
 use super::pace::{Limits, Pace, Plan};
-use super::pipelines::Pipelines;
+use super::pipelines::{Pipelines, Way};
 use crate::camera::{CameraFile, monotonic_ns};
 use crate::capture::{Brightness, CaptureError, Frame, Mounting, Source};
 use crate::commands::exit::Failure;
@@ -34,8 +34,8 @@ pub struct Observer {
     reference: Option<Brightness>,
     spare: Frame,
     plan: Plan,
-    /// What the stages take for a part of a picture and for all of one, seconds.
-    busy: [f32; 2],
+    /// What the stages take for a picture, by the [`Way`] it is gone through, seconds.
+    busy: [f32; 3],
     picture: Frame,
     /// Whether `picture` is the one that was observed last.
     has_picture: bool,
@@ -95,7 +95,7 @@ impl Observer {
             pace,
             reference: None,
             spare: Frame::default(),
-            busy: [0.0; 2],
+            busy: [0.0; 3],
             picture: Frame::default(),
             has_picture: false,
             has_told_of_shape: false,
@@ -229,8 +229,11 @@ impl Observer {
         self.has_fitted = true;
         let intrinsics = self.mounting.intrinsics(lens, width, height);
         let idle = self.pace.is_idle();
-        let is_whole = idle || self.pipelines.choose(&self.picture)?;
-        let kind = usize::from(is_whole);
+        let way = match idle {
+            true => Way::Whole,
+            false => self.pipelines.choose(&self.picture)?,
+        };
+        let kind = way as usize;
         if !idle {
             // The next one is taken and decoded while the network is at work on this one.
             if self.is_live {

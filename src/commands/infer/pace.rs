@@ -6,6 +6,8 @@
 //!   └───────────somebody──────────────────┘
 //! ```
 
+use super::due::Due;
+
 /// How long nobody must have been seen, at every size of the input in its turn, nanoseconds.
 const EMPTY_NS: u64 = 2_500_000_000;
 /// From one glance to the next. With a camera's picture to wait for, and the look itself, somebody who enters is seen
@@ -13,8 +15,6 @@ const EMPTY_NS: u64 = 2_500_000_000;
 const GLANCE_NS: u64 = 300_000_000;
 /// How often the largest input is looked at where things move and nobody is there.
 const LARGE_NS: u64 = 950_000_000;
-/// Cameras do not count as evenly as we do.
-const UNEVEN_NS: u64 = 5_000_000;
 /// How often an empty place is looked at although nothing has changed.
 const ANYWAY_NS: u64 = 10_000_000_000;
 
@@ -59,8 +59,8 @@ pub struct Look {
 pub struct Pace {
     limits: Limits,
     state: State,
-    /// When the next picture is due by the limit of pictures per second.
-    due_ns: u64,
+    /// The next picture, by the limit of pictures per second.
+    due: Due,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -83,9 +83,9 @@ impl Pace {
     /// Of a camera that starts now.
     pub fn new(limits: Limits) -> Self {
         Self {
+            due: Due::new(limits.interval_ns),
             limits,
             state: State::Full { empty_since: None },
-            due_ns: 0,
         }
     }
 
@@ -96,17 +96,14 @@ impl Pace {
 
     /// What comes after a picture taken at `now`.
     pub fn plan(&mut self, now: u64) -> Plan {
-        let interval = self.limits.interval_ns;
-        let slack = UNEVEN_NS.min(interval / 8);
-        // A picture that is late does not put off those after it, unless it is later than one of them.
-        self.due_ns = (self.due_ns + interval).clamp(now, now + interval + slack);
+        self.due.done(now);
         match self.state {
             State::Full { .. } => Plan {
-                from_ns: self.due_ns - slack,
+                from_ns: self.due.at_ns(),
                 wanted: Wanted::Colours,
             },
             State::Idle { last, looked, .. } => Plan {
-                from_ns: (last + GLANCE_NS).max(self.due_ns),
+                from_ns: (last + GLANCE_NS).max(self.due.at_ns()),
                 wanted: if last - looked < ANYWAY_NS {
                     Wanted::BothIfChanged
                 } else {

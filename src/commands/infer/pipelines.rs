@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
+use super::between::Between;
 use super::crew::{Change, Crew};
 use super::crops::Crops;
 use super::engine_args::EngineArgs;
@@ -22,6 +23,21 @@ pub struct Pipelines {
     stages: Stages,
     speed: Speed,
     crew: Crew,
+    /// Where not every picture is looked at.
+    between: Option<Between>,
+    /// Whether people were followed into the picture that has been chosen for.
+    follows: bool,
+}
+
+/// How a picture is gone through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// It is not looked at: people are followed into it.
+    Followed,
+    /// A part of it is looked at.
+    Part,
+    /// All of it is.
+    Whole,
 }
 
 enum Stages {
@@ -102,27 +118,42 @@ impl Pipelines {
             }
             Inputs::Looks(shares) => Stages::Looks(Box::new(Looks::new(engine)?), shares),
         };
+        let one = match &stages {
+            Stages::Fixed(one) => Some(&**one),
+            Stages::Following(following) => Some(following.shapes.any()),
+            Stages::Looks(..) => None,
+        };
+        let apart = engine.looks_apart().filter(|_| film).zip(one);
         Ok(Self {
+            between: apart.map(|(interval, stages)| Between::new(interval, stages)),
+            follows: false,
             stages,
             speed: Speed::new(target),
             crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
         })
     }
 
-    /// Chooses how the frame that [`process`](Self::process) is given next is looked at; whether all of it is.
+    /// Chooses how the frame that [`process`](Self::process) is given next is gone through.
     ///
     /// # Errors
     /// When the network does not take its shape.
-    pub fn choose(&mut self, frame: &Frame) -> anyhow::Result<bool> {
+    pub fn choose(&mut self, frame: &Frame) -> anyhow::Result<Way> {
+        self.follows = self.between.as_mut().is_some_and(|b| b.follow(frame));
+        if self.follows {
+            return Ok(Way::Followed);
+        }
         let Stages::Following(following) = &mut self.stages else {
-            return Ok(true);
+            return Ok(Way::Whole);
         };
         let choice = following.choose(frame, self.speed.limit())?;
         following.choice = Some(choice);
-        Ok(choice.crop.is_none())
+        Ok(match choice.crop {
+            Some(_) => Way::Part,
+            None => Way::Whole,
+        })
     }
 
-    /// Everyone in the frame.
+    /// Everyone in the frame, as was chosen for it, else by a look.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -135,11 +166,26 @@ impl Pipelines {
             stages,
             speed,
             crew,
+            between,
+            follows,
         } = self;
+        if std::mem::take(follows)
+            && let Some(between) = between
+        {
+            let seen = between.lift(frame, intrinsics)?;
+            if let Stages::Following(following) = stages {
+                following.region.seen(frame, seen.people, false);
+            }
+            return Ok(seen);
+        }
         let following = match stages {
             Stages::Fixed(one) => {
                 one.use_threads(crew.threads(0));
-                let seen = one.process(frame, intrinsics)?;
+                one.process(frame, intrinsics)?;
+                if let Some(between) = between {
+                    between.looked(frame, one);
+                }
+                let seen = one.seen();
                 log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
                 return Ok(seen);
             }
@@ -183,14 +229,22 @@ impl Pipelines {
             Some(_) => crew.usual(level),
         });
         let start = Instant::now();
-        let seen = match crop {
-            None => whole.process(frame, intrinsics)?,
+        let used = match crop {
+            None => {
+                whole.process(frame, intrinsics)?;
+                whole
+            }
             Some(crop) => {
                 let size = (crop.width, crop.height);
                 let stages = crops.of(whole, size)?;
-                stages.process_crop(frame, intrinsics, crop)?
+                stages.process_crop(frame, intrinsics, crop)?;
+                stages
             }
         };
+        if let Some(between) = between {
+            between.looked(frame, used);
+        }
+        let seen = used.seen();
         let now = monotonic_ns();
         region.seen(frame, seen.people, crop.is_none());
         if crop.is_some() || !crew.is_trying(level) {
@@ -228,7 +282,15 @@ impl Pipelines {
         intrinsics: &Intrinsics,
         large: bool,
     ) -> anyhow::Result<FrameObservations<'_>> {
-        let Self { stages, crew, .. } = self;
+        let Self {
+            stages,
+            crew,
+            between,
+            ..
+        } = self;
+        if let Some(between) = between {
+            between.forget();
+        }
         let following = match stages {
             Stages::Fixed(one) => {
                 one.use_threads(crew.usual(0));
@@ -392,6 +454,30 @@ mod tests {
             rgb: vec![128; 3 * w * h],
             ..Frame::default()
         }
+    }
+
+    #[test]
+    fn of_thirty_pictures_a_second_every_other_one_is_looked_at_where_fifteen_are_wanted() {
+        let engine = EngineArgs {
+            threads: Some(1),
+            quality: Some(crate::commands::infer::Quality::Fast),
+            ..EngineArgs::default()
+        };
+        let mut pipelines = Pipelines::new(&engine, true, None).unwrap();
+        let mut picture = far_away();
+        for k in 0..12 {
+            picture.time_ns = SECOND + k * SECOND / 30;
+            let way = pipelines.choose(&picture).unwrap();
+            let seen = pipelines.process(&picture, &lens()).unwrap();
+            assert_eq!(way == Way::Followed, seen.times.stage1_us == 0);
+            // The first one is late by its whole time.
+            let is_between = k > 1 && k % 2 == 1;
+            assert_eq!(way == Way::Followed, is_between, "picture {k}");
+        }
+        picture.time_ns += SECOND / 30;
+        pipelines.look(&picture, &lens(), false).unwrap();
+        picture.time_ns += SECOND / 60;
+        assert_ne!(pipelines.choose(&picture).unwrap(), Way::Followed);
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod pages;
 mod plan;
 mod step;
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::Mode;
@@ -11,7 +12,7 @@ use rustix::process::{geteuid, umask};
 
 use super::exit::Failure;
 use super::say;
-use plan::{Layout, plan};
+use plan::{Layout, plan, program_of};
 use step::{Done, Loss, Step};
 
 pub use pages::{Shell, completions};
@@ -80,6 +81,7 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
     let root = args.root.as_deref();
     if !args.uninstall {
         expect_no_mask(&layout, root)?;
+        expect_no_other(&layout, root)?;
     }
     let steps = plan(&layout, args.uninstall, root)?;
     let mut lost = None;
@@ -118,6 +120,29 @@ fn expect_no_mask(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
             layout.systemctl()
         ))),
         _ => Ok(()),
+    }
+}
+
+/// Refuses to install a unit that the machine would not take, as one of another program comes before it.
+///
+/// # Errors
+/// Exit code 69.
+fn expect_no_other(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
+    let Some(unit) = layout.comes_before() else {
+        return Ok(());
+    };
+    let unit = below(root, &unit);
+    let text = fs::read_to_string(&unit).unwrap_or_default();
+    // The same program is a copy that the administrator has changed; one of another name is the administrator's, too.
+    let is_other = |program: &PathBuf| program.ends_with("edgecap") && program != layout.program();
+    match program_of(&text).filter(is_other) {
+        Some(program) => Err(Failure::unavailable(format!(
+            "{} comes first, so that the service would run another installation: \
+             'sudo {} install --system --uninstall' takes that away, with its --prefix if it had one; then install again",
+            unit.display(),
+            program.display()
+        ))),
+        None => Ok(()),
     }
 }
 

@@ -109,6 +109,17 @@ impl Layout {
         }
     }
 
+    /// The place of a unit that the machine takes instead of this installation's.
+    pub fn comes_before(&self) -> Option<PathBuf> {
+        let is_behind = self.system && self.units != Path::new(ADMINISTRATORS);
+        is_behind.then(|| Path::new(ADMINISTRATORS).join(SERVICE))
+    }
+
+    /// Where the program goes.
+    pub fn program(&self) -> &Path {
+        &self.program
+    }
+
     /// What tells settings that nobody has changed from others, when the program that wrote them has gone.
     fn config_digest(&self) -> PathBuf {
         self.config.with_added_extension("blake3")
@@ -170,6 +181,29 @@ fn word(path: &Path) -> Result<String, Failure> {
         true => escaped,
         false => format!("\"{escaped}\""),
     })
+}
+
+/// The program that a unit starts, as [`word`] writes it; `None` where it says none.
+pub fn program_of(unit: &str) -> Option<PathBuf> {
+    // An empty one takes back those before; what stands before a path says how it is started.
+    let how = |c: char| "-@:+!|".contains(c) || c.is_whitespace();
+    let commands = unit.lines().filter_map(|l| l.strip_prefix("ExecStart="));
+    let mut commands = commands.map(|command| command.trim_start_matches(how));
+    let command = commands.rfind(|command| !command.is_empty())?;
+    let (mut text, mut rest) = (String::new(), command.chars());
+    let is_quoted = rest.as_str().starts_with('"');
+    if is_quoted {
+        rest.next();
+    }
+    while let Some(c) = rest.next() {
+        match c {
+            '"' if is_quoted => break,
+            c if c.is_whitespace() && !is_quoted => break,
+            '\\' | '%' => text.extend(rest.next()),
+            c => text.push(c),
+        }
+    }
+    (!text.is_empty()).then(|| text.into())
 }
 
 /// Everything that makes, or undoes, an installation below `root`.

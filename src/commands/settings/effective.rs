@@ -55,12 +55,12 @@ impl Effective {
         Ok(())
     }
 
-    /// The cameras whose network's input is asked for in more than one way.
+    /// The cameras whose network's input, or looks, are asked for in ways that do not go together.
     pub(super) fn doubled_inputs(&self, runs: &[RunArgs]) -> Vec<Fault<'_>> {
         let each = self.cameras.iter().zip(runs);
         let doubled = each.filter_map(|(camera, run)| {
             let error = run.engine.inputs(true).err()?;
-            Some(Fault::new(camera, &["quality", "size"], error))
+            Some(Fault::new(camera, &["looks", "quality", "size"], error))
         });
         doubled.collect()
     }

@@ -99,14 +99,16 @@ impl Predictions {
         let wrong = |e: RecordError| EvalError::format(name.clone(), expected, e.to_string());
         let (lines, is_short) = record::lines(bytes, &name).map_err(wrong)?;
         let (out, is_shorter) = Self::whole(&lines, &name)?;
-        if is_short || is_shorter {
-            if out.frames.is_empty() {
-                return Err(EvalError::format(
-                    name,
-                    "a record of one frame or more",
-                    "it cut off inside its first frame; record again",
-                ));
-            }
+        let was_cut = is_short || is_shorter;
+        if out.frames.is_empty() {
+            let found = match was_cut {
+                true => "it cut off inside its first frame; record again",
+                false => "no frame in it; record again",
+            };
+            let expected = "a record of one frame or more";
+            return Err(EvalError::format(name, expected, found));
+        }
+        if was_cut {
             tracing::warn!("{name}: cut off inside a frame; the frames before it are measured");
         }
         Ok(out)

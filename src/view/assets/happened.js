@@ -1,8 +1,8 @@
 // What has happened, beside the picture: events as the server tells them.
 
+import { keep } from './connections.js';
 import { colourOf } from './space.js';
 
-const RETRY_MS = 1000;
 /** Events of a running camera; of a record all are. */
 const KEPT = 500;
 const SHOWN = 8;
@@ -28,13 +28,15 @@ export class Happened {
 
   /** `url` takes a path to an address; a connection that is lost is made again. */
   connect(url) {
-    const socket = new WebSocket(url('ws', 'events'));
-    socket.onopen = () => {
-      // Those of a record all come again.
-      if (this.most === Infinity) this.byCamera.clear();
-    };
-    socket.onmessage = ({ data }) => this.take(JSON.parse(data));
-    socket.onclose = () => setTimeout(() => this.connect(url), RETRY_MS);
+    keep(() => {
+      const socket = new WebSocket(url('ws', 'events'));
+      socket.onopen = () => {
+        // Those of a record all come again.
+        if (this.most === Infinity) this.byCamera.clear();
+      };
+      socket.onmessage = ({ data }) => this.take(JSON.parse(data));
+      return socket;
+    });
   }
 
   take(event) {
@@ -44,6 +46,15 @@ export class Happened {
     events.push(event);
     if (events.length > this.most) events.shift();
     this.byCamera.set(event.camera, events);
+    this.changed = true;
+  }
+
+  /** A camera begins anew with this frame: what is later was before it. */
+  begin(frame) {
+    // A record begins once.
+    if (this.most === Infinity) return;
+    const events = this.byCamera.get(frame.camera) ?? [];
+    this.byCamera.set(frame.camera, events.filter((e) => e.time_ns <= frame.poseNs));
     this.changed = true;
   }
 

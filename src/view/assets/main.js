@@ -1,5 +1,6 @@
 // Joins the streams, the last minute, and what is shown of it.
 
+import { keep, renew } from './connections.js';
 import { decode } from './decode.js';
 import { Happened } from './happened.js';
 import { History } from './history.js';
@@ -10,6 +11,14 @@ import { Space } from './space.js';
 const RETRY_MS = 1000;
 const QUIET_MS = 3000;
 const FORGET_EVERY_MS = 1000;
+const CHECK_EVERY_MS = 10000;
+/** A camera whose time goes back by more runs anew. */
+const BACK_NS = 0.5e9;
+/** A server that has not answered by then does not. */
+const ANSWERS_WITHIN_MS = 5000;
+/** Pages of one server do not all come back in the same moment. */
+const SPREAD_MS = 3000;
+const AWAY = 'not connected: is edgecap view still running? trying again …';
 const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
 const [history, space, panel] = [new History(), openSpace(), new Panel()];
@@ -17,14 +26,16 @@ const picture = new Picture(byId('picture'));
 const happened = new Happened(byId('events'));
 
 /**
- * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came;
- * `unwritten` says that the tables are those of an earlier frame; `refused` is why the server lets nobody in; `loading`
- * that it still reads its record.
+ * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came,
+ * `newest` the latest one of each; `unwritten` says that the tables are those of an earlier frame; `why` says why there
+ * is no connection.
  */
 const state = {
-  camera: null, at: null, connected: false, heard: new Map(), ended: new Set(), changed: true, unwritten: false,
-  isDragged: false, refused: null, loading: false,
+  camera: null, at: null, connected: false, heard: new Map(), newest: new Map(), ended: new Set(), changed: true,
+  unwritten: false, isDragged: false, why: 'connecting …',
 };
+/** What the server has told of itself; without `server`: nothing yet. */
+let features = {};
 
 function openSpace() {
   try {
@@ -42,15 +53,26 @@ function url(kind, path, more = {}) {
   return `${kind}${location.protocol === 'https:' ? 's' : ''}://${location.host}/${path}?${query}`;
 }
 
+/** Asks what the server is, until it tells: how much of the past is kept has to be known before it comes. */
+async function begin() {
+  const answer = await ask();
+  if (answer.status === 200) {
+    learn(answer);
+    keep(connect, lost);
+  } else {
+    state.why = reason(answer);
+    setTimeout(begin, RETRY_MS);
+  }
+}
+
 /** With the past every time: of what a connection that was lost has brought, nobody knows how much is missing. */
 function connect() {
   const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', history: '1' }));
   socket.binaryType = 'arraybuffer';
   const begun = new Set();
-  let opened = false;
   socket.onopen = () => {
-    opened = state.connected = true;
-    reloadIfAnother();
+    state.connected = true;
+    check();
   };
   socket.onmessage = ({ data }) => {
     const frame = data instanceof ArrayBuffer ? decode(data) : null;
@@ -61,35 +83,63 @@ function connect() {
     }
     take(frame);
   };
-  socket.onclose = () => {
-    state.connected = false;
-    if (!opened) readFeatures();
-    setTimeout(connect, RETRY_MS);
-  };
+  return socket;
 }
 
-async function readFeatures() {
+async function lost(opened) {
+  state.connected = false;
+  state.why = opened ? AWAY : reason(await ask());
+}
+
+/** What the server says of itself; `status` 0: nothing, `line`: why it does not. */
+async function ask() {
   try {
-    const answer = await fetch(url('http', 'features'));
-    const told = answer.ok ? await answer.json() : {};
-    state.refused = answer.ok ? null : await answer.text();
-    state.loading = told.loading ?? false;
-    return told;
+    const answer = await fetch(url('http', 'features'), { signal: AbortSignal.timeout(ANSWERS_WITHIN_MS) });
+    const { status } = answer;
+    return status === 200 ? { status, ...await answer.json() } : { status, line: await answer.text() };
   } catch {
-    state.refused = null;
-    state.loading = false;
-    return {};
+    return { status: 0 };
   }
 }
 
-/** Another server may show something else, by another page. */
-async function reloadIfAnother() {
-  const { server } = await readFeatures();
-  if (server && server !== features.server) location.reload();
+/** Why a server that answers so lets this page have no stream. */
+function reason({ status, line, loading }) {
+  if (status === 403) return `not let in: ${line}`;
+  if (loading) return 'the record is still read …';
+  return status === 200 || status === 503 ? 'full: too many pages are open; trying again …' : AWAY;
+}
+
+function learn(told) {
+  if (told.server === features.server) return;
+  if (features.server) {
+    // Another server may show something else, by another page.
+    setTimeout(() => location.reload(), SPREAD_MS * Math.random());
+    return;
+  }
+  features = told;
+  if (features.seconds) history.keepNs = features.seconds * 1e9;
+  if (features.recorded) happened.most = Infinity;
+  if (features.pictures) picture.connect(url);
+  happened.connect(url);
+}
+
+/** Whether the server is there, and the same: one that vanished without a word has ended no connection. */
+async function check() {
+  if (!state.connected) return;
+  const answer = await ask();
+  if (answer.status === 200) learn(answer);
+  else if (answer.status === 0) renew();
+  else setTimeout(check, RETRY_MS);
+}
+
+/** Where frames come the server is there. */
+function checkSilence() {
+  if (performance.now() - Math.max(0, ...state.heard.values()) > QUIET_MS) check();
 }
 
 function take(frame) {
   state.heard.set(frame.camera, performance.now());
+  noteRun(frame);
   if (frame.ended) {
     state.ended.add(frame.camera);
     showPicture();
@@ -99,12 +149,31 @@ function take(frame) {
   history.add(frame);
   if (![...select.options].some((o) => o.value === frame.camera)) {
     select.append(new Option(frame.camera));
-    if (state.camera === null) choose(frame.camera);
+    if (state.camera === null || isChosen(frame.camera)) showCamera(frame.camera);
   }
   if (frame.camera === state.camera) state.changed = true;
 }
 
+/** Tells where a run begins after another one; frames of the past, which come again, begin none. */
+function noteRun(frame) {
+  const before = state.newest.get(frame.camera);
+  if (before && frame.publishNs < before.publishNs) return;
+  if (before && (before.ended || frame.poseNs < before.poseNs - BACK_NS)) happened.begin(frame);
+  state.newest.set(frame.camera, frame);
+}
+
+/** Whether the user chose this camera, here or on the page that was here before: it stands in the address. */
+function isChosen(camera) {
+  return location.hash === `#${encodeURIComponent(camera)}`;
+}
+
+/** Shows a camera, and again when the page is loaded anew, as soon as it comes. */
 function choose(camera) {
+  location.replace(`#${encodeURIComponent(camera)}`);
+  showCamera(camera);
+}
+
+function showCamera(camera) {
   state.camera = camera;
   select.value = camera;
   space.clear();
@@ -131,7 +200,9 @@ function showPicture() {
 function forget() {
   for (const [camera, heard] of state.heard) {
     if (camera === state.camera || performance.now() - heard <= history.keepNs / 1e6) continue;
-    for (const kept of [state.heard, state.ended, history.cameras, happened.byCamera]) kept.delete(camera);
+    for (const kept of [state.heard, state.newest, state.ended, history.cameras, happened.byCamera]) {
+      kept.delete(camera);
+    }
     [...select.options].find((o) => o.value === camera)?.remove();
   }
 }
@@ -153,9 +224,7 @@ function shownIndex() {
 function words() {
   const patience = Math.max(QUIET_MS, 2 * history.interval(state.camera) / 1e6);
   const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > patience;
-  if (state.refused) return `not let in: ${state.refused}`;
-  if (!state.connected && state.loading) return 'the record is still read …';
-  if (!state.connected) return 'not connected: is edgecap view still running? trying again …';
+  if (!state.connected) return state.why;
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;
   if (state.ended.has(state.camera)) return `${state.camera}: the input has ended`;
@@ -224,11 +293,9 @@ window.edgecap = {
   seek: (seconds) => seek(seconds >= 0 ? null : newest().publishNs + seconds * 1e9),
 };
 
-const features = await readFeatures();
-if (features.seconds) history.keepNs = features.seconds * 1e9;
-if (features.recorded) happened.most = Infinity;
-connect();
-if (features.pictures) picture.connect(url);
-happened.connect(url);
+begin();
+window.addEventListener('online', check);
+document.addEventListener('visibilitychange', () => { if (!document.hidden) check(); });
+setInterval(checkSilence, CHECK_EVERY_MS);
 setInterval(forget, FORGET_EVERY_MS);
 requestAnimationFrame(step);

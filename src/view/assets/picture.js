@@ -1,23 +1,24 @@
 // What the camera sees, as an inset: only where the server has pictures to show.
 
-const RETRY_MS = 1000;
+import { keep } from './connections.js';
 
 /** The newest picture of the camera that is shown. Without `--show-picture` it never asks for one. */
 export class Picture {
   constructor(canvas) {
-    Object.assign(this, { canvas, camera: null, sequence: null, hides: 0 });
+    // `taken` are so far, and `settled` is the last of them that was drawn or hidden.
+    Object.assign(this, { canvas, camera: null, sequence: null, taken: 0, settled: 0 });
     this.context = canvas.getContext('2d');
   }
 
   /** `url` takes a path to an address. */
   connect(url) {
-    const socket = new WebSocket(url('ws', 'pictures'));
-    socket.binaryType = 'arraybuffer';
-    socket.onmessage = ({ data }) => this.take(data);
-    socket.onclose = () => {
-      this.hide();
-      setTimeout(() => this.connect(url), RETRY_MS);
+    const make = () => {
+      const socket = new WebSocket(url('ws', 'pictures'));
+      socket.binaryType = 'arraybuffer';
+      socket.onmessage = ({ data }) => this.take(data);
+      return socket;
     };
+    keep(make, () => this.hide());
   }
 
   /** `live`: whether the newest frame is shown; of the past there are no pictures. */
@@ -27,7 +28,7 @@ export class Picture {
   }
 
   hide() {
-    this.hides++;
+    this.settled = this.taken;
     this.canvas.hidden = true;
     this.sequence = null;
   }
@@ -43,14 +44,27 @@ export class Picture {
       this.hide();
       return;
     }
-    const { hides } = this;
+    // Nobody looks: of a page in the background the next one is soon enough.
+    if (document.hidden) return;
+    const number = ++this.taken;
     const picture = await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
-    if (hides !== this.hides) return;
+    try {
+      // A newer one may have been unpacked sooner.
+      if (number <= this.settled) return;
+      this.settled = number;
+      this.draw(picture);
+      this.sequence = Number(view.getBigUint64(8, true));
+    } finally {
+      // Its memory is the browser's, which frees it late.
+      picture.close();
+    }
+  }
+
+  draw(picture) {
     const { width, height } = picture;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     this.context.drawImage(picture, 0, 0);
     this.canvas.hidden = false;
-    this.sequence = Number(view.getBigUint64(8, true));
   }
 
   /** For whoever drives the page by a program: what is shown, and the mean colour of it. */

@@ -19,6 +19,8 @@ export class Space {
     this.scene.background = new T.Color(0x14171c);
     this.eye = new T.PerspectiveCamera(50, 1, 0.05, 200);
     this.orbit = new Orbit(this.eye, canvas, () => { this.stale = true; });
+    // Graphics memory that was taken away is given back empty.
+    canvas.addEventListener('webglcontextrestored', () => { this.stale = true; });
     this.scene.add(new T.AmbientLight(0xffffff, 1.4));
     const sun = new T.DirectionalLight(0xffffff, 2.2);
     sun.position.set(2, 5, 3);

@@ -1,6 +1,8 @@
 //! Truth and predictions that cannot be read or measured, and records that were cut off.
 
-use edgecap::lab::eval::{EvalError, EvalOptions, Format, Predictions, TruthSet, evaluate};
+use edgecap::lab::eval::{
+    EvalError, EvalOptions, Format, Predictions, ReadOptions, TruthSet, evaluate,
+};
 use edgecap::message::ObservationFrame;
 use edgecap::record::{self, ObservationsRow, RecordWriter};
 
@@ -50,6 +52,27 @@ fn what_cannot_be_read_is_said() {
             predictions: 1
         })
     ));
+}
+
+#[test]
+fn an_empty_file_is_named_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.json");
+    for text in ["", " \n\n"] {
+        std::fs::write(&path, text).unwrap();
+        for format in [Format::Auto, Format::Npz] {
+            let options = ReadOptions {
+                format,
+                ..ReadOptions::default()
+            };
+            let said = TruthSet::read(&path, &options).unwrap_err().to_string();
+            let expected = "empty.json: expected ground truth, found an empty file; copy it again";
+            assert!(said.contains(expected), "{said}");
+        }
+        let said = Predictions::read(&path).unwrap_err().to_string();
+        let expected = "empty.json: expected a record of one frame or more, found no frame in it; record again";
+        assert!(said.ends_with(expected), "{said}");
+    }
 }
 
 #[test]

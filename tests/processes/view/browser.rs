@@ -5,13 +5,13 @@ use std::time::Duration;
 use edgecap_client::Publisher;
 use edgecap_client::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap_client::message::{
-    BodyFrame, EventFrame, EventKind, Hand, Intrinsics, World, WorldState,
+    BodyFrame, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, Intrinsics, World, WorldState,
 };
 use serde_json::{Value, json};
 
 use super::{View, crowd, recorded};
 use crate::program::browser::Browser;
-use crate::program::{eventually, stream};
+use crate::program::{eventually, signal, stream};
 
 /// Ten people cross the page: what is drawn is what was published. Needs Debian's chromium.
 #[test]
@@ -435,4 +435,89 @@ fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
     );
     browser.open(&view.url);
     browser.until("document.getElementById('say')?.textContent.includes('has no WebGL')");
+}
+
+/// As where a machine loses its power. Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_notices_a_server_that_answers_no_more() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let view = View::start("silent", &[]);
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.scene().state.startsWith('nobody publishes yet')");
+    signal(view.run.pid(), "STOP");
+    browser.until("edgecap.scene().state.startsWith('not connected')");
+    signal(view.run.pid(), "CONT");
+    browser.until("edgecap.scene().state.startsWith('nobody publishes yet')");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_shows_the_chosen_camera_again_and_nothing_of_a_films_earlier_run() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let film = stream("chosen");
+    let view = View::start("not-chosen", &["--camera", &film]);
+    let mut other = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut publisher = Publisher::<BodyFrame>::open(&film).unwrap();
+    browser.open(&view.url);
+    browser.until("window.edgecap");
+    let until = |browser: &mut Browser, wanted: &str, publish: &mut dyn FnMut()| {
+        eventually(wanted, || {
+            publish();
+            (browser.value(wanted) == Value::Bool(true)).then_some(())
+        });
+    };
+    // The one that comes first is shown, until the user chooses; the past that comes again begins with it, too.
+    let is_other = format!("edgecap.scene().camera === '{}'", view.camera);
+    until(&mut browser, &is_other, &mut || {
+        other.publish(&crowd(1, 1)).unwrap();
+    });
+    let is_there =
+        format!("[...document.getElementById('camera').options].some((o) => o.value === '{film}')");
+    until(&mut browser, &is_there, &mut || {
+        publisher.publish(&crowd(1, 60)).unwrap();
+    });
+    browser.value(&format!("edgecap.choose('{film}')"));
+    browser.value("window.isOld = true; location.reload()");
+    let is_chosen = format!("edgecap.scene().camera === '{film}'");
+    browser.until(&format!("!window.isOld && window.edgecap && {is_chosen}"));
+
+    // The film begins again after its end, and goes beyond where something happened.
+    let mut events = Publisher::<EventFrame>::open(&film).unwrap();
+    let mut happened = EventFrame {
+        sequence: 50,
+        time_ns: crowd(1, 50).pose_ns,
+        count: 1,
+        ..EventFrame::default()
+    };
+    (happened.events[0].kind, happened.events[0].person) = (EventKind::ENTERED, 1);
+    until(&mut browser, "edgecap.events().length > 0", &mut || {
+        events.publish(&happened).unwrap();
+    });
+    let mut last = crowd(1, 60);
+    last.flags |= FLAG_END_OF_STREAM;
+    // Later than the page was told that nobody is shown any more.
+    last.publish_ns += 5_000_000_000;
+    let has_ended = "edgecap.scene().state.endsWith(': the input has ended')";
+    until(&mut browser, has_ended, &mut || {
+        publisher.publish(&last).unwrap();
+    });
+    for sequence in [1, 90] {
+        let mut again = crowd(1, sequence);
+        again.publish_ns += 10_000_000_000;
+        let is_shown = format!("edgecap.scene().sequence === {sequence}");
+        until(&mut browser, &is_shown, &mut || {
+            publisher.publish(&again).unwrap();
+        });
+    }
+    assert_eq!(browser.value("edgecap.events()"), json!([]));
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }

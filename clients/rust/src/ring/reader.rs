@@ -141,6 +141,13 @@ impl<M: Message> RingReader<M> {
         self.open.as_mut().expect("a ring is open").is_alive = false;
     }
 
+    /// As if its last look, also into the folders before, was long ago.
+    #[cfg(test)]
+    pub(crate) fn has_not_looked_for_long(&mut self) {
+        let long_ago = Instant::now().checked_sub(RETURN_EVERY).unwrap();
+        (self.looked, self.looked_before) = (long_ago, long_ago);
+    }
+
     /// Number of the message that comes next.
     pub(crate) fn position(&self) -> u64 {
         self.open.as_ref().map_or(0, |o| o.next)

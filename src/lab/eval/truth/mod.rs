@@ -178,6 +178,13 @@ impl TruthSet {
             source,
         };
         let bytes = crate::bounded::read(path, crate::bounded::DATA).map_err(unreadable)?;
+        if bytes.trim_ascii().is_empty() {
+            return Err(EvalError::format(
+                name,
+                "ground truth",
+                "an empty file; copy it again, or give another with --truth",
+            ));
+        }
         if options.format == Format::Npz || bytes.starts_with(b"PK") {
             return npz::read(&bytes, &name, options);
         }
