@@ -21,7 +21,7 @@ OF_SHAPE = 2
 # Ours unless --ours names others.
 OURS = {
     "photos": ["best", "balanced", "fast", "256x160"],
-    "film": ["default", "default/portable", "fast", "best"],
+    "film": ["default", "default/portable", "15-looks", "fast", "best"],
 }
 
 
@@ -46,7 +46,7 @@ def arguments() -> argparse.Namespace:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--models", type=Path, default=MADE / "whole", help="the peers' files: README.md")
     common.add_argument("--rounds", type=int, default=3)
-    common.add_argument("--ours", nargs="+", help="rows of ours: default, a quality or WxH; with /portable or /direct those algorithms")
+    common.add_argument("--ours", nargs="+", help="rows of ours: default, a quality, N-looks or WxH; with /portable or /direct those algorithms")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     kinds = parser.add_subparsers(dest="what", required=True)
     of_photos = kinds.add_parser("photos", parents=[common])

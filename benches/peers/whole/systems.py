@@ -94,12 +94,22 @@ PEERS = [
 
 
 def ours(inputs: list[str]) -> list[System]:
-    """Rows of ours: 'default', a quality, or `WxH` (then for upright photos, too); '/direct' or '/portable' after it names the algorithms."""
+    """Rows of ours: 'default', a quality, `N-looks` a second, or `WxH` (then for upright photos, too).
+
+    '/direct' or '/portable' after it names the algorithms."""
     rows = []
     for text in inputs:
         kind, _, algorithms = text.partition("/")
         name = f"edgecap {kind.replace('x', '×')}{f', {algorithms}' if algorithms else ''}"
-        options = ("--quality", kind) if kind in QUALITIES else () if kind == "default" else ("--size", kind)
         environment = (("EDGECAP_ALGORITHM", algorithms),) if algorithms else ()
-        rows.append(System(name, OUR_LICENCE, options=options, environment=environment))
+        rows.append(System(name, OUR_LICENCE, options=options_of(kind), environment=environment))
     return rows
+
+
+def options_of(kind: str) -> tuple[str, ...]:
+    """What a row of ours is asked for, without its algorithms."""
+    if kind == "default":
+        return ()
+    if kind.endswith("-looks"):
+        return ("--looks", kind.removesuffix("-looks"))
+    return ("--quality" if kind in QUALITIES else "--size", kind)
