@@ -189,6 +189,9 @@ mod tests {
         let address = server.as_ref().unwrap().address();
         let url = format!("ws://{address}/events?format=binary");
         let stream = TcpStream::connect(address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(60)))
+            .unwrap();
         let (mut client, _) = tungstenite::client(url, stream).unwrap();
         let mut publisher = Publisher::<EventFrame>::open(&camera).unwrap();
         // A gesture of three seconds ago is over; its camera may have been unplugged after it.

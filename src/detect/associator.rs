@@ -95,7 +95,7 @@ impl Associator {
         self.merge();
         self.count_without_neck(maps);
         self.report(maps);
-        &self.detections[..self.found]
+        self.found()
     }
 
     /// Gives every person the child of `limb` that makes all people together most likely.

@@ -15,6 +15,11 @@ const LEAST_SLOPE: f32 = 1.0;
 /// Whoever is followed there and back must come back as near as this: pixels of the finest scale, and beside them a
 /// share of the window's radius.
 const ASTRAY: (f32, f32) = (0.5, 0.5);
+/// Most mean square of what differs in the end, share of the variance of what was looked for: of noise it is twice as
+/// much, of what something else has come before no less.
+const MOST_LEFT: f32 = 0.5;
+/// Grey levels that may differ whatever was looked for, mean square: of cameras' noise in plain places.
+const NOISE: f32 = 4.0;
 /// Sums that are made side by side.
 const LANES: usize = 8;
 
@@ -89,6 +94,9 @@ impl Window {
             };
             way = self.step(b, at, radius, slopes, way);
         }
+        if !self.is_found() {
+            return None;
+        }
         let end = [start[0] + way[0], start[1] + way[1]];
         end.iter().all(|c| c.is_finite()).then_some(end)
     }
@@ -119,6 +127,14 @@ impl Window {
         let [xx, xy, yy] = slopes.map(|s| s / (side * side) as f32);
         let weakest = 0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
         (weakest >= LEAST_SLOPE).then_some(slopes)
+    }
+
+    /// Whether the last step showed what was looked for.
+    fn is_found(&self) -> bool {
+        let share = (self.wanted.len().max(1) as f32).recip();
+        let mean = share * self.wanted.iter().sum::<f32>();
+        let variance = share * dot(&self.wanted, &self.wanted) - mean * mean;
+        share * dot(&self.found, &self.found) <= NOISE + MOST_LEFT * variance
     }
 
     /// Goes from the guess `way` to where `plane` shows what was taken.

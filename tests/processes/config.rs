@@ -308,6 +308,18 @@ fn what_no_run_would_start_with_is_not_right() {
         ),
         (&films, 78, "2:1", "input: demo: one of several cameras"),
         (&pipes, 78, "2:1", "input: -: one of several cameras"),
+        (
+            "[network]\nlooks = 9.0\nquality = \"fast\"\nsize = \"384x240\"\n",
+            78,
+            "3:1",
+            "'quality' chooses",
+        ),
+        (
+            "[network]\nquality = \"best\"\nlooks = 9.0\n",
+            78,
+            "3:1",
+            "'looks' follows joints",
+        ),
         (slowed, 78, "3:1", "'max_fps' leaves pictures"),
         (&same, 78, "5:1", "'view' 127.0.0.1:19744 and 'address' 127"),
         (&any, 78, "5:1", "'view' 0.0.0.0:19744 and 'address' 127"),
@@ -468,6 +480,11 @@ fn a_typed_size_or_quality_silences_the_other_one_of_the_file() {
     let typed = ["--quality", "fast"];
     assert!(line(size, &typed, "quality = \"fast\"").is_some());
     assert!(line(size, &typed, "#size =").is_some());
+    let looks = "[network]\nlooks = 10.0\n";
+    assert!(line(looks, &["--quality", "best"], "#looks =").is_some());
+    assert!(line(looks, &["--quality", "fast"], "looks = 10").is_some());
+    let best = "[network]\nquality = \"best\"\n";
+    assert!(line(best, &["--looks", "5"], "#quality =").is_some());
 }
 
 #[test]

@@ -537,6 +537,11 @@ class Streams(InPlace):
             found = look(path)
             return os.stat_result([*found[:5], group, *found[6:]]) if str(path) == str(writer.path) else found
 
+        def hidden(path: str) -> os.stat_result:
+            if str(path) == str(writer.path):
+                raise PermissionError
+            return look(path)
+
         def refused(path: str, *more: int) -> int:
             if str(path) == str(writer.path):
                 raise PermissionError
@@ -547,7 +552,7 @@ class Streams(InPlace):
             with mock.patch("os.lstat", seen), self.assertRaisesRegex(edgecap.AccessError, expected):
                 edgecap.bodies()
             # Where the file may not be looked at, the folder's.
-            with self.assertRaisesRegex(edgecap.AccessError, f"group {group - 1},"):
+            with mock.patch("os.lstat", hidden), self.assertRaisesRegex(edgecap.AccessError, f"group {group - 1},"):
                 edgecap.bodies()
         writer.close()
 

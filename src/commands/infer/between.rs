@@ -78,9 +78,11 @@ impl Between {
         true
     }
 
-    /// Takes in whom `stages` saw in a picture that was looked at.
+    /// Takes in whom `stages` saw in a picture that was looked at. Where somebody is missed the next one is looked at,
+    /// too.
     pub fn looked(&mut self, frame: &Frame, stages: &Pipeline) {
         let (people, letterbox) = stages.found();
+        let is_missed = people.len() < self.people.len();
         self.people.clear();
         self.people.extend_from_slice(people);
         self.letterbox = letterbox;
@@ -89,7 +91,7 @@ impl Between {
             self.before.fill(frame);
         }
         self.due.done(frame.time_ns);
-        self.last = Some(((frame.width, frame.height), frame.time_ns));
+        self.last = (!is_missed).then_some(((frame.width, frame.height), frame.time_ns));
     }
 
     /// The next picture is looked at.

@@ -33,8 +33,8 @@ pub struct EngineArgs {
     /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
-    /// Look at no more pictures than these, per second; in those between, joints are followed by the optical flow
-    /// [default: every picture; 15 with --quality fast]
+    /// Look at so many pictures per second, and at more where somebody is lost; in the others joints are followed by
+    /// the optical flow [default: every picture; 15 with --quality fast]
     #[arg(long, value_name = "PER SECOND", value_parser = parse_looks)]
     pub looks: Option<f64>,
     /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that

@@ -258,10 +258,16 @@ impl Pipelines {
             log(crew.took(now, level, network_seconds(&seen)), Some(input));
         }
         heights(seen.people, here);
-        if other.is_some() && elsewhere.len() > here.len() {
+        let is_more = other.is_some() && elsewhere.len() > here.len();
+        if is_more {
             region.forget();
         }
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
+        if let Some(between) = between
+            && (is_more || zoom.level() != level)
+        {
+            between.forget();
+        }
         if zoom.level() != level {
             tracing::debug!(?here, ?elsewhere, input = ?fitted(picture, SHARES[zoom.level()]), "another input");
         }

@@ -13,7 +13,7 @@ use crate::commands::events;
 use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
-use crate::commands::infer::EngineArgs;
+use crate::commands::infer::{EngineArgs, Quality};
 use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Place, Setting, merge};
 use crate::events::EventConfig;
@@ -59,8 +59,13 @@ impl Effective {
     pub(super) fn doubled_inputs(&self, runs: &[RunArgs]) -> Vec<Fault<'_>> {
         let each = self.cameras.iter().zip(runs);
         let doubled = each.filter_map(|(camera, run)| {
-            let error = run.engine.inputs(true).err()?;
-            Some(Fault::new(camera, &["looks", "quality", "size"], error))
+            let engine = &run.engine;
+            let error = engine.inputs(true).err()?;
+            let keys = match engine.size.is_some() {
+                true => &["quality", "size"],
+                false => &["looks", "quality"],
+            };
+            Some(Fault::new(camera, keys, error))
         });
         doubled.collect()
     }
@@ -269,21 +274,25 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
     })
 }
 
-/// A size and a quality exclude each other: the one that was typed has the other of the file say nothing.
+/// A size and a quality exclude each other, and so do the best quality and fewer looks: what was typed has the other of
+/// the file say nothing.
 fn only_typed(engine: &mut EngineArgs, origins: &mut Origins) {
-    let typed = |key: &str| origins.get(key) == Some(&Origin::Flag);
-    let silent = match (typed("size"), typed("quality")) {
-        (true, false) => {
-            engine.quality = None;
-            "quality"
-        }
-        (false, true) => {
-            engine.size = None;
-            "size"
-        }
-        _ => return,
-    };
-    origins.insert(silent.to_owned(), Origin::Default);
+    let [size, quality, looks] =
+        ["size", "quality", "looks"].map(|key| origins.get(key) == Some(&Origin::Flag));
+    let mut silence = |key: &str| origins.insert(key.to_owned(), Origin::Default);
+    let is_best = engine.quality == Some(Quality::Best);
+    if quality && !size {
+        engine.size = None;
+        silence("size");
+    }
+    if quality && is_best && !looks {
+        engine.looks = None;
+        silence("looks");
+    }
+    if !quality && (size || looks && is_best) {
+        engine.quality = None;
+        silence("quality");
+    }
 }
 
 /// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its

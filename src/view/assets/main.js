@@ -32,7 +32,7 @@ const happened = new Happened(byId('events'));
  */
 const state = {
   camera: null, at: null, connected: false, heard: new Map(), newest: new Map(), ended: new Set(), changed: true,
-  unwritten: false, isDragged: false, why: 'connecting …',
+  unwritten: false, isDragged: false, why: 'connecting …', isWhole: false, asks: false, again: 0,
 };
 /** What the server has told of itself; without `server`: nothing yet. */
 let features = {};
@@ -57,7 +57,7 @@ function url(kind, path, more = {}) {
 async function begin() {
   const answer = await ask();
   if (answer.status === 200) {
-    learn(answer);
+    know(answer);
     keep(connect, lost);
   } else {
     state.why = reason(answer);
@@ -72,6 +72,8 @@ function connect() {
   const begun = new Set();
   socket.onopen = () => {
     state.connected = true;
+    // Where there is one place left it is for who is in view.
+    beside();
     check();
   };
   socket.onmessage = ({ data }) => {
@@ -116,20 +118,35 @@ function learn(told) {
     setTimeout(() => location.reload(), SPREAD_MS * Math.random());
     return;
   }
+  know(told);
+}
+
+function know(told) {
   features = told;
   if (features.seconds) history.keepNs = features.seconds * 1e9;
   if (features.recorded) happened.most = Infinity;
+}
+
+/** Pictures and events, once. */
+function beside() {
+  if (state.isWhole) return;
+  state.isWhole = true;
   if (features.pictures) picture.connect(url);
   happened.connect(url);
 }
 
 /** Whether the server is there, and the same: one that vanished without a word has ended no connection. */
 async function check() {
-  if (!state.connected) return;
+  if (!state.connected || state.asks) return;
+  state.asks = true;
   const answer = await ask();
+  state.asks = false;
   if (answer.status === 200) learn(answer);
   else if (answer.status === 0) renew();
-  else setTimeout(check, RETRY_MS);
+  else {
+    clearTimeout(state.again);
+    state.again = setTimeout(check, RETRY_MS);
+  }
 }
 
 /** Where frames come the server is there. */
