@@ -169,7 +169,8 @@ impl Meter {
             t.stage2_us,
             frame.fit_us,
         ];
-        // A picture that shows what the empty one before it showed goes through the fit alone.
+        // The network has not looked at a picture that shows what the empty one before it showed, nor at one into which
+        // joints were followed.
         let first = if t.stage1_us > 0 { 0 } else { STAGES.len() - 1 };
         for (stage, us) in counts.stages.iter_mut().zip(times).skip(first) {
             stage.observe(f64::from(us) * 1e-6);
