@@ -28,7 +28,8 @@ const happened = new Happened(byId('events'));
 /**
  * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came,
  * `newest` the latest one of each; `unwritten` says that the tables are those of an earlier frame; `why` says why there
- * is no connection.
+ * is no connection; `isWhole` that pictures and events were asked for, too; `asks` that the server is being asked what
+ * it is, and `again` is when it will be.
  */
 const state = {
   camera: null, at: null, connected: false, heard: new Map(), newest: new Map(), ended: new Set(), changed: true,
@@ -111,14 +112,9 @@ function reason({ status, line, loading }) {
   return status === 200 || status === 503 ? 'full: too many pages are open; trying again …' : AWAY;
 }
 
-function learn(told) {
-  if (told.server === features.server) return;
-  if (features.server) {
-    // Another server may show something else, by another page.
-    setTimeout(() => location.reload(), SPREAD_MS * Math.random());
-    return;
-  }
-  know(told);
+/** Another server may show something else, by another page. */
+function reloadIfAnother({ server }) {
+  if (server !== features.server) setTimeout(() => location.reload(), SPREAD_MS * Math.random());
 }
 
 function know(told) {
@@ -141,7 +137,7 @@ async function check() {
   state.asks = true;
   const answer = await ask();
   state.asks = false;
-  if (answer.status === 200) learn(answer);
+  if (answer.status === 200) reloadIfAnother(answer);
   else if (answer.status === 0) renew();
   else {
     clearTimeout(state.again);
