@@ -7,6 +7,7 @@ use edgecap_client::joints::{EVIDENCE_JOINTS, LIMB_JOINTS};
 use edgecap_client::message::{Intrinsics, StageTimes};
 
 use super::due::Due;
+use super::spacing::Spacing;
 use crate::capture::{Frame, Letterbox};
 use crate::commands::pipeline::{FrameObservations, Pipeline};
 use crate::detect::Detection;
@@ -20,7 +21,10 @@ const FOLLOWED: f32 = 0.5;
 
 /// People on their way from one look to the next.
 pub struct Between {
-    due: Due,
+    /// The next look; `None` where every picture is looked at.
+    due: Option<Due>,
+    /// How far apart looks are where nobody has said it.
+    spacing: Option<Spacing>,
     flow: LucasKanade,
     lifter: Lifter,
     before: Pyramid,
@@ -39,7 +43,20 @@ impl Between {
     /// For looks `interval` nanoseconds apart, with the Stage II of `stages`.
     pub fn new(interval: u64, stages: &Pipeline) -> Self {
         Self {
-            due: Due::new(interval),
+            due: Some(Due::new(interval)),
+            ..Self::every(None, stages)
+        }
+    }
+
+    /// For a camera whose every picture is looked at as long as looks, with these `stages`, keep up with it.
+    pub fn where_late(spacing: Spacing, stages: &Pipeline) -> Self {
+        Self::every(Some(spacing), stages)
+    }
+
+    fn every(spacing: Option<Spacing>, stages: &Pipeline) -> Self {
+        Self {
+            due: None,
+            spacing,
             flow: LucasKanade::default(),
             lifter: stages.lifter().clone(),
             before: Pyramid::default(),
@@ -56,12 +73,15 @@ impl Between {
     /// last one, or somebody was lost.
     pub fn follow(&mut self, frame: &Frame) -> bool {
         let start = Instant::now();
-        let Some((size, last)) = self.last.take() else {
+        if let Some(spacing) = &mut self.spacing {
+            spacing.came(frame);
+        }
+        let (Some((size, last)), Some(due)) = (self.last.take(), self.due) else {
             return false;
         };
         let now = frame.time_ns;
         let is_next = size == (frame.width, frame.height) && now > last;
-        if !is_next || now >= self.due.at_ns() {
+        if !is_next || now >= due.at_ns() {
             return false;
         }
         if !self.people.is_empty() {
@@ -78,9 +98,22 @@ impl Between {
         true
     }
 
-    /// Takes in whom `stages` saw in a picture that was looked at. Where somebody is missed the next one is looked at,
-    /// too.
-    pub fn looked(&mut self, frame: &Frame, stages: &Pipeline) {
+    /// Takes in whom `stages` saw in a picture that was looked at, and how many seconds that took, if it tells anything.
+    /// Where somebody is missed the next one is looked at, too.
+    pub fn looked(&mut self, frame: &Frame, stages: &Pipeline, seconds: Option<f32>) {
+        if let (Some(spacing), Some(seconds)) = (&mut self.spacing, seconds) {
+            if spacing.looked(frame.time_ns, seconds).is_some() {
+                tracing::info!("{}", spacing.line());
+            }
+            let every = |interval| {
+                self.due
+                    .map_or(Due::new(interval), |due| due.every(interval))
+            };
+            self.due = spacing.apart().map(every);
+        }
+        let Some(due) = &mut self.due else {
+            return;
+        };
         let (people, letterbox) = stages.found();
         let is_missed = people.len() < self.people.len();
         self.people.clear();
@@ -90,7 +123,7 @@ impl Between {
         if !people.is_empty() {
             self.before.fill(frame);
         }
-        self.due.done(frame.time_ns);
+        due.done(frame.time_ns);
         self.last = (!is_missed).then_some(((frame.width, frame.height), frame.time_ns));
     }
 
@@ -211,7 +244,7 @@ mod tests {
         let mut between = Between::new(500_000_000, &stages);
         stages.process(frame, &lens(frame)).unwrap();
         assert!(!stages.found().0.is_empty());
-        between.looked(frame, &stages);
+        between.looked(frame, &stages, None);
         (stages, between)
     }
 

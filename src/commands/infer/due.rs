@@ -16,6 +16,11 @@ impl Due {
         Self { interval, next: 0 }
     }
 
+    /// Every `interval` nanoseconds from the next time on.
+    pub fn every(self, interval: u64) -> Self {
+        Self { interval, ..self }
+    }
+
     /// From when on it is due, nanoseconds.
     pub fn at_ns(&self) -> u64 {
         self.next.saturating_sub(self.slack())

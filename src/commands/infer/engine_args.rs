@@ -7,12 +7,10 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{Inputs, Quality};
+use super::spacing::ENOUGH;
 use crate::commands::exit::Failure;
 use crate::commands::input::path_in_words;
 use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
-
-/// Looks at a film per second where little time is to be spent.
-const FAST_LOOKS: f64 = 15.0;
 
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -34,7 +32,8 @@ pub struct EngineArgs {
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
     /// Look at so many pictures per second, and at more where somebody is lost; in the others joints are followed by
-    /// the optical flow [default: every picture; 15 with --quality fast]
+    /// the optical flow [default: 15 with --quality fast, else every picture, or of a camera that is too fast for this
+    /// machine as many as there is time for]
     #[arg(long, value_name = "PER SECOND", value_parser = parse_looks)]
     pub looks: Option<f64>,
     /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that
@@ -155,9 +154,9 @@ impl EngineArgs {
         }
     }
 
-    /// Nanoseconds from one look at a film to the next; `None` where every picture is looked at.
+    /// Nanoseconds from one look at a film to the next, where that is said.
     pub fn looks_apart(&self) -> Option<u64> {
-        let usual = (self.quality == Some(Quality::Fast)).then_some(FAST_LOOKS);
+        let usual = (self.quality == Some(Quality::Fast)).then_some(f64::from(ENOUGH));
         self.looks.or(usual).map(|looks| (1e9 / looks) as u64)
     }
 

@@ -10,13 +10,16 @@ mod feed;
 mod inputs;
 mod kept;
 mod looks;
+mod mean;
 mod observer;
 mod pace;
 mod pace_args;
 mod pipelines;
 mod region;
 mod shapes;
+mod spacing;
 mod speed;
+mod wish;
 mod zoom;
 
 use std::path::PathBuf;

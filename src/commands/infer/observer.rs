@@ -17,10 +17,6 @@ use crate::supervise::has_worked_before;
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.2;
 
-/// Pictures per second for which people are looked at with a smaller input than they would want: fewer lose quick
-/// movements.
-const LEAST_RATE: f32 = 15.0;
-
 /// A source, its lens and the stages.
 pub struct Observer {
     feed: Feed,
@@ -80,10 +76,9 @@ impl Observer {
         mounting: Mounting,
     ) -> anyhow::Result<Self> {
         let mut pace = Pace::new(limits);
-        let target = LEAST_RATE.recip().max(limits.interval_ns as f32 / 1e9);
-        let target = source.is_live().then_some(target);
+        let live = source.is_live().then_some(limits.interval_ns);
         Ok(Self {
-            pipelines: Pipelines::new(engine, !source.is_stills(), target)?,
+            pipelines: Pipelines::new(engine, !source.is_stills(), live)?,
             is_live: source.is_live(),
             has_fitted: source.is_live() && has_worked_before(),
             is_stills: source.is_stills(),

@@ -12,6 +12,7 @@ use super::inputs::{Inputs, fitted, inputs_of, whole_scale};
 use super::looks::{Looks, sum};
 use super::region::{Input, Region};
 use super::shapes::Shapes;
+use super::spacing::{ENOUGH, Spacing};
 use super::speed::Speed;
 use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
@@ -105,12 +106,13 @@ impl Following {
 }
 
 impl Pipelines {
-    /// Builds them. The input of a `film` follows the people in view unless something else is asked for; where pictures
-    /// may take only `target` seconds each, no such input is larger than the machine has time for.
+    /// Builds them. The input of a `film` follows the people in view unless something else is asked for. Of a camera,
+    /// whose pictures are wanted every `live` nanoseconds at most, no such input is larger than the machine has time
+    /// for; where there is none to look at every picture, people are followed into some.
     ///
     /// # Errors
     /// As [`Pipeline::new`] and [`EngineArgs::inputs`].
-    pub fn new(engine: &EngineArgs, film: bool, target: Option<f32>) -> anyhow::Result<Self> {
+    pub fn new(engine: &EngineArgs, film: bool, live: Option<u64>) -> anyhow::Result<Self> {
         let stages = match engine.inputs(film)? {
             Inputs::Fixed(size) => Stages::Fixed(Box::new(engine.build(size)?)),
             Inputs::Following(largest) => {
@@ -123,9 +125,15 @@ impl Pipelines {
             Stages::Following(following) => Some(following.shapes.any()),
             Stages::Looks(..) => None,
         };
-        let apart = engine.looks_apart().filter(|_| film).zip(one);
+        let between = one.filter(|_| film).and_then(|stages| {
+            let fixed = engine
+                .looks_apart()
+                .map(|interval| Between::new(interval, stages));
+            fixed.or_else(|| Some(Between::where_late(Spacing::new(live?), stages)))
+        });
+        let target = live.map(|interval| ENOUGH.recip().max(interval as f32 * 1e-9));
         Ok(Self {
-            between: apart.map(|(interval, stages)| Between::new(interval, stages)),
+            between,
             follows: false,
             stages,
             speed: Speed::new(target),
@@ -181,9 +189,11 @@ impl Pipelines {
         let following = match stages {
             Stages::Fixed(one) => {
                 one.use_threads(crew.threads(0));
+                let start = Instant::now();
                 one.process(frame, intrinsics)?;
                 if let Some(between) = between {
-                    between.looked(frame, one);
+                    let seconds = start.elapsed().as_secs_f32();
+                    between.looked(frame, one, (!crew.is_trying(0)).then_some(seconds));
                 }
                 let seen = one.seen();
                 log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
@@ -241,17 +251,19 @@ impl Pipelines {
                 stages
             }
         };
+        let seconds = start.elapsed().as_secs_f32();
+        let is_usual = crop.is_some() || !crew.is_trying(level);
+        let seconds = is_usual.then_some(seconds);
         if let Some(between) = between {
-            between.looked(frame, used);
+            between.looked(frame, used, seconds);
         }
         let seen = used.seen();
         let now = monotonic_ns();
         region.seen(frame, seen.people, crop.is_none());
-        if crop.is_some() || !crew.is_trying(level) {
-            let seconds = start.elapsed().as_secs_f32();
-            if let Some(slower) = speed.took(now, level, seconds, crop.is_none()) {
-                tracing::warn!("{}", slower.line());
-            }
+        if let Some(seconds) = seconds
+            && let Some(slower) = speed.took(now, level, seconds, crop.is_none())
+        {
+            tracing::warn!("{}", slower.line());
         }
         if crop.is_none() {
             let input = fitted(picture, SHARES[level]);
@@ -392,12 +404,12 @@ mod tests {
     const WALL: (usize, usize) = (512, 320);
 
     /// For a film with the input that follows the people in view.
-    fn following(target: Option<f32>) -> Pipelines {
+    fn following(live: Option<u64>) -> Pipelines {
         let engine = EngineArgs {
             threads: Some(1),
             ..EngineArgs::default()
         };
-        Pipelines::new(&engine, true, target).unwrap()
+        Pipelines::new(&engine, true, live).unwrap()
     }
 
     fn wall() -> Frame {
@@ -484,6 +496,37 @@ mod tests {
         pipelines.look(&picture, &lens(), false).unwrap();
         picture.time_ns += SECOND / 60;
         assert_ne!(pipelines.choose(&picture).unwrap(), Way::Followed);
+    }
+
+    #[test]
+    fn people_are_followed_where_a_camera_is_faster_than_any_machine() {
+        let mut engine = EngineArgs {
+            threads: Some(1),
+            size: Some("256x160".parse().unwrap()),
+            ..EngineArgs::default()
+        };
+        let mut follows = |looks, live| {
+            engine.looks = looks;
+            let mut pipelines = Pipelines::new(&engine, true, live).unwrap();
+            let (mut picture, lens) = (wall(), lens());
+            // A thousand pictures a second, of which there is time for 25.
+            for k in 0..52 {
+                (picture.time_ns, picture.sequence) = (SECOND + k * SECOND / 25, 40 * k);
+                let way = pipelines.choose(&picture).unwrap();
+                assert!(way == Way::Whole || k > 50, "at once");
+                pipelines.process(&picture, &lens).unwrap();
+            }
+            (0..4).any(|_| {
+                picture.time_ns += SECOND / 1000;
+                picture.sequence += 1;
+                let way = pipelines.choose(&picture).unwrap();
+                pipelines.process(&picture, &lens).unwrap();
+                way == Way::Followed
+            })
+        };
+        assert!(follows(None, Some(0)));
+        assert!(!follows(None, None), "a film has time");
+        assert!(!follows(Some(1000.0), Some(0)), "all are asked for");
     }
 
     #[test]
@@ -575,7 +618,7 @@ mod tests {
 
     #[test]
     fn whom_only_the_largest_input_sees_is_seen_on_a_slow_machine() {
-        let (mut pipelines, lens) = (following(Some(0.1)), lens());
+        let (mut pipelines, lens) = (following(Some(SECOND / 10)), lens());
         let speed = &mut pipelines.speed;
         for k in 0..20 {
             speed.took(k * SECOND, speed.limit(), 1.0, true);

@@ -1,10 +1,10 @@
 //! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes
 //! slower than it was. Times go in, verdicts come out.
 
+use super::mean::Mean;
+use super::wish::Wish;
 use super::zoom::SHARES;
 
-/// Share of a new measurement in what a picture takes.
-const SMOOTH: f32 = 0.1;
 /// How long an input must have been too slow before a smaller one is taken.
 const SLOW_NS: u64 = 2_000_000_000;
 /// How long a larger one must have promised to be fast enough.
@@ -28,8 +28,8 @@ pub struct Speed {
     levels: [Level; SHARES.len()],
     /// The largest input that keeps up.
     limit: usize,
-    /// Since when another limit would be right.
-    since: Option<(usize, u64)>,
+    /// Another limit that would be right.
+    wish: Wish<usize>,
     /// When the last picture was ready, nanoseconds.
     last: Option<u64>,
 }
@@ -48,20 +48,6 @@ struct Level {
     told: bool,
 }
 
-/// A smoothed mean.
-#[derive(Debug, Clone, Copy, Default)]
-struct Mean {
-    count: u32,
-    value: f32,
-}
-
-impl Mean {
-    fn take(&mut self, value: f32) {
-        self.count = self.count.saturating_add(1);
-        self.value += (value - self.value) * SMOOTH.max(1.0 / self.count as f32);
-    }
-}
-
 /// A machine that has become slower: seconds a picture, at first and now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slower {
@@ -76,7 +62,7 @@ impl Speed {
             target,
             levels: Default::default(),
             limit: 0,
-            since: None,
+            wish: Wish::default(),
             last: None,
         }
     }
@@ -97,7 +83,7 @@ impl Speed {
         };
         let entry = &mut self.levels[level];
         if came_late(self.last.replace(now)) {
-            self.since = None;
+            self.wish.forget();
         }
         if came_late(entry.last.replace(now)) {
             entry.slower_since = None;
@@ -123,22 +109,16 @@ impl Speed {
             self.limit
         };
         if wanted == self.limit {
-            self.since = None;
+            self.wish.forget();
             return;
         }
-        let since = match self.since {
-            Some((limit, since)) if limit == wanted && since <= now => since,
-            _ => now,
-        };
         let patience = if wanted > self.limit {
             SLOW_NS
         } else {
             FAST_NS
         };
-        self.since = Some((wanted, since));
-        if now - since >= patience {
+        if self.wish.lasts(now, wanted, patience) {
             self.limit = wanted;
-            self.since = None;
         }
     }
 }
@@ -279,7 +259,8 @@ mod tests {
         play(&mut speed, &mut clock, 0.1, SLOW_NS / 2);
         let told = play(&mut speed, &mut clock, 0.1, SLOW_NS / 4);
         assert_eq!((speed.limit(), told), (0, vec![]));
-        assert!(speed.since.is_some() && speed.levels[0].slower_since.is_some());
+        assert_ne!(speed.wish, Wish::default());
+        assert!(speed.levels[0].slower_since.is_some());
         clock += hour;
         assert_eq!(play(&mut speed, &mut clock, 0.1, FRAME), []);
         assert_eq!(speed.limit(), 0);
