@@ -18,6 +18,9 @@ const ASTRAY: (f32, f32) = (0.5, 0.5);
 /// Most mean square of what differs in the end, share of the variance of what was looked for: of noise it is twice as
 /// much, of what something else has come before no less.
 const MOST_LEFT: f32 = 0.5;
+/// How much brighter or darker light may make all of a window from one picture to the next, as under lamps on the
+/// mains.
+const GAIN: std::ops::RangeInclusive<f32> = 0.6..=1.6;
 /// Grey levels that may differ whatever was looked for, mean square: of cameras' noise in plain places.
 const NOISE: f32 = 4.0;
 /// Sums that are made side by side.
@@ -58,6 +61,8 @@ struct Window {
     /// With a pixel more on every side.
     wide: Vec<f32>,
     wanted: Vec<f32>,
+    /// Sum of what is looked for.
+    brightness: f32,
     across: Vec<f32>,
     down: Vec<f32>,
     found: Vec<f32>,
@@ -119,6 +124,14 @@ impl Window {
             let down = above.iter().zip(below).map(|(a, b)| 0.5 * (b - a));
             self.down.extend(down.skip(1).take(side));
         }
+        // As the light is taken to be what makes the means equal, it takes its part of every slope.
+        self.brightness = sum(&self.wanted);
+        for slope in [&mut self.across, &mut self.down] {
+            let share = sum(slope) / self.brightness.max(1.0);
+            for (slope, wanted) in slope.iter_mut().zip(&self.wanted) {
+                *slope -= share * wanted;
+            }
+        }
         let slopes = [
             dot(&self.across, &self.across),
             dot(&self.across, &self.down),
@@ -132,7 +145,7 @@ impl Window {
     /// Whether the last step showed what was looked for.
     fn is_found(&self) -> bool {
         let share = (self.wanted.len().max(1) as f32).recip();
-        let mean = share * self.wanted.iter().sum::<f32>();
+        let mean = share * self.brightness;
         let variance = share * dot(&self.wanted, &self.wanted) - mean * mean;
         share * dot(&self.found, &self.found) <= NOISE + MOST_LEFT * variance
     }
@@ -151,8 +164,10 @@ impl Window {
         for _ in 0..STEPS {
             let [left, top] = [0, 1].map(|k| at[k] + way[k] - reach);
             plane.patch(left, top, side, &mut self.found);
+            let gain =
+                (self.brightness / sum(&self.found).max(1.0)).clamp(*GAIN.start(), *GAIN.end());
             for (found, wanted) in self.found.iter_mut().zip(&self.wanted) {
-                *found = wanted - *found;
+                *found = wanted - gain * *found;
             }
             let (across, down) = (dot(&self.found, &self.across), dot(&self.found, &self.down));
             let step = [
@@ -166,6 +181,19 @@ impl Window {
         }
         way
     }
+}
+
+/// Sum of a list.
+fn sum(a: &[f32]) -> f32 {
+    let mut sums = [0.0f32; LANES];
+    let a = a.chunks_exact(LANES);
+    let rest: f32 = a.remainder().iter().sum();
+    for a in a {
+        for (k, sum) in sums.iter_mut().enumerate() {
+            *sum += a[k];
+        }
+    }
+    sums.iter().sum::<f32>() + rest
 }
 
 /// Sum of the products of two lists.
@@ -229,6 +257,24 @@ mod tests {
             let found = LucasKanade::default().follow(&pyramid(&before), &pyramid(&now), [u, v], 14.0);
             let [x, y] = found.expect("a place");
             prop_assert!((x - u - du).abs() < 0.3 && (y - v - dv).abs() < 0.3, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn light_that_changes_moves_nothing() {
+        let before = pyramid(&spots(320, 240, [0.0; 2]));
+        for gain in [0.8, 0.9, 1.1, 1.25] {
+            let mut lit = spots(320, 240, [3.0, -2.0]);
+            for byte in &mut lit.rgb {
+                *byte = (f32::from(*byte) * gain) as u8;
+            }
+            let now = pyramid(&lit);
+            for at in [[70.0, 60.0], [150.0, 120.0], [250.0, 170.0]] {
+                let found = LucasKanade::default().follow(&before, &now, at, 14.0);
+                let [x, y] = found.expect("a place");
+                let off = (x - at[0] - 3.0).hypot(y - at[1] + 2.0);
+                assert!(off < 0.4, "{gain} {at:?}: {x} {y}");
+            }
         }
     }
 

@@ -80,10 +80,12 @@ fn the_others_look_once() {
 #[test]
 fn with_fewer_looks_everybody_is_in_every_picture_all_the_same() {
     let demo = Path::new("demo");
-    let (all, fewer) = (people(demo, &[]), people(demo, &["--looks", "10"]));
+    let (all, fewer) = (people(demo, &[]), people(demo, &["--looks", "4"]));
     let count = |of: &[Vec<Value>]| of.iter().map(Vec::len).sum::<usize>();
-    assert_eq!((all.len(), &all[0]), (fewer.len(), &fewer[0]));
-    assert_ne!(all[1], fewer[1], "looked at");
+    // Who is new is looked at twice.
+    assert_eq!((all.len(), &all[..2]), (fewer.len(), &fewer[..2]));
+    let followed = all.iter().zip(&fewer).filter(|(a, b)| a != b).count();
+    assert!(5 * followed > all.len(), "{followed} of {}", all.len());
     let missed = count(&all).abs_diff(count(&fewer));
     assert!(20 * missed < count(&all), "{missed} of {}", count(&all));
 }

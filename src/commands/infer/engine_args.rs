@@ -33,7 +33,7 @@ pub struct EngineArgs {
     pub quality: Option<Quality>,
     /// Look at so many pictures per second, and at more where somebody is lost; in the others joints are followed by
     /// the optical flow [default: 15 with --quality fast, else every picture, or of a camera that is too fast for this
-    /// machine as many as there is time for]
+    /// machine half of them, 15 at least as far as there is time]
     #[arg(long, value_name = "PER SECOND", value_parser = parse_looks)]
     pub looks: Option<f64>,
     /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that

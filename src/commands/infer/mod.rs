@@ -224,8 +224,9 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     }
     let (outcome, left_out) = exit::without_left_out(outcome, observed);
     let (words, ended) = finish(sinks, observed, outcome);
-    // Whoever names a stream reads it.
-    let is_quiet = is_supervised || args.asked || task.input.name.is_some();
+    // Whoever names a stream and nothing else reads it.
+    let is_read = task.input.name.is_some() && !has_place;
+    let is_quiet = is_supervised || args.asked || is_read;
     let has_news = ended.is_ok() || !words.is_empty();
     if has_news && !is_quiet {
         let frames = counted(observed, "frame", "frames");

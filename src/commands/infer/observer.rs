@@ -83,7 +83,8 @@ impl Observer {
             has_fitted: source.is_live() && has_worked_before(),
             is_stills: source.is_stills(),
             picture_name: source.picture(),
-            feed: Feed::start(source, mounting)?,
+            feed: Feed::start(source, mounting)
+                .map_err(|e| Failure::no_thread("that takes pictures", &e))?,
             mounting,
             camera,
             plan: pace.plan(0),
@@ -224,16 +225,17 @@ impl Observer {
         self.has_fitted = true;
         let intrinsics = self.mounting.intrinsics(lens, width, height);
         let idle = self.pace.is_idle();
+        // The next one is taken and decoded while this one is gone through.
+        if !self.is_live {
+            self.order(Duration::ZERO);
+        }
         let way = match idle {
             true => Way::Whole,
             false => self.pipelines.choose(&self.picture)?,
         };
         let kind = way as usize;
-        if !idle {
-            // The next one is taken and decoded while the network is at work on this one.
-            if self.is_live {
-                self.plan = self.pace.plan(now);
-            }
+        if !idle && self.is_live {
+            self.plan = self.pace.plan(now);
             self.order(Duration::from_secs_f32(self.busy[kind]));
         }
         let start = Instant::now();

@@ -482,7 +482,9 @@ mod tests {
             ..EngineArgs::default()
         };
         let mut pipelines = Pipelines::new(&engine, true, None).unwrap();
-        let mut picture = far_away();
+        let mut clip = open_bytes("demo", demo::CLIP).unwrap();
+        let mut picture = Frame::default();
+        assert!(clip.next_into(&mut picture).unwrap());
         for k in 0..12 {
             picture.time_ns = SECOND + k * SECOND / 30;
             let way = pipelines.choose(&picture).unwrap();

@@ -2,15 +2,13 @@
 //! those between. Times go in, an interval comes out.
 
 use super::mean::Mean;
-use super::wish::Wish;
+use super::wish::{FAST_NS, SLOW_NS, Wish};
 use crate::capture::Frame;
 
 /// Looks per second that are enough; fewer lose quick movements.
 pub const ENOUGH: f32 = 15.0;
-/// How long looks must have taken longer than there is from picture to picture.
-const SLOW_NS: u64 = 2_000_000_000;
-/// How long they must have been ready in time before every picture is looked at again.
-const FAST_NS: u64 = 10_000_000_000;
+/// Looks that take longer than this are too far apart for people to be followed from one to the next, seconds.
+const LONGEST: f32 = 0.1;
 /// Part of the time from picture to picture that a look may then take.
 const ROOM: f32 = 0.8;
 /// Cameras that take hardly more pictures than are enough, as share of those, have none between looks.
@@ -70,7 +68,8 @@ impl Spacing {
         self.look.take(seconds);
         let (look, period) = (self.look.value, self.period());
         let room = if self.follows { ROOM } else { 1.0 };
-        let wanted = self.period.count > 0 && period * MORE * ENOUGH < 1.0 && look > room * period;
+        let is_fast = self.period.count > 0 && period * MORE * ENOUGH < 1.0;
+        let wanted = is_fast && (room * period..LONGEST).contains(&look);
         if wanted == self.follows {
             self.wish.forget();
             return None;
@@ -85,8 +84,8 @@ impl Spacing {
 
     /// Nanoseconds from look to look; `None` where every picture is looked at.
     pub fn apart(&self) -> Option<u64> {
-        let needed = (2.0 * self.period()).max(self.look.value / (1.0 - BETWEEN));
-        let seconds = needed.min(ENOUGH.recip());
+        let every_other = (2.0 * self.period()).min(ENOUGH.recip());
+        let seconds = every_other.max(self.look.value / (1.0 - BETWEEN));
         self.follows.then_some((seconds * 1e9) as u64)
     }
 
@@ -100,7 +99,8 @@ impl Spacing {
                 1e9 / apart as f32
             ),
             None => format!(
-                "a look takes {look:.0} ms, and pictures come every {period:.0} ms: all are looked at again"
+                "a look takes {look:.0} ms, and pictures come every {period:.0} ms: people are no longer followed \
+                 between looks"
             ),
         }
     }
@@ -177,6 +177,8 @@ mod tests {
             (30, 0.06, true),
             (60, 0.01, false),
             (60, 0.02, true),
+            // Nobody could be followed for so long.
+            (30, 0.15, false),
             // With fifteen a second nothing is won.
             (15, 0.07, false),
             (10, 0.2, false),
@@ -191,8 +193,15 @@ mod tests {
     }
 
     #[test]
-    fn there_are_as_many_looks_as_there_is_time_for_and_at_least_fifteen() {
-        for (fps, look, looks) in [(30, 0.04, 15.0), (60, 0.02, 30.0), (60, 0.045, 17.8)] {
+    fn there_are_as_many_looks_as_there_is_time_for_beside_the_pictures_between() {
+        for (fps, look, looks) in [
+            (30, 0.04, 15.0),
+            (25, 0.045, 15.0),
+            (60, 0.02, 30.0),
+            (60, 0.045, 17.8),
+            (30, 0.06, 13.3),
+            (30, 0.09, 8.9),
+        ] {
             let mut camera = Camera::new(fps, 0);
             camera.play(5, look);
             let apart = camera.spacing.apart().unwrap();

@@ -2,13 +2,9 @@
 //! slower than it was. Times go in, verdicts come out.
 
 use super::mean::Mean;
-use super::wish::Wish;
+use super::wish::{FAST_NS, SLOW_NS, Wish};
 use super::zoom::SHARES;
 
-/// How long an input must have been too slow before a smaller one is taken.
-const SLOW_NS: u64 = 2_000_000_000;
-/// How long a larger one must have promised to be fast enough.
-const FAST_NS: u64 = 10_000_000_000;
 /// Part of the time that a larger input may need by what the present one takes.
 const ROOM: f32 = 0.8;
 /// Where no picture came for so long, or for two that are on time, what held before it is forgotten.

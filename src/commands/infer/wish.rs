@@ -1,5 +1,10 @@
 //! Something else that is wanted, and for how long.
 
+/// How long the machine must have been too slow before less is asked of it, nanoseconds.
+pub const SLOW_NS: u64 = 2_000_000_000;
+/// How long it must have promised to be fast enough for more.
+pub const FAST_NS: u64 = 10_000_000_000;
+
 /// What is wanted other than what is, and from when on, nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wish<T>(Option<(T, u64)>);

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use console::Term;
-use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME};
+use edgecap_client::message::{BodyFrame, BodyState, FLAG_FILE_TIME, StageTimes};
 
 use self::drawing::Drawing;
 use super::{log, say};
@@ -44,6 +44,8 @@ pub struct Table {
     drawn: Option<Instant>,
     last_frame: Option<Instant>,
     seconds_per_frame: f64,
+    /// What stages took for the last picture that the network looked at.
+    looked: StageTimes,
 }
 
 impl Table {
@@ -66,6 +68,7 @@ impl Table {
             drawn: None,
             last_frame: None,
             seconds_per_frame: 0.0,
+            looked: StageTimes::default(),
         }
     }
 
@@ -81,6 +84,9 @@ impl Table {
             };
         }
         self.last_frame = Some(now);
+        if frame.stage_times.stage1_us > 0 {
+            self.looked = frame.stage_times;
+        }
         let every = match &self.terminal {
             Some(_) => REDRAW,
             None if log::to_journal() => JOURNAL_EVERY,
@@ -144,7 +150,7 @@ impl Table {
 
     fn figures(&self, frame: &BodyFrame, left_out: u64) -> String {
         let ms = |us: u32| f64::from(us) / 1000.0;
-        let t = frame.stage_times;
+        let t = self.looked;
         let mut s = String::new();
         let fps = if self.seconds_per_frame > 0.0 {
             1.0 / self.seconds_per_frame
@@ -229,5 +235,21 @@ mod tests {
         assert!(figures.ends_with(" | 270 frames left out"), "{figures}");
         let figures = table.figures(&BodyFrame::default(), 0);
         assert!(!figures.contains("left out"), "{figures}");
+    }
+
+    #[test]
+    fn what_a_look_takes_is_shown_beside_pictures_that_are_not_looked_at() {
+        let mut table = Table::with(None, true, None);
+        let mut frame = BodyFrame::default();
+        for (preprocess_us, stage1_us) in [(600, 18_000), (9_000, 0)] {
+            frame.stage_times = StageTimes {
+                preprocess_us,
+                stage1_us,
+                ..StageTimes::default()
+            };
+            table.update(&frame, 0);
+            let figures = table.figures(&frame, 0);
+            assert!(figures.contains("letterbox 0.6, stage I 18.0"), "{figures}");
+        }
     }
 }
