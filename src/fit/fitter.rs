@@ -158,8 +158,9 @@ impl Fitter {
         self.since_feet += dt;
         if self.since_feet >= FEET_EVERY {
             self.since_feet = 0.0;
+            let down = self.feet.down();
             for track in self.present.iter().filter(|t| t.id != 0 && t.unseen == 0.0) {
-                for place in track.standing() {
+                for place in track.standing(down) {
                     self.feet.add(track.id, place);
                 }
             }
@@ -484,13 +485,19 @@ impl Fitter {
                 self.counters.births += 1;
                 continue;
             };
-            let (who, _) = absent[who];
+            let (who, gone) = absent[who];
             match who {
                 Absent::Present(p) => from_present.push(p),
                 Absent::Gone(g) => from_gone.push(g),
             }
             let old = self.track(who).clone();
-            self.present[t].succeed(old);
+            let mut cx = Context {
+                skeleton: Skeleton::builtin(),
+                config: &self.config,
+                model: &self.model,
+                solver: &mut self.solver,
+            };
+            self.present[t].succeed(old, gone, &mut cx);
             if self.present[t].id != 0 {
                 self.counters.returns += 1;
                 continue;

@@ -168,7 +168,7 @@ fn read(
     over: &AtomicBool,
 ) -> Result<(), LinkError> {
     let observations = Subscriber::<ObservationFrame>::open_with(name, Priority::Reserved)?;
-    let mut fresh = Fresh::default();
+    let mut fresh = Fresh::of(name);
     while !over.load(Ordering::Relaxed) {
         if let Some(frame) = observations.next(STEP)? {
             let ended = frame.flags & FLAG_END_OF_STREAM != 0;

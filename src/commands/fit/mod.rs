@@ -24,6 +24,7 @@ use super::job::{self, Supervised};
 use super::log;
 use super::outputs::{RecordArgs, finish};
 use super::say;
+use super::settings::parse_rate;
 use super::stop::Stop;
 use lines::Lines;
 use numbers::Numbers;
@@ -103,7 +104,7 @@ pub struct FitTask {
     #[arg(long, conflicts_with = "cameras")]
     pub stills: bool,
     /// Publish at this rate, extrapolating between camera frames, Hz
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240), conflicts_with = "input")]
+    #[arg(long, value_name = "HZ", value_parser = parse_rate, conflicts_with = "input")]
     pub rate: Option<u16>,
 }
 

@@ -16,6 +16,8 @@ const NO_NEWS: Duration = Duration::from_secs(5);
 /// Leaves out observations that waited somewhere until they were no news any more.
 #[derive(Debug, Default)]
 pub struct Fresh {
+    /// Camera that sends them, where there are several.
+    camera: Option<String>,
     stale: u64,
     /// When the first of them came, nanoseconds of the monotonic clock.
     since: u64,
@@ -33,16 +35,31 @@ enum Word {
 }
 
 impl Fresh {
+    /// Of one of several cameras, which what is said names.
+    pub fn of(camera: &str) -> Self {
+        Self {
+            camera: Some(camera.to_owned()),
+            ..Self::default()
+        }
+    }
+
+    /// What a line of the log begins with.
+    fn whose(&self) -> String {
+        let camera = self.camera.as_ref();
+        camera.map_or_else(String::new, |name| format!("{name}: "))
+    }
+
     /// Whether an observation is news; says how many were not, or that none is. One of a file has a time of its own.
     pub fn is_news(&mut self, frame: &ObservationFrame) -> bool {
         let (is_news, word) = self.look(frame, monotonic_ns());
+        let whose = self.whose();
         match word {
             Some(Word::LeftOut(stale)) => {
                 let stale = counted(stale, "observation", "observations");
-                tracing::warn!("{stale} of more than {STALE:?} ago left out");
+                tracing::warn!("{whose}{stale} of more than {STALE:?} ago left out");
             }
             Some(Word::NoNews) => tracing::warn!(
-                "nothing but observations of more than {STALE:?} ago for {NO_NEWS:?}, all left out: expected times of this machine's monotonic clock, and pictures no older; look at what publishes them"
+                "{whose}nothing but observations of more than {STALE:?} ago for {NO_NEWS:?}, all left out: expected times of this machine's monotonic clock, and pictures no older; look at what publishes them"
             ),
             None => {}
         }
@@ -54,7 +71,8 @@ impl Fresh {
         let newest = frame.publish_ns.max(frame.capture_ns);
         let age = Duration::from_nanos(now.saturating_sub(newest));
         if frame.flags & FLAG_FILE_TIME != 0 || age <= STALE {
-            let stale = std::mem::take(self).stale;
+            self.said = false;
+            let stale = std::mem::take(&mut self.stale);
             return (true, (stale > 0).then_some(Word::LeftOut(stale)));
         }
         if self.stale == 0 {
@@ -190,6 +208,17 @@ mod tests {
             capture_ns: captured * 1_000_000_000,
             flags,
             ..ObservationFrame::default()
+        }
+    }
+
+    #[test]
+    fn what_is_said_names_the_camera_where_there_are_several() {
+        assert_eq!(Fresh::default().whose(), "");
+        let mut fresh = Fresh::of("hall");
+        // Before and after observations that were no news.
+        for (second, of) in [(100, 100), (200, 150), (201, 201)] {
+            fresh.look(&captured(of, 0), second * 1_000_000_000);
+            assert_eq!(fresh.whose(), "hall: ");
         }
     }
 

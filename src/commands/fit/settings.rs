@@ -43,8 +43,12 @@ struct Section {
 /// # Errors
 /// If it cannot be read, or what is wrong with it, and where.
 pub fn read_config(path: &Path) -> anyhow::Result<FitConfig> {
-    let text = bounded::read_text(path, bounded::SETTINGS)
-        .map_err(|e| Failure::config(format!("cannot read {}: {e}", path.display())))?;
+    let text = bounded::read_text(path, bounded::SETTINGS).map_err(|e| {
+        Failure::config(format!(
+            "cannot read {}: {e}; expected settings of the fit (TOML)",
+            path.display()
+        ))
+    })?;
     let file = path.display().to_string();
     let has_header = toml::from_str::<toml::Table>(&text).is_ok_and(|t| t.contains_key("fit"));
     let config = match has_header {

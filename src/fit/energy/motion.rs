@@ -14,8 +14,9 @@ const MAX_RATE_VARIANCE: f64 = 36.0;
 const ACCELERATION_TIME: f64 = 1.0 / 30.0;
 /// Errors of successive frames are alike, so a frame tells less than its variance says: by this factor.
 const CORRELATED: f64 = 3.0;
-
-/// The temporal term's weight beyond what the Kalman filter calls for: trades a little error for half the jitter.
+/// The temporal term's weight is the inverse variance of the prediction times this, over [`CORRELATED`]. The filter
+/// itself, for which observations count that many times less than in the energy, would call for 4.5 times as much. Half
+/// of this has a little less error and twice the jitter.
 const CALM: f64 = 2.0;
 
 /// Typical acceleration of each degree of freedom, m/s² or rad/s².
@@ -127,7 +128,7 @@ impl Motion {
         ahead
     }
 
-    /// Inverse variance of the prediction by degree of freedom: weights of the temporal term.
+    /// Weights of the temporal term by degree of freedom: a share of the prediction's inverse variance.
     pub fn weights(&self, model: &MotionModel) -> [f64; DOF] {
         let factor = CALM * model.temporal / CORRELATED;
         std::array::from_fn(|d| factor / self.covariance[d].place)

@@ -37,6 +37,9 @@ const DEPTH_SLACK: f64 = 0.15;
 const LOOKS_NOISE: f64 = 0.15;
 /// Difference of appearance after an absence, as a share of `reidentify_appearance`, that nothing makes up for.
 pub const VETO: f64 = 1.35;
+/// Weight of the place among people whose looks may be one person's: more than the looks of one person differ by from
+/// frame to frame, less than those of two who are dressed differently.
+const BESIDE_LOOKS: f64 = 0.4;
 /// Longest absence, seconds, after which somebody is recognised by the place alone.
 const BY_PLACE: f64 = 3.0;
 /// Handicap per second without being seen, up to one second.
@@ -117,7 +120,7 @@ fn is_colourless(a: Option<&Appearance>, b: Option<&Appearance>) -> bool {
 /// How unlike a newcomer and somebody last seen `gone` seconds ago are; up to 1 they may be the same person.
 pub fn reidentification(newcomer: &Track, left: &Track, gone: f64, config: &IdentityConfig) -> f64 {
     let (unlike, apart) = (unlike(newcomer, left, config), apart(newcomer, left));
-    by_looks_or_place(unlike, apart, gone) + besides_looks(newcomer, left, gone)
+    by_looks_or_place(unlike, besides_looks(newcomer, left, gone), apart, gone)
 }
 
 /// How far a newcomer stands from where somebody stood `gone` seconds ago who may make sure of them.
@@ -132,13 +135,19 @@ fn unlike(newcomer: &Track, left: &Track, config: &IdentityConfig) -> Option<f64
     a.unlike(b, config.reidentify_appearance)
 }
 
-/// How unlike two are whose looks differ by so much, as a share of the most that one person has, or tell nothing, and
-/// who are so many metres apart after `gone` seconds; up to 1 they may be the same person.
-pub fn by_looks_or_place(unlike: Option<f64>, apart: f64, gone: f64) -> f64 {
+/// How unlike two are whose looks differ by so much, as a share of the most that one person has, or tell nothing,
+/// against whom so much else speaks, and who are so many metres apart after `gone` seconds; up to 1 they may be the
+/// same person.
+pub fn by_looks_or_place(unlike: Option<f64>, besides: f64, apart: f64, gone: f64) -> f64 {
     match unlike {
-        Some(unlike) => unlike,
+        // Of those dressed alike the nearest is the likeliest, which says less the longer the absence was. It excludes
+        // nobody: people walk.
+        Some(unlike) => {
+            let (other, place) = (unlike + besides, by_place(apart, gone).min(1.0));
+            other + BESIDE_LOOKS * place * (1.0 - other).max(0.0)
+        }
         // Nothing tells people apart: only somebody who vanished just now and just here.
-        None if gone < BY_PLACE => by_place(apart, gone),
+        None if gone < BY_PLACE => by_place(apart, gone) + besides,
         None => f64::INFINITY,
     }
 }
@@ -186,4 +195,41 @@ fn apart(newcomer: &Track, left: &Track) -> f64 {
     let gap = here - there;
     let along = (gap.z.abs() - DEPTH_SLACK * here.z.min(there.z)).max(0.0);
     gap.truncate().length().hypot(along)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What speaks against two whose looks differ by so much and who are so many metres apart.
+    fn alike(unlike: f64, apart: f64, gone: f64) -> f64 {
+        by_looks_or_place(Some(unlike), 0.0, apart, gone)
+    }
+
+    #[test]
+    fn the_place_tells_those_apart_who_are_dressed_alike() {
+        // One look of one person differs from another by about 0.3, give or take 0.1.
+        for gone in [1.1, 2.0, 3.0] {
+            let (here, there) = (alike(0.4, 0.0, gone), alike(0.3, 1.5, gone));
+            assert!(here < there, "{gone} s: {here}, {there}");
+        }
+        let fades = [1.1, 5.0, 30.0].map(|gone| alike(0.3, 1.5, gone) - 0.3);
+        assert!(fades[0] > fades[1] && fades[1] > fades[2], "{fades:?}");
+        assert!(fades[2] < 0.02, "{fades:?}");
+    }
+
+    #[test]
+    fn looks_that_differ_count_more_than_the_place_which_excludes_nobody() {
+        for gone in [0.5, 1.1, 10.0] {
+            let (own, other) = (alike(0.3, 3.0, gone), alike(0.8, 0.0, gone));
+            assert!(own < other, "{gone} s: {own}, {other}");
+            assert!(alike(0.99, 9.0, gone) < 1.0);
+            assert_eq!(alike(1.2, 9.0, gone), 1.2);
+            assert!(by_looks_or_place(Some(0.5), 0.49, 9.0, gone) < 1.0);
+            assert_eq!(
+                by_looks_or_place(Some(0.5), f64::INFINITY, 9.0, gone),
+                f64::INFINITY
+            );
+        }
+    }
 }

@@ -127,9 +127,16 @@ impl FloorEstimate {
         self.found.as_ref()
     }
 
+    /// Unit vector towards the floor, camera axes: of the newest floor, else as if the camera were level.
+    pub fn down(&self) -> DVec3 {
+        self.found
+            .as_ref()
+            .map_or(DVec3::Y, |floor| -floor.ground.normal)
+    }
+
     /// Takes in a standing ankle of person `id`: camera space at canonical stature, metres.
     pub fn add(&mut self, id: u32, ankle: DVec3) {
-        let foot = ankle + DVec3::new(0.0, ANKLE_HEIGHT, 0.0);
+        let foot = ankle + ANKLE_HEIGHT * self.down();
         if !foot.is_finite() || foot.z < 0.3 {
             return;
         }
@@ -295,6 +302,11 @@ impl FloorEstimate {
     }
 }
 
+/// The lower of somebody's ankles; `down`: unit vector towards the floor.
+pub fn lower(ankles: impl Iterator<Item = DVec3>, down: DVec3) -> Option<DVec3> {
+    ankles.max_by(|a, b| a.dot(down).total_cmp(&b.dot(down)))
+}
+
 /// Mean height of feet below the camera.
 fn all_intercept(standers: &[Stander]) -> f64 {
     let count: f64 = standers.iter().map(Stander::count).sum();
@@ -352,6 +364,48 @@ mod tests {
             assert!(
                 (floor.ground.offset - truth().offset).abs() < 0.1,
                 "{floor:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_foot_that_stands_tells_the_floor_below_a_steep_camera() {
+        for pitch in [20f64, 45.0] {
+            let (sin, cos) = pitch.to_radians().sin_cos();
+            let truth = FloorPlane {
+                normal: DVec3::new(0.0, -cos, -sin),
+                offset: 3.0,
+            };
+            // Of an ankle (x, z) beyond the point below the camera and above the sole's height on the floor, metres.
+            let along = DVec3::new(0.0, -sin, cos);
+            let ankle = |x: f64, z: f64, above: f64| {
+                let height = above + ANKLE_HEIGHT - truth.offset;
+                DVec3::X * x + along * z + truth.normal * height
+            };
+            let mut estimate = FloorEstimate::default();
+            for i in 0..1000u32 {
+                // Round a circle; one foot stands, the other one swings past it.
+                let (turn, swing) = (0.23 * f64::from(i), (0.377 * f64::from(i)).fract());
+                let side = if i % 2 == 0 { 0.1 } else { -0.1 };
+                let ahead = -0.6 * (std::f64::consts::PI * swing).cos();
+                let above = 0.12 * (std::f64::consts::PI * swing).sin();
+                let at = |beside: f64, ahead: f64, above: f64| {
+                    let out = 1.2 + beside;
+                    let x = out * turn.cos() - ahead * turn.sin();
+                    let z = out * turn.sin() + ahead * turn.cos();
+                    ankle(x, truth.offset * cos / sin + z, above)
+                };
+                let feet = [at(side, 0.0, 0.0), at(-side, ahead, above)];
+                let lower = lower(feet.into_iter(), estimate.down()).unwrap();
+                estimate.add(1, lower);
+                estimate.update();
+            }
+            let ground = estimate.floor().expect("a floor").ground;
+            let tilt = ground.normal.angle_between(truth.normal).to_degrees();
+            let height = (ground.offset - truth.offset).abs();
+            assert!(
+                tilt < 0.25 && height < 0.05,
+                "{pitch}°: {tilt}°, {height} m"
             );
         }
     }

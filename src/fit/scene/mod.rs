@@ -6,7 +6,7 @@ mod stature;
 mod stature_prior;
 mod steady_floor;
 
-pub use floor_estimate::FloorEstimate;
+pub use floor_estimate::{FloorEstimate, lower};
 pub use floor_plane::FloorPlane;
 pub use stature::{Stature, assumed};
 pub use steady_floor::SteadyFloor;

@@ -18,9 +18,12 @@ const LOOK: f64 = 1.0 / 30.0;
 const MOST: f64 = 6.0;
 /// Looks over which the first estimate is a plain mean: 30, and a little more, so that rounding decides nothing.
 const FIRST: f64 = 30.5;
-/// Step of the running median, as a share of the stature, and the difference from which it is taken in full, metres.
+/// First step of the running median, as a share of the stature, and the difference from which a step is taken in full,
+/// metres. Steps fall as looks become more, up to so many, those of 15 seconds: then a second moves the estimate by
+/// 0.6 % at most.
 const STEP: f64 = 0.003;
 const FULL: f64 = 0.02;
+const MEMORY: f64 = 450.0;
 
 /// Seconds in which a difference to what an estimated floor tells shrinks to 1/e, and most of it, as a share of the
 /// stature, in a second: bodies that grow move through the room.
@@ -101,14 +104,15 @@ impl Stature {
             return;
         }
         let look = (dt / LOOK).min(MOST);
-        self.looks += look;
+        self.looks = (self.looks + look).min(MEMORY);
         if self.looks <= FIRST {
             self.estimate += (stature - self.estimate) * look / self.looks;
         } else {
             // Long steps that were taken in full for small differences would overshoot.
-            let full = FULL * look.max(1.0);
+            let steps = look * FIRST / self.looks;
+            let full = FULL * steps.max(1.0);
             self.estimate *=
-                1.0 + STEP * look * ((stature - self.estimate) / full).clamp(-1.0, 1.0);
+                1.0 + STEP * steps * ((stature - self.estimate) / full).clamp(-1.0, 1.0);
         }
     }
 }
@@ -165,6 +169,35 @@ mod tests {
         // A second between frames: the median begins with the sixth and reaches the truth within 20.
         let slow = taken_for(1.0, 20.0);
         assert!((slow - 1.80).abs() < 0.02, "{slow}");
+    }
+
+    #[test]
+    fn whoever_steps_on_something_for_a_moment_does_not_grow() {
+        let (config, s, truth) = (config(), Skeleton::builtin(), 1.75);
+        let seen = [JointState::OBSERVED; BODY_JOINTS];
+        let mut pose = Pose::facing_camera(3.0);
+        let mut posed = Posed::default();
+        s.pose(&pose, s.lengths(), &mut posed);
+        let low = posed.joints[10].y;
+        for fps in [60.0, 30.0, 10.0] {
+            let mut stature = Stature::default();
+            let mut stands = |seconds: f64, above: f64| {
+                pose.position.y = (CAMERA_HEIGHT - above) * 1.70 / truth - ANKLE_HEIGHT - low;
+                s.pose(&pose, s.lengths(), &mut posed);
+                for _ in 0..(seconds * fps).round() as u32 {
+                    stature.update(&config, &posed, &seen, 1.0 / fps);
+                }
+                stature.metres(&config)
+            };
+            stands(15.0, 0.0);
+            let up = stands(3.0, 0.3);
+            assert!((up - truth).abs() < 0.05, "{fps} fps: {up} m on the step");
+            let down = stands(7.0, 0.0);
+            assert!((down - truth).abs() < 0.01, "{fps} fps: {down} m after it");
+            // What lasts is believed.
+            let stays = stands(60.0, 0.3);
+            assert!(stays > truth + 0.4, "{fps} fps: {stays} m");
+        }
     }
 
     #[test]

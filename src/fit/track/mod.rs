@@ -21,7 +21,7 @@ use crate::fit::evidence::SwapMemory;
 use crate::fit::evidence::Trust;
 use crate::fit::evidence::place;
 use crate::fit::identity::Appearance;
-use crate::fit::scene::Stature;
+use crate::fit::scene::{Stature, lower};
 use crate::joints::{BODY_JOINTS, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
 use crate::solve::Effort;
@@ -52,6 +52,12 @@ const LIMB_STUCK: f64 = 14.0;
 /// anew.
 const REACQUIRE_AFTER: f64 = 0.25;
 const REACQUIRE_APART: f64 = 0.2;
+/// Where a prediction reaches farther than so many seconds beyond the last sight, or swings knees and ankles by more
+/// than so many metres on average within that, what is seen tells left from right better: in a fifth of a second the
+/// legs of a runner pass each other.
+const SIDES_TOLD: f64 = 0.15;
+const MOST_SWING: f64 = 0.25;
+const KNEES: [usize; 2] = [9, 12];
 /// Who is seen this many times as far away as they are expected, nearer than anybody is placed, is placed anew, too: of
 /// a pose at the lens or behind it nothing is in the picture that could pull it back.
 const FARTHER: f64 = 1.25;
@@ -116,6 +122,8 @@ pub struct Track {
     gates3d: [Gate; BODY_JOINTS],
     swaps: SwapMemory,
     trust: Trust,
+    /// The observation that the pose was started from, until the next one: whoever is recognised by it is fitted again.
+    first_look: Option<Box<Evidence>>,
 }
 
 impl Track {
@@ -149,11 +157,11 @@ impl Track {
             gates3d: [Gate::default(); BODY_JOINTS],
             swaps: SwapMemory::default(),
             trust,
+            first_look: Some(Box::new(evidence.clone())),
         };
         let pose = track.pose;
         track.start_filters(evidence);
-        let mut targets = track.targets(evidence, pose, evidence.root?.z, cx);
-        targets.weights_motion = [0.0; DOF];
+        let mut targets = track.first_targets(evidence, evidence.root?.z, cx);
         let solution = cold_solve(
             &mut targets,
             &pose,
@@ -170,12 +178,17 @@ impl Track {
 
     /// Takes in evidence, `dt` seconds after the pose.
     pub fn observe(&mut self, mut evidence: Evidence, dt: f64, cx: &mut Context<'_>) {
+        self.first_look = None;
         let mut predicted = self.motion.predict(&self.pose, dt, cx.model);
         let mut expected = Posed::default();
         cx.skeleton
             .pose(&predicted, self.bones.lengths(), &mut expected);
         if self.lost_sight(&evidence, &expected) && self.reacquire(&evidence, dt, cx) {
             return;
+        }
+        let swings = || self.unseen + dt > SIDES_TOLD && self.swing(&expected) > MOST_SWING;
+        if self.unseen > SIDES_TOLD || swings() {
+            self.swaps = SwapMemory::DOUBTS_PREDICTION;
         }
         self.swaps.undo(&mut evidence, &expected, dt);
         evidence.root = place(&evidence, Some(predicted.position.z));
@@ -246,24 +259,34 @@ impl Track {
             for f in &mut self.filters3d {
                 f.reset();
             }
-            self.swaps = SwapMemory::DOUBTS_PREDICTION;
         }
     }
 
-    /// Where feet stand, canonical stature: those at rest, else the lower one of somebody who walks.
-    pub fn standing(&self) -> impl Iterator<Item = DVec3> + '_ {
+    /// How far the prediction takes knees and ankles about the pelvis on average, metres.
+    fn swing(&self, expected: &Posed) -> f64 {
+        let about = |posed: &Posed, j: usize| posed.joints[j] - posed.joints[PELVIS];
+        let legs = KNEES.into_iter().chain(ANKLES);
+        let sum: f64 = legs
+            .map(|j| about(expected, j).distance(about(&self.posed, j)))
+            .sum();
+        sum / (KNEES.len() + ANKLES.len()) as f64
+    }
+
+    /// Where feet stand, canonical stature: those at rest, else the lower one of somebody who walks. `down`: unit
+    /// vector towards the floor, camera axes.
+    pub fn standing(&self, down: DVec3) -> impl Iterator<Item = DVec3> + '_ {
         let resting = self.feet.places().next().is_some();
-        let lower = ANKLES
+        let seen = ANKLES
             .into_iter()
             .filter(|&ankle| self.states[ankle] == JointState::OBSERVED)
-            .map(|ankle| self.posed.joints[ankle])
-            .max_by(|a, b| a.y.total_cmp(&b.y))
-            .filter(|_| !resting);
+            .map(|ankle| self.posed.joints[ankle]);
+        let lower = lower(seen, down).filter(|_| !resting);
         self.feet.places().chain(lower)
     }
 
-    /// Takes over identity, proportions, height and looks of somebody recognised.
-    pub fn succeed(&mut self, old: Track) {
+    /// Takes over identity, proportions, height and looks of somebody recognised who was seen `gone` seconds ago. What
+    /// the newcomer's own first look tells is added: where frames are far apart everybody is a newcomer in each.
+    pub fn succeed(&mut self, old: Track, gone: f64, cx: &mut Context<'_>) {
         self.id = old.id;
         self.turn = old.turn;
         self.bones = old.bones;
@@ -273,6 +296,38 @@ impl Track {
             (Some(now), Some(before)) => now.blend(&before, 0.5),
             (now, before) => *now = now.or(before),
         }
+        match self.first_look.take() {
+            Some(evidence) => self.fit_again(&evidence, gone, cx),
+            None => cx
+                .skeleton
+                .pose(&self.pose, self.bones.lengths(), &mut self.posed),
+        }
+    }
+
+    /// Fits the first observation with the proportions of whoever was recognised by it, last seen `gone` seconds ago,
+    /// and adds what it tells of proportions and height.
+    fn fit_again(&mut self, evidence: &Evidence, gone: f64, cx: &mut Context<'_>) {
+        let targets = self.first_targets(evidence, self.pose.position.z.max(0.3), cx);
+        if self.tells_lengths(evidence, &targets) {
+            self.bones
+                .update(cx.skeleton, &evidence.points3d, &self.posed, gone);
+        }
+        let lengths = *self.bones.lengths();
+        let found = cx.solver.solve(
+            &problem(cx.skeleton, &lengths, &targets),
+            &self.pose,
+            Effort::COLD,
+            &mut self.posed,
+        );
+        if found.pose.is_finite() {
+            self.pose = found.pose;
+        } else {
+            // Never seen to happen; the first fit is finite.
+            cx.skeleton.pose(&self.pose, &lengths, &mut self.posed);
+        }
+        self.settle(evidence, &targets);
+        self.stature
+            .update(cx.config, &self.posed, &self.states, gone);
     }
 
     /// Where the person is expected `dt` seconds from now.
@@ -379,6 +434,13 @@ impl Track {
         }
     }
 
+    /// Targets of a first observation, which nothing predicts.
+    fn first_targets(&self, e: &Evidence, depth: f64, cx: &Context<'_>) -> Targets {
+        let mut targets = self.targets(e, self.pose, depth, cx);
+        targets.weights_motion = [0.0; DOF];
+        targets
+    }
+
     fn targets(&self, e: &Evidence, predicted: Pose, depth: f64, cx: &Context<'_>) -> Targets {
         let terms = &cx.config.terms;
         let mut targets = no_targets(predicted);
@@ -476,11 +538,7 @@ impl Track {
         }
         self.seen_right = e.confidence;
         self.settle(e, targets);
-        let torso = [1, 2, 5, 8, 11].iter().all(|&j| e.confidence[j] > 0.0);
-        let strain: f64 = (0..BODY_JOINTS)
-            .map(|j| targets.joint_cost(&self.posed, j))
-            .sum();
-        if torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64 {
+        if self.tells_lengths(e, targets) {
             self.bones.update(cx.skeleton, &e.points3d, &self.posed, dt);
         }
         self.feet.update(
@@ -492,6 +550,15 @@ impl Track {
         );
         self.stature
             .update(cx.config, &self.posed, &self.states, dt);
+    }
+
+    /// Whether an observation shows enough of the person, and the fit agrees with it well enough, to measure bones.
+    fn tells_lengths(&self, e: &Evidence, targets: &Targets) -> bool {
+        let torso = [1, 2, 5, 8, 11].iter().all(|&j| e.confidence[j] > 0.0);
+        let strain: f64 = (0..BODY_JOINTS)
+            .map(|j| targets.joint_cost(&self.posed, j))
+            .sum();
+        torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64
     }
 
     fn settle(&mut self, e: &Evidence, targets: &Targets) {

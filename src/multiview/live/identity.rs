@@ -218,11 +218,10 @@ fn dissimilarity(new: &Person, old: &Person, gone: f64, config: &FitConfig) -> f
     }
     let apart = new.pose.position.distance(old.pose.position);
     let unlike = new.unlike(old, config.identity.reidentify_appearance);
-    let looks = by_looks_or_place(unlike, apart, gone);
     let taller = new.build.difference(&old.build);
     let taller = taller.map_or(0.0, |d| (d / STATURE_NOISE - 1.0).max(0.0));
     let farther = (apart - 0.5 - 2.5 * gone).clamp(0.0, 2.0);
-    looks + 0.5 * taller + 0.5 * farther + 0.001 * gone
+    by_looks_or_place(unlike, 0.5 * (taller + farther), apart, gone) + 0.001 * gone
 }
 
 /// How far somebody new stands from where somebody stood `gone` seconds ago who may make sure of them.

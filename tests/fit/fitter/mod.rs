@@ -9,7 +9,7 @@ mod movement;
 mod prediction;
 mod times;
 
-use edgecap::body::skeleton::{Pose, Posed, Skeleton};
+use edgecap::body::skeleton::{BoneLengths, Pose, Posed, Skeleton};
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::joints::PELVIS;
 use edgecap::message::{APPEARANCE_BINS, BodyFrame, Intrinsics, Observation, ObservationFrame};
@@ -106,12 +106,17 @@ impl Stage {
 /// Somebody of canonical stature who faces the camera at (x, z), metres, and of whom everything is seen but looks, at
 /// so many seconds.
 fn facing(seconds: f64, x: f64, z: f64) -> ObservationFrame {
-    let camera = Intrinsics::from_horizontal_fov(WIDTH, HEIGHT, 70.0);
-    let s = Skeleton::builtin();
     let mut pose = Pose::facing_camera(z);
     pose.position.x = x;
+    posing(seconds, &pose, Skeleton::builtin().lengths())
+}
+
+/// Somebody of canonical stature with such bones in such a pose, of whom everything is seen but looks, at so many
+/// seconds.
+fn posing(seconds: f64, pose: &Pose, lengths: &BoneLengths) -> ObservationFrame {
+    let camera = Intrinsics::from_horizontal_fov(WIDTH, HEIGHT, 70.0);
     let mut posed = Posed::default();
-    s.pose(&pose, s.lengths(), &mut posed);
+    Skeleton::builtin().pose(pose, lengths, &mut posed);
     let mut seen = Observation {
         score: 0.99,
         ..Observation::default()

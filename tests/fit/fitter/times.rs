@@ -1,10 +1,12 @@
 //! Times that misbehave: late frames, gaps, frames seconds apart, no times at all, a machine that slept.
 
-use edgecap::fit::{FitConfig, Fitter};
+use edgecap::body::skeleton::{ANKLE_HEIGHT, BoneLengths, Pose, Posed, Skeleton};
+use edgecap::fit::{FitConfig, Fitter, GroundConfig};
+use edgecap::joints::{CANONICAL_STATURE, PELVIS};
 use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use glam::Vec3;
 
-use super::{FPS, Stage, dress, standing};
+use super::{FPS, Stage, dress, posing, standing};
 use crate::scene::people::{self, Activity, Person};
 use crate::scene::{Noise, Scene};
 
@@ -237,4 +239,137 @@ fn the_machine_s_sleep_counts() {
     stage.fitter.slept(45.0);
     assert_eq!(remembered(30, false, &mut stage), 1);
     assert_eq!(remembered(180, false, &mut stage), 0);
+}
+
+/// Who two at rest are, from left to right, 1.5 m apart and dressed alike but for `ripple` of the share of every bin of
+/// hue, stronger and weaker by turns of so many bins. `exchanges` says in which frames each looks as the other did
+/// before and comes in the other's place, and for how long, seconds, the camera had stopped by then.
+fn side_by_side(
+    fps: f64,
+    (ripple, turns): (f32, usize),
+    exchanges: impl Fn(usize) -> (bool, f64),
+) -> Vec<[u32; 2]> {
+    let cast = vec![standing(3, -0.75, 4.0), standing(3, 0.75, 4.0)];
+    let mut scene = Scene::new(cast, Noise::NONE, fps, 4);
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let each = (0..60).map(|f| {
+        let (mut frame, truths) = scene.next();
+        let (is_exchanged, stopped) = exchanges(f);
+        let mut people = [0, 1].map(|k| {
+            let mut seen = frame.people[truths[k].observation.expect("in view")];
+            dress(&mut seen, None, 20);
+            let phase = if (k == 1) != is_exchanged { turns } else { 0 };
+            for (b, bin) in seen.hue.iter_mut().enumerate() {
+                let is_strong = ((b + phase) / turns).is_multiple_of(2);
+                *bin *= 1.0 + if is_strong { ripple } else { -ripple };
+            }
+            seen
+        });
+        if is_exchanged {
+            people.reverse();
+        }
+        frame.people[..2].copy_from_slice(&people);
+        frame.capture_ns += (stopped * 1e9) as u64;
+        fitter.update(&frame, &mut out);
+        let mut bodies = out.bodies().to_vec();
+        bodies.sort_by(|a, b| a.position[0].total_cmp(&b.position[0]));
+        let [left, right] = &bodies[..] else {
+            panic!("frame {f}: {} bodies of two people", out.count);
+        };
+        [left.id, right.id]
+    });
+    each.collect()
+}
+
+#[test]
+fn whoever_is_dressed_alike_keeps_their_name_over_a_pause() {
+    for looks in [(0.0, 3), (0.1, 3), (0.2, 3), (0.1, 5), (0.2, 5)] {
+        let after_a_pause = |f: usize| (f >= 45, if f >= 45 { 1.1 } else { 0.0 });
+        let ids = side_by_side(FPS, looks, after_a_pause);
+        assert_eq!(ids, [[1, 2]; 60], "{looks:?}, a pause of 1.1 s");
+        let ids = side_by_side(0.8, looks, |f| (f % 2 == 1, 0.0));
+        assert_eq!(ids, [[1, 2]; 60], "{looks:?}, frames 1.25 s apart");
+    }
+}
+
+/// Bones of somebody whose thighs are long and whose shanks are short, by a tenth, metres.
+fn long_thighs() -> BoneLengths {
+    let mut lengths = *Skeleton::builtin().lengths();
+    for (thigh, shank) in [(9, 10), (12, 13)] {
+        let longer = 0.1 * lengths[thigh];
+        lengths[thigh] += longer;
+        lengths[shank] -= longer;
+    }
+    lengths
+}
+
+#[test]
+fn what_is_learned_of_somebody_is_learned_where_frames_are_seconds_apart() {
+    let (s, lengths) = (Skeleton::builtin(), long_thighs());
+    let truth = 1.86;
+    let scale = truth / f64::from(CANONICAL_STATURE);
+    let mut pose = Pose::facing_camera(5.0);
+    pose.position.y = 0.5;
+    let mut posed = Posed::default();
+    s.pose(&pose, &lengths, &mut posed);
+    let config = FitConfig {
+        ground: Some(GroundConfig {
+            normal: [0.0, -1.0, 0.0],
+            offset: (posed.joints[10].y + ANKLE_HEIGHT) * scale,
+        }),
+        ..FitConfig::default()
+    };
+    let mut fitter = Fitter::new(config).unwrap();
+    let mut out = BodyFrame::default();
+    for f in 0..60 {
+        // On a step in the first picture.
+        let mut pose = pose;
+        if f == 0 {
+            pose.position.y -= 0.25 / scale;
+        }
+        let mut frame = posing(1.0 + 1.1 * f64::from(f), &pose, &lengths);
+        dress(&mut frame.people[0], Some(10), 20);
+        fitter.update(&frame, &mut out);
+        let [body] = out.bodies() else {
+            panic!("frame {f}: {} bodies of one person", out.count);
+        };
+        assert_eq!(body.id, 1, "frame {f}");
+        let height = f64::from(body.height);
+        assert!(
+            f < 30 || (height - truth).abs() < 0.05,
+            "frame {f}: {height} m"
+        );
+    }
+    let bones = out.bodies()[0].bone_lengths.map(f64::from);
+    let [average, found, own] = [s.lengths(), &bones, &lengths].map(|l| l[9] / l[10]);
+    let learned = (found - average) / (own - average);
+    assert!(learned > 0.5, "{learned} of the difference");
+}
+
+#[test]
+fn whoever_comes_back_has_their_own_bones_in_the_first_frame() {
+    let lengths = long_thighs();
+    let mut fitter = Fitter::new(FitConfig::default()).unwrap();
+    let mut out = BodyFrame::default();
+    let mut bones_at = |seconds: f64| {
+        let mut frame = posing(1.0 + seconds, &Pose::facing_camera(4.0), &lengths);
+        dress(&mut frame.people[0], Some(10), 20);
+        fitter.update(&frame, &mut out);
+        assert_eq!((out.count, out.bodies()[0].id), (1, 1), "{seconds} s");
+        out.bodies()[0].bone_lengths
+    };
+    for n in 0..180 {
+        bones_at(f64::from(n) / FPS);
+    }
+    let known = bones_at(180.0 / FPS);
+    let average = Skeleton::builtin().lengths()[9];
+    assert!(f64::from(known[9]) > 1.04 * average, "{known:?}");
+    let back = bones_at(180.0 / FPS + 1.5);
+    for (j, (before, now)) in known.into_iter().zip(back).enumerate() {
+        assert!(
+            j == PELVIS || (now / before - 1.0).abs() < 0.01,
+            "bone of joint {j}: {now} m after {before} m"
+        );
+    }
 }
