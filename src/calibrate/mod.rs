@@ -42,15 +42,6 @@ const LEAST_USED: usize = LEAST_FRAMES - LEAST_FRAMES / HELD_OUT;
 /// a height less well.
 const TALLER: f64 = 1.05;
 
-/// What gives the room its size.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Scale {
-    /// Height of the tallest of those who are seen at least half as long as whoever is seen most, metres.
-    Stature(f64),
-    /// Distance between two cameras, by number, metres.
-    Distance(usize, usize, f64),
-}
-
 /// How well one view agrees.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ViewQuality {
@@ -85,6 +76,24 @@ pub struct Room {
     pub taller: Option<f64>,
     /// Whether feet told the floor's slope; else it is level as people hold themselves upright.
     pub floor_by_feet: bool,
+}
+
+impl Room {
+    /// The room at the size in which cameras `a` and `b`, by number, are `metres` apart. How well views agree stays as
+    /// it was found at people's height: a wrong distance says nothing of the places.
+    pub fn with_distance(mut self, a: usize, b: usize, metres: f64) -> Self {
+        let apart = self.views[a].position.distance(self.views[b].position);
+        let factor = metres / apart.max(1e-9);
+        for view in &mut self.views {
+            view.position *= factor;
+        }
+        for quality in &mut self.quality {
+            quality.height_m *= factor;
+        }
+        self.stature *= factor;
+        self.taller = self.taller.map(|metres| factor * metres);
+        self
+    }
 }
 
 /// Why there is no room.
@@ -133,7 +142,8 @@ pub enum CalibrateError {
 }
 
 /// Finds the cameras. `lenses` are views whose place and direction say nothing yet; `frames` what each saw, frame by
-/// frame, made by [`Sight::new`] with any pose; `rate` frames a second.
+/// frame, made by [`Sight::new`] with any pose; `rate` frames a second; `stature` the height of the tallest of those
+/// who are seen at least half as long as whoever is seen most, metres, which gives the room its size.
 ///
 /// # Errors
 /// [`CalibrateError`]: what was missing.
@@ -141,7 +151,7 @@ pub fn calibrate(
     lenses: &[View],
     frames: &[Vec<Detections>],
     rate: f64,
-    scale: Scale,
+    stature: f64,
 ) -> Result<Room, CalibrateError> {
     let shared = shared(frames);
     if shared < LEAST_FRAMES {
@@ -179,7 +189,7 @@ pub fn calibrate(
     // An answer that stands on its head is none, however well rays meet.
     let mut first = failure;
     for (k, (_, cameras)) in answers.into_iter().enumerate() {
-        match stand(lenses, cameras, frames, &held_out, rate, scale) {
+        match stand(lenses, cameras, frames, &held_out, rate, stature) {
             Ok(room) => return Ok(room),
             Err(e) if k == 0 => first = Some(e),
             Err(_) => {}
@@ -236,19 +246,12 @@ fn stand(
     frames: &[Vec<Detections>],
     held_out: &[bool],
     rate: f64,
-    scale: Scale,
+    stature: f64,
 ) -> Result<Room, CalibrateError> {
     let tracks = people(lenses, &cameras, frames, rate)?;
     let size = size(lenses, &cameras, &tracks)?;
     rescale(&mut cameras, 1.0 / size);
-    let factor = match scale {
-        Scale::Stature(s) => s / f64::from(CANONICAL_STATURE),
-        Scale::Distance(a, b, apart) => {
-            apart / cameras[a].position.distance(cameras[b].position).max(1e-9)
-        }
-    };
-    rescale(&mut cameras, factor);
-    let stature = factor * f64::from(CANONICAL_STATURE);
+    rescale(&mut cameras, stature / f64::from(CANONICAL_STATURE));
     let taller = taller(lenses, &cameras, &tracks, stature);
     let joints: Vec<world::Joints> = tracks
         .iter()

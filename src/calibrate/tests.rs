@@ -201,7 +201,7 @@ fn lenses(views: &[View]) -> Vec<View> {
 fn exact_sights_give_the_room() {
     let views = room();
     let frames = film(&views, &[1.8], &EXACT);
-    let room = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.8)).unwrap();
+    let room = calibrate(&lenses(&views), &frames, 10.0, 1.8).unwrap();
     let (degrees, metres) = errors(&room.views, &views);
     assert!(degrees < 0.5 && metres < 0.03, "{degrees}° {metres} m");
     for (found, truth) in room.views.iter().zip(&views) {
@@ -212,13 +212,45 @@ fn exact_sights_give_the_room() {
         assert!(q.held_out_rms_px.unwrap() < 1.0, "{q:?}");
     }
     let apart = views[0].position.distance(views[1].position);
-    let scale = Scale::Distance(0, 1, apart);
-    let measured = calibrate(&lenses(&views), &frames, 10.0, scale).unwrap();
+    let room = calibrate(&lenses(&views), &frames, 10.0, 1.7).unwrap();
+    let measured = room.with_distance(0, 1, apart);
     assert!(
         (measured.stature - 1.8).abs() < 0.02,
         "{}",
         measured.stature
     );
+    let (degrees, metres) = errors(&measured.views, &views);
+    assert!(degrees < 0.5 && metres < 0.03, "{degrees}° {metres} m");
+}
+
+/// A tape measure in feet is no reason to doubt a camera.
+#[test]
+fn a_distance_changes_sizes_and_not_how_well_views_agree() {
+    let views = room();
+    let mut frames = film(&views, &[1.7], &EXACT);
+    let spoiled = Noise {
+        jitter: 40.0,
+        ..EXACT
+    };
+    let spoiled = film(&views, &[1.7], &spoiled);
+    for k in (0..frames.len()).step_by(8) {
+        frames[k][1] = spoiled[k][1].clone();
+    }
+    let found = calibrate(&lenses(&views), &frames, 10.0, 1.7).unwrap();
+    assert!(found.quality.iter().any(|q| q.far_percent > 0.0));
+    let apart = found.views[0].position.distance(found.views[1].position);
+    for factor in [0.1, 0.8, 1.25, 10.0] {
+        let scaled = found.clone().with_distance(0, 1, factor * apart);
+        assert!((scaled.stature - factor * 1.7).abs() < 1e-9);
+        for (own, one) in scaled.views.iter().zip(&found.views) {
+            assert!(own.position.distance(factor * one.position) < 1e-9);
+        }
+        for (own, one) in scaled.quality.iter().zip(&found.quality) {
+            assert!((own.height_m - factor * one.height_m).abs() < 1e-9);
+            let (height_m, own) = (one.height_m, own.clone());
+            assert_eq!(ViewQuality { height_m, ..own }, *one);
+        }
+    }
 }
 
 #[test]
@@ -231,8 +263,7 @@ fn noise_and_exchanged_sides_and_a_second_person_do_not_matter_much() {
     };
     for statures in [&[1.7][..], &[1.75, 1.6]] {
         let frames = film(&views, statures, &noise);
-        let scale = Scale::Stature(statures[0]);
-        let room = calibrate(&lenses(&views), &frames, 10.0, scale).unwrap();
+        let room = calibrate(&lenses(&views), &frames, 10.0, statures[0]).unwrap();
         let (degrees, metres) = errors(&room.views, &views);
         assert!(
             degrees < 1.0 && metres < 0.08,
@@ -249,7 +280,7 @@ fn somebody_taller_who_is_seen_too_seldom_to_count_is_told_of() {
         for all in frames[30..].iter_mut().flatten() {
             all.truncate(1);
         }
-        let room = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.75)).unwrap();
+        let room = calibrate(&lenses(&views), &frames, 10.0, 1.75).unwrap();
         let off = room.taller.zip(taller).map(|(f, t)| f64::abs(f - t));
         assert_eq!(room.taller.is_some(), taller.is_some(), "{room:?}");
         assert!(off.is_none_or(|off| off < 0.05), "{:?}", room.taller);
@@ -269,7 +300,7 @@ fn the_order_in_which_a_view_names_people_does_not_matter() {
     };
     let mut frames = film_of(290, views, &[1.75, 1.6], &noise);
     frames.iter_mut().for_each(|frame| frame[1].reverse());
-    let room = calibrate(&lenses(views), &frames, 10.0, Scale::Stature(1.75)).unwrap();
+    let room = calibrate(&lenses(views), &frames, 10.0, 1.75).unwrap();
     let (degrees, metres) = errors(&room.views, views);
     assert!(degrees < 1.0 && metres < 0.08, "{degrees}° {metres} m");
 }
@@ -294,7 +325,7 @@ fn nobody_has_to_walk_about_where_views_lift_people() {
             seen(views, &people, &noise, &mut random)
         })
         .collect();
-    let room = calibrate(&lenses(views), &frames, 10.0, Scale::Stature(1.7)).unwrap();
+    let room = calibrate(&lenses(views), &frames, 10.0, 1.7).unwrap();
     let (degrees, metres) = errors(&room.views, views);
     assert!(degrees < 3.0 && metres < 0.2, "{degrees}° {metres} m");
 }
@@ -319,13 +350,13 @@ fn bodies_that_stretch_are_not_solid() {
 fn too_little_is_said() {
     let views = room();
     let frames = film(&views, &[1.7], &EXACT);
-    let few = calibrate(&lenses(&views), &frames[..9], 10.0, Scale::Stature(1.7));
+    let few = calibrate(&lenses(&views), &frames[..9], 10.0, 1.7);
     assert_eq!(few.unwrap_err(), CalibrateError::Nobody(9));
     let mut blind = frames.clone();
     for frame in &mut blind {
         frame[2].clear();
     }
-    let unlinked = calibrate(&lenses(&views), &blind, 10.0, Scale::Stature(1.7));
+    let unlinked = calibrate(&lenses(&views), &blind, 10.0, 1.7);
     assert_eq!(
         unlinked.unwrap_err(),
         CalibrateError::NotLinked("south".into())
@@ -350,9 +381,7 @@ fn frames_that_are_kept_apart_do_not_place_cameras() {
     for (k, _) in held_out(&exact, 10.0).iter().enumerate().filter(|h| *h.1) {
         mixed[k] = spoiled[k].clone();
     }
-    let found = |frames: &[Vec<Detections>]| {
-        calibrate(&lenses(&views), frames, 10.0, Scale::Stature(1.8)).unwrap()
-    };
+    let found = |frames: &[Vec<Detections>]| calibrate(&lenses(&views), frames, 10.0, 1.8).unwrap();
     let (exact, mixed) = (found(&exact), found(&mixed));
     // All frames tell the room's size and floor.
     let apart = |room: &Room, v: usize| room.views[v].position.distance(room.views[0].position);
@@ -407,7 +436,7 @@ fn views_that_share_a_part_of_the_time_are_placed_by_it() {
             blind.len() == 1,
             "frames that are not shared are not kept apart"
         );
-        let room = calibrate(&lenses(views), &frames, 10.0, Scale::Stature(1.8)).unwrap();
+        let room = calibrate(&lenses(views), &frames, 10.0, 1.8).unwrap();
         let (degrees, metres) = errors(&room.views, views);
         assert!(
             degrees < 1.5 && metres < 0.1,
@@ -488,7 +517,7 @@ fn cameras_beside_each_other_are_told_to_be_moved() {
         lifted: None,
     };
     let frames = film(&views, &[1.7], &noise);
-    let error = calibrate(&lenses(&views), &frames, 10.0, Scale::Stature(1.7)).unwrap_err();
+    let error = calibrate(&lenses(&views), &frames, 10.0, 1.7).unwrap_err();
     let CalibrateError::NoAngle(_, _, degrees) = error else {
         panic!("{error}");
     };

@@ -23,6 +23,8 @@ const PAUSE: f64 = 1.0;
 const SPARE: f64 = 0.5;
 /// How much rates of views may differ that go by number.
 const RATE_TOLERANCE: f64 = 0.03;
+/// What to do about views that differ in length.
+const CUT: &str = "cut them to the same time";
 /// Rate of views whose files tell no times.
 const USUAL_RATE: f64 = 30.0;
 
@@ -83,8 +85,8 @@ pub fn by_times(
     Ok(row_by_row(seen, rate, notes))
 }
 
-/// Brings views to one time of which nothing tells that they did not start together; every one tells its times.
-/// `otherwise` as for [`by_times`].
+/// Brings views of `multiview --sync auto` to one time of which nothing tells that they did not start together; every
+/// one tells its times. `otherwise` as for [`by_times`].
 ///
 /// # Errors
 /// When they differ in length, which tells that they did not, and what [`by_times`] refuses.
@@ -93,7 +95,9 @@ pub fn as_if_together(
     otherwise: &str,
     notes: &mut Vec<String>,
 ) -> anyhow::Result<Common> {
-    about_together(seen, 0.0, otherwise, notes)
+    let uneven = format!("{CUT}, or give --sync times if they started together");
+    expect_lengths(&seen, 0.0, &uneven)?;
+    from_start(seen, otherwise, notes)
 }
 
 /// Brings views to one time as if they had started together, which may have started up to `apart` seconds apart, so
@@ -107,6 +111,22 @@ pub fn about_together(
     otherwise: &str,
     notes: &mut Vec<String>,
 ) -> anyhow::Result<Common> {
+    expect_lengths(&seen, apart, CUT)?;
+    from_start(seen, otherwise, notes)
+}
+
+/// Brings views to one time that started together.
+fn from_start(
+    seen: Vec<ViewFile>,
+    otherwise: &str,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Common> {
+    let shifts = vec![0.0; seen.len()];
+    by_times(seen, &shifts, otherwise, notes)
+}
+
+/// Refuses views that differ more in length than by `apart` seconds; `uneven` is what to do then.
+fn expect_lengths(seen: &[ViewFile], apart: f64, uneven: &str) -> anyhow::Result<()> {
     let seconds = |s: &ViewFile| {
         let span = s.times[s.times.len() - 1] - s.times[0];
         span as f64 * 1e-9
@@ -117,7 +137,7 @@ pub fn about_together(
         && seconds(most) - seconds(least) > apart.max(SPARE)
     {
         return Err(Failure::data(format!(
-            "expected views of one length, found {:.1} s of camera {} and {:.1} s of {}; cut them to the same time",
+            "expected views of one length, found {:.1} s of camera {} and {:.1} s of {}; {uneven}",
             seconds(most),
             most.name,
             seconds(least),
@@ -125,8 +145,7 @@ pub fn about_together(
         ))
         .into());
     }
-    let shifts = vec![0.0; seen.len()];
-    by_times(seen, &shifts, otherwise, notes)
+    Ok(())
 }
 
 /// Refuses to go by number where cameras of one machine's clock were not started together; `is_one_clock` where all
@@ -200,7 +219,7 @@ pub fn by_number(
     let lengths = [most, least].map(|k| seen[k].frames.len());
     if (lengths[0] - lengths[1]) as f64 > SPARE * rate {
         return Err(Failure::data(format!(
-            "expected views of one length, found {} frames of camera {} and {} of {}; cut them to the same time",
+            "expected views of one length, found {} frames of camera {} and {} of {}; {CUT}",
             lengths[0], seen[most].name, lengths[1], seen[least].name
         ))
         .into());
@@ -512,6 +531,14 @@ mod tests {
             let e = about_together(films(long), apart, "cut them", &mut notes).map(|_| ());
             let e = e.unwrap_err().to_string();
             assert!(e.contains("expected views of one length"), "{e}");
+            assert!(!e.contains("--sync"), "{e}");
         }
+        // Where it is an option that takes them so.
+        let e = as_if_together(films(110), "cut them", &mut notes).map(|_| ());
+        let e = e.unwrap_err().to_string();
+        assert!(
+            e.contains("cut them to the same time, or give --sync times"),
+            "{e}"
+        );
     }
 }

@@ -249,6 +249,24 @@ impl ViewFile {
         )
     }
 
+    /// What is said of views that go by number, as if they started together, while they begin with other pictures of
+    /// their films: records may be cut so that they do start together, or lack pictures that could not be read.
+    pub fn begin_apart<'a>(views: impl Iterator<Item = &'a Self> + Clone) -> Option<String> {
+        let begins = |view: &Self| view.numbers.first().copied();
+        let of_films = || views.clone().filter(|view| begins(view).is_some());
+        let (first, last) = (
+            of_films().min_by_key(|v| begins(v))?,
+            of_films().max_by_key(|v| begins(v))?,
+        );
+        let [least, most] = [first, last].map(|view| begins(view).unwrap_or(0));
+        (least < most).then(|| {
+            format!(
+                "camera {} begins with picture {most} of its film, {} with {least}: taken as cut to start together; if pictures before could not be read, give the film in place of the record",
+                last.name, first.name
+            )
+        })
+    }
+
     /// Takes its frames to be so many a second from 0 on, whatever its times say; of a film, its pictures.
     pub fn at_rate(&mut self, rate: f64) {
         self.fill();
@@ -497,6 +515,37 @@ mod tests {
         assert_eq!(view.times.len(), 39);
         assert_eq!(view.frames[38].len(), 19);
         assert_eq!(view.times[38], 38 * 40_000_000);
+    }
+
+    #[test]
+    fn views_that_begin_with_other_pictures_of_their_films_are_named() {
+        let of_film = |name: &str, first: u64| {
+            let numbers: Vec<u64> = (first..first + 9).collect();
+            let mut view = timed(numbers.iter().map(|n| 40_000_000 * n).collect());
+            (view.name, view.numbers) = (name.to_owned(), numbers);
+            view
+        };
+        let live = timed((0..9).map(|n| 40_000_000 * n).collect());
+        for (begins, said) in [([0, 2, 1], true), ([0, 2, 0], true), ([7, 7, 7], false)] {
+            let [a, b, c] = begins;
+            let views = [
+                live.clone(),
+                of_film("a", a),
+                of_film("b", b),
+                of_film("c", c),
+            ];
+            let note = ViewFile::begin_apart(views.iter());
+            assert_eq!(note.is_some(), said, "{begins:?}");
+            let names = note.is_none_or(|n| {
+                n.starts_with("camera b begins with picture 2 of its film, a with 0:")
+            });
+            assert!(names, "{begins:?}");
+        }
+        assert_eq!(
+            ViewFile::begin_apart([live.clone(), of_film("b", 5)].iter()),
+            None
+        );
+        assert_eq!(ViewFile::begin_apart([live].iter()), None);
     }
 
     #[test]

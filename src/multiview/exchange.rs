@@ -17,6 +17,13 @@ const RELUCTANCE: f64 = 2e-3;
 const CROSSED: f64 = 5e-3;
 /// Views whose states are tried in every combination; more are tried one by one.
 const MOST_COMBINED: usize = 6;
+/// How far a ray counts to be from a partner that a reading takes from it, metres: less, and rays that miss each other
+/// by a detector's error would be taken apart; more, and those of two arms would stay together.
+const ALONE: f64 = 0.05;
+/// Cost of a joint that is not known in the next frame where the other side's is, sides as they are and exchanged,
+/// square metres: a joint is lost more easily than it changes sides, so the first is that of a way of 2·SIGMA, the
+/// second that of the farthest.
+const LOST: [f64; 2] = [2.0 * SIGMA * SIGMA, 4.0 * SIGMA * SIGMA];
 /// By what factor the exchanged reading must fit a body better.
 const MARGIN: f64 = 0.6;
 /// Seconds between moments up to which the way from one to the other counts in full: in more a limb goes anywhere.
@@ -47,13 +54,20 @@ pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
         return exchanged;
     }
     for (right, exchanged) in LIMB_PAIRS.iter().zip(&mut exchanged) {
-        let cost = |states: u32| -> f64 {
-            let reluctance = RELUCTANCE * f64::from(states.count_ones());
+        let read = |states: u32| -> Reading {
             let joints = right.iter().flat_map(|&j| [j, MIRROR[j]]);
-            reluctance
-                + joints
-                    .map(|j| joint_cost(views, sights, &seen, states, j))
-                    .sum::<f64>()
+            let each = joints.map(|j| of_joint(views, sights, &seen, states, j));
+            each.fold(Reading::default(), |sum, one| Reading {
+                cost: sum.cost + one.cost,
+                alone: sum.alone + one.alone,
+            })
+        };
+        let as_told = read(0).alone;
+        let cost = |states: u32| -> f64 {
+            let Reading { cost, alone } = read(states);
+            // Rays without a partner miss nothing: else the reading that takes all of them apart would cost nothing.
+            let taken = robust(ALONE * ALONE, SIGMA) * (alone - as_told).max(0.0);
+            RELUCTANCE * f64::from(states.count_ones()) + cost + taken
         };
         let best = if seen.len() <= MOST_COMBINED {
             let all = (0..1u32 << seen.len()).map(|s| (s, cost(s)));
@@ -89,9 +103,15 @@ pub fn settle(times: &[f64], moments: &mut [&mut Moment], states: &mut [States])
             if let Some(crossed) = is_crossed(&moment.joints) {
                 own[usize::from(!crossed)] += CROSSED;
             }
+            let since = match k {
+                0 => FULL,
+                _ => times[k] - times[k - 1],
+            };
+            // However many frames a second there are, a change of sides is paid once and a stretch by its length.
+            own = own.map(|cost| cost * (since / FULL).min(1.0));
             let (mut cost, mut back) = (own, [0, 1]);
             if let Some(before) = least.last() {
-                let told = (FULL / (times[k] - times[k - 1])).min(1.0);
+                let told = (FULL / since).min(1.0);
                 let step = [false, true].map(|other| {
                     told * travel(&moments[k - 1].joints, &moment.joints, right, other)
                 });
@@ -141,9 +161,15 @@ fn travel(
     let gone = trunk_way(from, to);
     let joints = right.iter().flat_map(|&j| [j, MIRROR[j]]);
     let each = joints.filter_map(|j| {
-        let now = if other { MIRROR[j] } else { j };
-        let way = to[now]? - from[j]? - gone;
-        Some(robust(way.length_squared(), 2.0 * SIGMA))
+        let was = from[j]?;
+        let [now, else_now] = match other {
+            false => [to[j], to[MIRROR[j]]],
+            true => [to[MIRROR[j]], to[j]],
+        };
+        let cost = |now: DVec3| robust((now - was - gone).length_squared(), 2.0 * SIGMA);
+        // A reading in which joints lead nowhere must not be cheaper than the one in which they go a little.
+        now.map(cost)
+            .or_else(|| else_now.map(|_| LOST[usize::from(other)]))
     });
     each.sum()
 }
@@ -173,13 +199,22 @@ fn one_by_one(count: usize, cost: impl Fn(u32) -> f64) -> u32 {
     states
 }
 
-fn joint_cost(
+/// What a reading makes of a joint, or of several.
+#[derive(Default)]
+struct Reading {
+    /// By how far rays miss each other, weighted, square metres.
+    cost: f64,
+    /// Weight of the rays that have no partner.
+    alone: f64,
+}
+
+fn of_joint(
     views: &[View],
     sights: &[Option<Sight>],
     seen: &[usize],
     states: u32,
     joint: usize,
-) -> f64 {
+) -> Reading {
     let lines: Vec<Line> = seen
         .iter()
         .enumerate()
@@ -197,9 +232,16 @@ fn joint_cost(
             })
         })
         .collect();
+    if let [alone] = lines[..] {
+        return Reading {
+            cost: 0.0,
+            alone: alone.weight,
+        };
+    }
     // Rays that tell no depth tell all the same how far they pass from each other: else the reading that makes them
     // parallel would cost nothing.
-    meet(&lines).map_or_else(|| passing(&lines), |(_, cost)| cost)
+    let cost = meet(&lines).map_or_else(|| passing(&lines), |(_, cost)| cost);
+    Reading { cost, alone: 0.0 }
 }
 
 /// Compares one view's limbs with a fitted body's joints and exchanges those that fit the other side much better.
@@ -233,26 +275,27 @@ mod tests {
     use super::*;
     use crate::message::Observation;
 
-    /// Level, 4.2 m from the origin along x, 1.4 m high, and looks along x to it; the world's y is up.
-    fn facing(x: f64) -> View {
-        let ahead = DVec3::new(-x.signum(), 0.0, 0.0);
+    /// Level, 1.4 m high, at this place of the floor, and looks to above the origin; the world's y is up.
+    fn facing(x: f64, z: f64) -> View {
+        let ahead = -DVec3::new(x, 0.0, z).normalize();
         let down = DVec3::NEG_Y;
         View {
-            name: format!("{x}"),
+            name: format!("{x} {z}"),
             size: [1280, 960],
             focal: DVec2::splat(1000.0),
             centre: DVec2::new(639.5, 479.5),
             distortion: Default::default(),
             rotation: DMat3::from_cols(down.cross(ahead), down, ahead).transpose(),
-            position: DVec3::new(x, 1.4, 0.0),
+            position: DVec3::new(x, 1.4, z),
         }
     }
 
-    /// Arms at the height of the cameras, each as far to its side as the other: rays of left and right are parallel.
-    #[test]
-    fn a_reading_that_makes_rays_parallel_is_not_for_nothing() {
-        let views = [facing(-4.2), facing(4.2)];
-        let at = |height: f64, side: f64| DVec3::new(0.0, height, side);
+    fn at(height: f64, side: f64) -> DVec3 {
+        DVec3::new(0.0, height, side)
+    }
+
+    /// Somebody who stands with hanging arms; arms at the height of the cameras.
+    fn standing() -> [DVec3; EVIDENCE_JOINTS] {
         let mut joints = [at(1.6, 0.0); EVIDENCE_JOINTS];
         for (right, height, side) in [
             (2, 1.4, 0.18),
@@ -265,19 +308,101 @@ mod tests {
             joints[right] = at(height, side);
             joints[MIRROR[right]] = at(height, -side);
         }
+        joints
+    }
+
+    /// These joints, by a view that sees everything so much too high.
+    fn seen(view: &View, off: f64, shown: &[usize]) -> Option<Sight> {
+        let mut seen = Observation::default();
+        for &j in shown {
+            let pixel = view.project(standing()[j] + at(off, 0.0)).unwrap();
+            seen.joints2d[j] = [pixel.x as f32, pixel.y as f32, 0.9];
+        }
+        Some(Sight::new(view, &seen))
+    }
+
+    /// Arms at the height of the cameras, each as far to its side as the other: rays of left and right are parallel.
+    #[test]
+    fn a_reading_that_makes_rays_parallel_is_not_for_nothing() {
+        let views = [facing(-4.2, 0.0), facing(4.2, 0.0)];
+        let all: Vec<usize> = (0..EVIDENCE_JOINTS).collect();
         // One camera sees everything 3 cm too high, the other too low.
-        let mut sights: Vec<Option<Sight>> = views
-            .iter()
-            .zip([0.03, -0.03])
-            .map(|(view, off)| {
-                let mut seen = Observation::default();
-                for (out, joint) in seen.joints2d.iter_mut().zip(joints) {
-                    let pixel = view.project(joint + at(off, 0.0)).unwrap();
-                    *out = [pixel.x as f32, pixel.y as f32, 0.9];
-                }
-                Some(Sight::new(view, &seen))
-            })
-            .collect();
+        let mut sights = [seen(&views[0], 0.03, &all), seen(&views[1], -0.03, &all)];
         assert_eq!(agree(&views, &mut sights), [0, 0]);
+    }
+
+    #[test]
+    fn rays_are_not_taken_apart_because_one_alone_misses_nothing() {
+        let [right, left] = [[2, 3, 4], [5, 6, 7]];
+        for other in [facing(4.2, 0.0), facing(0.0, 4.2)] {
+            let views = [facing(-4.2, 0.0), other];
+            let mut same = [
+                seen(&views[0], 0.03, &right),
+                seen(&views[1], -0.03, &right),
+            ];
+            assert_eq!(agree(&views, &mut same), [0, 0], "{}", views[1].name);
+            // Nor are rays of two arms brought together because they would meet.
+            let mut two = [seen(&views[0], 0.0, &right), seen(&views[1], 0.0, &left)];
+            assert_eq!(agree(&views, &mut two), [0, 0], "{}", views[1].name);
+        }
+    }
+
+    /// Two views that agree on somebody at these joints.
+    fn moment(joints: [Option<DVec3>; EVIDENCE_JOINTS]) -> Moment {
+        let nothing = Sight::new(&facing(4.2, 0.0), &Observation::default());
+        Moment {
+            sights: vec![Some(nothing); 2],
+            joints,
+            healed: 0,
+            lifted: None,
+            contours: Vec::new(),
+        }
+    }
+
+    /// What [`settle`] exchanges of moments at so many a second.
+    fn settled(rate: f64, mut moments: Vec<Moment>) -> Vec<States> {
+        let times: Vec<f64> = (0..moments.len()).map(|k| k as f64 / rate).collect();
+        let mut states = vec![[0; BEFORE]; moments.len()];
+        let mut each: Vec<&mut Moment> = moments.iter_mut().collect();
+        settle(&times, &mut each, &mut states);
+        states
+    }
+
+    #[test]
+    fn an_arm_beside_one_that_nobody_sees_does_not_change_sides() {
+        let noisy = |k: usize| {
+            let mut joints = standing().map(Some);
+            joints[5..8].fill(None);
+            for (j, joint) in joints.iter_mut().enumerate().skip(2).take(3) {
+                let angle = (7 * k + 3 * j) as f64;
+                let off = DVec3::new(angle.sin(), (2.0 * angle).cos(), (3.0 * angle).sin());
+                *joint = joint.map(|p| p + 0.03 * off);
+            }
+            moment(joints)
+        };
+        let states = settled(30.0, (0..60).map(noisy).collect());
+        assert!(states.iter().all(|s| *s == [0, 0]), "{states:?}");
+    }
+
+    #[test]
+    fn how_long_a_stretch_of_exchanged_sides_may_be_goes_by_seconds() {
+        for rate in [30_u32, 60, 120, 240] {
+            let stretch = rate..rate + 3 * rate / 10;
+            let each = (0..2 * rate).map(|k| {
+                let mut joints = standing().map(Some);
+                if stretch.contains(&k) {
+                    let right = LIMB_PAIRS[..BEFORE].concat();
+                    right.iter().for_each(|&j| joints.swap(j, MIRROR[j]));
+                }
+                moment(joints)
+            });
+            let states = settled(f64::from(rate), each.collect());
+            let expected = |k: usize| match stretch.contains(&(k as u32)) {
+                true => [0b11; BEFORE],
+                false => [0; BEFORE],
+            };
+            let is_healed = states.iter().enumerate().all(|(k, s)| *s == expected(k));
+            assert!(is_healed, "{rate} a second: {states:?}");
+        }
     }
 }

@@ -12,6 +12,7 @@ mod energy;
 mod exchange;
 mod fit;
 mod fitted;
+mod groups;
 mod kept;
 mod lens;
 pub mod live;

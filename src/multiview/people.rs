@@ -9,8 +9,9 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use super::exchange;
+use super::groups::{groups, ray_distance};
 use super::moment::Moment;
-use super::sight::{LIMB_PAIRS, Ray, Sight, between, distance};
+use super::sight::{LIMB_PAIRS, Ray, Sight, distance};
 use super::triangulate::{Joints3d, triangulate};
 use crate::assignment::Matcher;
 use crate::camera::View;
@@ -30,10 +31,8 @@ const FASTEST: f64 = 10.0;
 const GOES_ON: f64 = 1.0;
 /// Bodies whose joints are so near on average are one person's, metres.
 const ONE_BODY: f64 = 0.12;
-/// Median distance between the rays of two views' joints of one person, metres.
-const AGREE: f64 = 0.15;
 /// Shared joints under which two detections cannot be compared.
-const LEAST_SHARED: usize = 5;
+pub(super) const LEAST_SHARED: usize = 5;
 /// Seconds without any view after which somebody is gone, and without two of them: one view alone may follow somebody
 /// else.
 const MEMORY: f64 = 1.0;
@@ -159,7 +158,7 @@ impl Live {
                     self.measure(view, sight.as_ref(), DISTANCE_LEARNT / rate);
                 }
             }
-        } else if let Some((view, sight)) = only(views, &look.sights) {
+        } else if let Some((view, sight)) = shows_most(views, &look.sights) {
             let now = self.followed(view, sight, DISTANCE_TAKEN / rate);
             self.go(f, &now, rate);
         }
@@ -253,11 +252,11 @@ fn depth(view: &View, joints: &Joints) -> Option<f64> {
     (count > 0 && depth > 0.0).then_some(depth)
 }
 
-/// The one view that sees somebody; `None` where several do.
-fn only<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View, &'a Sight)> {
-    let mut each = views.iter().zip(sights);
-    let own = each.by_ref().find_map(|(v, s)| Some((v, s.as_ref()?)));
-    own.filter(|_| each.all(|(_, s)| s.is_none()))
+/// The view that shows most joints of somebody, the first of several; `None` where nobody sees them.
+fn shows_most<'a>(views: &'a [View], sights: &'a [Option<Sight>]) -> Option<(&'a View, &'a Sight)> {
+    let each = views.iter().zip(sights).rev();
+    let seen = each.filter_map(|(v, s)| Some((v, s.as_ref()?)));
+    seen.max_by_key(|(_, sight)| sight.rays.iter().flatten().count())
 }
 
 /// Somebody whom fewer than two views saw the last time.
@@ -287,13 +286,17 @@ impl Followed {
     }
 
     /// Of two views' detections the one that is not theirs: their rays do not meet, or not about where one view has
-    /// followed them to, whose own stays.
+    /// followed them to, whose own stays. None where the two have no joint in common: nothing tells then.
     fn stranger(&self, views: &[View], sights: Vec<Option<Sight>>) -> Option<usize> {
         let all = sights.iter().enumerate();
         let own: Vec<(usize, &Sight)> = all.filter_map(|(v, s)| Some((v, s.as_ref()?))).collect();
         let [(a, of_a), (b, of_b)] = own[..] else {
             return None;
         };
+        let mut both = of_a.rays.iter().zip(&of_b.rays);
+        if !both.any(|(p, q)| p.is_some() && q.is_some()) {
+            return None;
+        }
         let apart = ray_distance((&views[a], of_a), (&views[b], of_b));
         let meet = apart.is_none_or(|d| d < REACH);
         let stranger = if self.seen_by[a] { b } else { a };
@@ -681,7 +684,8 @@ pub fn closeness(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> f32
     (1.0 - least / reach).max(0.0) as f32
 }
 
-fn mirrored(sight: &Sight) -> Sight {
+/// All sides exchanged.
+pub(super) fn mirrored(sight: &Sight) -> Sight {
     sight.exchanged(LIMB_PAIRS[0]).exchanged(LIMB_PAIRS[1])
 }
 
@@ -697,88 +701,6 @@ fn mean_distance(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> Opt
         })
         .collect();
     (each.len() >= LEAST_SHARED).then(|| each.iter().sum::<f64>() / each.len() as f64)
-}
-
-/// Groups detections that nobody known took, each with its view and its number there: pairs by rising distance are
-/// joined while all pairs of a group agree and every view is in it once. Groups of two views at least, as one detection
-/// a view.
-pub fn groups(views: &[View], all: &[(usize, usize, &Sight)]) -> Vec<Vec<Option<usize>>> {
-    let apart = |a: (usize, usize, &Sight), b: (usize, usize, &Sight)| {
-        ray_distance((&views[a.0], a.2), (&views[b.0], b.2))
-    };
-    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
-    for i in 0..all.len() {
-        for j in 0..i {
-            if all[i].0 != all[j].0
-                && let Some(d) = apart(all[i], all[j]).filter(|d| *d < AGREE)
-            {
-                pairs.push((d, i, j));
-            }
-        }
-    }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let links: HashSet<(usize, usize)> = pairs.iter().map(|&(_, i, j)| (i, j)).collect();
-    let linked = |i: usize, j: usize| links.contains(&(i.max(j), i.min(j)));
-    let mut group: Vec<usize> = (0..all.len()).collect();
-    for &(_, i, j) in &pairs {
-        let (a, b) = (group[i], group[j]);
-        if a == b {
-            continue;
-        }
-        let members = |g: usize| -> Vec<usize> {
-            let all = group.iter().enumerate();
-            all.filter(|&(_, own)| *own == g).map(|(k, _)| k).collect()
-        };
-        let (left, right) = (members(a), members(b));
-        if left
-            .iter()
-            .all(|&x| right.iter().all(|&y| all[x].0 != all[y].0 && linked(x, y)))
-        {
-            for k in right {
-                group[k] = a;
-            }
-        }
-    }
-    let mut out = Vec::new();
-    for g in 0..all.len() {
-        let members: Vec<_> = (0..all.len()).filter(|&k| group[k] == g).collect();
-        if members.len() >= 2 {
-            let mut chosen = vec![None; views.len()];
-            for k in members {
-                chosen[all[k].0] = Some(all[k].1);
-            }
-            out.push(chosen);
-        }
-    }
-    out
-}
-
-/// Median distance between the rays of two detections' joints, sides exchanged where that is nearer.
-fn ray_distance((va, a): (&View, &Sight), (vb, b): (&View, &Sight)) -> Option<f64> {
-    let of = |b: &Sight| {
-        let mut each: Vec<f64> = a
-            .rays
-            .iter()
-            .zip(&b.rays)
-            .filter_map(|(p, q)| {
-                Some(between(
-                    va.position,
-                    p.as_ref()?.direction,
-                    vb.position,
-                    q.as_ref()?.direction,
-                ))
-            })
-            .collect();
-        if each.len() < LEAST_SHARED {
-            return None;
-        }
-        each.sort_by(f64::total_cmp);
-        Some(each[each.len() / 2])
-    };
-    match (of(b), of(&mirrored(b))) {
-        (Some(x), Some(y)) => Some(x.min(y)),
-        (x, _) => x,
-    }
 }
 
 /// Whether joints are as far from each other as a body's.
@@ -889,6 +811,41 @@ mod tests {
             for x in [1.2 * reach, 1.5, 3.0] {
                 assert_eq!(near(x, reach), 0.0, "{missed} s, {x} m");
             }
+        }
+    }
+
+    /// What a view sees of somebody at these joints, of these alone.
+    fn seen(view: &View, joints: &Joints, shown: std::ops::Range<usize>) -> Sight {
+        let mut seen = Observation::default();
+        for j in shown {
+            let pixel = joints[j].and_then(|p| view.project(p)).expect("in front");
+            seen.joints2d[j] = [pixel.x as f32, pixel.y as f32, 0.9];
+        }
+        Sight::new(view, &seen)
+    }
+
+    /// For four seconds one view sees the upper body alone, the other the legs, while they walk.
+    #[test]
+    fn views_that_share_no_joint_go_on_with_somebody() {
+        let views = [0.0, 90.0].map(View::around);
+        let at = |f: usize| {
+            standing(f64::from(f.saturating_sub(30).min(120) as u32) * 0.3 / 30.0 * DVec3::X)
+        };
+        let frames = (0..180).map(|f| {
+            let shown = match (30..150).contains(&f) {
+                true => [0..8, 8..EVIDENCE_JOINTS],
+                false => [0..EVIDENCE_JOINTS, 0..EVIDENCE_JOINTS],
+            };
+            let each = views.iter().zip(shown);
+            each.map(|(view, shown)| vec![seen(view, &at(f), shown)])
+                .collect()
+        });
+        let frames: Vec<Vec<Detections>> = frames.collect();
+        let people = track(&views, &frames, 30.0);
+        assert_eq!(people.len(), 1);
+        assert_eq!(people[0].moments.len(), frames.len());
+        for (f, moment) in &people[0].moments {
+            assert!(moment.sights.iter().all(Option::is_some), "frame {f}");
         }
     }
 }

@@ -112,6 +112,36 @@ impl Sight {
     }
 }
 
+/// Joints of one person in one picture, where seen: on a plane of any unit.
+pub type Plane = [Option<DVec2>; EVIDENCE_JOINTS];
+
+/// The joints with arms and legs on the other side where that is nearer to what was before: so much nearer, as a share
+/// of how far they are as they are named.
+pub fn like(before: &Plane, now: &Plane, share: f64) -> Plane {
+    let mut told = *now;
+    for right in &LIMB_PAIRS[..2] {
+        let pairs = || right.iter().flat_map(|&j| [j, MIRROR[j]]);
+        let off = |other: bool| -> f64 {
+            let each = pairs().filter_map(|j| {
+                let k = if other { MIRROR[j] } else { j };
+                Some(before[j]?.distance(now[k]?))
+            });
+            let (sum, count) = each.fold((0.0, 0), |(s, n), d| (s + d, n + 1));
+            if count > 0 {
+                sum / count as f64
+            } else {
+                f64::INFINITY
+            }
+        };
+        if off(true) < share * off(false) {
+            for &j in *right {
+                told.swap(j, MIRROR[j]);
+            }
+        }
+    }
+    told
+}
+
 /// Distance of a point from a ray, metres, the point's depth along it being positive.
 pub fn distance(origin: DVec3, direction: DVec3, point: DVec3) -> f64 {
     let to = point - origin;

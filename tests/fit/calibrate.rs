@@ -75,6 +75,33 @@ fn a_walk_gives_the_calibration_that_multiview_reads() {
     assert!(done.status.success(), "{}", stderr(&done));
 }
 
+/// As by a tape measure in feet, in inches or in centimetres; the cameras are 7.27 m apart.
+#[test]
+fn a_distance_that_makes_people_too_small_or_too_tall_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    files(folder.path(), 3, 90);
+    let [first, second, third, out] = ["0.jsonl", "120.jsonl", "240.jsonl", "found.toml"].map(at);
+    let views = ["--view", &first, "--view", &second, "--view", &third];
+    let by = |distance| {
+        let verb = ["calibrate", "--out", &out, "--distance", distance];
+        [&verb[..], &views].concat()
+    };
+    for distance in ["0,120=0.7274613", "0,120=72.74613"] {
+        let words = ["--distance", "0.5 to 2.6 m tall", "in metres"];
+        assert_fails(&by(distance), 65, &words);
+        assert!(!Path::new(&out).exists());
+    }
+    for (distance, is_doubted) in [("0,120=4.4", true), ("0,120=7.274613", false)] {
+        let done = output(&by(distance));
+        let said = stderr(&done);
+        assert!(done.status.success(), "{said}");
+        assert_eq!(said.contains("by --distance"), is_doubted, "{said}");
+        // Films are not the reason.
+        assert!(!said.contains("far off:"), "{said}");
+    }
+}
+
 /// Where films end of which one begins late.
 #[derive(Clone, Copy, PartialEq)]
 enum End {

@@ -413,6 +413,8 @@ fn views_that_do_not_go_together_are_refused() {
     let frame_by_frame = frame_by_frame.map(|arg| if arg == faster { &short } else { arg });
     assert_fails(&frame_by_frame, 65, &["one length", "30", "4"]);
     refused(&calibration, &at("nowhere/120.jsonl"), 66, &["nowhere"]);
+    let missing = ["hall.jsonl", "No such file or directory (os error 2)"];
+    refused(&calibration, &at("nowhere/hall.jsonl"), 66, &missing);
     refused(&at("nowhere.toml"), &second, 66, &["nowhere.toml"]);
     let mut twice = views.clone();
     (twice[1].rotation, twice[1].position) = (twice[0].rotation, twice[0].position);

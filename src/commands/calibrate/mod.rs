@@ -6,6 +6,7 @@ mod lenses;
 mod people;
 mod shots;
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use self::lenses::Lenses;
@@ -61,14 +62,18 @@ pub struct CalibrateArgs {
     pub out: PathBuf,
 }
 
+/// How tall somebody may be, metres.
+const STATURES: RangeInclusive<f64> = 0.5..=2.6;
+
 fn stature(text: &str) -> Result<f64, String> {
     let metres = text
         .parse()
         .map_err(|_| "expected metres, such as 1.78".to_owned())?;
-    if (0.5..=2.6).contains(&metres) {
+    if STATURES.contains(&metres) {
         Ok(metres)
     } else {
-        Err("expected 0.5 to 2.6 metres".into())
+        let (least, most) = (STATURES.start(), STATURES.end());
+        Err(format!("expected {least} to {most} metres"))
     }
 }
 

@@ -1,11 +1,12 @@
 //! Places by people who walk about: what several cameras saw of them goes in, a calibration comes out.
 
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use super::lenses::{Lenses, folded, is_usual};
-use super::{CalibrateArgs, report, write};
-use crate::calibrate::{CalibrateError, Room, Scale, ViewQuality, calibrate as find};
+use super::{CalibrateArgs, STATURES, report, write};
+use crate::calibrate::{CalibrateError, Room, ViewQuality, calibrate as find};
 use crate::camera::{DEFAULT_FOV, View};
 use crate::capture::is_photo;
 use crate::commands::common_time::{
@@ -15,6 +16,7 @@ use crate::commands::exit::{self, Failure};
 use crate::commands::multiview::expect_few;
 use crate::commands::say;
 use crate::commands::view_file::{Looked, ViewFile, is_film};
+use crate::joints::CANONICAL_STATURE;
 use crate::message::Observation;
 use crate::multiview::{Detections, Sight, agreement, to_view};
 use crate::record::CameraSource;
@@ -41,14 +43,43 @@ const MOST_TRIED: usize = 40;
 const LOOKED_RATE: f64 = 10.0;
 /// Instants by which it is looked for where there are as many, and at most.
 const LOOKED: [usize; 2] = [60, 120];
+/// Statures by `--distance` of which nothing is said, metres: below are young children, above hardly anybody.
+const USUAL_STATURES: RangeInclusive<f64> = 1.2..=2.2;
 /// What to do where views never ran together.
 const OTHERWISE: &str = "give files of one time, or --fps if frames belong together by number";
+
+/// What gives the room its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Scale {
+    /// Height of the tallest of those who are seen at least half as long as whoever is seen most, metres.
+    Stature(f64),
+    /// Distance between two cameras, by number, metres.
+    Distance(usize, usize, f64),
+}
+
+impl Scale {
+    /// How tall people are taken to be while cameras are looked for, metres: how far joints are off is judged by it.
+    fn stature(self) -> f64 {
+        match self {
+            Self::Stature(metres) => metres,
+            Self::Distance(..) => f64::from(CANONICAL_STATURE),
+        }
+    }
+
+    /// The room at this size.
+    fn of(self, room: Room) -> Room {
+        match self {
+            Self::Stature(_) => room,
+            Self::Distance(a, b, metres) => room.with_distance(a, b, metres),
+        }
+    }
+}
 
 /// Cameras by what they saw of people.
 ///
 /// # Errors
-/// When a file cannot be read, views do not go together, or too little was seen of anybody; where a film could be seen
-/// in part alone, after the cameras are written.
+/// When a file cannot be read, views do not go together, too little was seen of anybody, or `--distance` makes people
+/// of a size that nobody has; where a film could be seen in part alone, after the cameras are written.
 pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::Result<()> {
     if files.len() < 2 {
         return Err(Failure::usage(format!(
@@ -113,17 +144,20 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     let found = if is_of_films {
         // Places are not known yet by which what moves would tell the time between films.
         let common = about_together(seen.clone(), MOST_APART, OTHERWISE, &mut said)?;
-        Found::of_films(&seen, &views, (common, said), scale, &mut notes).map_err(refused)?
+        let together = (common, said);
+        Found::of_films(&seen, &views, together, scale.stature(), &mut notes).map_err(refused)?
     } else {
         let common = if timed {
             let shifts = by_clock(&seen);
             by_times(seen, &shifts, OTHERWISE, &mut said)?
         } else {
+            notes.extend(ViewFile::begin_apart(seen.iter()));
             by_number(args.fps, seen, &mut said)?
         };
-        Found::new(&views, common, scale, said).map_err(refused)?
+        Found::new(&views, common, scale.stature(), said).map_err(refused)?
     };
     let Found { room, said, .. } = found;
+    let room = scale.of(room);
     notes.extend(said);
     if !room.floor_by_feet {
         notes.push(
@@ -137,8 +171,15 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     );
     let doubts = (0..room.quality.len()).filter_map(|v| doubt(&room.quality, v, is_by_clock));
     notes.extend(doubts);
+    let is_possible = args.distance.is_none() || STATURES.contains(&room.stature);
+    if args.distance.is_some() && is_possible && !USUAL_STATURES.contains(&room.stature) {
+        notes.push(unusual(room.stature));
+    }
     for note in &notes {
         say::err(note);
+    }
+    if !is_possible {
+        return Err(impossible(room.stature).into());
     }
     write(&args.out, &room.views, &lenses)?;
     let told = report(&args.out, &table(&room));
@@ -161,10 +202,10 @@ impl Found {
     fn new(
         lenses: &[View],
         common: Common,
-        scale: Scale,
+        stature: f64,
         said: Vec<String>,
     ) -> Result<Self, CalibrateError> {
-        let room = find(lenses, &sights(lenses, &common), common.rate, scale)?;
+        let room = find(lenses, &sights(lenses, &common), common.rate, stature)?;
         Ok(Self { room, common, said })
     }
 
@@ -178,17 +219,17 @@ impl Found {
         seen: &[ViewFile],
         lenses: &[View],
         together: (Common, Vec<String>),
-        scale: Scale,
+        stature: f64,
         notes: &mut Vec<String>,
     ) -> Result<Self, CalibrateError> {
-        let shifts = Search::new(seen, lenses, &together.0, scale).shifts();
-        let together = Self::new(lenses, together.0, scale, together.1);
+        let shifts = Search::new(seen, lenses, &together.0, stature).shifts();
+        let together = Self::new(lenses, together.0, stature, together.1);
         if shifts.iter().all(|s| *s == 0.0) {
             return together;
         }
         let mut said = Vec::new();
         let common = by_times(seen.to_vec(), &shifts, OTHERWISE, &mut said);
-        let other = common.ok().map(|c| Self::new(lenses, c, scale, said));
+        let other = common.ok().map(|c| Self::new(lenses, c, stature, said));
         let Some(Ok(other)) = other else {
             return together;
         };
@@ -223,7 +264,8 @@ struct Search<'a> {
     /// The films; nobody is seen beyond the part that is looked at.
     seen: Vec<ViewFile>,
     lenses: &'a [View],
-    scale: Scale,
+    /// How tall people are taken to be, metres.
+    stature: f64,
     /// Frames a second of the fastest film.
     rate: f64,
     /// Of so many instants one is looked at.
@@ -234,7 +276,7 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// `common` is what films saw if they started together.
-    fn new(seen: &[ViewFile], lenses: &'a [View], common: &Common, scale: Scale) -> Self {
+    fn new(seen: &[ViewFile], lenses: &'a [View], common: &Common, stature: f64) -> Self {
         let instants = 0..common.times.len();
         let views = |k: usize| common.people.iter().filter(|p| !p[k].is_empty()).count();
         // How many of the instants before each one at least two views saw somebody in.
@@ -273,7 +315,7 @@ impl<'a> Search<'a> {
         Self {
             seen: seen.iter().map(part).collect(),
             lenses,
-            scale,
+            stature,
             rate: common.rate,
             stride,
             tried: Vec::new(),
@@ -328,7 +370,7 @@ impl<'a> Search<'a> {
         let common = by_times(self.seen.clone(), &shifts, OTHERWISE, &mut Vec::new());
         let found = common.ok().map(|common| {
             let common = common.thinned(self.stride);
-            Found::new(self.lenses, common, self.scale, Vec::new())
+            Found::new(self.lenses, common, self.stature, Vec::new())
         });
         let worth = match found {
             Some(Ok(found)) => found.worth(),
@@ -405,6 +447,21 @@ fn too_seldom(given: f64, taller: f64) -> String {
     )
 }
 
+/// What to say of a size by `--distance` that few people have; `stature` in metres.
+fn unusual(stature: f64) -> String {
+    format!(
+        "by --distance the tallest person is {stature:.2} m tall: if nobody is, measure from lens to lens, in metres; distances are as far off as this is"
+    )
+}
+
+/// Why cameras are not written by a `--distance` by which the tallest person would have this `stature`, metres.
+fn impossible(stature: f64) -> Failure {
+    let (least, most) = (STATURES.start(), STATURES.end());
+    Failure::data(format!(
+        "expected --distance to make the tallest person {least} to {most} m tall, found {stature:.2} m; measure from lens to lens, in metres"
+    ))
+}
+
 fn refused(e: CalibrateError) -> anyhow::Error {
     Failure::data(e.to_string()).into()
 }
@@ -443,7 +500,7 @@ fn scale(args: &CalibrateArgs, names: &[&str], notes: &mut Vec<String>) -> anyho
         notes.push(
             "neither --stature nor --distance: people are taken for 1.70 m; distances are as far off as this is".into(),
         );
-        f64::from(crate::joints::CANONICAL_STATURE)
+        f64::from(CANONICAL_STATURE)
     })))
 }
 

@@ -359,11 +359,11 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
                 .find(|(v, _)| v.is_none())
                 .expect("one has none");
             let (cameras, file) = (names(views), path.display());
-            return Err(match path.exists() {
-                true => Failure::usage(format!(
+            return Err(match path.metadata() {
+                Ok(_) => Failure::usage(format!(
                     "expected views called like the cameras {cameras}, found {file}; say which it is by --view CAMERA={file}"
                 )),
-                false => Failure::no_input(path, &std::io::ErrorKind::NotFound.into()),
+                Err(e) => Failure::no_input(path, &e),
             }
             .into());
         }

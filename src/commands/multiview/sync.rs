@@ -77,6 +77,7 @@ pub fn bring_together(
                         .map(ViewFile::by_number),
                 );
             }
+            notes.extend(ViewFile::begin_apart(seen.iter()));
             Ok(Together {
                 offsets: vec![None; seen.len()],
                 used: everyone,
@@ -143,10 +144,14 @@ fn in_motion(
     let shifts: Vec<f64> = used.iter().map(|k| found[*k].seconds()).collect();
     let of_machine = on_machine_clock(&seen[used[0]]);
     let mut number = 0..;
-    let kept = seen
+    let kept: Vec<ViewFile> = seen
         .into_iter()
         .filter(|_| number.next().is_some_and(|k| used.contains(&k)))
         .collect();
+    // Those of which the time is not told go by their starts, as does the first.
+    let by_start = used.iter().zip(&kept);
+    let by_start = by_start.filter(|(k, _)| **k == first || !is_told(k));
+    notes.extend(ViewFile::begin_apart(by_start.map(|(_, view)| view)));
     let common = match told.len() {
         1 => common_time::as_if_together(kept, OTHERWISE, notes)?,
         _ => common_time::by_times(kept, &shifts, OTHERWISE, notes)?,

@@ -8,8 +8,11 @@ use crate::camera::View;
 const WINDOW: i32 = 3;
 /// Points of a contour at most.
 const MOST: usize = 220;
-/// Pixels under which a mask is a speck.
+/// The golden section: multiples of it are spread evenly.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+/// Pixels under which a mask is a speck, and points of a contour under which it tells nothing.
 const LEAST: usize = 60;
+const LEAST_POINTS: usize = 20;
 
 /// Who every pixel of a picture shows: an identity, or 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,7 +69,7 @@ pub struct Contour {
 }
 
 impl Contour {
-    /// The contour of `owner`; `None` where little of them is seen.
+    /// The contour of `owner`, where the lens shows anything by its coefficients; `None` where little of them is seen.
     pub fn new(mask: &Mask, owner: u8, view: &View) -> Option<Self> {
         let [w, h] = mask.size.map(|s| s as i32);
         let mut line: Vec<(DVec2, DVec2)> = Vec::new();
@@ -86,20 +89,21 @@ impl Contour {
                 line.push((p.as_dvec2() + 0.5 * side.as_dvec2(), normal));
             }
         }
-        if area < LEAST || line.len() < 20 {
-            return None;
-        }
-        let step = line.len().div_ceil(MOST);
-        let points = line.iter().step_by(step).filter_map(|(pixel, normal)| {
-            let plane = view.plane(*pixel);
-            let normal = (view.plane(*pixel + *normal) - plane).try_normalize()?;
+        let step = line.len().div_ceil(MOST).max(1);
+        // Rows that have two edges give one side and the other in turn: at even steps one would be left out.
+        let spread = |k: usize| (k as f64 * GOLDEN).fract() * step as f64;
+        let some = (0..line.len() / step).map(|k| line[k * step + spread(k) as usize]);
+        let points = some.filter_map(|(pixel, normal)| {
+            let plane = view.shown(pixel)?;
+            let normal = (view.shown(pixel + normal)? - plane).try_normalize()?;
             Some(Point {
                 plane: plane.as_vec2(),
                 normal: normal.as_vec2(),
             })
         });
-        Some(Self {
-            points: points.collect(),
+        let points: Vec<Point> = points.collect();
+        (area >= LEAST && points.len() >= LEAST_POINTS).then_some(Self {
+            points,
             is_sure: mask.unknown.is_none(),
         })
     }
@@ -119,4 +123,43 @@ fn outwards(mask: &Mask, owner: u8, p: IVec2) -> Option<DVec2> {
         }
     }
     sum.try_normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_contour_ends_where_the_lens_shows_nothing() {
+        let view = View::barrel(-0.3);
+        let fold = view.folds_at().unwrap();
+        let [w, h] = view.size.map(|s| s as i32);
+        let radius = 120.0;
+        let contour = |middle: DVec2| {
+            let at = |k: i32| DVec2::new((k % w).into(), (k / w).into());
+            let owner = |k: i32| u8::from(at(k).distance(middle) < radius);
+            let mask = Mask {
+                size: view.size,
+                owners: (0..w * h).map(owner).collect(),
+                unknown: None,
+            };
+            Contour::new(&mask, 1, &view)
+        };
+        // Across the fold.
+        let middle = view.centre + DVec2::new(fold - 40.0, 0.0);
+        let found = contour(middle).unwrap();
+        assert!(found.points.len() > 60, "{}", found.points.len());
+        let upper = found.points.iter().filter(|p| p.plane.y < 0.0).count();
+        let half = found.points.len() / 2;
+        assert!(upper.abs_diff(half) < half / 4, "{upper} of {}", 2 * half);
+        for point in &found.points {
+            let plane = point.plane.as_dvec2();
+            let pixel = view.distortion.distort(plane) * view.focal + view.centre;
+            let off = pixel.distance(middle) - radius;
+            assert!(off.abs() < 2.0, "{pixel}: {off} pixels from the edge");
+        }
+        // Beyond it.
+        let out = DVec2::new(fold + radius + 20.0, 0.0);
+        assert_eq!(contour(view.centre + out), None);
+    }
 }

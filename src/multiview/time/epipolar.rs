@@ -11,6 +11,8 @@ const FAR: f64 = 0.3;
 const LEAST_JOINTS: usize = 4;
 const LEAST_TIMES: usize = 6;
 const LEAST_SHARE: f64 = 0.3;
+/// By what factor rays must be nearer on average, squared, for all sides to be exchanged.
+const CLEARLY: f64 = 0.5;
 /// Most times at which one person is looked at.
 const MOST_TIMES: usize = 240;
 
@@ -106,8 +108,10 @@ fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, u
         each.fold((0.0, 0), |(s, n), d| (s + d, n + 1))
     };
     let (told, other) = (of(false), of(true));
-    let nearer = if other.0 < 0.5 * told.0 { other } else { told };
-    (told.1 >= LEAST_JOINTS).then_some(nearer)
+    // Where both views see one side alone, sides exchanged share head and neck and little else.
+    let mean = |(sum, count): (f64, usize)| sum / count as f64;
+    let is_nearer = other.1 >= LEAST_JOINTS && mean(other) < CLEARLY * mean(told);
+    (told.1 >= LEAST_JOINTS).then_some(if is_nearer { other } else { told })
 }
 
 #[cfg(test)]
@@ -127,5 +131,45 @@ mod tests {
         assert!(begins(5.0).is_empty());
         assert_eq!(begins(8.0), [510.0]);
         assert_eq!(begins(-10.0), [490.0]);
+    }
+
+    /// Two figures before two views, each of these joints alone, whose rays miss each other by so much, metres.
+    fn figures(shown: &[usize], off: f64) -> [(View, Joints); 2] {
+        [(0.0, 0.5), (90.0, -0.5)].map(|(degrees, share)| {
+            let view = View::around(degrees);
+            let mut joints = Joints::default();
+            for &j in shown {
+                let side = if MIRROR[j] > j { -0.2 } else { 0.2 };
+                // The world's y goes down, and both cameras are at 0.
+                let height = 0.1 * (j.min(MIRROR[j])) as f64 - 0.5 + share * off;
+                let point = view.to_camera(glam::DVec3::new(side, height, 0.1 * side));
+                joints[j] = Some(point.truncate() / point.z);
+            }
+            (view, joints)
+        })
+    }
+
+    #[test]
+    fn one_side_alone_is_compared_joint_by_joint() {
+        let right = [0, 1, 2, 3, 4, 8, 9, 10];
+        let [a, b] = figures(&right, 0.03);
+        let (sum, count) = apart((&a.0, &a.1), (&b.0, &b.1)).unwrap();
+        assert_eq!(count, right.len());
+        assert!((sum / count as f64).sqrt() < 0.04, "{sum}");
+    }
+
+    #[test]
+    fn sides_that_one_view_exchanges_are_compared_with_those_of_the_other() {
+        let all: Vec<usize> = (0..EVIDENCE_JOINTS).collect();
+        let [mut a, b] = figures(&all, 0.01);
+        let side = |joints: &mut Joints, j: usize| joints.swap(j, MIRROR[j]);
+        (2..EVIDENCE_JOINTS)
+            .filter(|j| MIRROR[*j] > *j)
+            .for_each(|j| side(&mut a.1, j));
+        let (sum, count) = apart((&a.0, &a.1), (&b.0, &b.1)).unwrap();
+        assert!(
+            count == EVIDENCE_JOINTS && (sum / count as f64).sqrt() < 0.02,
+            "{sum}"
+        );
     }
 }

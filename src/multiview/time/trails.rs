@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::interval;
 use crate::assignment::Matcher;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
-use crate::multiview::sight::{LIMB_PAIRS, Sight};
+use crate::multiview::sight::{Plane, Sight, like};
 
 /// Farthest somebody goes from frame to frame, as a share of their size.
 const STRAY: f64 = 0.25;
@@ -29,7 +29,7 @@ const MOMENT: f64 = 0.3;
 const LEAST_MOVING: usize = 2;
 
 /// The joints of one person in one frame, where seen.
-pub type Joints = [Option<DVec2>; EVIDENCE_JOINTS];
+pub type Joints = Plane;
 
 /// One person over time.
 #[derive(Debug, Clone)]
@@ -141,7 +141,7 @@ pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
         let mut free = vec![true; seen.len()];
         for (raw, pair) in open.iter_mut().zip(pairs) {
             if let Some(k) = pair {
-                let told = like(&raw.joints[raw.joints.len() - 1], &seen[k]);
+                let told = like(&raw.joints[raw.joints.len() - 1], &seen[k], 1.0);
                 raw.frames.push(f);
                 raw.joints.push(told);
                 free[k] = false;
@@ -159,32 +159,6 @@ pub fn trails(times: &[f64], frames: &[Vec<Sight>]) -> Vec<Trail> {
         .filter(|raw| raw.frames.len() >= SHORTEST)
         .filter_map(|raw| smooth(times, raw, missed))
         .collect()
-}
-
-/// The joints with arms and legs on the sides that are nearer to what was before.
-fn like(before: &Joints, now: &Joints) -> Joints {
-    let mut told = *now;
-    for right in &LIMB_PAIRS[..2] {
-        let pairs = || right.iter().flat_map(|&j| [j, MIRROR[j]]);
-        let off = |other: bool| -> f64 {
-            let each = pairs().filter_map(|j| {
-                let k = if other { MIRROR[j] } else { j };
-                Some(before[j]?.distance(now[k]?))
-            });
-            let (sum, count) = each.fold((0.0, 0), |(s, n), d| (s + d, n + 1));
-            if count > 0 {
-                sum / count as f64
-            } else {
-                f64::INFINITY
-            }
-        };
-        if off(true) < off(false) {
-            for &j in *right {
-                told.swap(j, MIRROR[j]);
-            }
-        }
-    }
-    told
 }
 
 /// A line through every joint's places near each frame, weighted by a Gaussian: its value and its slope there.
