@@ -141,7 +141,8 @@ fn entries(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-fn head(path: &Path) -> Vec<u8> {
+/// A file's first bytes; of one that cannot be read none.
+pub(super) fn head(path: &Path) -> Vec<u8> {
     let mut head = Vec::new();
     // What cannot be read is of no kind.
     let _ = File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));

@@ -11,6 +11,7 @@ pub struct Frame {
     pub rgb: Vec<u8>,
     /// Capture time, nanoseconds: CLOCK_MONOTONIC for cameras, presentation time for files.
     pub time_ns: u64,
-    /// Counts the frames of this input from 0; gaps are dropped frames.
+    /// Counts the frames of this input from 0; gaps are dropped frames, of a film also those that it repeats and those
+    /// that cannot be decoded.
     pub sequence: u64,
 }

@@ -60,6 +60,6 @@ pub use resize::{Crop, PADDING, Resizer};
 pub use source::Source;
 pub use spec::{InputSpec, OpenOptions, is_camera_place, open};
 pub use stand_in::StandIn;
-pub use stored::{is_film, open_bytes};
+pub use stored::{holds_stills, is_film, open_bytes};
 pub use y4m::Y4mReader;
 pub use yuv::{Matrix, Range, YuvToRgb};

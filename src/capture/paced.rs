@@ -27,9 +27,16 @@ pub struct PacedSource<O, C> {
     offset: (u64, u64),
     /// Time and sequence of the picture that was read last, with all that was added to them.
     last: Option<(u64, u64)>,
-    /// The next picture, not due yet.
+    /// The next picture, not due yet, and where it comes from.
     next: RawPicture,
+    next_from: String,
     has_next: bool,
+    /// Where the picture comes from that was given last; none was at first.
+    given_from: Option<String>,
+    /// Whether a picture could be read since the film began.
+    has_read: bool,
+    /// Why the film's first picture could not be read, where none could be since it began.
+    damaged: Option<String>,
     /// Why there is no picture after the one that was given last.
     failed: Option<CaptureError>,
     /// Whether it was said that the film is cut off.
@@ -58,7 +65,11 @@ where
             offset: (0, 0),
             last: None,
             next: RawPicture::default(),
+            next_from: String::new(),
             has_next: false,
+            given_from: None,
+            has_read: false,
+            damaged: None,
             failed: None,
             has_told_of_cut: false,
             decoder: RawDecoder::default(),
@@ -70,6 +81,13 @@ where
     fn read(&mut self) -> Result<bool, CaptureError> {
         self.has_next = false;
         if !self.read_on()? {
+            if let Some(first) = self.damaged.take() {
+                // Begun anew, it would be read over and over without a pause.
+                return Err(CaptureError::data(
+                    self.film.name(),
+                    format!("none of its pictures can be read; the first: {first}"),
+                ));
+            }
             let interval = 1e9 / self.film.fps().unwrap_or(DEFAULT_FPS);
             self.offset = self
                 .last
@@ -77,10 +95,12 @@ where
             if !self.film.rewind()? {
                 self.film = (self.open)()?;
             }
-            if !self.film.next_raw(&mut self.next)? {
+            self.has_read = false;
+            if !self.read_film()? {
                 return Ok(false);
             }
         }
+        self.next_from = self.film.picture();
         let next = &mut self.next;
         next.time_ns += self.offset.0;
         next.sequence += self.offset.1;
@@ -94,7 +114,7 @@ where
 
     /// Reads the next picture; `false` where the film has ended, or was cut off after its first picture.
     fn read_on(&mut self) -> Result<bool, CaptureError> {
-        match self.film.next_raw(&mut self.next) {
+        match self.read_film() {
             Err(e @ CaptureError::Data { .. }) if self.last.is_some() => {
                 if !std::mem::replace(&mut self.has_told_of_cut, true) {
                     tracing::warn!("the film begins anew before its end each time: {e}");
@@ -103,6 +123,19 @@ where
             }
             read => read,
         }
+    }
+
+    /// Reads the next picture, and notes whether the film has had one since it began.
+    fn read_film(&mut self) -> Result<bool, CaptureError> {
+        let read = self.film.next_raw(&mut self.next);
+        match &read {
+            Ok(true) => (self.has_read, self.damaged) = (true, None),
+            Err(e @ CaptureError::Picture { .. }) if !self.has_read && self.damaged.is_none() => {
+                self.damaged = Some(e.to_string());
+            }
+            _ => {}
+        }
+        read
     }
 
     /// Moves the film's beginning, so that a picture that is late is due now: what cannot be read as fast as it plays
@@ -167,6 +200,7 @@ where
         let until = self.clock.now() + STEP;
         loop {
             std::mem::swap(raw, &mut self.next);
+            self.given_from = Some(std::mem::take(&mut self.next_from));
             match self.read() {
                 Ok(true) if Duration::from_nanos(self.next.time_ns) > now => break,
                 Ok(true) if self.clock.now() >= until => {
@@ -198,8 +232,10 @@ where
         self.film.name()
     }
 
+    /// The film has read one picture more than it has given.
     fn picture(&self) -> String {
-        self.film.picture()
+        let given = self.given_from.as_deref();
+        given.unwrap_or(self.name()).to_owned()
     }
 }
 
@@ -217,8 +253,8 @@ mod tests {
         interval_ns: u64,
         /// What reading one takes.
         reading: Duration,
-        /// One that cannot be read.
-        damaged: Option<u64>,
+        /// Those that cannot be read.
+        damaged: &'static [u64],
         /// The first that is missing.
         cut: Option<u64>,
         clock: Turned,
@@ -235,9 +271,9 @@ mod tests {
                 return Err(CaptureError::data("film", "cut off"));
             }
             self.count += 1;
-            if self.damaged == Some(n) {
+            if self.damaged.contains(&n) {
                 return Err(CaptureError::Picture {
-                    input: "film".into(),
+                    input: format!("picture {n}"),
                     reason: "damaged".into(),
                 });
             }
@@ -251,6 +287,10 @@ mod tests {
 
         fn name(&self) -> &str {
             "film"
+        }
+
+        fn picture(&self) -> String {
+            format!("picture {}", self.count - 1)
         }
     }
 
@@ -273,7 +313,7 @@ mod tests {
     fn paced(
         interval_ns: u64,
         reading: Duration,
-        damaged: Option<u64>,
+        damaged: &'static [u64],
     ) -> (PacedSource<Opening, Turned>, Turned) {
         let clock = Turned(Arc::new(Mutex::new(Instant::now())));
         let of_film = clock.clone();
@@ -300,7 +340,7 @@ mod tests {
                 count: 0,
                 interval_ns: TENTH,
                 reading: Duration::ZERO,
-                damaged: None,
+                damaged: &[],
                 cut: Some(at),
                 clock: of_film.clone(),
             }))
@@ -312,7 +352,7 @@ mod tests {
 
     #[test]
     fn pictures_come_when_they_are_due_for_ever_and_late_ones_are_lost() {
-        let (mut paced, clock) = paced(TENTH, Duration::ZERO, None);
+        let (mut paced, clock) = paced(TENTH, Duration::ZERO, &[]);
         let start = clock.now();
         let mut frame = Frame::default();
         let mut seen = Vec::new();
@@ -334,7 +374,7 @@ mod tests {
     #[test]
     fn a_film_that_is_read_more_slowly_than_it_plays_goes_on_later() {
         let reading = Duration::from_millis(150);
-        let (mut paced, clock) = paced(TENTH, reading, None);
+        let (mut paced, clock) = paced(TENTH, reading, &[]);
         let mut frame = Frame::default();
         let (mut before, mut seen) = (0, 0);
         for _ in 0..100 {
@@ -359,7 +399,7 @@ mod tests {
 
     #[test]
     fn a_film_that_says_it_has_billions_of_pictures_a_second_plays() {
-        let (mut paced, clock) = paced(0, Duration::ZERO, None);
+        let (mut paced, clock) = paced(0, Duration::ZERO, &[]);
         let mut frame = Frame::default();
         for _ in 0..3 {
             clock.sleep(Duration::from_millis(100));
@@ -370,7 +410,7 @@ mod tests {
 
     #[test]
     fn a_damaged_picture_is_told_once_and_none_comes_twice() {
-        let (mut paced, _) = paced(TENTH, Duration::ZERO, Some(1));
+        let (mut paced, _) = paced(TENTH, Duration::ZERO, &[1]);
         let mut frame = Frame::default();
         let mut seen = Vec::new();
         while seen.len() < 6 {
@@ -384,6 +424,40 @@ mod tests {
             });
         }
         assert_eq!(seen, [Some(0), None, Some(2), Some(3), None, Some(5)]);
+    }
+
+    #[test]
+    fn pictures_are_named_as_they_are_given() {
+        let (mut paced, _) = paced(TENTH, Duration::ZERO, &[1]);
+        assert_eq!(paced.picture(), "film");
+        let mut raw = RawPicture::default();
+        let mut seen = Vec::new();
+        while seen.len() < 4 {
+            match paced.next_raw(&mut raw) {
+                Ok(more) => {
+                    assert!(more);
+                    seen.push(paced.picture());
+                }
+                Err(e) => assert!(e.is_skippable(), "{e}"),
+            }
+        }
+        assert_eq!(seen, ["picture 0", "picture 2", "picture 0", "picture 2"]);
+    }
+
+    #[test]
+    fn a_film_of_which_no_picture_can_be_read_does_not_begin_anew() {
+        let (mut paced, _) = paced(TENTH, Duration::ZERO, &[0, 1, 2]);
+        let mut frame = Frame::default();
+        for _ in 0..3 {
+            let damaged = paced.next_into(&mut frame).unwrap_err();
+            assert!(damaged.is_skippable(), "{damaged}");
+        }
+        let refused = paced.next_into(&mut frame).unwrap_err();
+        assert!(!refused.is_skippable());
+        assert_eq!(
+            refused.to_string(),
+            "film: none of its pictures can be read; the first: picture 0: damaged"
+        );
     }
 
     #[test]

@@ -34,7 +34,17 @@ impl PipeSource {
         let (used, returned) = sync_channel(AHEAD + 1);
         let rate = Rate::default();
         let known = rate.clone();
-        std::thread::spawn(move || read(open, &known, &give, &returned));
+        let refused = give.clone();
+        let work = move || read(open, &known, &give, &returned);
+        if let Err(e) = std::thread::Builder::new().name("pipe".into()).spawn(work) {
+            let _ = refused.send(Err(CaptureError::Unavailable {
+                what: name.clone(),
+                reason: format!(
+                    "expected a thread that reads it, found none to be had ({e}): raise TasksMax= of the service, the \
+                     container's limit of processes or 'ulimit -u'"
+                ),
+            }));
+        }
         Self {
             name,
             rate,

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::album::{MOTION_JPEG, ends_in, other_kind};
+use super::album::{MOTION_JPEG, ends_in, head, other_kind};
 use super::avi::{AviReader, is_avi, jfif_shape};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
@@ -64,7 +64,7 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
         let reader = BufReader::with_capacity(BUFFER_BYTES, file);
         return Ok(square(MjpegReader::new(reader, name_of(path), fps), shape));
     }
-    if is_jpeg(&head) || is_png(&head) {
+    if is_photo_by(&head, path) {
         return Ok(Box::new(PhotoSource::file(path, fps)));
     }
     if let Some(kind) = other_kind(&head) {
@@ -104,6 +104,17 @@ pub fn open_stored(path: &Path, fps: Option<f64>) -> Result<Box<dyn Source>, Cap
     Ok(Box::new(film))
 }
 
+/// Whether photos lie there that have nothing to do with each other in time, as [`Source::is_stills`] says of what
+/// `open_stored` opens at this rate. What cannot be read is none.
+pub fn holds_stills(path: &Path, fps: Option<f64>) -> bool {
+    let is_photo = || path.is_file() && is_photo_by(&head(path), path);
+    fps.is_none() && (path.is_dir() || is_photo())
+}
+
+fn is_photo_by(head: &[u8], path: &Path) -> bool {
+    is_png(head) || is_jpeg(head) && !ends_in(path, &MOTION_JPEG)
+}
+
 /// Whether a file is a film by its name.
 pub fn is_film(path: &Path) -> bool {
     [&TOLD_BY_NAME[..], &TOLD_BY_BYTES, &MOTION_JPEG]
@@ -139,6 +150,29 @@ mod tests {
             let name = path(ending);
             assert!(!is_for_ffmpeg(b"other bytes", Path::new(&name)), "{ending}");
         }
+    }
+
+    #[test]
+    fn stills_are_known_before_they_are_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let jpeg = b"\xFF\xD8\xFF\xE0 and more";
+        for (name, bytes, holds) in [
+            ("a.png", &b"\x89PNG\r\n\x1A\n and more"[..], true),
+            ("named-otherwise", jpeg, true),
+            ("a.mjpeg", jpeg, false),
+            ("a.jpg", b"YUV4MPEG2 W2 H2 F25:1 Cmono\n", false),
+        ] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(holds_stills(&path, None), holds, "{name}");
+            assert_eq!(open_stored(&path, None).unwrap().is_stills(), holds);
+            assert!(!holds_stills(&path, Some(30.0)), "{name}");
+        }
+        for (fps, holds) in [(None, true), (Some(30.0), false)] {
+            assert_eq!(holds_stills(folder.path(), fps), holds);
+            assert_eq!(open_stored(folder.path(), fps).unwrap().is_stills(), holds);
+        }
+        assert!(!holds_stills(&folder.path().join("none.jpg"), None));
     }
 
     #[test]

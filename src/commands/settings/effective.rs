@@ -7,13 +7,14 @@ use super::blame::Fault;
 use super::{
     CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
 };
-use crate::capture::InputSpec;
+use crate::capture::{InputSpec, holds_stills};
 use crate::commands::bridges::BridgeArgs;
 use crate::commands::events;
 use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
 use crate::commands::infer::{EngineArgs, Quality};
+use crate::commands::input::InputArgs;
 use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Place, Setting, merge};
 use crate::events::EventConfig;
@@ -236,7 +237,7 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         &settings.multiview.value,
         &settings.multiview.places,
     )?;
-    let cameras = chosen(typed, settings)?
+    let mut cameras: Vec<Camera> = chosen(typed, settings)?
         .into_iter()
         .map(|camera| {
             let (input, mut origins) = merge(&typed.input, &camera.input, &camera.places)?;
@@ -264,6 +265,9 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
             })
         })
         .collect::<anyhow::Result<_>>()?;
+    if cameras.iter().all(|c| are_stills(&c.args.input)) {
+        only_of_stills(&mut cameras, &mut network);
+    }
     Ok(Effective {
         cameras,
         network,
@@ -293,6 +297,32 @@ fn only_typed(engine: &mut EngineArgs, origins: &mut Origins) {
         engine.quality = None;
         silence("quality");
     }
+}
+
+/// Nothing follows people from one photo to the next: what the file says of that is of films and cameras. What was
+/// typed stays, and is refused.
+fn only_of_stills(cameras: &mut [Camera], origins: &mut Origins) {
+    let auto = "auto".parse().ok();
+    for key in ["looks", "size"] {
+        if origins.get(key) == Some(&Origin::Flag) {
+            continue;
+        }
+        for engine in cameras.iter_mut().map(|c| &mut c.args.engine) {
+            match key {
+                "looks" => engine.looks = None,
+                _ if engine.size == auto => engine.size = None,
+                _ => continue,
+            }
+            origins.insert(key.to_owned(), Origin::Default);
+        }
+    }
+}
+
+/// Whether an input is photos that have nothing to do with each other in time.
+fn are_stills(input: &InputArgs) -> bool {
+    let spec = input.input.as_ref().and_then(|input| input.parse().ok());
+    let at = |path: &Path| !input.live && holds_stills(path, input.fps);
+    matches!(spec, Some(InputSpec::Path(path)) if at(&path))
 }
 
 /// The cameras of the file that a run is about. One that was typed and is not in the file has nothing from there: its
@@ -375,6 +405,7 @@ fn resolved(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commands::exit;
 
     /// The fit of a room with this file.
     fn room(text: &str) -> (Option<u16>, FitConfig) {
@@ -401,6 +432,53 @@ mod tests {
             "{text}fit = {{ prediction = {{ max = 0.07 }} }}\n"
         ));
         assert_eq!((config.prediction.max, config.height), (0.07, Some(1.8)));
+    }
+
+    #[test]
+    fn what_follows_people_from_picture_to_picture_says_nothing_of_photos_unless_it_is_typed() {
+        let folder = tempfile::tempdir().unwrap();
+        let photo = folder.path().join("photo.png");
+        std::fs::write(&photo, b"\x89PNG\r\n\x1A\n").unwrap();
+        let text = "[network]\nthreads = 2\n";
+        let read = |keys: &str, typed: &RunArgs| {
+            let settings = Settings::parse("edgecap.toml", &format!("{text}{keys}")).unwrap();
+            let effective = effective(typed, &settings).unwrap();
+            let engine = effective.runs().unwrap().remove(0).engine;
+            assert_eq!(engine.threads, Some(2));
+            (engine, effective.network)
+        };
+        let of = |path: &Path| {
+            let mut typed = RunArgs::default();
+            typed.input.input = Some(path.display().to_string());
+            typed
+        };
+        for (key, line, value) in [
+            ("looks", "looks = 15.0\n", "15"),
+            ("size", "size = \"auto\"\n", "auto"),
+        ] {
+            for path in [&photo, folder.path()] {
+                let (engine, origins) = read(line, &of(path));
+                assert!(engine.inputs(false).is_ok(), "{key}");
+                assert_eq!(origins[key], Origin::Default);
+                let (mut live, mut film) = (of(path), of(path));
+                (live.input.live, film.input.fps) = (true, Some(30.0));
+                for of_film in [live, film] {
+                    let (engine, _) = read(line, &of_film);
+                    assert!(engine.inputs(false).is_err(), "{key} stays");
+                }
+                let mut typed = of(path);
+                match key {
+                    "looks" => typed.engine.looks = value.parse().ok(),
+                    _ => typed.engine.size = value.parse().ok(),
+                }
+                let (engine, origins) = read(line, &typed);
+                let refused = engine.inputs(false).err().unwrap().into();
+                assert_eq!(exit::code(&refused), exit::USAGE, "{key}");
+                assert_eq!(origins[key], Origin::Flag);
+            }
+        }
+        let (engine, _) = read("size = \"512x320\"\n", &of(&photo));
+        assert_eq!(engine.size, "512x320".parse().ok());
     }
 
     #[test]

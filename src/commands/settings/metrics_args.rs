@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MetricsArgs {
-    /// Serve figures for Prometheus on this address of the machine itself, such as 127.0.0.1:9733
+    /// Serve figures for Prometheus on this address of the machine itself, such as 127.0.0.1:9733 (cameras only)
     #[arg(long = "metrics", value_name = "ADDRESS")]
     pub address: Option<Loopback>,
 }

@@ -7,6 +7,7 @@ mod effective;
 mod metrics_args;
 mod multiview_args;
 mod named;
+mod rate;
 mod together;
 
 use std::collections::BTreeMap;
@@ -30,6 +31,7 @@ use crate::fit::{FitConfig, GroundConfig};
 pub use effective::{Effective, Origins, effective};
 pub use metrics_args::{Loopback, MetricsArgs};
 pub use multiview_args::MultiviewArgs;
+pub use rate::parse_rate;
 
 /// A commented file that holds every key.
 pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");
@@ -47,8 +49,9 @@ pub struct ConfigArgs {
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FittingArgs {
-    /// Publish a camera's bodies at this rate, extrapolating between its frames, Hz
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=240))]
+    /// Publish a camera's bodies at this rate, extrapolating between its frames, Hz (cameras only)
+    #[arg(long, value_name = "HZ", value_parser = parse_rate)]
+    #[serde(deserialize_with = "rate::rate")]
     pub rate: Option<u16>,
     /// Settings of identity, filters and fit (TOML)
     #[arg(long = "fit-config", value_name = "FILE")]
