@@ -14,10 +14,12 @@ use edgecap::message::{
     JointState, MAX_PEOPLE, World, WorldState,
 };
 use edgecap::record::{BodiesRow, Format, RecordWriter};
+use edgecap_client::place::runtime_dir;
 use edgecap_client::{Publisher, Subscriber};
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use crate::program::place::messages_written;
 use crate::program::{self, Running, assert_fails, eventually, output, signal, stderr, stream};
 
 const FPS: f64 = 30.0;
@@ -299,7 +301,7 @@ fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
         let camera = stream(&format!("takes-{case}"));
         let stream = Subscriber::<EventFrame>::open(&camera).unwrap();
         let args = ["replay", path.to_str().unwrap(), "--name", &camera];
-        let _replay = Running::start(&[&args[..], more].concat());
+        let replay = Running::start(&[&args[..], more].concat());
         let come = |id| [(EventKind::ENTERED, id), (EventKind::MAIN_PERSON, id)];
         let gone = |id| [(EventKind::LEFT, id), (EventKind::MAIN_PERSON, 0)];
         let script = (1..=seen).flat_map(|id| [come(id), gone(id)]);
@@ -308,7 +310,12 @@ fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
         let (mut told, mut stamps, mut left) = (Vec::new(), Vec::new(), Vec::new());
         while told.len() < script.len() {
             let frame = stream.next(Duration::from_secs(60)).unwrap();
-            let frame = frame.expect("an event");
+            let frame = frame.unwrap_or_else(|| {
+                let (read, ended) = (stamps.len(), replay.has_ended());
+                // Who has ended has taken its stream along.
+                let written = (!ended).then(|| messages_written(&runtime_dir(), &camera, "events"));
+                panic!("{case}: no event; read {read}, written {written:?}, ended {ended}");
+            });
             assert_eq!(frame.flags & FLAG_END_OF_STREAM, 0, "{told:?}");
             told.extend(frame.events().iter().map(|e| (e.kind, e.person)));
             stamps.push((frame.sequence, frame.time_ns));
@@ -687,5 +694,30 @@ fn a_record_that_goes_on_is_stopped_by_a_signal() {
         let out = run.wait(Duration::from_secs(60));
         assert_eq!(out.status.code(), Some(code), "{verb}: {}", stderr(&out));
         writer.join().unwrap();
+    }
+}
+
+/// A name that is mistyped is waited for, and that is said where it disturbs no lines.
+#[test]
+fn a_camera_that_nobody_publishes_is_named_with_those_that_there_are() {
+    let there = stream("is-there");
+    let _events = Publisher::<EventFrame>::open(&there).unwrap();
+    let _bodies = Publisher::<BodyFrame>::open(&there).unwrap();
+    for (verb, more) in [
+        ("events", &[][..]),
+        ("bridge", &["--osc", "127.0.0.1:9"]),
+        ("view", &["--listen", "127.0.0.1:0"]),
+    ] {
+        let name = stream(&format!("nobody-{verb}"));
+        // On a busy machine the publishers' signs of life may come late; it is said once of each silence.
+        eventually("the camera that there is", || {
+            let mut run = Running::start(&[&[verb, "--camera", &name], more].concat());
+            let line = run.says(&format!("nobody publishes {name} yet"));
+            signal(run.pid(), "INT");
+            let out = run.wait(Duration::from_secs(60));
+            assert!(out.status.success(), "{verb}: {}", stderr(&out));
+            assert_eq!(out.stdout.is_empty(), verb == "events", "{verb}");
+            line.contains(&there).then_some(())
+        });
     }
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use edgecap::capture::{self, AviWriter, Frame, InputSpec, OpenOptions, RawPicture, demo};
 use edgecap::message::BodyFrame;
-use edgecap_client::Subscriber;
+use edgecap_client::{Publisher, Subscriber};
 
 use crate::program::{Running, edgecap, eventually, signal};
 
@@ -165,6 +165,23 @@ fn files(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
+/// Whether a file of iceoryx2 has no byte, and is there to be locked by a process that lives.
+fn is_lock(path: &Path) -> bool {
+    // Also by a descriptor.
+    let file = fs::read_link(path).unwrap_or_else(|_| path.to_owned());
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.contains(".node_monitor") && fs::metadata(path).is_ok_and(|m| m.len() == 0)
+}
+
+/// Opens a file that can be read. Locks are left alone: who has one loses it by closing the file, however often that is
+/// open, and the readers of this process would be taken for dead.
+fn open(path: &Path) -> Option<File> {
+    if is_lock(path) {
+        return None;
+    }
+    File::open(path).ok()
+}
+
 /// What a process has open, by its descriptors.
 fn descriptors(pid: u32) -> Vec<PathBuf> {
     let folder = fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
@@ -287,7 +304,7 @@ fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
     let own = fs::metadata(&input).unwrap();
     for path in &looked {
         // Others' files come and go, and `infer` opens the film again at its end: what is told is what is read.
-        let Ok(mut file) = File::open(path) else {
+        let Some(mut file) = open(path) else {
             continue;
         };
         let metadata = file.metadata().unwrap();
@@ -335,4 +352,37 @@ fn a_socket_to_the_network_would_be_seen() {
     );
     assert!(named.contains(&path), "{named:?}");
     drop(local);
+}
+
+/// Publishers and readers of other tests run in this process.
+#[test]
+fn looking_into_files_takes_nobodys_lock() {
+    let folder = crate::program::short_folder();
+    let publisher = Publisher::<BodyFrame>::open_at(folder.path(), CAMERA).unwrap();
+    let files = files(folder.path());
+    let is_monitor = |f: &&PathBuf| f.extension().is_some_and(|e| e == "node_monitor");
+    let monitors: Vec<_> = files.iter().filter(is_monitor).collect();
+    assert!(!monitors.is_empty(), "{files:?}");
+    let this = std::process::id().to_string();
+    // Number, kind, two words, process, device and inode.
+    let is_held = |inode: &str| {
+        let locks = fs::read_to_string("/proc/locks").unwrap_or_default();
+        locks.lines().any(|line| {
+            let lock: Vec<_> = line.split_whitespace().collect();
+            let of = lock.get(5).and_then(|of| of.rsplit(':').next());
+            lock.get(1) == Some(&"POSIX") && lock[4] == this && of == Some(inode)
+        })
+    };
+    let are_held = || {
+        let mut inodes = monitors.iter().map(|f| fs::metadata(f).unwrap().ino());
+        inodes.all(|inode| is_held(&inode.to_string()))
+    };
+    if !are_held() {
+        println!("skipped: /proc/locks does not tell who has a lock here");
+        return;
+    }
+    let read = files.iter().filter(|f| open(f).is_some());
+    assert!(read.count() > 3, "{files:?}");
+    assert!(are_held());
+    drop(publisher);
 }

@@ -78,17 +78,37 @@ impl<M: Message> Publisher<M> {
     /// # Errors
     /// [`LinkError::SharedMemory`]; while they are made anew, as [`open`](Self::open).
     pub fn publish(&mut self, message: &M) -> Result<(), LinkError> {
-        if self.made.as_ref().is_none_or(|m| m.ring.is_lost()) {
+        // First of all into the file: a reader that is just joining finds it in one of both.
+        let number = self.write(message)?;
+        self.send(number, message)
+    }
+
+    /// Writes a message into the stream's file; returns its number.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    pub(crate) fn write(&mut self, message: &M) -> Result<u64, LinkError> {
+        if self.made.as_ref().is_some_and(|m| m.ring.is_lost()) {
             self.made = None;
-            self.made = Some(Made::new(&self.folder, &self.besides, &self.camera)?);
         }
+        let made = match &mut self.made {
+            Some(made) => made,
+            none => none.insert(Made::new(&self.folder, &self.besides, &self.camera)?),
+        };
+        let written = made.ring.write(message);
+        written.map_err(|e| LinkError::failed(&service_name::<M>(&self.camera), e))
+    }
+
+    /// Sends message `number`, which is in the file, and wakes the readers that get it.
+    ///
+    /// # Errors
+    /// [`LinkError::SharedMemory`].
+    pub(crate) fn send(&mut self, number: u64, message: &M) -> Result<(), LinkError> {
         let Some(made) = &mut self.made else {
             return Ok(());
         };
         let failed =
             |e: &dyn core::fmt::Display| LinkError::failed(&service_name::<M>(&self.camera), e);
-        // First of all into the file: a reader that is just joining finds it in one of both.
-        let number = made.ring.write(message).map_err(|e| failed(&e))?;
         let mut slot = made.port.loan_uninit().map_err(|e| failed(&e))?;
         *slot.user_header_mut() = number;
         slot.write_payload(*message)

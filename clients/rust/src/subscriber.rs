@@ -1,8 +1,8 @@
 //! Reading a stream: waits in the kernel, wakes within microseconds of a message.
 //!
 //! Every reader follows the stream's file. A program of the same user also joins the publisher's iceoryx2 domain and
-//! gets the messages there in place; the file gives it what came before it had joined, and tells it when the publisher
-//! has gone.
+//! gets the messages there in place; the file gives it what came before it had joined and what does not reach it there,
+//! and tells it when the publisher has gone.
 
 use core::cell::RefCell;
 use core::ops::Deref;
@@ -28,7 +28,8 @@ use crate::stream::{Message, check_camera, service_name};
 /// The kernel counts waits in microseconds and takes none for a wait without end: shorter ones only look.
 const SHORTEST_WAIT: Duration = Duration::from_micros(10);
 
-/// When a reader that found no place tries again: by then the publisher has freed those of killed readers.
+/// How long after a reader joined, or found no place, it tries again where it has none: by then the publisher has freed
+/// those of killed readers.
 const TRY_AGAIN: Duration = Duration::from_secs(10);
 
 /// What must be free for a reader to join, bytes: several times what it writes into its own files there.
@@ -56,7 +57,7 @@ struct Inner<M: Message> {
     camera: String,
     priority: Priority,
     ring: RingReader<M>,
-    /// The publisher's life that was joined, or could not be at `tried`.
+    /// The publisher's life that was joined at `tried`, or could not be.
     life: Option<u64>,
     tried: Instant,
     joined: Option<Joined<M>>,
@@ -70,6 +71,8 @@ struct Joined<M: Message> {
     link: Link<M>,
     /// Messages before this number are in the file.
     from: u64,
+    /// The last message, where the file gave it before it was sent.
+    unsent: Option<u64>,
 }
 
 /// A message, read-only. Drop it before taking the third one.
@@ -189,7 +192,7 @@ impl<M: Message> Subscriber<M> {
         if inner.joined.is_none() {
             inner.ring.skip();
         }
-        while inner.has_more()? {
+        while inner.has_more() {
             // iceoryx2 lends two: the caller may hold one, and the next is another.
             newest = newest.map(Received::copied);
             match inner.receive()? {
@@ -283,7 +286,7 @@ impl<M: Message> Inner<M> {
 
     fn receive(&mut self) -> Result<Option<Received<M>>, LinkError> {
         let copied = |m| Received(Memory::Copied(m));
-        let Some(joined) = &self.joined else {
+        let Some(joined) = &mut self.joined else {
             return Ok(self.ring.read()?.map(copied));
         };
         if self.ring.position() < joined.from
@@ -291,8 +294,12 @@ impl<M: Message> Inner<M> {
         {
             return Ok(Some(copied(m)));
         }
+        // SYNC POINT: a message is sent before the next one is written, and this is read before what was sent: of those
+        // that are in the file by now, at most the last is still to come.
+        let written = self.ring.count();
         let failed = |e| LinkError::failed(&service_name::<M>(&self.camera), e);
         while let Some(sample) = joined.port.receive().map_err(failed)? {
+            joined.unsent = None;
             let number = *sample.user_header();
             if number >= self.ring.position() {
                 self.ring.pass(number);
@@ -300,26 +307,23 @@ impl<M: Message> Inner<M> {
                 return Ok(Some(Received(Memory::Shared { sample, _domain })));
             }
         }
-        if self.ring.is_alive() {
+        let next = self.ring.position();
+        if next >= written {
             return Ok(None);
         }
-        // What it wrote and could not send any more.
+        // About to be sent; or never, by a publisher that has died, or one that took this reader for dead.
+        if written > joined.unsent.unwrap_or(next) + 1 {
+            // The place is lost: as where none was found, the file is enough until it is time to try again.
+            self.joined = None;
+        } else {
+            joined.unsent = Some(next);
+        }
         Ok(self.ring.read()?.map(copied))
     }
 
     /// Whether a message may be there to be received.
-    fn has_more(&self) -> Result<bool, LinkError> {
-        let Some(joined) = &self.joined else {
-            return Ok(self.ring.position() < self.ring.count());
-        };
-        let failed = |e| LinkError::failed(&service_name::<M>(&self.camera), e);
-        let is_sent = joined.port.has_samples().map_err(failed)?;
-        let from_file = if self.ring.is_alive() {
-            joined.from
-        } else {
-            self.ring.count()
-        };
-        Ok(is_sent || self.ring.position() < from_file)
+    fn has_more(&self) -> bool {
+        self.ring.position() < self.ring.count()
     }
 
     /// Waits for a wake-up, or until it is time to look; `false` where a signal ended the wait.
@@ -369,6 +373,7 @@ impl<M: Message> Joined<M> {
             listener,
             link,
             from: 0,
+            unsent: None,
         })
     }
 }
@@ -433,12 +438,21 @@ mod tests {
         assert!(reader.newest(Duration::ZERO).unwrap().is_none());
     }
 
-    fn publish(publisher: &mut Publisher<BodyFrame>, sequence: u64) {
-        let message = BodyFrame {
+    fn numbered(sequence: u64) -> BodyFrame {
+        BodyFrame {
             sequence,
             ..BodyFrame::default()
-        };
-        publisher.publish(&message).unwrap();
+        }
+    }
+
+    /// Number of the message that comes next, and whether it came in place.
+    fn received(inner: &mut Inner<BodyFrame>) -> Option<(u64, bool)> {
+        let got = inner.receive().unwrap()?;
+        Some((got.sequence, matches!(got.0, Memory::Shared { .. })))
+    }
+
+    fn publish(publisher: &mut Publisher<BodyFrame>, sequence: u64) {
+        publisher.publish(&numbered(sequence)).unwrap();
     }
 
     /// Looks until somebody publishes: on a busy machine signs of life may come late.
@@ -535,5 +549,56 @@ mod tests {
         assert!(joins(&mut inner));
         publisher.publish(&BodyFrame::default()).unwrap();
         assert!(is_shared(&inner.receive().unwrap()));
+    }
+
+    #[test]
+    fn a_message_that_is_read_before_it_is_sent_comes_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let mut inner = reader.0.into_inner();
+        assert!(joins(&mut inner));
+        for n in [0, 2, 4] {
+            let number = publisher.write(&numbered(n)).unwrap();
+            assert!(inner.has_more());
+            assert_eq!(received(&mut inner), Some((n, false)));
+            publisher.send(number, &numbered(n)).unwrap();
+            assert_eq!(received(&mut inner), None);
+            publish(&mut publisher, n + 1);
+            assert_eq!(received(&mut inner), Some((n + 1, true)));
+        }
+    }
+
+    #[test]
+    fn a_reader_that_nothing_is_sent_to_reads_the_file_and_joins_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        // Read one by one, and all at once.
+        for all in [false, true] {
+            let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+            let mut inner = reader.0.into_inner();
+            assert!(joins(&mut inner));
+            while received(&mut inner).is_some() {}
+            publish(&mut publisher, 0);
+            assert_eq!(received(&mut inner), Some((0, true)));
+            for n in 1..3 {
+                publisher.write(&numbered(n)).unwrap();
+                if !all {
+                    assert_eq!(received(&mut inner), Some((n, false)));
+                }
+            }
+            if all {
+                assert_eq!(received(&mut inner), Some((1, false)));
+                assert_eq!(received(&mut inner), Some((2, false)));
+            }
+            assert!(inner.joined.is_none(), "the place is lost");
+            publish(&mut publisher, 3);
+            assert_eq!(received(&mut inner), Some((3, false)));
+            inner.tried = Instant::now().checked_sub(TRY_AGAIN).unwrap();
+            assert!(joins(&mut inner));
+            publish(&mut publisher, 4);
+            assert_eq!(received(&mut inner), Some((4, true)));
+            assert_eq!(received(&mut inner), None);
+        }
     }
 }
