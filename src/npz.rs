@@ -9,6 +9,16 @@ use zip::write::{SimpleFileOptions, StreamWriter};
 
 /// So many bytes of an array are written at once: each value alone would have its own turn of the checksum.
 const PIECE: usize = 64 << 10;
+/// Most bytes of an array, as it is stored and as it is in memory: a few of zeros deflate to a thousandth.
+const MOST: usize = 2 << 30;
+/// Bytes of a string in memory at least, with what the allocator needs beside it.
+const STRING: usize = size_of::<String>() + 32;
+/// Most bytes of an array's header. NumPy reads no longer ones, either.
+const LONGEST_HEADER: usize = 10_000;
+/// Most brackets within each other in a header. Its parser's time doubles with each, and its stack grows.
+const DEEPEST: usize = 8;
+/// Most characters of a file's own words in an error.
+const SHOWN: usize = 80;
 
 /// One array to be written, row-major.
 pub struct Array<'a> {
@@ -236,7 +246,7 @@ impl<R: Read + Seek> Archive<R> {
     /// # Errors
     /// When it holds something else or is damaged.
     pub fn numbers(&mut self, name: &str) -> Result<Option<Numbers>, NpzError> {
-        let Some(raw) = self.raw(name)? else {
+        let Some(raw) = self.raw(name, size_of::<f64>())? else {
             return Ok(None);
         };
         let stored = raw.numbers().ok_or_else(|| {
@@ -255,7 +265,7 @@ impl<R: Read + Seek> Archive<R> {
     /// # Errors
     /// When it holds something else or is damaged.
     pub fn texts(&mut self, name: &str) -> Result<Option<Vec<String>>, NpzError> {
-        let Some(raw) = self.raw(name)? else {
+        let Some(raw) = self.raw(name, STRING)? else {
             return Ok(None);
         };
         let stored = raw.texts().ok_or_else(|| {
@@ -266,15 +276,16 @@ impl<R: Read + Seek> Archive<R> {
         Ok(Some(raw.row_major(stored)))
     }
 
-    /// The array's header and bytes, which are as many as its header says.
-    fn raw(&mut self, name: &str) -> Result<Option<Raw>, NpzError> {
+    /// The array's header and bytes, which are as many as its header says. Each value will take at least `least` bytes
+    /// in memory.
+    fn raw(&mut self, name: &str, least: usize) -> Result<Option<Raw>, NpzError> {
         let array = format!("array '{name}'");
         let mut file = match self.zip.by_name(&npz::file_name_from_array_name(name)) {
             Ok(file) => file,
             Err(ZipError::FileNotFound) => return Ok(None),
             Err(e) => return Err(NpzError::damaged(&array, e)),
         };
-        let header = NpyHeader::from_reader(&mut file).map_err(|e| NpzError::damaged(&array, e))?;
+        let header = header(&mut file).map_err(|why| NpzError::damaged(&array, why))?;
         if header.uses_pickled_array() {
             return Err(NpzError::new(
                 format!("'{name}' to hold plain numbers or strings"),
@@ -286,16 +297,27 @@ impl<R: Read + Seek> Archive<R> {
             .iter()
             .map(|&n| usize::try_from(n).ok())
             .collect();
-        let length = |shape: &Vec<usize>| {
+        let sizes = |shape: &Vec<usize>| {
             let count = shape.iter().try_fold(1_usize, |n, &m| n.checked_mul(m))?;
-            count.checked_mul(header.dtype().num_bytes()?)
+            let each = header.dtype().num_bytes()?;
+            Some((each, count.checked_mul(each.max(least))?, count * each))
         };
-        let Some((shape, length)) = shape.and_then(|s| length(&s).map(|n| (s, n))) else {
-            return Err(NpzError::damaged(
-                &array,
-                format!("an impossible shape {:?}", header.shape()),
+        let Some((shape, (each, held, length))) = shape.and_then(|s| sizes(&s).map(|n| (s, n)))
+        else {
+            let found = format!("an impossible shape {:?}", header.shape());
+            return Err(NpzError::damaged(&array, excerpt(&found)));
+        };
+        if held > MOST {
+            return Err(NpzError::new(
+                format!("array '{name}' to take at most {} MB of memory", MOST >> 20),
+                excerpt(&format!("{} MB for shape {shape:?}", held >> 20))
+                    + "; leave out what is not needed",
             ));
-        };
+        }
+        if each == 0 && held > least {
+            let found = format!("values of 0 bytes in shape {shape:?}");
+            return Err(NpzError::damaged(&array, excerpt(&found)));
+        }
         // Grows with what is really there, whatever the header claims.
         let mut bytes = Vec::new();
         file.take(length as u64 + 1)
@@ -307,13 +329,11 @@ impl<R: Read + Seek> Archive<R> {
             } else {
                 ""
             };
-            return Err(NpzError::damaged(
-                &array,
-                format!(
-                    "{more}{} bytes for shape {shape:?}, which takes {length}",
-                    bytes.len().min(length)
-                ),
-            ));
+            let found = format!(
+                "{more}{} bytes where there should be {length} for shape {shape:?}",
+                bytes.len().min(length)
+            );
+            return Err(NpzError::damaged(&array, excerpt(&found)));
         }
         Ok(Some(Raw {
             header,
@@ -321,6 +341,76 @@ impl<R: Read + Seek> Archive<R> {
             bytes,
         }))
     }
+}
+
+/// An array's header; otherwise why it cannot be read, in one line.
+fn header(file: &mut impl Read) -> Result<NpyHeader, String> {
+    let mut fill = |bytes: &mut [u8]| file.read_exact(bytes).map_err(|e| e.to_string());
+    let mut start = [0; 8];
+    fill(&mut start)?;
+    if !start.starts_with(b"\x93NUMPY") {
+        return Err("no array of NumPy's".into());
+    }
+    // The first version of the format has two bytes for the length, later ones have four.
+    let mut length = [0; 4];
+    let width = if start[6] == 1 { 2 } else { 4 };
+    fill(&mut length[..width])?;
+    let long = u32::from_le_bytes(length) as usize;
+    if long > LONGEST_HEADER {
+        return Err(format!("a header of {long} bytes"));
+    }
+    let mut text = vec![0; long];
+    fill(&mut text)?;
+    let deepest = without_long(&mut text);
+    let shown = || format!("the header {}", excerpt(&String::from_utf8_lossy(&text)));
+    if deepest > DEEPEST {
+        return Err(shown());
+    }
+    let bytes = [&start[..], &length[..width], &text].concat();
+    NpyHeader::from_reader(&bytes[..]).map_err(|e| match e.to_string() {
+        // The parser draws where it stopped, in many lines.
+        drawn if drawn.contains('\n') => shown(),
+        said => excerpt(&said),
+    })
+}
+
+/// Takes away the `L` that Python 2 writes behind long integers, which NumPy does too; returns the greatest number of
+/// brackets within each other.
+fn without_long(header: &mut [u8]) -> usize {
+    let (mut depth, mut deepest) = (0_usize, 0);
+    let mut quote = None;
+    let mut before = b' ';
+    let mut bytes = header.iter_mut();
+    while let Some(byte) = bytes.next() {
+        match (quote, *byte) {
+            // What is escaped ends no string.
+            (Some(_), b'\\') => {
+                bytes.next();
+            }
+            (Some(end), found) if end == found => quote = None,
+            (Some(_), _) => {}
+            (None, begin @ (b'\'' | b'"')) => quote = Some(begin),
+            (None, b'(' | b'[' | b'{') => {
+                depth += 1;
+                deepest = deepest.max(depth);
+            }
+            (None, b')' | b']' | b'}') => depth = depth.saturating_sub(1),
+            (None, b'L') if before.is_ascii_digit() => *byte = b' ',
+            (None, _) => {}
+        }
+        before = *byte;
+    }
+    deepest
+}
+
+/// The beginning of `text`, in one line.
+fn excerpt(text: &str) -> String {
+    let line = |c: char| if c.is_control() { ' ' } else { c };
+    let mut shown: String = text.trim().chars().take(SHOWN).map(line).collect();
+    if shown.len() < text.trim().len() {
+        shown.push('…');
+    }
+    shown
 }
 
 struct Raw {
@@ -359,11 +449,12 @@ impl Raw {
     }
 
     fn description(&self) -> String {
-        format!(
-            "type {} of shape {:?}; save it again as what is expected",
+        let found = format!(
+            "type {} of shape {:?}",
             self.header.dtype().descr(),
             self.shape
-        )
+        );
+        excerpt(&found) + "; save it again as what is expected"
     }
 
     /// Brings values from the file's order into row-major order.
@@ -539,7 +630,7 @@ mod tests {
         let few = archive("a", &npy(text, &data[..9]));
         let error = read(&few).numbers("a").unwrap_err();
         assert!(error.found.contains("9 bytes"), "{error}");
-        let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (4000000000,), }";
+        let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (200000000,), }";
         let huge = archive("a", &npy(huge, &data));
         let error = read(&huge).numbers("a").unwrap_err();
         assert!(error.found.contains("16 bytes"), "{error}");
@@ -554,5 +645,74 @@ mod tests {
             read(&flipped).numbers("a").is_err(),
             "the checksum is wrong"
         );
+    }
+    #[test]
+    fn no_header_makes_a_small_file_fill_the_memory() {
+        let zeros = vec![0; 1 << 20];
+        for (descr, shape) in [
+            ("<f8", "(1000000000000,)"),
+            ("|u1", "(2147483647,)"),
+            ("<U0", "(2000000000000,)"),
+            ("|S0", "(2000000000000,)"),
+            ("|S1", "(2147483647,)"),
+            ("<U0", "(2,)"),
+        ] {
+            let text =
+                format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+            let bytes = archive("a", &npy(&text, &zeros));
+            let mut archive = read(&bytes);
+            let error = match descr {
+                "<f8" | "|u1" => archive.numbers("a").unwrap_err(),
+                _ => archive.texts("a").unwrap_err(),
+            };
+            let is_said = error.found.contains(" MB for shape") || error.found.contains("0 bytes");
+            assert!(is_said, "{descr} {shape}: {error}");
+        }
+        // One text that is empty is one text.
+        let text = "{'descr': '<U0', 'fortran_order': False, 'shape': (), }";
+        let bytes = archive("a", &npy(text, b""));
+        assert_eq!(read(&bytes).texts("a").unwrap().unwrap(), [""]);
+    }
+
+    #[test]
+    fn shapes_of_python_2_are_read() {
+        let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (1L, 3L), }";
+        let data: Vec<u8> = [1.0_f64, 2.0, 3.0]
+            .iter()
+            .flat_map(|x| x.to_le_bytes())
+            .collect();
+        let bytes = archive("a", &npy(text, &data));
+        let numbers = read(&bytes).numbers("a").unwrap().unwrap();
+        assert_eq!(numbers.shape, [1, 3]);
+        assert_eq!(numbers.data, [1.0, 2.0, 3.0]);
+        let mut text = *br"{'a1L\'2L': (3L, 4L)}";
+        assert_eq!(without_long(&mut text), 2);
+        assert_eq!(text, *br"{'a1L\'2L': (3 , 4 )}");
+    }
+
+    #[test]
+    fn a_header_that_cannot_be_read_is_told_in_one_short_line() {
+        let long = "x".repeat(9_000);
+        let record = format!("[('{long}', '<f8'), ('b', '|u1')]");
+        let sides = "1, ".repeat(3_000);
+        let whole = |descr: &str, shape: &str| {
+            format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}")
+        };
+        for text in [
+            whole("'<f8'", "(2, 2"),
+            whole("'<f8'", "(2.5,)"),
+            whole("'<f8'", &format!("({sides})")),
+            whole(&format!("'{long}'"), "(2,)"),
+            whole(&record, "()"),
+            format!("{{'descr':\n{long}"),
+            "(".repeat(9_000),
+            format!("{}{}", "[".repeat(60), "]".repeat(60)),
+            "{".repeat(60_000),
+            String::new(),
+        ] {
+            let bytes = archive("a", &npy(&text, &[0; 9]));
+            let said = read(&bytes).numbers("a").unwrap_err().to_string();
+            assert!(said.chars().count() < 240 && !said.contains('\n'), "{said}");
+        }
     }
 }

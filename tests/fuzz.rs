@@ -240,10 +240,38 @@ fn seeds_are_whole() {
             assert!(reader.read(&mut frame).unwrap());
         }
     }
+    for bytes in seeds("bodies") {
+        use edgecap::record::{BodiesRow, RowReader};
+        let mut reader = RowReader::<_, BodiesRow>::new(&bytes[..], "seed");
+        for _ in 0..3 {
+            assert!(reader.read().unwrap().unwrap().message().count > 0);
+        }
+        assert!(reader.read().unwrap().is_none());
+        edgecap::export::Take::read(&bytes[..], "seed").unwrap();
+    }
+    for text in seeds("request") {
+        let request = edgecap::http::Request::parse(std::str::from_utf8(&text).unwrap()).unwrap();
+        assert_eq!(request.parameter("camera"), Some("hall"));
+        assert!(request.header("origin").is_some());
+    }
     let settings = seeds("association").remove(0);
     edgecap::detect::AssociationConfig::parse(std::str::from_utf8(&settings).unwrap()).unwrap();
     let config = seeds("fit_config").remove(0);
     edgecap::fit::FitConfig::parse(std::str::from_utf8(&config).unwrap()).unwrap();
+}
+
+/// What no engine takes is the same on every tier, whatever its kernels do.
+#[test]
+fn networks_run_whatever_their_inputs_are_multiples_of() {
+    use edgecap::engine::{Model, Network, Precision};
+    // Layers one behind the other, which inputs of any size suit.
+    let text = String::from_utf8(seeds::seeds("network").remove(1)).unwrap();
+    for multiple in [1, 8, 12, 16, 20, 32] {
+        let other = text.replace("multiple = 16", &format!("multiple = {multiple}"));
+        let model = Model::random(Network::parse(&other).unwrap(), 1);
+        let maps = targets::run(&model, Precision::F32, None);
+        assert!(maps.is_some(), "multiples of {multiple}");
+    }
 }
 
 /// The seeds as files, where libFuzzer looks for them.

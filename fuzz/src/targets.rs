@@ -120,9 +120,9 @@ fn run_int8(model: &Model) {
     assert!(run(model, Precision::Int8, None) == plain, "tiers differ");
 }
 
-/// Side of the smallest input that a network takes, and that has a map.
+/// Side of the smallest input of 16 pixels or more that an engine takes.
 fn smallest(network: &Network) -> usize {
-    network.input().multiple.max(16)
+    16_usize.next_multiple_of(Maps::step(&[network.input().multiple]))
 }
 
 fn picture(side: usize) -> Vec<u8> {
@@ -130,7 +130,7 @@ fn picture(side: usize) -> Vec<u8> {
 }
 
 /// Runs a small network once on its smallest input; `None` where it cannot be, or is not small.
-fn run(model: &Model, precision: Precision, isa: Option<Isa>) -> Option<Maps> {
+pub fn run(model: &Model, precision: Precision, isa: Option<Isa>) -> Option<Maps> {
     let graph = model.network().graph();
     let side = smallest(model.network());
     if side > 64 || graph.macs(side, side) > MOST_MACS {

@@ -1,5 +1,8 @@
 //! This machine's own peak: register-only chains of the instructions that the kernels are made of.
 
+use std::cell::Cell;
+use std::panic::resume_unwind;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
@@ -18,6 +21,8 @@ pub struct Peak {
     pub int8: f64,
     /// f32 fused multiply-add.
     pub f32: f64,
+    /// Threads that were measured: at most those asked for.
+    pub threads: usize,
 }
 
 impl Peak {
@@ -26,16 +31,39 @@ impl Peak {
     /// # Errors
     /// When the CPU lacks `isa`.
     pub fn measure(isa: Isa, duration: Duration) -> Result<Peak, KernelError> {
-        rates(isa, &|chain| best(duration / 2, chain))
+        rates(isa, 1, &|chain| best(duration / 2, chain))
     }
 
     /// Measures `isa` on `threads` threads at once for about `duration`: what all of them do within the same short
-    /// window, in the best window. Best runs of single threads need not coincide and must not be added up.
+    /// window, in the best window. Best runs of single threads need not coincide and must not be added up. Where the
+    /// system has no room for so many threads, those that there can be are measured.
     ///
     /// # Errors
     /// When the CPU lacks `isa`.
     pub fn together(isa: Isa, threads: usize, duration: Duration) -> Result<Peak, KernelError> {
-        rates(isa, &|chain| best_together(threads, duration / 2, chain))
+        Self::with(Builder::new, isa, threads, duration)
+    }
+
+    fn with(
+        thread: impl Fn() -> Builder,
+        isa: Isa,
+        threads: usize,
+        duration: Duration,
+    ) -> Result<Peak, KernelError> {
+        let mut threads = threads.max(1);
+        loop {
+            let least = Cell::new(threads);
+            let peak = rates(isa, threads, &|chain| {
+                let (rate, measured) = best_together(&thread, threads, duration / 2, chain);
+                least.set(least.get().min(measured));
+                rate
+            })?;
+            if least.get() == threads {
+                return Ok(peak);
+            }
+            // Both chains are to have run on as many threads.
+            threads = least.get();
+        }
     }
 }
 
@@ -44,15 +72,12 @@ type Chain<'a> = dyn Fn(u64) -> u64 + Sync + 'a;
 /// Measures a chain: 10⁹ multiply-accumulates per second.
 type Rate<'a> = dyn Fn(&Chain<'_>) -> f64 + 'a;
 
-fn rates(isa: Isa, rate: &Rate<'_>) -> Result<Peak, KernelError> {
-    if isa == Isa::Scalar {
-        return Ok(Peak {
-            int8: rate(&scalar_int8),
-            f32: rate(&scalar_f32),
-        });
-    }
-    let (int8, f32) = chains(isa, rate).ok_or(KernelError::Unsupported(isa))?;
-    Ok(Peak { int8, f32 })
+fn rates(isa: Isa, threads: usize, rate: &Rate<'_>) -> Result<Peak, KernelError> {
+    let (int8, f32) = match isa {
+        Isa::Scalar => (rate(&scalar_int8), rate(&scalar_f32)),
+        _ => chains(isa, rate).ok_or(KernelError::Unsupported(isa))?,
+    };
+    Ok(Peak { int8, f32, threads })
 }
 
 /// What the chains of a vector tier reach, or `None` where this CPU lacks it.
@@ -94,8 +119,14 @@ fn best(duration: Duration, chain: &Chain<'_>) -> f64 {
 /// In which all threads are counted together: long beside a run, short beside what disturbs one.
 const WINDOW: Duration = Duration::from_millis(20);
 
-/// Runs `chain` on `threads` threads until `duration` is over; the rate of all in their best window, in 10⁹ per second.
-fn best_together(threads: usize, duration: Duration, chain: &Chain<'_>) -> f64 {
+/// Runs `chain` on `threads` threads, or as many of them as the system has room for, until `duration` is over: the rate
+/// of all in their best window, in 10⁹ per second, and how many there were.
+fn best_together(
+    thread: impl Fn() -> Builder,
+    threads: usize,
+    duration: Duration,
+    chain: &Chain<'_>,
+) -> (f64, usize) {
     let windows = (duration.as_nanos() / WINDOW.as_nanos()).max(1) as usize;
     let begin = Instant::now();
     let count = || {
@@ -110,15 +141,15 @@ fn best_together(threads: usize, duration: Duration, chain: &Chain<'_>) -> f64 {
         }
     };
     let all = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..threads).map(|_| scope.spawn(count)).collect();
-        let own = count();
-        let joined = others.into_iter().map(|t| match t.join() {
-            Ok(done) => done,
-            Err(panic) => std::panic::resume_unwind(panic),
-        });
-        std::iter::once(own).chain(joined).collect::<Vec<_>>()
+        let others = (1..threads).map_while(|_| thread().spawn_scoped(scope, count).ok());
+        let others: Vec<_> = others.collect();
+        let mut all = vec![count()];
+        for other in others {
+            all.push(other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        }
+        all
     });
-    busiest(&all) / WINDOW.as_nanos() as f64
+    (busiest(&all) / WINDOW.as_nanos() as f64, all.len())
 }
 
 /// Adds what was done from `start` to `end` to the windows, by the time that fell into each.
@@ -302,5 +333,28 @@ mod tests {
     fn threads_that_take_turns_are_not_added_up() {
         assert_eq!(busiest(&[vec![10.0, 0.0], vec![0.0, 10.0]]), 10.0);
         assert_eq!(busiest(&[vec![10.0, 9.0], vec![0.0, 9.0]]), 18.0);
+    }
+
+    /// A stack that no machine has room for stands in for a system that starts no more threads.
+    #[test]
+    #[cfg_attr(miri, ignore = "Miri starts a thread whatever its stack")]
+    fn threads_that_cannot_be_had_are_not_measured() {
+        let none = || Builder::new().stack_size(1 << 60);
+        assert!(none().spawn(|| ()).is_err());
+        // The first chain finds room for two more threads, the second for one.
+        let asked = Cell::new(0);
+        let few = || {
+            asked.set(asked.get() + 1);
+            match asked.get() {
+                1 | 2 | 4 | 6.. => Builder::new(),
+                _ => none(),
+            }
+        };
+        let one = Peak::with(none, Isa::Scalar, 4, 10 * WINDOW).unwrap();
+        let two = Peak::with(few, Isa::Scalar, 4, 10 * WINDOW).unwrap();
+        for (peak, threads) in [(one, 1), (two, 2)] {
+            assert_eq!(peak.threads, threads);
+            assert!(peak.int8 > 0.0 && peak.f32 > 0.0, "{peak:?}");
+        }
     }
 }

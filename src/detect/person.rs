@@ -98,7 +98,7 @@ impl Person {
         if ratio > 0.0 { ratio } else { -0.5 * ratio }
     }
 
-    /// Drops the limbs at the neck that are absurdly long for the others. Returns whether any was dropped.
+    /// Drops the limbs at the neck that are absurdly long for the others.
     pub fn drop_absurd_trunk(&mut self, limit: f32) {
         for (limb, &(child, parent)) in LIMB_JOINTS.iter().enumerate() {
             if parent != NECK || self.limb[limb].is_none() {

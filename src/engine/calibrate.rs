@@ -50,7 +50,8 @@ pub struct Trial {
 impl Calibration {
     /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value. Pictures on
     /// which the network runs wild (some value's maximum is beyond [`WILD`] times the median over pictures) are left
-    /// out: following them would cost all others their resolution.
+    /// out: following them would cost all others their resolution. `pictures` are gone through twice, and one is held
+    /// at a time.
     ///
     /// # Errors
     /// When the network cannot run at this size, a value overflows, or fewer than half of the pictures, or none, are
@@ -60,7 +61,7 @@ impl Calibration {
     /// When a picture is not of `options.size`.
     pub fn observe(
         model: &Model,
-        pictures: impl IntoIterator<Item = Vec<u8>>,
+        pictures: impl IntoIterator<Item: AsRef<[u8]>, IntoIter: Clone>,
         options: CalibrationOptions,
     ) -> Result<Self, EngineError> {
         let mut engine = Engine::new(
@@ -81,26 +82,26 @@ impl Calibration {
         // Heads are as unlike as those whom pictures show.
         let is_head = |v: usize| graph.outputs.iter().any(|(_, o)| *o == v);
         let inner: Vec<usize> = (0..values.len()).filter(|&v| !is_head(v)).collect();
-        let pictures: Vec<Vec<u8>> = pictures.into_iter().collect();
+        let pictures = pictures.into_iter();
         let mut maxima = Vec::new();
-        for picture in &pictures {
+        for picture in pictures.clone() {
             let mut one: Vec<Observed> = nothing();
-            engine.observe(picture, &mut one);
+            engine.observe(picture.as_ref(), &mut one);
             maxima.push(inner.iter().map(|&v| one[v].max()).collect());
         }
         let wild = wild(&maxima);
         let left_out = wild.iter().filter(|w| **w).count();
-        let left = pictures.len() - left_out;
+        let left = wild.len() - left_out;
         // What most pictures do is not wild: the median says nothing of them, and ranges of the rest would clip them.
         if left == 0 || left < left_out {
             return Err(EngineError::Wild {
                 left,
-                pictures: pictures.len(),
+                pictures: wild.len(),
             });
         }
         let mut observed: Vec<Observed> = nothing();
-        for (picture, _) in pictures.iter().zip(&wild).filter(|(_, wild)| !**wild) {
-            engine.observe(picture, &mut observed);
+        for (picture, _) in pictures.zip(&wild).filter(|(_, wild)| !**wild) {
+            engine.observe(picture.as_ref(), &mut observed);
         }
         for node in &graph.nodes {
             if observed[node.output].max().is_infinite() {
@@ -205,6 +206,8 @@ fn relative_error(expected: &[f32], found: &[f32]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::engine::Network;
     use crate::engine::model::{FloatConv, Weights};
@@ -236,7 +239,7 @@ mod tests {
 
     fn observe(
         model: &Model,
-        pictures: impl IntoIterator<Item = [u8; 3]>,
+        pictures: impl IntoIterator<Item = [u8; 3], IntoIter: Clone>,
     ) -> Result<Calibration, EngineError> {
         let options = CalibrationOptions {
             size: (32, 16),
@@ -338,6 +341,44 @@ mod tests {
         let half = with(3).unwrap();
         assert_eq!((half.pictures, half.left_out), (3, 3));
         assert!(observe(&model, []).is_err());
+    }
+
+    /// A picture that is counted while there is one.
+    struct Counted<'a> {
+        pixels: Vec<u8>,
+        alive: &'a Cell<usize>,
+    }
+
+    impl AsRef<[u8]> for Counted<'_> {
+        fn as_ref(&self) -> &[u8] {
+            &self.pixels
+        }
+    }
+
+    impl Drop for Counted<'_> {
+        fn drop(&mut self) {
+            self.alive.set(self.alive.get() - 1);
+        }
+    }
+
+    #[test]
+    fn one_picture_is_held_at_a_time() {
+        let (alive, most, asked) = (Cell::new(0), Cell::new(0), Cell::new(0));
+        let pictures = [90; 4].into_iter().map(|grey| {
+            asked.set(asked.get() + 1);
+            alive.set(alive.get() + 1);
+            most.set(most.get().max(alive.get()));
+            Counted {
+                pixels: vec![grey; 3 * 32 * 16],
+                alive: &alive,
+            }
+        });
+        let options = CalibrationOptions {
+            size: (32, 16),
+            ..CalibrationOptions::default()
+        };
+        let seen = Calibration::observe(&in_a_row(), pictures, options).unwrap();
+        assert_eq!((seen.pictures, asked.get(), most.get()), (4, 8, 1));
     }
 
     #[test]

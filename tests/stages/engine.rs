@@ -1,7 +1,7 @@
 //! A tiny network with random weights, run by the engine in f32 and int8, against a reference that shares no code with
 //! it.
 
-use crate::tiny_network::{naive, picture, tiny};
+use crate::tiny_network::{joined_twice, naive, picture, tiny};
 use edgecap::engine::model::{Calibration, RangeChoice, Weights};
 use edgecap::engine::{
     Algorithms, CalibrationOptions, Engine, EngineOptions, Isa, LayerProfile, Maps, Model, Network,
@@ -81,6 +81,33 @@ fn f32_is_what_a_naive_reference_computes() {
             }
         }
     }
+}
+
+#[test]
+fn a_layer_is_joined_twice_by_way_of_a_copy() {
+    let model = Model::random(joined_twice("a.copy"), 3);
+    let picture = picture(SIZE, 9);
+    let Weights::Float(weights) = model.weights() else {
+        panic!("random weights are floats");
+    };
+    let expected = naive(model.network().graph(), weights, &picture, SIZE);
+    let quantised = quantised(&model);
+    for (model, precision, most) in [
+        (&model, Precision::F32, 1e-5),
+        (&quantised, Precision::Int8, 0.1),
+    ] {
+        let mut engine = engine(model, precision, 1, None);
+        let e = error(&expected, engine.run(&picture));
+        assert!(e < most, "{precision:?}: {e}");
+    }
+    let refused = Model::random(joined_twice("a"), 3);
+    let said = Engine::new(&refused, options(Precision::F32, 1, None)).err();
+    let said = said.unwrap().to_string();
+    let copy = r#"name = "a.copy", from = ["a"], kernel = 1, stride = 1"#;
+    assert!(
+        said.contains("`e` joins `a`") && said.contains(copy) && !said.contains('\n'),
+        "{said}"
+    );
 }
 
 #[test]

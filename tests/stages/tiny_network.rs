@@ -33,6 +33,28 @@ pub fn tiny() -> Network {
     Network::parse(text).unwrap()
 }
 
+/// A network of which two layers join the first one with others, or with a copy of it: the last reads `first` in its
+/// place.
+pub fn joined_twice(first: &str) -> Network {
+    let text = format!(
+        r#"
+        name = "joined"
+        about = "a layer beside one and beside another"
+        input = {{ channels = 3, multiple = 16 }}
+        output = {{ head2d = "d", head3d = "e" }}
+        layers = [
+          {{ kind = "conv", name = "a", out = 8, kernel = 3, stride = 8 }},
+          {{ kind = "conv", name = "b", from = ["input"], out = 8, kernel = 3, stride = 8 }},
+          {{ kind = "conv", name = "c", from = ["input"], out = 8, kernel = 5, stride = 8 }},
+          {{ kind = "maxpool", name = "a.copy", from = ["a"], kernel = 1, stride = 1 }},
+          {{ kind = "conv", name = "d", from = ["a", "b"], out = 40, kernel = 3, norm = false, relu = false }},
+          {{ kind = "conv", name = "e", from = ["{first}", "c"], out = 63, kernel = 1, norm = false, relu = false }},
+        ]
+    "#
+    );
+    Network::parse(&text).unwrap()
+}
+
 /// A picture of smooth shapes and some noise.
 pub fn picture((width, height): (usize, usize), seed: u64) -> Vec<u8> {
     let mut state = seed.wrapping_mul(2).wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -1,5 +1,7 @@
 //! `edgecap model import`: other people's weights, checked, calibrated and rounded.
 
+use std::cell::Cell;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -74,6 +76,16 @@ pub struct Import {
     output: Option<PathBuf>,
 }
 
+impl Import {
+    /// Says something, where the model itself does not go.
+    fn say(&self, line: &str) {
+        match self.output.as_deref().is_some_and(output::is_stdout) {
+            true => say::err(line),
+            false => say::out(line),
+        }
+    }
+}
+
 /// A share of a whole, from the command line.
 fn share(text: &str) -> Result<f32, String> {
     match text.parse() {
@@ -117,12 +129,12 @@ pub fn import(a: &Import) -> Result<()> {
     // What no engine runs is of no use to anybody.
     tried(&model).with_context(|| format!("{} cannot be run", a.weights.display()))?;
     model.save(output)?;
-    say::out(&format!(
+    a.say(&format!(
         "{} written: {}",
         output.display(),
         model.calibration()
     ));
-    say::out(&format!(
+    a.say(&format!(
         "blake3 of the file {}",
         blake3::hash(&model.to_bytes()?)
     ));
@@ -132,7 +144,7 @@ pub fn import(a: &Import) -> Result<()> {
 /// The model, rounded by what it does on pictures of a folder.
 fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
     let files = pictures(folder, a.pictures as usize)?;
-    // They are decoded here for their sizes and below for their pixels: all at once, photos would fill the memory.
+    // They are decoded here for their sizes and below, twice, for their pixels: all at once they would fill the memory.
     let sizes = files.iter().map(|path| {
         let picture = picture::upright(path)?;
         Ok((picture.width, picture.height))
@@ -152,22 +164,22 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
         correct_bias: !a.no_bias_correction,
         choice: a.range,
     };
-    let mut lost = None;
+    let lost = Cell::new(None);
     // Scaled when they are asked for: by then the size is known to suit the network.
     let inputs = files.iter().map_while(|path| match picture::upright(path) {
         Ok(picture) => Some(picture::covering(&picture, size)),
         Err(e) => {
-            lost = Some(e);
+            lost.set(Some(e));
             None
         }
     });
     let seen = Calibration::observe(&model, inputs, options);
-    if let Some(e) = lost {
+    if let Some(e) = lost.take() {
         return Err(e);
     }
     let mut calibration = seen?;
     if a.try_ranges {
-        select(&mut calibration, &model, &files, size)?;
+        select(a, &mut calibration, &model, &files, size)?;
     }
     Ok(model.quantise(Some(&calibration))?)
 }
@@ -306,6 +318,7 @@ fn usual_side(mut sides: Vec<u32>, most: usize, step: usize) -> usize {
 
 /// Settles how ranges are chosen by trial on some of the pictures, whole.
 fn select(
+    a: &Import,
     calibration: &mut Calibration,
     model: &Model,
     files: &[PathBuf],
@@ -315,10 +328,10 @@ fn select(
     let inputs = some.map(|path| Ok(picture::letterboxed(&picture::upright(path)?, size)));
     let inputs = inputs.collect::<Result<Vec<_>>>()?;
     let trials = calibration.select(model, &inputs, size)?;
-    say::out("error    range               own  bias corrected");
+    a.say("error    range               own  bias corrected");
     for t in trials {
         let choice = t.choice.to_string();
-        say::out(&format!(
+        a.say(&format!(
             "{:.4}   {choice:18}  {:.2}  {}",
             t.error, t.own_ranges, t.correct_bias
         ));
@@ -328,8 +341,14 @@ fn select(
 
 /// At most `most` pictures of a folder, evenly spaced in order of name.
 fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
-    let entries =
-        std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let entries = std::fs::read_dir(folder).map_err(|e| match e.kind() {
+        ErrorKind::NotADirectory => Failure::no_input(
+            folder,
+            &io::Error::new(e.kind(), "expected a folder, found a file"),
+        )
+        .into(),
+        _ => anyhow::Error::from(e).context(format!("cannot read {}", folder.display())),
+    })?;
     let mut files = Vec::new();
     for entry in entries {
         let path = entry?.path();

@@ -15,7 +15,8 @@ use super::{picture, say};
 use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
 use crate::engine::{
-    Engine, EngineOptions, HEAD2D_CHANNELS, Isa, Maps, Model, Network, NetworkError, Precision,
+    Engine, EngineOptions, HEAD2D_CHANNELS, Isa, Maps, Model, ModelError, Network, NetworkError,
+    Precision,
 };
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
@@ -105,7 +106,11 @@ pub fn model(args: ModelArgs) -> Result<()> {
 
 fn open(path: Option<&Path>) -> Result<Model> {
     match path {
-        Some(path) => Model::open(path).with_context(|| path.display().to_string()),
+        Some(path) => Model::open(path).map_err(|e| match e {
+            // It names the file.
+            ModelError::Io { .. } => e.into(),
+            e => anyhow::Error::from(e).context(path.display().to_string()),
+        }),
         None => Ok(Model::shipped()?),
     }
 }

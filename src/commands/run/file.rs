@@ -2,6 +2,7 @@
 //! other.
 
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
@@ -96,12 +97,16 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let wants_pictures = args.overlay.is_some() || args.show_picture;
     let outcome = std::thread::scope(|threads| -> anyhow::Result<bool> {
         let (send, receive) = sync_channel(AHEAD);
-        let seeing = threads.spawn(move || {
+        let work = move || {
             let mounting = args.input.mounting();
             let limits = Limits::default();
             let mut observer = Observer::new(source, camera, &args.engine, limits, mounting)?;
             see(&mut observer, &send, wants_pictures, stop)
-        });
+        };
+        let seeing = Builder::new()
+            .name("stages".into())
+            .spawn_scoped(threads, work)
+            .map_err(|e| Failure::no_thread("that looks at pictures", &e))?;
         let mut out = Box::new(BodyFrame::default());
         let mut written = Ok(());
         let mut silence = Silence::default();
@@ -118,7 +123,9 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
                     out.fit_us = start.elapsed().as_micros() as u32;
                     out.publish_ns = monotonic_ns();
                     tally.count(&out);
-                    table.update(&out, tally.left_out);
+                    // No picture is left out: a film's own numbers have gaps where it repeats pictures or some are
+                    // damaged.
+                    table.update(&out, 0);
                     written = sinks.take(&Packet {
                         message: &*out,
                         source: &source,

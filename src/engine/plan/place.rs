@@ -17,6 +17,14 @@ impl PlanError {
         ))
     }
 
+    /// A value that a layer joins, and that already lies beside others than the layer wants.
+    fn shared(value: &str, layer: &str) -> Self {
+        Self(format!(
+            "layer `{layer}` joins `{value}`, which another join has put elsewhere in memory; let it join a copy: {{ kind = \
+             \"maxpool\", name = \"{value}.copy\", from = [\"{value}\"], kernel = 1, stride = 1 }}"
+        ))
+    }
+
     /// Inputs of a layer that lie side by side and are of other (height, width) than the first.
     fn joined(
         layer: &str,
@@ -334,10 +342,7 @@ impl Builder<'_> {
         let slot = slot.unwrap_or_else(|| self.new_slot(node.inputs[0]));
         for (v, first) in wanted {
             if self.at[v].is_some_and(|at| at != (slot, first)) {
-                return Err(PlanError::order(format!(
-                    "`{}` is part of two concatenations that cannot share a buffer",
-                    self.graph.values[v].name
-                )));
+                return Err(PlanError::shared(&self.graph.values[v].name, &node.name));
             }
             self.settle(v, slot, first);
         }

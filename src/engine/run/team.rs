@@ -13,6 +13,9 @@ use edgecap_kernels::Scratch;
 
 /// Spins before a waiting thread yields: some microseconds, longer than the usual difference between two parts' ends.
 const SPINS: u32 = 2000;
+/// Threads that a team leaves to the rest of the program where the system refuses more: for pictures, records, what is
+/// served, and programs that decode. Where one of those cannot start, the program ends; a team of fewer is only slower.
+const SPARE: usize = 8;
 
 /// What a frame is made of: steps in order, each of parts that may run at the same time.
 pub(super) trait Work: Send + Sync {
@@ -111,14 +114,15 @@ struct Call {
     wanted: usize,
     /// Helpers that are at work on a frame, this one or one before.
     working: usize,
-    stop: bool,
+    /// Helpers that stay: who has a greater number leaves.
+    kept: usize,
 }
 
 /// What all threads of a team see.
 #[derive(Default)]
 struct Shared {
     call: Mutex<Call>,
-    /// A frame begins, or the end of all.
+    /// A frame begins, or helpers are to leave.
     called: Condvar,
     /// A helper is ready, or has left a frame.
     settled: Condvar,
@@ -134,8 +138,13 @@ pub(super) struct Team {
 }
 
 impl Team {
-    /// Starts `threads - 1` helpers, or as many as the system has room for, and waits until each runs, since a thread
-    /// allocates when it starts. Every thread has `scratch` bytes for the work's parts.
+    /// Starts `threads - 1` helpers and waits until each runs, since a thread allocates when it starts. With them start
+    /// [`SPARE`] more, which show that the system has room for the rest of the program, and leave again; where it
+    /// refuses one, the last [`SPARE`] of those that there are do. Every thread has `scratch` bytes for the work's
+    /// parts.
+    ///
+    /// # Errors
+    /// The system's, where it refuses a thread for another reason.
     pub fn new(scratch: usize, threads: usize) -> std::io::Result<Self> {
         Self::start(scratch, threads, |helper, work| {
             let named = std::thread::Builder::new().name(format!("engine-{helper}"));
@@ -153,9 +162,15 @@ impl Team {
             helpers: Vec::new(),
             scratch: Scratch::new(scratch),
         };
-        for i in 1..threads {
+        let all = if threads > 1 {
+            threads + SPARE
+        } else {
+            threads
+        };
+        team.shared.lock().kept = all;
+        for i in 1..all {
             let shared = team.shared.clone();
-            let mut scratch = Scratch::new(scratch);
+            let mut scratch = Scratch::new(if i < threads { scratch } else { 0 });
             match spawn(i, Box::new(move || shared.help(i, &mut scratch))) {
                 Ok(helper) => team.helpers.push(helper),
                 Err(e) if e.kind() == std::io::ErrorKind::WouldBlock => break,
@@ -163,12 +178,23 @@ impl Team {
             }
         }
         let mut call = team.shared.lock();
-        call.wanted = team.helpers.len();
         while call.ready < team.helpers.len() {
             call = team.shared.wait(&team.shared.settled, call);
         }
         drop(call);
+        team.keep(team.helpers.len().saturating_sub(SPARE));
+        team.use_threads(team.threads());
         Ok(team)
+    }
+
+    /// Helpers with greater numbers leave, and have left when this returns.
+    fn keep(&mut self, helpers: usize) {
+        self.shared.lock().kept = helpers;
+        self.shared.called.notify_all();
+        for helper in self.helpers.drain(helpers.min(self.helpers.len())..) {
+            // A helper that panicked has said so, and `run` has too.
+            let _ = helper.join();
+        }
     }
 
     /// Runs all steps of `track` once, with everybody. Whichever way it ends, no thread is at work on the frame any
@@ -258,12 +284,7 @@ impl Team {
 
 impl Drop for Team {
     fn drop(&mut self) {
-        self.shared.lock().stop = true;
-        self.shared.called.notify_all();
-        for helper in self.helpers.drain(..) {
-            // A helper that panicked has said so, and `run` has too.
-            let _ = helper.join();
-        }
+        self.keep(0);
     }
 }
 
@@ -337,10 +358,10 @@ impl Shared {
         self.settled.notify_all();
         let mut seen = 0;
         loop {
-            while call.begun == seen && !call.stop {
+            while call.begun == seen && number <= call.kept {
                 call = self.wait(&self.called, call);
             }
-            if call.stop {
+            if number > call.kept {
                 return;
             }
             seen = call.begun;
@@ -612,13 +633,75 @@ mod tests {
         assert_eq!(track.work.ran.load(Ordering::Relaxed), 21);
     }
 
+    /// Has room for `most` threads at once.
+    struct System {
+        live: Arc<AtomicUsize>,
+        most: usize,
+    }
+
+    impl System {
+        fn spawn(&self, work: impl FnOnce() + Send + 'static) -> std::io::Result<JoinHandle<()>> {
+            if self.live.fetch_add(1, Ordering::SeqCst) >= self.most {
+                self.live.fetch_sub(1, Ordering::SeqCst);
+                return Err(std::io::ErrorKind::WouldBlock.into());
+            }
+            let live = self.live.clone();
+            std::thread::Builder::new().spawn(move || {
+                work();
+                live.fetch_sub(1, Ordering::SeqCst);
+            })
+        }
+    }
+
     #[test]
-    fn where_the_system_has_no_more_threads_those_that_there_are_do() {
-        let team = Team::start(0, 8, |helper, work| match helper {
-            3 => Err(std::io::ErrorKind::WouldBlock.into()),
+    fn where_the_system_has_no_more_threads_the_rest_of_the_program_still_has_some() {
+        for (wanted, most, helpers) in [
+            (64, 0, 0),
+            (64, 3, 0),
+            (64, SPARE, 0),
+            (64, SPARE + 3, 3),
+            // All would fit, and leave no room for others.
+            (4, 3, 0),
+            (4, SPARE + 2, 2),
+            (4, SPARE + 3, 3),
+        ] {
+            let live = Arc::default();
+            let system = System { live, most };
+            let team = Team::start(0, wanted, |_, work| system.spawn(work));
+            let mut team = team.unwrap();
+            assert_eq!(team.threads(), helpers + 1, "{most}");
+            let (ends, others): (Vec<_>, Vec<_>) = (helpers..most)
+                .map(|_| {
+                    let (end, ended) = std::sync::mpsc::channel::<()>();
+                    let waits = move || {
+                        let _ = ended.recv();
+                    };
+                    (end, system.spawn(waits).unwrap())
+                })
+                .unzip();
+            assert!(others.len() >= SPARE.min(most), "{most}");
+            assert!(system.spawn(|| ()).is_err(), "{most}");
+            let track = Arc::new(Track::new(Meeting {
+                wanted: helpers + 1,
+                came: AtomicUsize::new(0),
+                threads: Mutex::default(),
+            }));
+            // SAFETY: this work shares nothing but atomics and a lock.
+            unsafe { team.run(&track) };
+            drop((ends, team));
+            others.into_iter().for_each(|other| other.join().unwrap());
+            assert_eq!(system.live.load(Ordering::SeqCst), 0, "{most}");
+        }
+    }
+
+    #[test]
+    fn what_else_the_system_refuses_is_said() {
+        let refused = Team::start(0, 4, |helper, work| match helper {
+            3 => Err(std::io::ErrorKind::PermissionDenied.into()),
             _ => std::thread::Builder::new().spawn(work),
         });
-        assert_eq!(team.unwrap().threads(), 3);
+        let kind = refused.err().unwrap().kind();
+        assert_eq!(kind, std::io::ErrorKind::PermissionDenied);
     }
 
     #[test]

@@ -13,7 +13,7 @@ const TIME: Duration = Duration::from_millis(600);
 pub(super) fn measure(isa: Isa, threads: usize) -> Result<PeakSpeed, KernelError> {
     let peak = Peak::together(isa, threads, TIME)?;
     Ok(PeakSpeed {
-        threads,
+        threads: peak.threads,
         int8_gmacs: peak.int8,
         f32_gmacs: peak.f32,
     })
